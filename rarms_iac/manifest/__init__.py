@@ -1,0 +1,1 @@
+"""YAML text -> checked document -> System, with the line of every value."""

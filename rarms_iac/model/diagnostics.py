@@ -1,0 +1,116 @@
+"""Findings: what a user can cause, told once and rendered anywhere (DESIGN section 9)."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol
+
+
+class Severity(StrEnum):
+    """How much a finding weighs: only an error stops a command."""
+
+    ERROR = "error"
+    WARNING = "warning"
+    NOTE = "note"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, order=True)
+class Place:
+    """A spot in a file a user wrote: `file:line:column`, both counted from 1 in characters."""
+
+    file: str
+    line: int
+    column: int
+    path: str = ""  # where in the document, dotted: hosts.onboard.memory
+    length: int = 1  # characters to underline on that line
+
+    def __str__(self) -> str:
+        """The form that editors and terminals open."""
+        return f"{self.file}:{self.line}:{self.column}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Related:
+    """A second place that belongs to the same problem, with a word on what it shows."""
+
+    place: Place
+    says: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """A kind of problem: its stable code and the summary that is the same for every case of it.
+
+    Each stands in the file that looks for it; its page is `docs/findings/<code>.md`.
+    """
+
+    code: str
+    severity: Severity
+    summary: str
+    acceptable: bool | None = None  # may `policy.accept` silence it; None: as its severity says (warnings only)
+
+    @property
+    def can_be_accepted(self) -> bool:
+        """Whether `policy.accept` may name it: every warning, and the errors whose page says so."""
+        return self.severity is Severity.WARNING if self.acceptable is None else self.acceptable
+
+    def at(
+        self,
+        place: Place | None,
+        detail: str,
+        advice: str,
+        *,
+        address: str = "",
+        related: tuple[Related, ...] = (),
+    ) -> "Diagnostic":
+        """One case of this finding: what and why (`detail`), and what to do (`advice`)."""
+        return Diagnostic(
+            code=self.code,
+            severity=self.severity,
+            summary=self.summary,
+            detail=detail,
+            advice=advice,
+            place=place,
+            address=address,
+            related=related,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnostic:
+    """One case of a finding, ready to be rendered."""
+
+    code: str
+    severity: Severity
+    summary: str
+    detail: str
+    advice: str
+    place: Place | None = None
+    address: str = ""  # what it is about, as `policy.accept` names it: partition/vision
+    related: tuple[Related, ...] = ()
+
+
+def in_order(diagnostics: "list[Diagnostic] | tuple[Diagnostic, ...]") -> tuple[Diagnostic, ...]:
+    """The same findings, by place, then code, then text; those without a place come first."""
+
+    def key(one: Diagnostic) -> tuple[str, int, int, str, str, str]:
+        file, line, column = (one.place.file, one.place.line, one.place.column) if one.place else ("", 0, 0)
+        return file, line, column, one.code, one.address, one.detail
+
+    return tuple(sorted(diagnostics, key=key))
+
+
+def has_errors(diagnostics: "list[Diagnostic] | tuple[Diagnostic, ...]") -> bool:
+    """Whether one of them is an error."""
+    return any(one.severity is Severity.ERROR for one in diagnostics)
+
+
+class Places(Protocol):
+    """Where in the manifest files a value or its key stands; asked only when something is to be told."""
+
+    def value(self, *path: str | int) -> Place:
+        """The place of the value at this path; of the nearest parent that exists where it does not."""
+        ...
+
+    def key(self, *path: str | int) -> Place:
+        """The place of the key at this path, likewise."""
+        ...

@@ -1,0 +1,47 @@
+"""Which names the manifest may give (DESIGN section 1)."""
+
+import re
+
+NAME_PATTERN = r"^[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?$"
+"""Applications, hosts, partitions, components, interference: also good as folder, VM and control-group names."""
+
+TASK_PATTERN = r"^[A-Za-z][A-Za-z0-9 ]{0,62}$"
+"""Task classes, compared without case: they are registry keys."""
+
+WINDOWS_DEVICES = frozenset(
+    ["con", "prn", "aux", "nul", *(f"com{n}" for n in range(1, 10)), *(f"lpt{n}" for n in range(1, 10))]
+)
+"""Names that Windows keeps for devices, in any folder: no file, and so no machine's folder, can be called so."""
+
+SHIPPED_TASKS = (
+    "Audio",
+    "Capture",
+    "DisplayPostProcessing",
+    "Distribution",
+    "Games",
+    "Playback",
+    "Pro Audio",
+    "Window Manager",
+)
+"""The multimedia task classes that come with Windows (FACTS 6.5)."""
+
+ROBOTIC_TASKS = ("SpeechRecognition", "ObjectIdentification", "MotionControl", "Localization", "ObstacleAvoidance")
+"""The classes RC SS adds (PAPER.md, RC SS)."""
+
+_NAME = re.compile(NAME_PATTERN.removesuffix("$") + r"\Z")
+_TASK = re.compile(TASK_PATTERN.removesuffix("$") + r"\Z")
+
+
+def is_name(text: str) -> bool:
+    """Whether an application, host, partition, component or interference may be called so."""
+    return _NAME.match(text) is not None
+
+
+def is_task_name(text: str) -> bool:
+    """Whether a task class may be called so."""
+    return _TASK.match(text) is not None
+
+
+def is_shipped_task(text: str) -> bool:
+    """Whether Windows brings a task class of this name, whatever its case."""
+    return text.lower() in {name.lower() for name in SHIPPED_TASKS}

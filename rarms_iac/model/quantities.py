@@ -1,0 +1,182 @@
+"""Quantities with their units: exact inside, and written back as a person would write them.
+
+Time is kept in milliseconds, memory in bytes, rates in events a second, shares in per cent; all are exact
+(`Fraction` or `int`), so that what fits on paper fits on the host (DESIGN section 3).
+"""
+
+import re
+from dataclasses import dataclass
+from enum import StrEnum
+from fractions import Fraction
+from math import ceil
+from typing import NewType
+
+Milliseconds = NewType("Milliseconds", Fraction)
+Bytes = NewType("Bytes", int)
+PerSecond = NewType("PerSecond", Fraction)
+Percent = NewType("Percent", Fraction)
+LogicalProcessors = NewType("LogicalProcessors", Fraction)
+
+
+class Unit(StrEnum):
+    """What a quantity measures; the value is how messages name it."""
+
+    TIME = "time"
+    MEMORY = "memory"
+    SHARE = "share"
+    PROCESSORS = "processors"
+    RATE = "rate"
+
+
+UNITS: dict[Unit, dict[str, Fraction]] = {
+    Unit.TIME: {
+        "us": Fraction(1, 1000),
+        "ms": Fraction(1),
+        "s": Fraction(1000),
+        "min": Fraction(60_000),
+        "h": Fraction(3_600_000),
+    },
+    Unit.MEMORY: {
+        "B": Fraction(1),
+        "KiB": Fraction(2**10),
+        "MiB": Fraction(2**20),
+        "GiB": Fraction(2**30),
+        "TiB": Fraction(2**40),
+    },
+    Unit.SHARE: {"%": Fraction(1)},
+    Unit.PROCESSORS: {"LP": Fraction(1)},
+    Unit.RATE: {"/s": Fraction(1), "/min": Fraction(1, 60), "/h": Fraction(1, 3600)},
+}
+"""Every unit a manifest may write, with its size in the unit we keep."""
+
+MAX_DIGITS = 15
+"""Digits a number may have before and after its point: enough for bytes of a petabyte, too few to slow us down."""
+
+_WRITTEN = re.compile(r"(?P<number>[0-9]{1,15}(?:\.[0-9]{1,15})?) ?(?P<unit>[A-Za-z%/][A-Za-z%/]{0,7})")
+
+
+class NotAQuantity(ValueError):
+    """The text is not one number and one of the units that fit."""
+
+    def __init__(self, text: str, units: tuple[str, ...]) -> None:
+        super().__init__(f"{text!r} is not a number with one of the units {', '.join(units)}")
+        self.text = text
+        self.units = units
+
+
+def units_of(*kinds: Unit) -> tuple[str, ...]:
+    """The units that fit, in the order in which messages list them."""
+    return tuple(unit for kind in kinds for unit in UNITS[kind])
+
+
+def parse_quantity(text: str, *kinds: Unit) -> tuple[Unit, Fraction]:
+    """The kind and the exact value of e.g. `88 ms`, `512 MiB`, `70 %`, `1.4 LP`, `24 /s`.
+
+    Raises:
+        NotAQuantity: it is not one ASCII number, at most one space, and a unit of `kinds`.
+    """
+    found = _WRITTEN.fullmatch(text)
+    if found:
+        for kind in kinds:
+            size = UNITS[kind].get(found["unit"])
+            if size is not None:
+                return kind, Fraction(found["number"]) * size
+    raise NotAQuantity(text, units_of(*kinds))
+
+
+@dataclass(frozen=True, slots=True)
+class ShareOfHost:
+    """A share of all logical processors of a host, in per cent."""
+
+    percent: Percent
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessorTime:
+    """An amount of processor time, in logical processors: 1.4 LP."""
+
+    processors: LogicalProcessors
+
+
+CpuAmount = ShareOfHost | ProcessorTime
+"""A reservation or limit as the manifest may write it (DESIGN section 3, Units)."""
+
+
+def cpu_amount(text: str) -> CpuAmount:
+    """`70 %` or `1.4 LP` as an amount.
+
+    Raises:
+        NotAQuantity: it is neither.
+    """
+    kind, value = parse_quantity(text, Unit.SHARE, Unit.PROCESSORS)
+    return ShareOfHost(Percent(value)) if kind is Unit.SHARE else ProcessorTime(LogicalProcessors(value))
+
+
+def in_processors(amount: CpuAmount, host_processors: int) -> LogicalProcessors:
+    """The amount in logical processors, on a host that has so many."""
+    match amount:
+        case ShareOfHost(percent):
+            return LogicalProcessors(percent * host_processors / 100)
+        case ProcessorTime(processors):
+            return processors
+
+
+def per_virtual_processor(processors: LogicalProcessors, virtual_processors: int) -> int:
+    """The whole per cent of each virtual processor that guarantees so many LPs, rounded up (FACTS 1.1)."""
+    return ceil(100 * processors / virtual_processors)
+
+
+def guaranteed(percent: int, virtual_processors: int) -> LogicalProcessors:
+    """The LPs that a per cent of each virtual processor guarantees: n * r / 100 (FACTS 1.1)."""
+    return LogicalProcessors(Fraction(percent * virtual_processors, 100))
+
+
+def plain(value: Fraction | int) -> str:
+    """A number without needless digits: `12`, `1.4`, `0.333`."""
+    exact = Fraction(value)
+    if exact.denominator == 1:
+        return str(exact.numerator)
+    return f"{float(exact):.3f}".rstrip("0").rstrip(".")
+
+
+def show_percent(value: Fraction | int) -> str:
+    """`70 %`."""
+    return f"{plain(value)} %"
+
+
+def show_processors(value: Fraction | int) -> str:
+    """`1.4 LP`."""
+    return f"{plain(value)} LP"
+
+
+def show_bytes(value: int) -> str:
+    """The largest unit that keeps the number whole: `512 MiB`, `4 GiB`, `1537 MiB`."""
+    for unit, size in reversed(UNITS[Unit.MEMORY].items()):
+        if value and value % size == 0:
+            return f"{value // int(size)} {unit}"
+    return f"{value} B"
+
+
+def show_milliseconds(value: Fraction | int) -> str:
+    """`88 ms`, `2 s`: the largest of min, s, ms, us that keeps it short."""
+    exact = Fraction(value)
+    for unit in ("min", "s"):
+        if exact and exact % UNITS[Unit.TIME][unit] == 0:
+            return f"{plain(exact / UNITS[Unit.TIME][unit])} {unit}"
+    if exact and exact < 1:
+        return f"{plain(exact * 1000)} us"
+    return f"{plain(exact)} ms"
+
+
+def show_rate(value: Fraction | int) -> str:
+    """`24 /s`."""
+    return f"{plain(value)} /s"
+
+
+def show_amount(amount: CpuAmount) -> str:
+    """The amount as the manifest would write it."""
+    match amount:
+        case ShareOfHost(percent):
+            return show_percent(percent)
+        case ProcessorTime(processors):
+            return show_processors(processors)

@@ -1,0 +1,433 @@
+"""The System: what the manifest says, with units read, defaults filled in and names resolved (DESIGN section 1).
+
+Maps keep the manifest's order; nobody changes them. Where a value may be left to the planner, that is a value of
+its own (`MEASURED`, `None` said to mean "open"), never a guess.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import date
+from enum import StrEnum
+from fractions import Fraction
+
+from rarms_iac.model.quantities import Bytes, CpuAmount, Milliseconds, Percent, ShareOfHost
+
+
+class ProviderKind(StrEnum):
+    """What enforces a reservation on a host."""
+
+    SIMULATED = "simulated"
+    HYPERV = "hyperv"
+    LINUX = "linux"
+
+
+class Disruption(StrEnum):
+    """What a change does to what runs; later members disturb more."""
+
+    LIVE = "live"
+    PARTITION_STOP = "partition_stop"
+    HOST_RESTART = "host_restart"
+    REMOVAL = "removal"
+
+    def exceeds(self, limit: "Disruption") -> bool:
+        """Whether it disturbs more than the limit allows."""
+        order = list(Disruption)
+        return order.index(self) > order.index(limit)
+
+
+class Measured(StrEnum):
+    """The reservation comes from a data log."""
+
+    MEASURED = "measured"
+
+
+class RunsOn(StrEnum):
+    """Where a component runs: in a partition, or in the host's own operating system."""
+
+    PARTITION = "partition"
+    HOST = "host"
+
+
+class Minimise(StrEnum):
+    """Which of two layouts is better: the one that combines less, or the one that reserves less."""
+
+    COMBINING = "combining"
+    RESERVATION = "reservation"
+
+
+class Headroom(StrEnum):
+    """Who gets what is left over."""
+
+    BY_CRITICALITY = "by_criticality"
+    EQUAL = "equal"
+    NONE = "none"
+
+
+class StartMode(StrEnum):
+    """Whether a partition is wanted running."""
+
+    AUTOMATIC = "automatic"
+    MANUAL = "manual"
+
+
+class TaskCategory(StrEnum):
+    """The bands of thread priorities of MMCSS (FACTS 6.2)."""
+
+    HIGH = "High"
+    MEDIUM = "Medium"
+    LOW = "Low"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Application:
+    """What all of it is for; its name is in every mark on every host."""
+
+    name: str
+    description: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeepForHost:
+    """What is never promised to a partition."""
+
+    processor: CpuAmount = field(default_factory=lambda: ShareOfHost(Percent(Fraction(0))))
+    memory: Bytes = Bytes(0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Connect:
+    """How a remote system is reached: the system's own ssh."""
+
+    ssh: str  # user@host, or a name of the ssh configuration
+    shell: str = "pwsh"  # pwsh or powershell
+
+
+class SchedulerType(StrEnum):
+    """How the hypervisor schedules virtual processors (FACTS 2); under `root` reserves have no effect."""
+
+    CLASSIC = "classic"
+    CORE = "core"
+    ROOT = "root"
+    UNKNOWN = "unknown"
+    NONE = "none"  # no hypervisor: Linux
+
+
+class FaultEffect(StrEnum):
+    """What a simulated host does wrong when asked to."""
+
+    REFUSE = "refuse"
+    FAIL_AFTER = "fail_after"
+    LATE = "late"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """A fault that is asked of a simulated host."""
+
+    operation: str  # the operation's kind: start_partition, set_cpu, ...
+    at: str  # an address, or `*`
+    effect: FaultEffect
+    delay: Milliseconds = Milliseconds(Fraction(0))
+    times: int | None = None  # how often it strikes; None: always
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedHost:
+    """The machine that a simulated host pretends to be."""
+
+    windows_build: int = 26100  # Windows Server 2025
+    guest_windows_build: int = 26100
+    client: bool = False  # a client Windows, not a server
+    scheduler: SchedulerType = SchedulerType.CLASSIC
+    smt: bool = False
+    administrator: bool = True
+    faults: Mapping[str, Fault] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HypervHost:
+    """What partitions of a Hyper-V host use unless they say otherwise."""
+
+    switch: str | None = None
+    image: str | None = None
+    vm_path: str | None = None
+    generation: int = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinuxHost:
+    """Where control groups are made."""
+
+    slice: str = "rarms"
+    control_groups: str = "automatic"  # automatic, v1 or v2
+
+
+HostSettings = SimulatedHost | HypervHost | LinuxHost
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Host:
+    """A machine that partitions are made on."""
+
+    name: str
+    provider: ProviderKind
+    logical_processors: int
+    memory: Bytes
+    keep_for_host: KeepForHost
+    platform: str  # hosts of one platform share measurements
+    connect: Connect | None
+    settings: HostSettings
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AtMost:
+    """The index must not be larger: response times, jitter, miss rates."""
+
+    value: Fraction  # in the index's own unit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AtLeast:
+    """The index must not be smaller: success rates, throughput."""
+
+    value: Fraction
+
+
+Threshold = AtMost | AtLeast
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """A program of the component's own: no shell reads it."""
+
+    words: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Call:
+    """A Python function, driven by a small runner."""
+
+    module: str
+    function: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FromEnvironment:
+    """A value read from rarms' own environment when the component starts, so that no secret stands in git."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampleCount:
+    """A setting ends after so many samples."""
+
+    samples: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Elapsed:
+    """A setting ends after so long."""
+
+    time: Milliseconds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Closed:
+    """The next job starts when the last one ended."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Periodic:
+    """A job starts every period; its response counts from its scheduled start."""
+
+    period: Milliseconds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stop:
+    """How a component is asked to end, and how long it may take."""
+
+    signal: str = "TERM"
+    grace: Milliseconds = Milliseconds(Fraction(5000))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Field:
+    """Where in a sample a value stands, and its unit as a factor to ours (1 for counts)."""
+
+    name: str
+    factor: Fraction = Fraction(1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Samples:
+    """How the component's output becomes samples: `json_lines`, `pattern` (RE2) or `per_run`."""
+
+    source: str
+    pattern: str = ""
+    response_time: Field | None = None
+    success: Field | None = None
+    count: Field | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """How a component is started, fed, watched and ended."""
+
+    start: Command | Call
+    files: tuple[str, ...]
+    environment: Mapping[str, str | FromEnvironment]
+    folder: str  # as written; relative to the file that says it
+    until: SampleCount | Elapsed
+    timeout: Milliseconds
+    stop: Stop
+    arrival: Closed | Periodic
+    samples: Samples
+    deadline: Milliseconds | None  # None: no deadline
+    failures: int  # failed samples a setting may have
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CpuWish:
+    """What the manifest fixes of a component's or partition's CPU; None is left to the planner."""
+
+    reserve: CpuAmount | Measured | None = None
+    limit: CpuAmount | None = None
+    weight: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Simulation:
+    """What a component demands on a simulated host, a job."""
+
+    work: Milliseconds  # processor time
+    blocked: Milliseconds = Milliseconds(Fraction(0))
+    varies: Percent = Percent(Fraction(0))  # coefficient of variation
+    threads: int = 1
+    success_within: Milliseconds | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Component:
+    """A component of interest (CoI), or one that is merely there."""
+
+    name: str
+    criticality: int
+    apt: Mapping[str, Threshold]  # by performance index
+    run: Run | None
+    memory: Bytes
+    processors: int | None  # VPs; None: as many as the host has LPs
+    cpu: CpuWish
+    together: tuple[str, ...]
+    apart: tuple[str, ...]
+    dedicated: bool
+    task: str | None
+    hosts: tuple[str, ...] | None
+    runs_on: RunsOn
+    interference: str | None
+    simulation: Simulation | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HypervPartition:
+    """What only Hyper-V needs to know; None: as the host's own `hyperv` block says."""
+
+    generation: int | None = None
+    switch: str | None = None
+    image: str | None = None
+    vm_path: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Guest:
+    """How rarms reaches inside a partition; a credential is only ever a reference."""
+
+    connect: Connect | None = None
+    credential: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartitionWish:
+    """What the manifest says of a partition; without an entry each component has one of its own name."""
+
+    name: str
+    components: tuple[str, ...]
+    processors: int | None = None
+    memory: Bytes | None = None  # None: the sum of its components'
+    cpu: CpuWish = field(default_factory=CpuWish)
+    protect: bool = False
+    start: StartMode = StartMode.AUTOMATIC
+    hyperv: HypervPartition = field(default_factory=HypervPartition)
+    guest: Guest = field(default_factory=Guest)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BusyLoop:
+    """Threads that never wait (BLP); None: one a logical processor."""
+
+    threads: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Browser:
+    """Browsers that stream video: their interrupts run above every thread."""
+
+    instances: int = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandLoad:
+    """Any other program, so often at once."""
+
+    command: tuple[str, ...]
+    instances: int = 1
+
+
+Interference = BusyLoop | Browser | CommandLoad
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskWish:
+    """What the manifest fixes of a robotic task class; None is left to the planner."""
+
+    name: str
+    category: TaskCategory | None = None
+    priority: int | None = None
+    background_priority: int | None = None
+    replace_shipped: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Acceptance:
+    """A finding that is known and borne, where, why, and until the end of which day (UTC)."""
+
+    code: str
+    at: tuple[str, ...]
+    reason: str
+    until: date | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Policy:
+    """What rarms may do and prefers."""
+
+    interference: str = "busy-loop"
+    minimise: Minimise = Minimise.COMBINING
+    headroom: Headroom = Headroom.BY_CRITICALITY
+    max_disruption: Disruption = Disruption.HOST_RESTART
+    accept: Mapping[str, Acceptance] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class System:
+    """Everything a manifest says."""
+
+    application: Application
+    hosts: Mapping[str, Host]
+    components: Mapping[str, Component]
+    partitions: Mapping[str, PartitionWish]
+    interference: Mapping[str, Interference]
+    tasks: Mapping[str, TaskWish]
+    policy: Policy
+    moved: Mapping[str, str]  # old partition name -> new

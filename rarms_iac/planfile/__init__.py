@@ -1,0 +1,1 @@
+"""Plan <-> versioned JSON, sealed: what was reviewed is what runs."""

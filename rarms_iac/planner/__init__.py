@@ -1,0 +1,1 @@
+"""System -> Layout: which component runs in which partition on which host, with which reservation."""

@@ -1,0 +1,1 @@
+"""What a person or a program sees: views take finished values, decide nothing and return text."""
