@@ -1,0 +1,92 @@
+"""The difference between what is wanted and what is there (DESIGN section 4, Changes)."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from rarms_iac.model.diagnostics import Place
+from rarms_iac.model.state import Partition, TaskClass
+from rarms_iac.model.system import Disruption
+
+Resource = Partition | TaskClass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, order=True)
+class Address:
+    """What a change is about: `partition/vision`, `task/MotionControl`, `partition/vision/task/MotionControl`."""
+
+    partition: str = ""
+    task: str = ""
+
+    def __str__(self) -> str:
+        """As findings, plans and `--target` write it."""
+        parts = [f"partition/{self.partition}"] if self.partition else []
+        return "/".join([*parts, *([f"task/{self.task}"] if self.task else [])])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reason:
+    """Why a change is wanted, told to people; no code decides by it."""
+
+    says: str
+    place: Place | None = None  # the manifest line that asks for it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Create:
+    """A resource that is wanted and not there."""
+
+    address: Address
+    after: Resource
+    reason: Reason
+    disruption: Disruption = Disruption.LIVE
+    kind: Literal["create"] = "create"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Update:
+    """A resource that exists but differs from what the manifest wants."""
+
+    address: Address
+    before: Resource
+    after: Resource
+    reason: Reason
+    disruption: Disruption
+    kind: Literal["update"] = "update"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Delete:
+    """A resource of ours that is to go. A task class goes back to what was there before us."""
+
+    address: Address
+    before: Resource
+    reason: Reason
+    disruption: Disruption
+    kind: Literal["delete"] = "delete"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Adopt:
+    """An unmanaged partition that becomes ours: a mark, and no other change."""
+
+    address: Address
+    before: Partition
+    after: Partition
+    reason: Reason
+    disruption: Disruption = Disruption.LIVE
+    kind: Literal["adopt"] = "adopt"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Release:
+    """A partition of ours that goes on without us: the mark goes, the machine stays."""
+
+    address: Address
+    before: Partition
+    after: Partition
+    reason: Reason
+    disruption: Disruption = Disruption.LIVE
+    kind: Literal["release"] = "release"
+
+
+Change = Create | Update | Delete | Adopt | Release

@@ -1,0 +1,85 @@
+"""What a host remembers of the last run: its journal, and what follows from it (DESIGN section 4)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Literal
+
+from rarms_iac.model.plan import HostPlan, Step
+
+
+class RunKind(StrEnum):
+    """A run walks a plan's steps, or takes those of an earlier run back."""
+
+    APPLY = "apply"
+    UNDO = "undo"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunStarted:
+    """The first record: the whole run, so that anybody can finish it without the plan file or the manifest.
+
+    Writing it starts the run, uses the plan and raises the serial, all in one write.
+    """
+
+    run: RunKind
+    plan: str  # id
+    application: str
+    started_by: str  # user@computer, process
+    host_plan: HostPlan
+    steps: tuple[Step, ...]  # what this run walks; of an undo: the reversed steps
+    serials: Mapping[str, int]  # of every application on the host, this run counted
+    kind: Literal["run_started"] = "run_started"
+
+
+class StepStatus(StrEnum):
+    """What became of a step; `unchanged`: it was as wanted already."""
+
+    BEGUN = "begun"
+    CHANGED = "changed"
+    UNCHANGED = "unchanged"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepRecorded:
+    """A step was begun or done."""
+
+    number: int  # from 0, in the run's steps
+    status: StepStatus
+    kind: Literal["step_recorded"] = "step_recorded"
+
+
+class Closing(StrEnum):
+    """How a run ended."""
+
+    DONE = "done"
+    ABANDONED = "abandoned"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunClosed:
+    """The last record."""
+
+    closing: Closing
+    kind: Literal["run_closed"] = "run_closed"
+
+
+JournalRecord = RunStarted | StepRecorded | RunClosed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Journal:
+    """The last run on a host, as far as it got."""
+
+    started: RunStarted
+    steps: tuple[StepRecorded, ...] = ()
+    closed: RunClosed | None = None
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether the run was neither completed nor abandoned."""
+        return self.closed is None
+
+    def touched(self) -> frozenset[int]:
+        """Numbers of the steps that were begun or done in this run and may have changed the host."""
+        return frozenset(record.number for record in self.steps if record.status is not StepStatus.UNCHANGED)

@@ -1,0 +1,65 @@
+"""What the planner answers: a Layout, or why there is none (DESIGN section 3)."""
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+from rarms_iac.model.quantities import Bytes, LogicalProcessors
+from rarms_iac.model.system import StartMode
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlacedPartition:
+    """A partition with its members, its host and what it gets there, in the provider's grain."""
+
+    name: str
+    host: str
+    components: tuple[str, ...]  # most critical first, ties by name
+    criticality: int  # the highest of its members'
+    processors: int
+    reserve: int  # whole per cent of each virtual processor
+    limit: int
+    weight: int
+    memory: Bytes
+    start: StartMode
+    generation: int
+    reason: str  # why it gets this, for a person
+
+    @property
+    def reserved(self) -> LogicalProcessors:
+        """The LPs that it is guaranteed, after rounding to the provider's grain."""
+        return LogicalProcessors(Fraction(self.reserve * self.processors, 100))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """Every component in a partition on a host, or on a host itself."""
+
+    partitions: tuple[PlacedPartition, ...]  # by host, then name
+    on_hosts: tuple[tuple[str, str], ...]  # component, host: those that run outside partitions
+    proven: bool  # no better placement exists; otherwise the best one found
+    moves: tuple[str, ...] = ()  # partitions that would be better off elsewhere, and were left: told, not done
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cause:
+    """One reason why there is no layout: what does not fit, where, and how much of what is missing."""
+
+    what: str  # addresses: partition/vision, host/onboard
+    says: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Relaxation:
+    """A change of the manifest with which it would fit; each was tried."""
+
+    says: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Infeasible:
+    """No layout exists, or none was found: causes and ways out."""
+
+    proven: bool
+    conflict: tuple[str, ...]  # names of partitions, a smallest set that does not fit together
+    causes: tuple[Cause, ...]
+    relaxations: tuple[Relaxation, ...]

@@ -1,0 +1,116 @@
+"""A Plan: the whole instruction, sealed, used once (DESIGN section 4)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Literal
+
+from rarms_iac.model.changes import Address, Change
+from rarms_iac.model.diagnostics import Diagnostic, Place
+from rarms_iac.model.operations import Operation
+from rarms_iac.model.state import HostFacts
+from rarms_iac.model.system import Disruption, Host
+
+Reading = bool | int | str
+Readings = Mapping[str, Reading]
+"""Some of what can be read at an address, by name: see `diff.readings`. Only what a step depends on."""
+
+
+class UndoLevel(StrEnum):
+    """How much of a step can be taken back."""
+
+    FULL = "full"
+    PARTIAL = "partial"
+    NONE = "none"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Undo:
+    """How a step is taken back, and what stays different afterwards."""
+
+    level: UndoLevel
+    operation: Operation | None  # None where nothing can be done
+    says: str = ""  # what it cannot bring back
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Claim:
+    """What a partition has promised to it while it counts: virtual processors of so many per cent, and bytes."""
+
+    processors: int = 0
+    reserve: int = 0  # whole per cent of each
+    memory: int = 0  # bytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """One call with its guard: read, compare with `before`, set, read again and compare with `after`."""
+
+    address: Address
+    title: str  # for a person: `reserve 70 -> 40 %`
+    operation: Operation
+    before: Readings
+    after: Readings
+    undo: Undo
+    disruption: Disruption
+    claim_before: Claim  # of its partition
+    claim_after: Claim
+    comment: str  # why it is done, and why here in the order
+    place: Place | None = None  # the manifest line behind it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldBack:
+    """A change that disturbs more than the policy allows, or rests on one that does: not in the plan."""
+
+    change: Change
+    why: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostPlan:
+    """What is to be done on one host."""
+
+    host: Host
+    facts: HostFacts
+    state_path: str  # simulated hosts: where their file lies, relative to the manifest's folder
+    serial: int  # of the application on this host, when the plan was made
+    digests: Mapping[str, str]  # of each part of the observed state that must not have moved
+    changes: tuple[Change, ...]  # by address
+    steps: tuple[Step, ...]  # in the order in which they are done
+    held_back: tuple[HeldBack, ...]
+    unused: tuple[str, ...]  # partitions of ours that the manifest no longer wants, stopped already
+    unchanged: int  # resources that are as wanted
+    scripts: Mapping[str, str]  # file name -> text, one an operating system
+
+
+class Purpose(StrEnum):
+    """What a plan is for: the manifest's wishes, removing everything, or taking one partition in or out."""
+
+    APPLY = "apply"
+    DESTROY = "destroy"
+    IMPORT = "import"
+    RELEASE = "release"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """Everything that `rarms apply PLAN` does. `id`: digest without scripts; `seal`: digest of the whole file."""
+
+    id: str  # 12 hex digits
+    rarms_version: str
+    application: str
+    purpose: Purpose
+    manifest: str  # path as given
+    manifest_digest: str
+    today: str  # ISO date that acceptances were judged by
+    max_disruption: Disruption
+    hosts: tuple[HostPlan, ...]  # by name
+    findings: tuple[Diagnostic, ...]  # warnings and notes that the reviewer should see
+    accepted: tuple[Diagnostic, ...]
+    format_version: Literal["rarms-plan/1"] = "rarms-plan/1"
+
+    @property
+    def has_changes(self) -> bool:
+        """Whether applying it would do anything, or something was held back."""
+        return any(host.steps or host.held_back for host in self.hosts)

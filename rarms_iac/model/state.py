@@ -1,0 +1,182 @@
+"""The State of a host: what is there, or what is wanted to be there (DESIGN section 4).
+
+The same types serve for both. What moves by itself (load, uptime, assigned memory) is not in them.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+from rarms_iac.model.system import ProviderKind, SchedulerType
+
+
+class Rights(StrEnum):
+    """Whether the caller may change the host; without them an empty list of machines proves nothing (FACTS 5)."""
+
+    PROVEN = "proven"
+    MISSING = "missing"
+    UNKNOWN = "unknown"
+
+
+class Facet(StrEnum):
+    """A part of a partition's settings that one call changes."""
+
+    NAME = "name"
+    PROCESSORS = "processors"
+    CPU = "cpu"
+    MEMORY = "memory"
+    ACTIONS = "actions"
+    GENERATION = "generation"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostFacts:
+    """What decisions about a host rest on."""
+
+    name: str  # as the manifest calls it
+    id: str
+    provider: ProviderKind
+    computer_name: str  # as its own operating system calls it
+    os_build: int  # Windows build, 0 where there is none
+    client: bool  # a client Windows
+    scheduler: SchedulerType
+    smt: bool
+    logical_processors: int
+    memory: int  # bytes
+    rights: Rights
+
+
+class RunState(StrEnum):
+    """What a partition is doing; the transitional states of Hyper-V are `busy`, the critical ones `critical`."""
+
+    OFF = "off"
+    RUNNING = "running"
+    PAUSED = "paused"
+    SAVED = "saved"
+    BUSY = "busy"
+    CRITICAL = "critical"
+
+
+class StartAction(StrEnum):
+    """What the host does with the partition when it starts itself."""
+
+    NOTHING = "nothing"
+    START_IF_RUNNING = "start_if_running"
+    START = "start"
+
+
+class StopAction(StrEnum):
+    """What the host does with the partition when it stops itself."""
+
+    TURN_OFF = "turn_off"
+    SAVE = "save"
+    SHUT_DOWN = "shut_down"
+
+
+class Checkpoints(StrEnum):
+    """Which checkpoints may be taken of a partition."""
+
+    DISABLED = "disabled"
+    PRODUCTION = "production"
+    PRODUCTION_ONLY = "production_only"
+    STANDARD = "standard"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartitionSettings:
+    """All that rarms decides about a partition, in the provider's own units; a mark's `set` is its digest."""
+
+    name: str
+    generation: int
+    processors: int  # virtual processors
+    reserve: int  # whole per cent of each virtual processor (FACTS 1.1)
+    limit: int  # the same, 100: no limit
+    weight: int  # 1..10000
+    memory: int  # bytes at start
+    dynamic_memory: bool
+    start_action: StartAction
+    stop_action: StopAction
+    checkpoints: Checkpoints
+    running: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mark:
+    """Whose a thing on a host is, and what rarms last wrote there: one line in its notes."""
+
+    application: str
+    name: str  # the partition's, as the manifest calls it
+    machine: str  # first 8 characters of the machine's id
+    set: str  # 12 hex digits: digest of the settings last written
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Partition:
+    """A machine of a host, managed or not. A wanted one has no id before it exists."""
+
+    settings: PartitionSettings
+    id: str = ""
+    state: RunState = RunState.OFF
+    mark: Mark | None = None  # only one that is valid: it names this id and stands on one machine
+    other_notes: str = ""  # the lines of the notes that are the user's
+
+    @property
+    def claims_resources(self) -> bool:
+        """Whether it counts against the host: it runs, is on its way, is paused or starts by itself."""
+        return (
+            self.settings.running
+            or self.state in {RunState.RUNNING, RunState.PAUSED, RunState.BUSY, RunState.CRITICAL}
+            or self.settings.start_action is not StartAction.NOTHING
+        )
+
+
+class ValueKind(StrEnum):
+    """Types of registry values that task classes use."""
+
+    DWORD = "dword"
+    SZ = "sz"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RegistryValue:
+    """A value with its type: right data of a wrong type is not as wanted (FACTS 6.6)."""
+
+    kind: ValueKind
+    data: int | str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskRecord:
+    """What rarms keeps beside a task class that it wrote, outside the multimedia keys (DESIGN section 4)."""
+
+    application: str
+    set: str  # digest of the values last written
+    before: Mapping[str, RegistryValue] | None  # what was there; None: the class did not exist
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskClass:
+    """An MMCSS task class in one operating system."""
+
+    name: str
+    inside: str = ""  # the partition in whose guest it lies; empty: the host's own operating system
+    values: Mapping[str, RegistryValue] = field(default_factory=dict)
+    record: TaskRecord | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class State:
+    """One host: facts, machines by name, then id, task classes by place and name, serials by application."""
+
+    facts: HostFacts
+    partitions: tuple[Partition, ...] = ()
+    tasks: tuple[TaskClass, ...] = ()
+    serials: Mapping[str, int] = field(default_factory=dict)  # how many applies and undos there were
+
+    def of(self, application: str) -> "State":
+        """Only what carries this application's mark; facts and serials stay."""
+        return replace(
+            self,
+            partitions=tuple(p for p in self.partitions if p.mark and p.mark.application == application),
+            tasks=tuple(t for t in self.tasks if t.record and t.record.application == application),
+        )
