@@ -1,6 +1,6 @@
 """The difference between what is wanted and what is there (DESIGN section 4, Changes)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from rarms_iac.model.diagnostics import Place
@@ -16,6 +16,7 @@ class Address:
 
     partition: str = ""
     task: str = ""
+    machine: str = field(default="", compare=False)  # id, where the mark does not say it: import and release
 
     def __str__(self) -> str:
         """As findings, plans and `--target` write it."""

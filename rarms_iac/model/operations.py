@@ -1,7 +1,8 @@
 """What one step does to a host: one call, with all it needs (DESIGN section 4).
 
 Each operation is one indivisible call on every provider, so that a kill leaves it either undone or done. Partitions
-are named as the manifest names them; the provider resolves the name through mark and id.
+are named as the manifest names them; the provider resolves the name as `diff.readings.resolve` says: `machine`, the id,
+where the plan knew it (always for one that existed), otherwise our mark or the plan's pending name.
 """
 
 from collections.abc import Mapping
@@ -29,6 +30,7 @@ class RemovePartition:
     """Remove the machine; its disks are kept."""
 
     partition: str
+    machine: str = ""
     kind: Literal["remove_partition"] = "remove_partition"
 
 
@@ -38,6 +40,7 @@ class RenamePartition:
 
     partition: str  # as resolved before the step
     name: str  # as it is called afterwards
+    machine: str = ""
     kind: Literal["rename_partition"] = "rename_partition"
 
 
@@ -49,6 +52,7 @@ class WriteMark:
     application: str
     name: str
     set: str
+    machine: str = ""
     kind: Literal["write_mark"] = "write_mark"
 
 
@@ -57,6 +61,7 @@ class EraseMark:
     """Take our line out of the notes."""
 
     partition: str
+    machine: str = ""
     kind: Literal["erase_mark"] = "erase_mark"
 
 
@@ -66,6 +71,7 @@ class SetProcessors:
 
     partition: str
     processors: int
+    machine: str = ""
     kind: Literal["set_processors"] = "set_processors"
 
 
@@ -77,6 +83,7 @@ class SetCpu:
     reserve: int
     limit: int
     weight: int
+    machine: str = ""
     kind: Literal["set_cpu"] = "set_cpu"
 
 
@@ -87,6 +94,7 @@ class SetMemory:
     partition: str
     memory: int  # bytes
     dynamic: bool = False
+    machine: str = ""
     kind: Literal["set_memory"] = "set_memory"
 
 
@@ -98,6 +106,7 @@ class SetActions:
     start: StartAction
     stop: StopAction
     checkpoints: Checkpoints
+    machine: str = ""
     kind: Literal["set_actions"] = "set_actions"
 
 
@@ -106,6 +115,7 @@ class StartPartition:
     """Start the machine; refused where its reserve or memory does not fit."""
 
     partition: str
+    machine: str = ""
     kind: Literal["start_partition"] = "start_partition"
 
 
@@ -115,6 +125,7 @@ class StopPartition:
 
     partition: str
     grace_ms: int = 120_000
+    machine: str = ""
     kind: Literal["stop_partition"] = "stop_partition"
 
 

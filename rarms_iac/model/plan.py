@@ -16,6 +16,21 @@ Readings = Mapping[str, Reading]
 """Some of what can be read at an address, by name: see `diff.readings`. Only what a step depends on."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scope:
+    """Whose things names stand for: what carries the application's mark, and what this plan is making.
+
+    Given beside names wherever they are resolved, also when the run of another application is finished.
+    """
+
+    application: str
+    plan: str  # id
+
+    def pending(self, partition: str) -> str:
+        """What a partition is called while this plan makes it; a dot cannot occur in a manifest's name."""
+        return f"{partition}.rarms-{self.plan}"
+
+
 class UndoLevel(StrEnum):
     """How much of a step can be taken back."""
 

@@ -119,6 +119,7 @@ class Partition:
     state: RunState = RunState.OFF
     mark: Mark | None = None  # only one that is valid: it names this id and stands on one machine
     other_notes: str = ""  # the lines of the notes that are the user's
+    foreign_mark: str = ""  # why a line that looks like our mark does not count (a finding); empty: there is none
 
     @property
     def claims_resources(self) -> bool:
@@ -162,6 +163,7 @@ class TaskClass:
     inside: str = ""  # the partition in whose guest it lies; empty: the host's own operating system
     values: Mapping[str, RegistryValue] = field(default_factory=dict)
     record: TaskRecord | None = None
+    machine: str = field(default="", compare=False)  # id of that partition, where it exists
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

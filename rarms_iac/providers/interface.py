@@ -7,7 +7,7 @@ from typing import Protocol
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import Journal, JournalRecord, RunStarted
 from rarms_iac.model.operations import Operation
-from rarms_iac.model.plan import Readings
+from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import State
 
 
@@ -66,14 +66,14 @@ class StepwiseHost(Protocol):
         """
         ...
 
-    def read(self, address: Address, plan: str) -> Readings:
+    def read(self, address: Address, scope: Scope) -> Readings:
         """Everything that `diff.readings` knows of this address, now; `{"exists": False}` where nothing is.
 
-        A machine under the pending name of this plan counts as the partition.
+        Names are resolved as `diff.readings.resolve` says.
         """
         ...
 
-    def execute(self, operation: Operation, plan: str) -> None:
+    def execute(self, operation: Operation, scope: Scope) -> None:
         """Do it, wholly or not at all.
 
         Raises:

@@ -1,0 +1,109 @@
+"""What can be read at an address: the names that a step's `before` and `after` are written in.
+
+`diff` makes both from states with `readings`, a host answers with the same function over what it observes now; so a
+step's guard compares like with like. For a partition: `exists`, `machine` (id), `name`, `generation`, `processors`,
+`reserve`, `limit`, `weight`, `memory` (bytes), `dynamic_memory`, `start_action`, `stop_action`, `checkpoints`,
+`running`, `state` (a paused machine is neither running nor off), `mark` (`<application>/<partition>` or empty), `set`.
+For a task class: `exists`, `value:<name>` as `<kind>:<data>`, `record` (`<application>` or empty), `set`.
+"""
+
+from collections.abc import Iterable
+
+from rarms_iac.model.changes import Address
+from rarms_iac.model.plan import Reading, Readings, Scope
+from rarms_iac.model.state import Partition, State, TaskClass
+
+NOTHING: Readings = {"exists": False}
+"""What is read where nothing is."""
+
+VALUE = "value:"
+"""Stands before the name of a task class's value."""
+
+
+def readings(state: State, address: Address, scope: Scope) -> Readings:
+    """Everything there is to read at this address; `NOTHING` where nothing is.
+
+    Where several machines answer to the name, only `exists` and `machines`, their number: no guard accepts that.
+    """
+    if not address.partition:
+        return task_readings(find_task(state.tasks, address.task, inside="", machine=""))
+    found = resolve(state.partitions, address.partition, scope, address.machine)
+    if len(found) > 1:
+        return {"exists": True, "machines": len(found)}
+    if address.task:
+        return task_readings(_guest_task(state.tasks, address, found[0]) if found else None)
+    return partition_readings(found[0]) if found else NOTHING
+
+
+def _guest_task(tasks: Iterable[TaskClass], address: Address, partition: Partition) -> TaskClass | None:
+    return find_task(tasks, address.task, inside=address.partition, machine=partition.id)
+
+
+def resolve(partitions: Iterable[Partition], name: str, scope: Scope, machine: str = "") -> tuple[Partition, ...]:
+    """The machines that a partition's name stands for; only exactly one may be changed.
+
+    With `machine` the one of this id, whatever it is called. Otherwise those that carry our mark for the name, and
+    those under the pending name of this plan. A machine that is merely called so is never ours.
+    """
+    if machine:
+        return tuple(one for one in partitions if one.id == machine)
+    pending = scope.pending(name)
+    return tuple(one for one in partitions if is_marked(one, scope.application, name) or one.settings.name == pending)
+
+
+def is_marked(partition: Partition, application: str, name: str) -> bool:
+    """Whether it carries a valid mark of this application's partition."""
+    mark = partition.mark
+    return mark is not None and mark.name == name and mark.application == application
+
+
+def find_task(tasks: Iterable[TaskClass], name: str, *, inside: str, machine: str) -> TaskClass | None:
+    """The task class of this name, whatever its case, in this operating system."""
+    wanted = name.lower()
+    for one in tasks:
+        if one.inside == inside and one.machine == machine and one.name.lower() == wanted:
+            return one
+    return None
+
+
+def partition_readings(partition: Partition) -> Readings:
+    """What is read at a partition's address."""
+    settings, mark = partition.settings, partition.mark
+    return {
+        "exists": True,
+        "machine": partition.id,
+        "name": settings.name,
+        "generation": settings.generation,
+        "processors": settings.processors,
+        "reserve": settings.reserve,
+        "limit": settings.limit,
+        "weight": settings.weight,
+        "memory": settings.memory,
+        "dynamic_memory": settings.dynamic_memory,
+        "start_action": settings.start_action.value,
+        "stop_action": settings.stop_action.value,
+        "checkpoints": settings.checkpoints.value,
+        "running": settings.running,
+        "state": partition.state.value,
+        "mark": f"{mark.application}/{mark.name}" if mark else "",
+        "set": mark.set if mark else "",
+    }
+
+
+def task_readings(task: TaskClass | None) -> Readings:
+    """What is read at a task class's address. A key without values counts as none.
+
+    Its record may outlive its key, and may stand before it.
+    """
+    if task is None:
+        return {**NOTHING, "record": "", "set": ""}
+    values: dict[str, Reading] = {
+        f"{VALUE}{name}": f"{value.kind.value}:{value.data}" for name, value in sorted(task.values.items())
+    }
+    record = task.record
+    return {
+        "exists": bool(task.values),
+        **values,
+        "record": record.application if record else "",
+        "set": record.set if record else "",
+    }

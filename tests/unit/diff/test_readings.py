@@ -1,0 +1,135 @@
+"""What can be read at an address, and which machine a name stands for."""
+
+from dataclasses import replace
+
+from rarms_iac.diff.readings import NOTHING, readings, resolve
+from rarms_iac.model.changes import Address
+from rarms_iac.model.plan import Scope
+from rarms_iac.model.state import (
+    Checkpoints,
+    HostFacts,
+    Mark,
+    Partition,
+    PartitionSettings,
+    RegistryValue,
+    Rights,
+    RunState,
+    StartAction,
+    State,
+    StopAction,
+    TaskClass,
+    TaskRecord,
+    ValueKind,
+)
+from rarms_iac.model.system import ProviderKind, SchedulerType
+
+SCOPE = Scope(application="robot", plan="0123456789ab")
+FACTS = HostFacts(
+    name="onboard",
+    id="11111111-0000-0000-0000-000000000000",
+    provider=ProviderKind.SIMULATED,
+    computer_name="onboard",
+    os_build=26100,
+    client=False,
+    scheduler=SchedulerType.CLASSIC,
+    smt=False,
+    logical_processors=2,
+    memory=4 << 30,
+    rights=Rights.PROVEN,
+)
+SETTINGS = PartitionSettings(
+    name="vision",
+    generation=2,
+    processors=2,
+    reserve=40,
+    limit=100,
+    weight=100,
+    memory=512 << 20,
+    dynamic_memory=False,
+    start_action=StartAction.START,
+    stop_action=StopAction.SHUT_DOWN,
+    checkpoints=Checkpoints.DISABLED,
+    running=True,
+)
+MARK = Mark(application="robot", name="vision", machine="aaaaaaaa", set="0" * 12)
+OURS = Partition(settings=SETTINGS, id="aaaaaaaa-1", state=RunState.RUNNING, mark=MARK)
+STRANGER = Partition(settings=SETTINGS, id="bbbbbbbb-1", state=RunState.RUNNING)
+VISION = Address(partition="vision")
+
+
+def test_a_machine_that_is_merely_called_so_is_not_ours() -> None:
+    assert readings(State(facts=FACTS, partitions=(STRANGER,)), VISION, SCOPE) == NOTHING
+
+
+def test_a_marked_machine_is_found_whatever_it_is_called() -> None:
+    renamed = replace(OURS, settings=replace(SETTINGS, name="eyes"))
+
+    found = readings(State(facts=FACTS, partitions=(STRANGER, renamed)), VISION, SCOPE)
+
+    assert (found["name"], found["machine"], found["mark"]) == ("eyes", "aaaaaaaa-1", "robot/vision")
+
+
+def test_the_mark_of_another_application_is_not_ours() -> None:
+    other = replace(OURS, mark=replace(MARK, application="kiosk"))
+
+    assert resolve((other,), "vision", SCOPE) == ()
+
+
+def test_a_machine_that_this_plan_is_making_counts() -> None:
+    pending = replace(STRANGER, settings=replace(SETTINGS, name="vision.rarms-0123456789ab"))
+    of_another_plan = replace(STRANGER, settings=replace(SETTINGS, name="vision.rarms-ffffffffffff"))
+
+    assert resolve((of_another_plan, pending), "vision", SCOPE) == (pending,)
+
+
+def test_an_id_says_which_machine_is_meant() -> None:
+    state = State(facts=FACTS, partitions=(OURS, STRANGER))
+
+    found = readings(state, Address(partition="vision", machine="bbbbbbbb-1"), SCOPE)
+
+    assert (found["machine"], found["mark"]) == ("bbbbbbbb-1", "")
+
+
+def test_two_machines_for_one_name_satisfy_no_guard() -> None:
+    pending = replace(STRANGER, settings=replace(SETTINGS, name="vision.rarms-0123456789ab"))
+
+    assert readings(State(facts=FACTS, partitions=(OURS, pending)), VISION, SCOPE) == {"exists": True, "machines": 2}
+
+
+def test_a_task_class_is_read_with_the_types_of_its_values() -> None:
+    task = TaskClass(
+        name="MotionControl",
+        values={
+            "Priority": RegistryValue(kind=ValueKind.SZ, data="6"),
+            "Affinity": RegistryValue(kind=ValueKind.DWORD, data=0),
+        },
+        record=TaskRecord(application="robot", set="1" * 12, before=None),
+    )
+
+    found = readings(State(facts=FACTS, tasks=(task,)), Address(task="motioncontrol"), SCOPE)
+
+    assert found == {
+        "exists": True,
+        "value:Affinity": "dword:0",
+        "value:Priority": "sz:6",
+        "record": "robot",
+        "set": "1" * 12,
+    }
+
+
+def test_a_record_without_its_key_is_read_too() -> None:
+    task = TaskClass(name="MotionControl", record=TaskRecord(application="robot", set="1" * 12, before=None))
+
+    found = readings(State(facts=FACTS, tasks=(task,)), Address(task="MotionControl"), SCOPE)
+
+    assert found == {"exists": False, "record": "robot", "set": "1" * 12}
+
+
+def test_the_task_classes_of_a_guest_are_its_own() -> None:
+    values = {"Priority": RegistryValue(kind=ValueKind.DWORD, data=5)}
+    inside = TaskClass(name="Games", inside="vision", machine=OURS.id, values=values)
+    state = State(facts=FACTS, partitions=(OURS,), tasks=(inside,))
+
+    assert readings(state, Address(partition="vision", task="Games"), SCOPE)["exists"] is True
+    assert readings(state, Address(task="Games"), SCOPE)["exists"] is False
+    assert readings(replace(state, partitions=()), Address(partition="vision", task="Games"), SCOPE)["exists"] is False
