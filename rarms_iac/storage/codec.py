@@ -1,0 +1,315 @@
+"""Our frozen values as JSON and back, by their type hints: journals, plan files and snapshots.
+
+A dataclass becomes an object of its fields, an enumeration its value, a `Fraction` the text `1/3`, a date its ISO
+text, a tuple or frozenset an array, a mapping with text as keys an object in its own order. In a union of dataclasses
+the member is told by its `kind` field; where the members have none, an object `{"<class name>": {...}}` says it.
+Reading is strict: what is unknown, missing or of a wrong type is `NotDecodable`, with the path to it. Nothing is
+guessed and nothing is executed.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, Field, fields, is_dataclass
+from datetime import date
+from enum import Enum
+from fractions import Fraction
+from functools import cache
+from re import compile as pattern
+from types import NoneType, UnionType
+from typing import Any, Literal, NewType, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+
+Json = None | bool | int | float | str | list["Json"] | dict[str, "Json"]
+Encode = Callable[[Any], Json]
+Decode = Callable[[Any, str], Any]
+T = TypeVar("T")
+
+_FRACTION = pattern(r"-?[0-9]{1,40}(/[1-9][0-9]{0,40})?")
+_KIND = "kind"
+
+
+class NotDecodable(ValueError):
+    """The JSON is not a value of the type that was asked for."""
+
+    def __init__(self, path: str, says: str) -> None:
+        super().__init__(f"{path or 'the document'}: {says}")
+        self.path = path
+        self.says = says
+
+
+def _once(make: Callable[[Any], T]) -> Callable[[Any], T]:
+    """The same function, which works each type out once."""
+    return cast("Callable[[Any], T]", cache(make))
+
+
+def encode(value: object, hint: object = None) -> Json:
+    """The JSON of a value, as its type (or the wider `hint`, for a union or mapping) says."""
+    return _encoder(type(value) if hint is None else hint)(value)
+
+
+def decode(hint: type[T], data: object) -> T:
+    """The value of this type that the JSON says.
+
+    Raises:
+        NotDecodable: it says something else.
+    """
+    return cast("T", _decoder(hint)(data, ""))
+
+
+def decode_union(hint: object, data: object) -> Any:
+    """As `decode`, for a union or another type that is not a class.
+
+    Raises:
+        NotDecodable: the JSON says something else.
+    """
+    return _decoder(hint)(data, "")
+
+
+@_once
+def _encoder(hint: Any) -> Encode:
+    hint = _bare(hint)
+    if _is_record(hint):
+        return _encode_dataclass(hint)
+    if hint in (str, int, bool, float, NoneType) or get_origin(hint) is Literal:
+        return _same
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        return lambda value: value.value
+    if hint is Fraction:
+        return str
+    if hint is date:
+        return lambda value: value.isoformat()
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        return _encode_union(arguments)
+    if origin is tuple:
+        return _encode_tuple(arguments)
+    if origin is frozenset:
+        one = _encoder(arguments[0])
+        return lambda value: [one(item) for item in sorted(value)]
+    if origin is Mapping:
+        one = _encoder(arguments[1])
+        return lambda value: {key: one(item) for key, item in value.items()}
+    raise TypeError(f"no JSON for {hint!r}")
+
+
+@_once
+def _decoder(hint: Any) -> Decode:
+    hint = _bare(hint)
+    if _is_record(hint):
+        return _decode_dataclass(hint)
+    if hint in (str, int, bool, NoneType):
+        return _exactly(hint)
+    if hint is float:
+        return _decode_float
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        return _one_of({member.value: member for member in hint})
+    if hint is Fraction:
+        return _decode_fraction
+    if hint is date:
+        return _decode_date
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin is Literal:
+        return _one_of({value: value for value in arguments})
+    if origin in (Union, UnionType):
+        return _decode_union(arguments)
+    if origin is tuple:
+        return _decode_tuple(arguments)
+    if origin is frozenset:
+        many = _decode_tuple((arguments[0], ...))
+        return lambda data, path: frozenset(many(data, path))
+    if origin is Mapping:
+        return _decode_mapping(_decoder(arguments[1]))
+    raise TypeError(f"no value from JSON for {hint!r}")
+
+
+def _bare(hint: Any) -> Any:
+    """The type behind a NewType."""
+    while isinstance(hint, NewType):
+        hint = hint.__supertype__
+    return hint
+
+
+def _is_record(hint: Any) -> bool:
+    return isinstance(hint, type) and is_dataclass(hint)
+
+
+def _same(value: Any) -> Json:
+    return cast("Json", value)
+
+
+def _hints(cls: type) -> list[tuple[Field[Any], Any]]:
+    hints = get_type_hints(cls)
+    return [(one, hints[one.name]) for one in fields(cls)]
+
+
+def _encode_dataclass(cls: type) -> Encode:
+    parts: list[tuple[str, Encode]] = []  # filled below: a type may contain itself
+
+    def write(value: Any) -> Json:
+        if not parts:
+            parts.extend((one.name, _encoder(hint)) for one, hint in _hints(cls))
+        return {name: part(getattr(value, name)) for name, part in parts}
+
+    return write
+
+
+def _decode_dataclass(cls: type) -> Decode:
+    parts: dict[str, Decode] = {}
+    required = frozenset(one.name for one in fields(cls) if one.default is MISSING and one.default_factory is MISSING)
+
+    def read(data: Any, path: str) -> Any:
+        if not parts:
+            parts.update((one.name, _decoder(hint)) for one, hint in _hints(cls))
+        given = _object(data, path)
+        if unknown := given.keys() - parts.keys():
+            raise NotDecodable(_below(path, min(unknown)), "there is no such field")
+        if missing := required - given.keys():
+            raise NotDecodable(_below(path, min(missing)), "the field is missing")
+        return cls(**{name: parts[name](value, _below(path, name)) for name, value in given.items()})
+
+    return read
+
+
+def _kind_of(cls: Any) -> str | None:
+    """What a dataclass' `kind` field always says, None where it has none."""
+    if not _is_record(cls) or _KIND not in {one.name for one in fields(cls)}:
+        return None
+    values = get_args(get_type_hints(cls)[_KIND])
+    return str(values[0]) if len(values) == 1 else None
+
+
+def _encode_union(members: tuple[Any, ...]) -> Encode:
+    classes = [_bare(member) for member in members]
+    records = [one for one in classes if _is_record(one)]
+    wrapped = {one for one in records if _kind_of(one) is None and len(records) > 1}
+    plain = [one for one in classes if not _is_record(one)]
+
+    def write(value: Any) -> Json:
+        cls = type(value)
+        if cls in wrapped:
+            return {cls.__name__: _encoder(cls)(value)}
+        if cls in records or cls in plain:
+            return _encoder(cls)(value)
+        (only,) = (one for one in plain if one is not NoneType and isinstance(value, get_origin(one) or one))
+        return _encoder(only)(value)
+
+    return write
+
+
+def _decode_union(members: tuple[Any, ...]) -> Decode:
+    classes = [_bare(member) for member in members]
+    records = [one for one in classes if _is_record(one)]
+    plain = [one for one in classes if not _is_record(one)]
+    kinds = {kind: one for one in records if (kind := _kind_of(one)) is not None}
+    wrapped = {one.__name__: one for one in records if _kind_of(one) is None}
+
+    def read_record(data: dict[str, Any], path: str) -> Any:
+        if len(records) == 1:
+            return _decoder(records[0])(data, path)
+        if isinstance(kind := data.get(_KIND), str) and kind in kinds:
+            return _decoder(kinds[kind])(data, path)
+        if len(data) == 1 and (name := next(iter(data))) in wrapped:
+            return _decoder(wrapped[name])(data[name], _below(path, name))
+        raise NotDecodable(path, f"it is none of {', '.join(sorted([*kinds, *wrapped]))}")
+
+    def read(data: Any, path: str) -> Any:
+        if records and type(data) is dict:
+            return read_record(data, path)
+        problem = NotDecodable(path, f"{_told(data)} does not fit here")
+        for one in plain:
+            try:
+                return _decoder(one)(data, path)
+            except NotDecodable as no:
+                problem = no if len(plain) == 1 or one is not NoneType else problem
+        raise problem
+
+    return read
+
+
+def _encode_tuple(arguments: tuple[Any, ...]) -> Encode:
+    if arguments[1:] == (...,):
+        one = _encoder(arguments[0])
+        return lambda value: [one(item) for item in value]
+    parts = [_encoder(argument) for argument in arguments]
+    return lambda value: [part(item) for part, item in zip(parts, value, strict=True)]
+
+
+def _decode_tuple(arguments: tuple[Any, ...]) -> Decode:
+    if arguments[1:] == (...,):
+        one = _decoder(arguments[0])
+        return lambda data, path: tuple(one(item, f"{path}[{at}]") for at, item in enumerate(_array(data, path)))
+    parts = [_decoder(argument) for argument in arguments]
+
+    def read(data: Any, path: str) -> tuple[Any, ...]:
+        items = _array(data, path)
+        if len(items) != len(parts):
+            raise NotDecodable(path, f"it has {len(items)} items, not {len(parts)}")
+        return tuple(part(item, f"{path}[{at}]") for at, (part, item) in enumerate(zip(parts, items, strict=True)))
+
+    return read
+
+
+def _decode_mapping(one: Decode) -> Decode:
+    return lambda data, path: {key: one(item, _below(path, key)) for key, item in _object(data, path).items()}
+
+
+def _exactly(cls: Any) -> Decode:
+    def read(data: Any, path: str) -> Any:
+        if type(data) is not cls:  # so that true is no number
+            raise NotDecodable(path, f"{_told(data)} is no {_NAMES[cls]}")
+        return data
+
+    return read
+
+
+_NAMES = {str: "text", int: "whole number", bool: "true or false", NoneType: "null"}
+
+
+def _one_of(members: dict[Any, Any]) -> Decode:
+    def read(data: Any, path: str) -> Any:
+        if type(data) not in (str, int, bool) or data not in members:
+            raise NotDecodable(path, f"{_told(data)} is none of {', '.join(map(str, members))}")
+        return members[data]
+
+    return read
+
+
+def _decode_float(data: Any, path: str) -> float:
+    if type(data) not in (int, float):
+        raise NotDecodable(path, f"{_told(data)} is no number")
+    return float(data)
+
+
+def _decode_fraction(data: Any, path: str) -> Fraction:
+    if type(data) is not str or not _FRACTION.fullmatch(data):
+        raise NotDecodable(path, f"{_told(data)} is no exact number such as 7 or 1/3")
+    return Fraction(data)
+
+
+def _decode_date(data: Any, path: str) -> date:
+    try:
+        return date.fromisoformat(data)
+    except (TypeError, ValueError):
+        raise NotDecodable(path, f"{_told(data)} is no date such as 2027-01-31") from None
+
+
+def _object(data: Any, path: str) -> dict[str, Any]:
+    if type(data) is not dict:
+        raise NotDecodable(path, f"{_told(data)} is no object")
+    return data
+
+
+def _array(data: Any, path: str) -> list[Any]:
+    if type(data) is not list:
+        raise NotDecodable(path, f"{_told(data)} is no array")
+    return data
+
+
+def _below(path: str, name: str) -> str:
+    return f"{path}.{name}" if path else name
+
+
+def _told(data: Any) -> str:
+    """The JSON value for a message, short."""
+    if isinstance(data, dict | list):
+        return "an object" if isinstance(data, dict) else "an array"
+    text = "null" if data is None else str(data).lower() if isinstance(data, bool) else repr(data)
+    return text if len(text) <= 40 else f"{text[:37]}..."

@@ -1,0 +1,65 @@
+"""Canonical JSON and digests: the same value has the same bytes everywhere."""
+
+import hashlib
+import json
+from typing import Any
+
+from rarms_iac.storage.codec import Json, NotDecodable, encode
+
+
+def canonical(value: object) -> str:
+    """The value as JSON with sorted keys and no spaces, in ASCII.
+
+    What `storage.codec` can write, and plain JSON. The same value gives the same text on every system, whatever the
+    order of its mappings.
+    """
+    return json.dumps(_as_json(value), sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def digest(value: object) -> str:
+    """SHA-256 of the canonical JSON, in 64 hex digits."""
+    return hashlib.sha256(canonical(value).encode("ascii")).hexdigest()
+
+
+def short(text: str, digits: int = 12) -> str:
+    """The first hex digits of a digest: enough to tell things apart that nobody forges."""
+    return text[:digits]
+
+
+def parse_json(text: str) -> Json:
+    """The JSON of a text that came from outside.
+
+    Raises:
+        NotDecodable: it is not JSON, says a key twice, is nested too deeply, or holds NaN or an overlong number.
+    """
+    try:
+        data: Json = json.loads(text, object_pairs_hook=_without_duplicates, parse_constant=_refuse_constant)
+    except RecursionError:
+        raise NotDecodable("", "it is nested too deeply") from None
+    except NotDecodable:
+        raise
+    except ValueError as problem:
+        raise NotDecodable("", f"it is not JSON ({problem})") from None
+    return data
+
+
+def _as_json(value: Any) -> Any:
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, dict):
+        return {key: _as_json(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_as_json(one) for one in value]
+    return encode(value)
+
+
+def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) != len(pairs):
+        names = [name for name, _ in pairs]
+        raise NotDecodable("", f"the key {next(name for name in names if names.count(name) > 1)!r} is there twice")
+    return found
+
+
+def _refuse_constant(name: str) -> Json:
+    raise NotDecodable("", f"{name} is no number")

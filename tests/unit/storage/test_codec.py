@@ -1,0 +1,140 @@
+"""Frozen values become JSON and come back, strictly."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import date
+from enum import StrEnum
+from fractions import Fraction
+from typing import Literal
+
+import pytest
+
+from rarms_iac.model.operations import Operation, SetCpu
+from rarms_iac.model.plan import Readings
+from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, Percent, ProcessorTime, ShareOfHost
+from rarms_iac.model.system import Host, Measured
+from rarms_iac.storage.codec import NotDecodable, decode, decode_union, encode
+from rarms_iac.storage.digest import canonical, digest, parse_json, short
+from tests import builders
+
+
+class Colour(StrEnum):
+    RED = "red"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Box:
+    amount: Fraction
+    colour: Colour
+    day: date | None
+    cpu: CpuAmount | Measured | None
+    sizes: tuple[int, ...] = ()
+    pair: tuple[str, bool] = ("a", True)
+    words: frozenset[str] = frozenset()
+    inside: Mapping[str, "Box"] = field(default_factory=dict)
+    kind: Literal["box"] = "box"
+
+
+BOX = Box(
+    amount=Fraction(7, 3),
+    colour=Colour.RED,
+    day=date(2027, 1, 31),
+    cpu=ShareOfHost(Percent(Fraction(70))),
+    sizes=(3, 1),
+    words=frozenset({"b", "a"}),
+    inside={"x": Box(amount=Fraction(1), colour=Colour.RED, day=None, cpu=Measured.MEASURED)},
+)
+
+
+def test_a_value_comes_back_as_it_was() -> None:
+    assert decode(Box, encode(BOX)) == BOX
+
+
+def test_what_is_written_is_what_a_reader_expects() -> None:
+    assert encode(BOX) == {
+        "amount": "7/3",
+        "colour": "red",
+        "day": "2027-01-31",
+        "cpu": {"ShareOfHost": {"percent": "70"}},
+        "sizes": [3, 1],
+        "pair": ["a", True],
+        "words": ["a", "b"],
+        "inside": {
+            "x": {
+                "amount": "1",
+                "colour": "red",
+                "day": None,
+                "cpu": "measured",
+                "sizes": [],
+                "pair": ["a", True],
+                "words": [],
+                "inside": {},
+                "kind": "box",
+            }
+        },
+        "kind": "box",
+    }
+
+
+@pytest.mark.parametrize(
+    "amount", [ProcessorTime(LogicalProcessors(Fraction(7, 5))), ShareOfHost(Percent(Fraction(1)))]
+)
+def test_a_union_without_kinds_names_its_member(amount: CpuAmount) -> None:
+    assert decode_union(CpuAmount, encode(amount, CpuAmount)) == amount
+
+
+def test_a_union_with_kinds_is_told_by_them() -> None:
+    step = SetCpu(partition="vision", reserve=40, limit=100, weight=100)
+
+    assert decode_union(Operation, encode(step)) == step
+    with pytest.raises(NotDecodable, match="none of create_partition, erase_mark"):
+        decode_union(Operation, {"kind": "explode", "partition": "vision"})
+
+
+def test_readings_keep_their_types() -> None:
+    readings: Readings = {"exists": True, "reserve": 1, "name": "1"}
+
+    back = decode_union(Readings, encode(readings, Readings))
+
+    assert {name: type(value) for name, value in back.items()} == {"exists": bool, "reserve": int, "name": str}
+
+
+def test_a_host_of_the_manifest_comes_back() -> None:
+    assert decode(Host, encode(builders.a_host())) == builders.a_host()
+
+
+@pytest.mark.parametrize(
+    ("data", "path"),
+    [
+        ({"amount": "1", "colour": "red", "day": None}, "cpu"),
+        ({"amount": "1", "colour": "blue", "day": None, "cpu": None}, "colour"),
+        ({"amount": 1, "colour": "red", "day": None, "cpu": None}, "amount"),
+        ({"amount": "1/0", "colour": "red", "day": None, "cpu": None}, "amount"),
+        ({"amount": "1", "colour": "red", "day": "soon", "cpu": None}, "day"),
+        ({"amount": "1", "colour": "red", "day": None, "cpu": {"Other": {}}}, "cpu"),
+        ({"amount": "1", "colour": "red", "day": None, "cpu": None, "sizes": [1, True]}, "sizes[1]"),
+        ({"amount": "1", "colour": "red", "day": None, "cpu": None, "pair": ["a"]}, "pair"),
+        ({"amount": "1", "colour": "red", "day": None, "cpu": None, "inside": {"x": 3}}, "inside.x"),
+        ({"amount": "1", "colour": "red", "day": None, "cpu": None, "smell": 1}, "smell"),
+        ({"amount": "1", "colour": "red", "day": None, "cpu": None, "kind": "bag"}, "kind"),
+        ([], ""),
+    ],
+)
+def test_what_does_not_fit_is_refused_with_its_path(data: object, path: str) -> None:
+    with pytest.raises(NotDecodable) as refused:
+        decode(Box, data)
+
+    assert refused.value.path == path
+
+
+@pytest.mark.parametrize("text", ['{"a":1,"a":2}', "NaN", "{", "[" * 100_000, "1" * 5000, ""])
+def test_text_that_is_no_plain_json_is_refused(text: str) -> None:
+    with pytest.raises(NotDecodable):
+        parse_json(text)
+
+
+def test_canonical_json_does_not_depend_on_order() -> None:
+    assert canonical({"b": 1, "a": Fraction(1, 3)}) == '{"a":"1/3","b":1}' == canonical({"a": Fraction(1, 3), "b": 1})
+    assert digest({"a": "é"}) == digest({"a": "é"}) != digest({"a": "e"})
+    assert short(digest(BOX)) == digest(BOX)[:12]
+    assert canonical(Colour.RED) == '"red"'
