@@ -1,0 +1,38 @@
+"""What somebody probably meant who wrote a name that does not exist."""
+
+from collections.abc import Collection
+
+MOST_CANDIDATES = 400
+"""Names that are compared: more would make a file full of wrong names slow to refuse."""
+
+
+def did_you_mean(word: str, candidates: Collection[str]) -> str | None:
+    """The nearest of the candidates (ties by name), or None where none is near: about one slip in three letters."""
+    allowed = max(len(word) > 1, min(len(word), 32) // 3)
+    near = (one for one in candidates if one != word and abs(len(one) - len(word)) <= allowed)
+    compared = [one for one, _ in zip(near, range(MOST_CANDIDATES), strict=False)]
+    distances = sorted((distance(word.lower(), one.lower(), allowed), one) for one in compared)
+    return distances[0][1] if distances and distances[0][0] <= allowed else None
+
+
+def suggestion(word: str, candidates: Collection[str]) -> str:
+    """A sentence to put behind a message, with a space before it: ` Did you mean "vision"?`, or nothing."""
+    meant = did_you_mean(word, candidates)
+    return f' Did you mean "{meant}"?' if meant is not None else ""
+
+
+def distance(one: str, other: str, limit: int) -> int:
+    """How many letters were changed, left out, added, or swapped with a neighbour; above the limit: limit + 1."""
+    before: list[int] = []
+    previous = list(range(len(other) + 1))
+    for row, letter in enumerate(one, 1):
+        current = [row]
+        for column, against in enumerate(other, 1):
+            cost = min(previous[column] + 1, current[-1] + 1, previous[column - 1] + (letter != against))
+            if row > 1 and column > 1 and letter == other[column - 2] and one[row - 2] == against:
+                cost = min(cost, before[column - 2] + 1)
+            current.append(cost)
+        if min(current) > limit:
+            return limit + 1
+        before, previous = previous, current
+    return min(previous[-1], limit + 1)

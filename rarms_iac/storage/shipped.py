@@ -1,0 +1,26 @@
+"""Finds what is shipped beside the code: schemas, manifests, templates, the findings' pages."""
+
+from pathlib import Path
+
+_PACKAGE = Path(__file__).resolve().parent.parent
+
+
+class NotShipped(FileNotFoundError):
+    """This copy of rarms lacks one of its own files: it was not installed whole."""
+
+    def __init__(self, relative: str) -> None:
+        super().__init__(f"rarms lacks its own file {relative}: install it again")
+        self.relative = relative
+
+
+def shipped(relative: str) -> Path:
+    """Where a shipped file or folder lies, e.g. `docs/findings`: inside the wheel, else in the checkout.
+
+    Raises:
+        NotShipped: it lies in neither.
+    """
+    for root in (_PACKAGE / "shipped", _PACKAGE.parent):
+        found = root / relative
+        if found.exists():
+            return found
+    raise NotShipped(relative)

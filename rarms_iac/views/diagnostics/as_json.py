@@ -1,0 +1,52 @@
+"""Findings for programs: one versioned document."""
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+from rarms_iac.model.diagnostics import Diagnostic, Place, Severity
+
+FORMAT_VERSION = 1
+
+
+def as_json(diagnostics: Sequence[Diagnostic], *, accepted: Sequence[Diagnostic] = ()) -> str:
+    """The document as text: ASCII, so that no encoding on the way can harm it; ends with a line end."""
+    return json.dumps(findings_document(diagnostics, accepted=accepted), indent=2) + "\n"
+
+
+def findings_document(diagnostics: Sequence[Diagnostic], *, accepted: Sequence[Diagnostic] = ()) -> dict[str, Any]:
+    """The document as plain values; other commands put it into theirs."""
+    return {
+        "format_version": FORMAT_VERSION,
+        "findings": [_finding(one) for one in diagnostics],
+        "accepted": [_finding(one) for one in accepted],
+        "counts": {f"{severity.value}s": sum(one.severity is severity for one in diagnostics) for severity in Severity},
+    }
+
+
+def _finding(one: Diagnostic) -> dict[str, Any]:
+    return {
+        "code": one.code,
+        "severity": one.severity.value,
+        "summary": _encodable(one.summary),
+        "detail": _encodable(one.detail),
+        "advice": _encodable(one.advice),
+        "address": _encodable(one.address),
+        "place": None if one.place is None else _place(one.place),
+        "related": [{"place": _place(other.place), "says": _encodable(other.says)} for other in one.related],
+    }
+
+
+def _place(place: Place) -> dict[str, str | int]:
+    return {
+        "file": _encodable(place.file),
+        "line": place.line,
+        "column": place.column,
+        "length": place.length,
+        "path": _encodable(place.path),
+    }
+
+
+def _encodable(text: str) -> str:
+    """The text with lone surrogates replaced: strict parsers refuse their escapes."""
+    return text.encode("utf-8", "replace").decode("utf-8")

@@ -1,0 +1,106 @@
+"""Findings as SARIF 2.1.0, for code-scanning services."""
+
+import json
+import os
+from collections.abc import Callable, Sequence
+from pathlib import PurePath
+from typing import Any
+from urllib.parse import quote
+
+from rarms_iac import __version__
+from rarms_iac.model.diagnostics import Diagnostic, Place, Severity
+from rarms_iac.views.diagnostics.layout import visible
+
+SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
+LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.NOTE: "note"}
+
+
+def as_sarif(
+    diagnostics: Sequence[Diagnostic],
+    *,
+    page: Callable[[str], str | None],
+    accepted: Sequence[Diagnostic] = (),
+) -> str:
+    """A log with one run; what the policy accepts is in it as suppressed results.
+
+    Args:
+        diagnostics: what is shown.
+        page: the Markdown page of a code, for the rule's help.
+        accepted: what the policy silences.
+    """
+    rules = {one.code: one for one in (*accepted, *diagnostics)}
+    codes = sorted(rules)
+    results = [_result(one, codes.index(one.code), suppressed=False) for one in diagnostics]
+    results += [_result(one, codes.index(one.code), suppressed=True) for one in accepted]
+    log = {
+        "$schema": SCHEMA,
+        "version": "2.1.0",
+        "runs": [
+            {
+                "tool": {
+                    "driver": {
+                        "name": "rarms",
+                        "semanticVersion": __version__,
+                        "rules": [_rule(rules[code], page(code)) for code in codes],
+                    }
+                },
+                "columnKind": "unicodeCodePoints",
+                "results": results,
+            }
+        ],
+    }
+    return json.dumps(log, indent=2) + "\n"
+
+
+def _rule(one: Diagnostic, page: str | None) -> dict[str, Any]:
+    """The rule of a finding; its help is the finding's own page."""
+    return {
+        "id": one.code,
+        "shortDescription": {"text": one.summary},
+        "fullDescription": {"text": one.summary},
+        "help": {"text": page or one.summary, "markdown": page or one.summary},
+        "defaultConfiguration": {"level": LEVELS[one.severity]},
+    }
+
+
+def _result(one: Diagnostic, rule: int, *, suppressed: bool) -> dict[str, Any]:
+    result: dict[str, Any] = {
+        "ruleId": one.code,
+        "ruleIndex": rule,
+        "level": LEVELS[one.severity],
+        "message": {"text": visible(f"{one.summary}. {one.detail} {one.advice}".strip())},
+    }
+    if one.place is not None:
+        result["locations"] = [_location(one.place)]
+    if one.related:
+        result["relatedLocations"] = [
+            {"id": number, **_location(other.place), "message": {"text": visible(other.says)}}
+            for number, other in enumerate(one.related, 1)
+        ]
+    if one.address:
+        result["properties"] = {"address": visible(one.address)}
+    if suppressed:
+        result["suppressions"] = [{"kind": "inSource", "status": "accepted", "justification": "policy.accept"}]
+    return result
+
+
+def _location(place: Place) -> dict[str, Any]:
+    location: dict[str, Any] = {
+        "physicalLocation": {
+            "artifactLocation": {"uri": file_uri(place.file)},
+            "region": {
+                "startLine": place.line,
+                "startColumn": place.column,
+                "endColumn": place.column + max(place.length, 1),  # SARIF counts one past the last
+            },
+        }
+    }
+    if place.path:
+        location["logicalLocations"] = [{"fullyQualifiedName": visible(place.path)}]
+    return location
+
+
+def file_uri(file: str) -> str:
+    """A relative reference with `/` and per-cent escapes for a relative path, a file: URI for an absolute one."""
+    path = PurePath(file)
+    return path.as_uri() if path.is_absolute() else quote(os.fsencode(path.as_posix()), safe="/")

@@ -1,0 +1,70 @@
+"""Findings as a person reads them in a terminal (STYLE: Problems): complete without colour."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from rarms_iac.model.diagnostics import Diagnostic, Place, Severity
+from rarms_iac.views.diagnostics.layout import visible, wrap
+from rarms_iac.views.diagnostics.source import excerpt, source_lines
+
+WIDTH = 80
+INDENT = "  "
+
+
+def as_text(
+    diagnostics: Sequence[Diagnostic], sources: Mapping[str, str], *, accepted: Sequence[Diagnostic] = ()
+) -> str:
+    """Every finding with its source line, and a last line that counts them; ends with a line end."""
+    lines = {file: source_lines(sources[file]) for file in _files(diagnostics) if file in sources}
+    blocks = ["\n".join(_block(one, lines)) for one in diagnostics]
+    return "\n\n".join([*blocks, summary(diagnostics, accepted)]) + "\n"
+
+
+def summary(diagnostics: Sequence[Diagnostic], accepted: Sequence[Diagnostic] = ()) -> str:
+    """`1 error, 2 warnings, 0 notes`, or `No findings`; what the policy accepts is counted apart."""
+    counts = ", ".join(
+        counted(sum(one.severity is severity for one in diagnostics), severity.value) for severity in Severity
+    )
+    told = counts if diagnostics else "No findings"
+    return f"{told} ({len(accepted)} accepted)." if accepted else f"{told}."
+
+
+def counted(number: int, noun: str) -> str:
+    """`1 error`, `2 errors`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def _files(diagnostics: Sequence[Diagnostic]) -> set[str]:
+    places = [one.place for one in diagnostics] + [other.place for one in diagnostics for other in one.related]
+    return {place.file for place in places if place is not None}
+
+
+def _block(one: Diagnostic, sources: Mapping[str, list[str]]) -> Iterator[str]:
+    yield f"{one.severity.value}[{one.code}] {visible(one.summary, keep='')}"
+    yield from _where(one)
+    if one.place is not None:
+        yield from _snippet(one.place, sources)
+    yield from wrap(one.detail, WIDTH, INDENT)
+    yield from wrap(one.advice, WIDTH, INDENT)
+    for related in one.related:
+        yield f"{INDENT}{visible(str(related.place), keep='')}, {visible(related.says, keep='')}"
+        yield from _snippet(related.place, sources)
+
+
+def _where(one: Diagnostic) -> Iterator[str]:
+    """The place; a warning also says its address, which is what `policy.accept` would name."""
+    parts = [] if one.place is None else [part for part in (str(one.place), one.place.path) if part]
+    if one.address and (one.severity is Severity.WARNING or one.place is None):
+        parts.append(f"at {one.address}")
+    if parts:
+        yield INDENT + visible(", ".join(parts), keep="")
+
+
+def _snippet(place: Place, sources: Mapping[str, list[str]]) -> Iterator[str]:
+    lines = sources.get(place.file, [])
+    if not 0 < place.line <= len(lines) or not lines[place.line - 1].strip():
+        return
+    line = lines[place.line - 1]
+    gutter = f"{INDENT}{place.line} | "
+    shown = excerpt(line, place, WIDTH - len(gutter))
+    yield gutter + shown.line
+    yield " " * (len(gutter) - 2) + "| " + " " * shown.before + "^" * shown.carets

@@ -1,0 +1,73 @@
+"""A finding's page, for `rarms explain RARMS014` and for the forms that carry help."""
+
+import re
+
+from rarms_iac.model.spelling import suggestion
+from rarms_iac.storage.shipped import shipped
+from rarms_iac.views.diagnostics.layout import columns, wrap
+
+PAGES = "docs/findings"
+WIDTH = 80
+
+_CODE = re.compile(r"RARMS[0-9]{3}")
+_LINK = re.compile(r"\[([^\]]*)\]\([^)]*\)")
+
+
+def known_codes() -> tuple[str, ...]:
+    """The code of every finding there is, sorted: each has a page."""
+    return tuple(sorted(page.stem for page in shipped(PAGES).glob("RARMS*.md")))
+
+
+def finding_page(code: str) -> str | None:
+    """The finding's page as it is written, or None where there is none of that code."""
+    if not _CODE.fullmatch(code):
+        return None
+    page = shipped(PAGES) / f"{code}.md"
+    return page.read_text(encoding="utf-8") if page.is_file() else None
+
+
+def explain_finding(code: str) -> str | None:
+    """The finding's page for a terminal; the code may be written small. None where there is no such code."""
+    page = finding_page(code.upper())
+    return None if page is None else for_a_terminal(page)
+
+
+def unknown_code(code: str) -> str:
+    """What to say of a code that has no page."""
+    return f"There is no finding {code}.{suggestion(code.upper(), known_codes())} docs/diagnostics.md lists them all."
+
+
+def for_a_terminal(page: str) -> str:
+    """Markdown as plain text: headings underlined, paragraphs wrapped, code indented as it is."""
+    lines: list[str] = []
+    paragraph: list[str] = []
+    in_code = False
+    for line in [*page.splitlines(), ""]:
+        fence = line.startswith("```")
+        if paragraph and (not line or fence or line.startswith(("#", "- ", "* "))):
+            lines += _paragraph(paragraph)
+            paragraph = []
+        if fence:
+            in_code = not in_code
+        elif in_code:
+            lines.append(f"    {line}".rstrip())
+        elif line.startswith("#"):
+            lines += _heading(line)
+        elif line:
+            paragraph.append(line)
+        elif lines and lines[-1]:
+            lines.append("")
+    return "\n".join(lines).strip("\n") + "\n"
+
+
+def _heading(line: str) -> list[str]:
+    title = line.lstrip("#").strip()
+    return [title, ("=" if line.startswith("# ") else "-") * columns(title)]
+
+
+def _paragraph(lines: list[str]) -> list[str]:
+    text = _LINK.sub(r"\1", " ".join(line.strip() for line in lines))
+    if text.startswith(("- ", "* ")):
+        wrapped = list(wrap(text[2:], WIDTH, "  "))
+        return [f"- {wrapped[0].lstrip()}", *wrapped[1:]]
+    return list(wrap(text, WIDTH, ""))

@@ -1,0 +1,45 @@
+import pytest
+
+from rarms_iac.model.spelling import did_you_mean, distance, suggestion
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [
+        ("visoin", "vision"),
+        ("Vision", "vision"),
+        ("vsion", "vision"),
+        ("visions", "vision"),
+        ("speach", "speech"),
+        ("navigation", None),
+        ("x", None),
+        ("", None),
+    ],
+)
+def test_a_slip_finds_the_name_and_another_word_does_not(word: str, meant: str | None) -> None:
+    assert did_you_mean(word, ["speech", "vision"]) == meant
+
+
+def test_ties_go_by_name_whatever_the_order_of_the_candidates() -> None:
+    assert did_you_mean("arm-3", ["arm-2", "arm-1"]) == did_you_mean("arm-3", ["arm-1", "arm-2"]) == "arm-1"
+
+
+def test_the_word_itself_is_no_suggestion() -> None:
+    assert did_you_mean("vision", ["vision"]) is None
+
+
+def test_a_suggestion_is_a_sentence_or_nothing() -> None:
+    assert suggestion("visoin", ["vision"]) == ' Did you mean "vision"?'
+    assert suggestion("navigation", ["vision"]) == ""
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "expected"),
+    [("ab", "ba", 1), ("abc", "", 3), ("", "", 0), ("kitten", "sitting", 3), ("aaaa", "bbbb", 4)],
+)
+def test_distance_counts_slips(one: str, other: str, expected: int) -> None:
+    assert distance(one, other, 9) == expected
+
+
+def test_distance_stops_above_its_limit() -> None:
+    assert distance("aaaaaaaa", "bbbbbbbb", 2) == 3

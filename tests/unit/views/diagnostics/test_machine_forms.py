@@ -1,0 +1,161 @@
+import json
+import re
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import jsonschema
+import pytest
+from hypothesis import given
+
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related, Severity
+from rarms_iac.views.diagnostics import OutputFormat, render
+from rarms_iac.views.diagnostics.as_json import as_json
+from rarms_iac.views.diagnostics.github import as_github
+from rarms_iac.views.diagnostics.junit import as_junit
+from rarms_iac.views.diagnostics.sarif import as_sarif, file_uri
+from tests.unit.views.diagnostics.test_text import diagnostics
+
+EXCEEDED = Finding(code="RARMS014", severity=Severity.ERROR, summary="Reservations exceed the platform")
+RESTART = Finding(code="RARMS041", severity=Severity.WARNING, summary="A change restarts a partition")
+PLACE = Place(file="manifests/my robot.yaml", line=31, column=5, path="hosts.onboard", length=4)
+ERROR = EXCEEDED.at(
+    PLACE, "It needs 120 %.", "Relax an APT.", address="host/onboard", related=(Related(place=PLACE, says="here"),)
+)
+WARNING = RESTART.at(None, "It stops.", "Wait.", address="partition/vision")
+SARIF_SCHEMA = Path(__file__).parents[5] / "shared" / "sarif" / "sarif-schema-2.1.0.json"
+
+
+def test_json_is_versioned_and_whole() -> None:
+    document = json.loads(as_json([ERROR, WARNING], accepted=[WARNING]))
+
+    assert document["format_version"] == 1
+    assert document["counts"] == {"errors": 1, "warnings": 1, "notes": 0}
+    assert document["findings"][0] == {
+        "code": "RARMS014",
+        "severity": "error",
+        "summary": "Reservations exceed the platform",
+        "detail": "It needs 120 %.",
+        "advice": "Relax an APT.",
+        "address": "host/onboard",
+        "place": {"file": "manifests/my robot.yaml", "line": 31, "column": 5, "length": 4, "path": "hosts.onboard"},
+        "related": [
+            {
+                "place": {
+                    "file": "manifests/my robot.yaml",
+                    "line": 31,
+                    "column": 5,
+                    "length": 4,
+                    "path": "hosts.onboard",
+                },
+                "says": "here",
+            }
+        ],
+    }
+    assert document["findings"][1]["place"] is None
+    assert [one["code"] for one in document["accepted"]] == ["RARMS041"]
+
+
+def test_sarif_points_at_the_place_with_an_escaped_relative_uri() -> None:
+    run = json.loads(as_sarif([ERROR], page=lambda _code: "# The page"))["runs"][0]
+
+    location = run["results"][0]["locations"][0]["physicalLocation"]
+    assert location["artifactLocation"]["uri"] == "manifests/my%20robot.yaml"
+    assert location["region"] == {"startLine": 31, "startColumn": 5, "endColumn": 9}
+    assert run["columnKind"] == "unicodeCodePoints"
+
+
+def test_sarif_has_one_rule_a_code_with_its_page_as_help_and_keeps_accepted_findings_suppressed() -> None:
+    run = json.loads(as_sarif([ERROR, ERROR], page=lambda code: f"# {code}", accepted=[WARNING]))["runs"][0]
+
+    assert [rule["id"] for rule in run["tool"]["driver"]["rules"]] == ["RARMS014", "RARMS041"]
+    assert run["tool"]["driver"]["rules"][0]["help"]["markdown"] == "# RARMS014"
+    assert [("suppressions" in one, one["ruleIndex"]) for one in run["results"]] == [(False, 0), (False, 0), (True, 1)]
+
+
+@pytest.mark.parametrize(
+    ("file", "uri"),
+    [
+        ("rarms.yaml", "rarms.yaml"),
+        ("a b/ü#?%.yaml", "a%20b/%C3%BC%23%3F%25.yaml"),
+        ("a:b.yaml", "a%3Ab.yaml"),
+        ("../robot.yaml", "../robot.yaml"),
+    ],
+)
+def test_uris_are_relative_and_escaped(file: str, uri: str) -> None:
+    assert file_uri(file) == uri
+
+
+def test_an_absolute_path_is_a_file_uri(tmp_path: Path) -> None:
+    assert file_uri(str(tmp_path / "x.yaml")).startswith("file:///")
+
+
+@pytest.mark.skipif(not SARIF_SCHEMA.is_file(), reason="the published SARIF schema is not beside the project")
+def test_sarif_obeys_the_published_schema() -> None:
+    schema: dict[str, Any] = json.loads(SARIF_SCHEMA.read_text(encoding="utf-8"))
+    validator = jsonschema.Draft4Validator(schema)
+
+    for text in (
+        as_sarif([ERROR, WARNING], page=lambda _code: None, accepted=[WARNING]),
+        as_sarif([], page=lambda _code: None),
+        render(OutputFormat.SARIF, [ERROR, WARNING], {}),
+    ):
+        assert list(validator.iter_errors(json.loads(text))) == []
+
+
+def test_junit_fails_errors_skips_accepted_and_lets_warnings_speak() -> None:
+    suite = ET.fromstring(as_junit([ERROR, WARNING], accepted=[WARNING])).find("testsuite")
+
+    assert suite is not None
+    assert (suite.get("tests"), suite.get("failures"), suite.get("skipped")) == ("3", "1", "1")
+    failed, told, skipped = suite
+    assert (failed.get("file"), failed.get("line")) == ("manifests/my robot.yaml", "31")
+    assert failed.findtext("failure") == "manifests/my robot.yaml:31:5, hosts.onboard\nIt needs 120 %.\nRelax an APT."
+    assert told.findtext("system-out") == "warning: It stops.\nWait."
+    assert skipped.find("skipped") is not None
+
+
+def test_junit_without_findings_has_a_case_that_passes() -> None:
+    root = ET.fromstring(as_junit([]))
+
+    assert root.get("tests") == "1"
+    assert [case.get("name") for case in root.iter("testcase")] == ["No findings"]
+
+
+def test_github_annotates_the_span_and_escapes_what_would_end_it() -> None:
+    one = EXCEEDED.at(PLACE, "120 %:\nno, really", "::error::x")
+
+    assert as_github([one]) == (
+        "::error file=manifests/my robot.yaml,line=31,endLine=31,col=5,endColumn=8,"
+        "title=RARMS014 Reservations exceed the platform::120 %25:%0Ano, really%0A::error::x\n"
+    )
+
+
+def test_github_properties_escape_colon_and_comma() -> None:
+    place = Place(file="a,b:c%.yaml", line=1, column=1)
+
+    assert "file=a%2Cb%3Ac%25.yaml," in as_github([EXCEEDED.at(place, "x", "y")])
+
+
+def test_github_calls_a_note_a_notice_and_needs_no_place() -> None:
+    note = Finding(code="RARMS086", severity=Severity.NOTE, summary="Not used").at(None, "x", "y")
+
+    assert as_github([note]) == "::notice title=RARMS086 Not used::x%0Ay\n"
+
+
+@given(diagnostics)
+def test_hostile_text_breaks_no_form(one: Diagnostic) -> None:
+    assert json.loads(as_json([one]))["findings"][0]["code"] == one.code
+    assert json.loads(as_sarif([one], page=lambda _code: None))["runs"][0]["results"][0]["ruleId"] == one.code
+    assert ET.fromstring(as_junit([one])).get("tests") == "1"
+    commands = as_github([one])
+    assert commands.count("\n") == 1
+    assert re.match(r"::(error|warning|notice) ", commands)
+    for text in (as_json([one]), as_sarif([one], page=lambda _code: None), as_junit([one]), commands):
+        assert text.encode("utf-8")
+
+
+@pytest.mark.parametrize("form", list(OutputFormat))
+def test_every_form_renders_nothing_and_something(form: OutputFormat) -> None:
+    assert "RARMS014" in render(form, [ERROR], {})
+    assert "RARMS014" not in render(form, [], {})

@@ -1,0 +1,178 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related, Severity
+from rarms_iac.views.diagnostics.colour import coloured, without_colour
+from rarms_iac.views.diagnostics.layout import columns, visible, wrap
+from rarms_iac.views.diagnostics.text import as_text, summary
+
+EXCEEDED = Finding(code="RARMS014", severity=Severity.ERROR, summary="Reservations exceed the platform")
+RESTART = Finding(code="RARMS041", severity=Severity.WARNING, summary="A change restarts a partition")
+
+
+def at(line: int, column: int, *, length: int = 1, path: str = "", file: str = "robot.yaml") -> Place:
+    return Place(file=file, line=line, column=column, path=path, length=length)
+
+
+def shown(source: str, place: Place) -> list[str]:
+    """The source line and the caret line as they are rendered."""
+    return as_text([EXCEEDED.at(place, "Why.", "What to do.")], {"robot.yaml": source}).splitlines()[2:4]
+
+
+def test_the_form_is_code_place_line_detail_advice_and_a_count() -> None:
+    one = EXCEEDED.at(
+        at(2, 25, path="hosts.onboard.logical_processors"),
+        "FDP 70 %, SRP 30 % and PPP 20 % need 120 % of the two logical processors.",
+        "Relax an APT, or let `rarms tune` combine the least critical CoIs.",
+    )
+
+    text = as_text([one], {"robot.yaml": "hosts:\n    logical_processors: 2\n"})
+
+    assert (
+        text
+        == """\
+error[RARMS014] Reservations exceed the platform
+  robot.yaml:2:25, hosts.onboard.logical_processors
+  2 |     logical_processors: 2
+    |                         ^
+  FDP 70 %, SRP 30 % and PPP 20 % need 120 % of the two logical processors.
+  Relax an APT, or let `rarms tune` combine the least critical CoIs.
+
+1 error, 0 warnings, 0 notes.
+"""
+    )
+
+
+def test_the_caret_underlines_the_whole_value() -> None:
+    assert shown("memory: 5 GB", at(1, 9, length=4)) == ["  1 | memory: 5 GB", "    |         ^^^^"]
+
+
+def test_wide_characters_and_combining_ones_keep_the_caret_under_the_spot() -> None:
+    line, caret = shown("名前: e\u0301x !", at(1, 9))
+
+    assert caret.index("^") == columns(line[: line.index("!")])
+    assert columns("名前") == 4
+    assert columns("e\u0301") == 1
+
+
+def test_a_wide_character_gets_a_caret_for_each_of_its_columns() -> None:
+    assert shown("a: ７", at(1, 4)) == ["  1 | a: ７", "    |    ^^"]
+
+
+def test_tabs_become_spaces_in_both_lines() -> None:
+    assert shown("a:\tb", at(1, 4)) == ["  1 | a:      b", "    |         ^"]
+
+
+def test_what_acts_on_a_terminal_is_spelt_out() -> None:
+    line, caret = shown("a: \x1b[31m\u202e!", at(1, 10))
+
+    assert line == "  1 | a: <U+001B>[31m<U+202E>!"
+    assert caret.index("^") == line.index("!")
+    assert visible("\ud800") == "<U+D800>"
+
+
+@pytest.mark.parametrize("column", [1, 60, 500, 998, 1000])
+def test_a_long_line_is_cut_around_the_spot_to_eighty_columns(column: int) -> None:
+    source = "".join("x" if n + 1 != column else "!" for n in range(1000))
+
+    line, caret = shown(source, at(1, column))
+
+    assert len(line) <= 80
+    assert line[caret.index("^")] == "!"
+
+
+def test_a_line_of_megabytes_is_no_reason_to_be_slow() -> None:
+    line, caret = shown("x" * 8_000_000 + "!", at(1, 8_000_001))
+
+    assert line[caret.index("^")] == "!"
+
+
+def test_a_place_outside_the_text_or_a_file_without_text_has_no_snippet() -> None:
+    assert shown("a: 1", at(7, 1)) == ["  Why.", "  What to do."]
+    assert "  1 |" not in as_text([EXCEEDED.at(at(1, 1, file="-"), "Why.", "Do.")], {})
+
+
+def test_a_caret_may_stand_behind_the_end_of_its_line() -> None:
+    assert shown("a:", at(1, 9)) == ["  1 | a:", "    |   ^"]
+
+
+def test_a_second_place_is_shown_with_what_it_says() -> None:
+    one = EXCEEDED.at(at(2, 1), "Twice.", "Remove one.", related=(Related(place=at(1, 1), says="first here"),))
+
+    text = as_text([one], {"robot.yaml": "a: 1\na: 2\n"})
+
+    assert "  robot.yaml:1:1, first here\n  1 | a: 1\n    | ^\n" in text
+
+
+def test_only_a_warning_says_the_address_that_an_acceptance_names() -> None:
+    warning = RESTART.at(at(1, 1, path="partitions.vision"), "Why.", "Do.", address="partition/vision")
+    error = EXCEEDED.at(at(1, 1, path="hosts.onboard"), "Why.", "Do.", address="host/onboard")
+
+    text = as_text([warning, error], {})
+
+    assert "  robot.yaml:1:1, partitions.vision, at partition/vision\n" in text
+    assert "host/onboard" not in text
+
+
+def test_a_number_is_not_parted_from_its_unit() -> None:
+    assert list(wrap("it takes 120 % of it", 12, "")) == ["it takes", "120 % of it"]
+
+
+@given(st.text(st.characters(), max_size=300), st.integers(20, 100))
+def test_wrapping_loses_no_word_and_only_single_words_stick_out(text: str, width: int) -> None:
+    lines = list(wrap(text, width, "  "))
+
+    assert visible(text).split() == " ".join(lines).split()
+    assert all(columns(line) <= width or len(line.split()) <= 2 for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("diagnostics", "accepted", "expected"),
+    [
+        ([], 0, "No findings."),
+        ([], 2, "No findings (2 accepted)."),
+        ([EXCEEDED], 0, "1 error, 0 warnings, 0 notes."),
+        ([EXCEEDED, RESTART, RESTART], 1, "1 error, 2 warnings, 0 notes (1 accepted)."),
+    ],
+)
+def test_the_last_line_counts(diagnostics: list[Finding], accepted: int, expected: str) -> None:
+    silenced = [RESTART.at(None, "", "")] * accepted
+
+    assert summary([one.at(None, "", "") for one in diagnostics], silenced) == expected
+
+
+diagnostics = st.builds(
+    Diagnostic,
+    code=st.from_regex(r"RARMS[0-9]{3}", fullmatch=True),
+    severity=st.sampled_from(Severity),
+    summary=st.text(st.characters(), max_size=30),
+    detail=st.text(st.characters(), max_size=90),
+    advice=st.text(st.characters(), max_size=90),
+    place=st.none()
+    | st.builds(
+        Place,
+        file=st.just("robot.yaml"),
+        line=st.integers(1, 4),
+        column=st.integers(1, 200),
+        path=st.text(st.characters(), max_size=20),
+        length=st.integers(0, 300),
+    ),
+)
+
+
+@given(st.lists(diagnostics, max_size=3), st.text(st.characters(), max_size=300))
+def test_colour_never_changes_the_text_and_every_text_can_be_written(some: list[Diagnostic], source: str) -> None:
+    text = as_text(some, {"robot.yaml": source})
+
+    assert without_colour(coloured(text)) == text
+    assert text.encode("utf-8")
+    assert "\x1b" not in text
+    assert coloured(text) != text or not some
+
+
+@given(diagnostics, st.text(st.characters(), max_size=300))
+def test_no_source_line_takes_more_than_eighty_columns(one: Diagnostic, source: str) -> None:
+    text = as_text([one], {"robot.yaml": source})
+
+    assert all(columns(line) <= 80 for line in text.splitlines() if " | " in line[:8] and "^" in line)
