@@ -1,0 +1,41 @@
+# What a person runs. Each recipe is one line; the work is in scripts/.
+# PYTHON=/path/to/python3 chooses the interpreter (3.11 or newer); without it the newest found is taken.
+PYTHON ?=
+export PYTHON
+VENV := .venv
+# Stamps: rarms itself is installed; and so is what its tests and checks need.
+RUNS := $(VENV)/.installed
+TESTS := $(VENV)/.installed-dev
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test test-long lint test-windows bench clean
+
+help: ## Show this list
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | while IFS='|' read -r name says; do printf '%-20s %s\n' "$$name" "$$says"; done
+
+demo: $(RUNS) ## The delivery robot, from its manifest to an applied plan on the simulated host
+	@scripts/demo
+
+test: $(TESTS) ## All tests, with branch coverage
+	@scripts/test
+
+test-long: $(TESTS) ## The same tests with the large counts (an hour or so)
+	@RARMS_LONG=1 scripts/test
+
+lint: $(TESTS) ## ruff, mypy and the import contracts
+	@scripts/lint
+
+test-windows: $(TESTS) ## The unit, case and law tests under the real Windows CPython (wine)
+	@scripts/windows-tests
+
+bench: $(TESTS) ## All benchmarks, as ratios measured in one run
+	@scripts/bench
+
+clean: ## Remove .venv and everything else that was made here
+	@rm -rf $(VENV) .cache dist .coverage .coverage.* .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+
+$(RUNS): pyproject.toml scripts/make-venv
+	@scripts/make-venv $(VENV) && touch $@
+
+$(TESTS): pyproject.toml scripts/make-venv
+	@scripts/make-venv $(VENV) dev && touch $(RUNS) $@

@@ -1,0 +1,68 @@
+"""What holds for every test: hypothesis' counts, the needs of tests, and no silent skips in CI."""
+
+import os
+from collections.abc import Sequence
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+from tests import needs
+from tests.effort import LONG, examples
+
+# The usual run tries the same examples everywhere, so that a failure is one for everybody; the long run explores.
+settings.register_profile(
+    "rarms",
+    max_examples=examples(60),
+    deadline=None,
+    derandomize=not LONG,
+    print_blob=True,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.load_profile("rarms")
+
+NO_SKIPS = os.environ.get("RARMS_NO_SKIPS") == "1"
+
+
+def _needed_by(item: pytest.Item) -> list[str]:
+    return [str(name) for marker in item.iter_markers("needs") for name in marker.args]
+
+
+def pytest_collection_modifyitems(items: Sequence[pytest.Item]) -> None:
+    """A misspelt need would skip nothing and say nothing."""
+    for item in items:
+        if unknown := sorted(set(_needed_by(item)) - needs.NEEDS.keys()):
+            known = ", ".join(needs.NEEDS)
+            raise pytest.UsageError(f"{item.nodeid} needs {', '.join(unknown)}, which tests/needs.py lacks ({known})")
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skips, before any fixture, what this machine cannot run."""
+    needs.require(*_needed_by(item))
+
+
+def _reason(report: pytest.TestReport | pytest.CollectReport) -> str:
+    return str(report.longrepr[2]) if isinstance(report.longrepr, tuple) else str(report.longrepr)
+
+
+def _avoidable(config: pytest.Config) -> list[str]:
+    """The skips that a machine like this one need not have had, as lines."""
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
+    if not NO_SKIPS or reporter is None:  # a worker of xdist has no reporter: its controller decides
+        return []
+    skipped: list[pytest.TestReport | pytest.CollectReport] = reporter.stats.get("skipped", [])
+    return [f"{report.nodeid}: {_reason(report)}" for report in skipped if not needs.is_excused(_reason(report))]
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Under RARMS_NO_SKIPS=1 a skip that could be avoided is a failure of the run."""
+    if _avoidable(session.config) and session.exitstatus in {pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED}:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Names the skips that failed the run."""
+    if avoidable := _avoidable(config):
+        terminalreporter.section("skips that fail this run (RARMS_NO_SKIPS=1)")
+        for line in avoidable:
+            terminalreporter.line(line)

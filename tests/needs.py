@@ -1,0 +1,110 @@
+"""What a test may need of the machine: `@pytest.mark.needs("posix", "git")`, or `require("git")` half-way.
+
+A need that is missing skips the test with a reason that begins `needs <name>: `. Under RARMS_NO_SKIPS=1 (CI) a skip
+fails the run, except where this machine could not possibly offer what is needed.
+"""
+
+import importlib.util
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+CHECKOUT = Path(__file__).resolve().parent.parent
+SHARED = CHECKOUT.parent / "shared"
+ON_WINDOWS = sys.platform == "win32"
+ON_LINUX = sys.platform == "linux"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Need:
+    """One thing a machine may offer: `missing` answers with what is missing, or with nothing when it is there."""
+
+    missing: Callable[[], str]
+    obtainable: Callable[[], bool]  # could a machine like this one offer it, properly set up?
+
+
+def _never() -> bool:
+    return False
+
+
+def _on_posix() -> bool:
+    return not ON_WINDOWS
+
+
+def _on_linux() -> bool:
+    return ON_LINUX
+
+
+def _program(*names: str) -> Callable[[], str]:
+    """A probe for the first of some programs, any of which will do."""
+    return lambda: "" if any(map(shutil.which, names)) else f"{' or '.join(names)} is not installed"
+
+
+def _is_root() -> bool:
+    return sys.platform != "win32" and os.geteuid() == 0
+
+
+def _writable_control_groups() -> list[str]:
+    if not _is_root() or not ON_LINUX:
+        return []
+    mounts = [line.split() for line in Path("/proc/mounts").read_text(encoding="utf-8").splitlines()]
+    return [mount[1] for mount in mounts if mount[2] in {"cgroup", "cgroup2"} and "rw" in mount[3].split(",")]
+
+
+@cache
+def _no_package_index() -> str:
+    """Asks pip itself, so that its configuration decides which index that is."""
+    arguments = ["install", "--dry-run", "--ignore-installed", "--no-deps", "--quiet", "hatchling"]
+    tried = subprocess.run([sys.executable, "-m", "pip", *arguments], capture_output=True, timeout=120)
+    return "pip cannot reach its package index" if tried.returncode else ""
+
+
+def _no_venv() -> str:
+    return "" if importlib.util.find_spec("ensurepip") else "Python's venv module (ensurepip) is missing"
+
+
+NEEDS: dict[str, Need] = {
+    "chromium": Need(missing=_program("chromium"), obtainable=_on_linux),
+    "control-groups": Need(
+        missing=lambda: "" if _writable_control_groups() else "no control group is writable here",
+        obtainable=lambda: bool(_writable_control_groups()),
+    ),
+    "git": Need(missing=_program("git"), obtainable=_on_posix),
+    "make": Need(missing=_program("make"), obtainable=_on_posix),
+    "network": Need(missing=_no_package_index, obtainable=_on_posix),
+    "posix": Need(missing=lambda: "this is Windows" if ON_WINDOWS else "", obtainable=_on_posix),
+    "root": Need(missing=lambda: "" if _is_root() else "not run as root", obtainable=_is_root),
+    "shared": Need(missing=lambda: "" if SHARED.is_dir() else f"{SHARED} is not here", obtainable=_never),
+    "ssh": Need(missing=lambda: _program("ssh")() or _program("sshd", "/usr/sbin/sshd")(), obtainable=_on_posix),
+    "venv": Need(missing=_no_venv, obtainable=_on_posix),
+    "windows": Need(missing=lambda: "" if ON_WINDOWS else "this is not Windows", obtainable=lambda: ON_WINDOWS),
+    "wine": Need(missing=_program("wine"), obtainable=_on_linux),
+}
+
+
+def reason_to_skip(*names: str) -> str:
+    """Why a test with these needs cannot run here, in the form that `is_excused` reads; nothing when it can."""
+    for name in names:
+        if missing := NEEDS[name].missing():
+            return f"needs {name}: {missing}"
+    return ""
+
+
+def require(*names: str) -> None:
+    """Skips the running test unless the machine offers all of these."""
+    if reason := reason_to_skip(*names):
+        pytest.skip(reason)
+
+
+def is_excused(reason: str) -> bool:
+    """Whether a test skipped for this reason could not have run on this machine, however well set up."""
+    said = re.search(r"needs ([a-z-]+): ", reason)
+    return said is not None and said[1] in NEEDS and not NEEDS[said[1]].obtainable()
