@@ -1,0 +1,155 @@
+"""Why a run was not begun, or ended early (DESIGN section 4): the findings of applying."""
+
+from collections.abc import Sequence
+
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.journal import Journal, RunKind, RunStarted
+from rarms_iac.model.plan import Readings, Step
+from rarms_iac.providers.interface import HostDamaged, HostError, HostLocked
+
+USED = Finding(code="RARMS181", severity=Severity.ERROR, summary="The plan was used already")
+MOVED = Finding(code="RARMS182", severity=Severity.ERROR, summary="The host has moved since the plan was made")
+UNFINISHED = Finding(code="RARMS183", severity=Severity.ERROR, summary="Another run is unfinished on the host")
+LOCKED = Finding(code="RARMS184", severity=Severity.ERROR, summary="The host is held by another run")
+STEP_MOVED = Finding(code="RARMS185", severity=Severity.ERROR, summary="A setting changed since the plan was made")
+STEP_FAILED = Finding(code="RARMS186", severity=Severity.ERROR, summary="A step failed")
+STEP_MISSED = Finding(code="RARMS187", severity=Severity.ERROR, summary="A step did not take effect")
+HOST_FAILED = Finding(code="RARMS189", severity=Severity.ERROR, summary="The host could not be read")
+DAMAGED = Finding(code="RARMS190", severity=Severity.ERROR, summary="What the host keeps for rarms is damaged")
+NOT_REACHED = Finding(code="RARMS191", severity=Severity.ERROR, summary="The host is not as the plan left it")
+NOTHING_TO_UNDO = Finding(code="RARMS192", severity=Severity.ERROR, summary="There is nothing to undo")
+UNDO_PARTIAL = Finding(code="RARMS193", severity=Severity.WARNING, summary="Not everything can be taken back")
+
+GO_ON = "Run `rarms apply` to finish it, `rarms undo` to take it back, or `rarms apply --abandon` to leave it as it is."
+
+
+def used(host: str, plan: str) -> Diagnostic:
+    """The plan's serial has passed on this host."""
+    return USED.at(
+        None,
+        f"Plan {plan} was applied to {host}, or another apply or undo has run there since it was made.",
+        "Make a new plan: `rarms plan --out FILE`.",
+        address=f"host/{host}",
+    )
+
+
+def moved(host: str, parts: Sequence[str]) -> Diagnostic:
+    """Parts of the observed state differ from those that the plan rests on."""
+    return MOVED.at(
+        None,
+        f"On {host} this is no longer as the plan saw it: {'; '.join(parts)}.",
+        "Nothing was changed. Look with `rarms drift`, then make a new plan.",
+        address=f"host/{host}",
+    )
+
+
+def unfinished(host: str, journal: Journal) -> Diagnostic:
+    """A run of another plan was begun and never closed."""
+    started = journal.started
+    return UNFINISHED.at(
+        None,
+        f"{_run(started)} on {host} was begun by {started.started_by} and not finished.",
+        GO_ON,
+        address=f"host/{host}",
+    )
+
+
+def locked(error: HostLocked) -> Diagnostic:
+    """Somebody else holds the host."""
+    return LOCKED.at(
+        None,
+        f"{error.host} is held by {error.owner}.",
+        "Wait for that run to end, or let rarms wait: `--lock-timeout 60s`.",
+        address=f"host/{error.host}",
+    )
+
+
+def step_moved(host: str, step: Step, live: Readings) -> Diagnostic:
+    """What a step found is neither what the plan saw nor what it wants."""
+    return STEP_MOVED.at(
+        step.place,
+        f"{step.address} on {host}, before `{step.title}`: {differences(live, step.before)}.",
+        "Nothing more was changed. Look with `rarms drift`; " + GO_ON,
+        address=str(step.address),
+    )
+
+
+def step_failed(host: str, step: Step, error: HostError) -> Diagnostic:
+    """The host refused a step or failed in it."""
+    return STEP_FAILED.at(
+        step.place,
+        f"{step.address} on {host}, `{step.title}`: {error.says}.",
+        f"{error.advice[:1].upper()}{error.advice[1:]}. {GO_ON}",
+        address=str(step.address),
+    )
+
+
+def step_missed(host: str, step: Step, live: Readings) -> Diagnostic:
+    """The call went through, and the host still shows something else."""
+    return STEP_MISSED.at(
+        step.place,
+        f"{step.address} on {host}, after `{step.title}`: {differences(live, step.after)}.",
+        GO_ON,
+        address=str(step.address),
+    )
+
+
+def host_failed(error: HostError) -> Diagnostic:
+    """The host cannot be read, or what it keeps for us is damaged."""
+    finding = DAMAGED if isinstance(error, HostDamaged) else HOST_FAILED
+    return finding.at(None, f"{error.host}: {error.says}.", f"{error.advice}.", address=f"host/{error.host}")
+
+
+def not_reached(host: str, address: str, says: str) -> Diagnostic:
+    """All steps went through, and looking again shows a difference."""
+    return NOT_REACHED.at(
+        None,
+        f"{address} on {host}: {says}.",
+        "Something else changes it too. Look with `rarms drift`.",
+        address=address,
+    )
+
+
+def nothing_to_undo(host: str, why: str) -> Diagnostic:
+    """There is no apply to take back."""
+    return NOTHING_TO_UNDO.at(None, f"{host}: {why}.", "Nothing was changed.", address=f"host/{host}")
+
+
+def undo_partial(host: str, step: Step) -> Diagnostic:
+    """A step of the run cannot be taken back, or not wholly."""
+    return UNDO_PARTIAL.at(
+        step.place,
+        f"{step.address} on {host}, `{step.title}`: {step.undo.says}.",
+        "Look at it with `rarms drift` afterwards.",
+        address=str(step.address),
+    )
+
+
+def differences(live: Readings, expected: Readings) -> str:
+    """`reserve is 50, not 70`, for everything expected that is not so; sorted by name."""
+    found = [
+        f"{name.removeprefix('value:')} is {_shown(live[name])}, not {_shown(expected[name])}"
+        if name in live
+        else f"{name.removeprefix('value:')} is not there"
+        for name in sorted(expected)
+        if live.get(name) != expected[name]
+    ]
+    return ", ".join(found)
+
+
+def _shown(value: bool | int | str) -> str:
+    match value:
+        case bool():
+            return "yes" if value else "no"
+        case "":
+            return "empty"
+        case _:
+            return str(value)
+
+
+def _run(started: RunStarted) -> str:
+    match started.run:
+        case RunKind.APPLY:
+            return f"The apply of plan {started.plan}"
+        case RunKind.UNDO:
+            return f"The undo of plan {started.plan}"

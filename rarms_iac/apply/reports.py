@@ -1,0 +1,71 @@
+"""What became of a run: told host by host, and how the whole of it ended."""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Protocol
+
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.journal import RunKind, RunStarted, StepStatus
+from rarms_iac.model.plan import Step
+
+
+class Ending(StrEnum):
+    """How a run ended; the command line turns it into an exit code (DESIGN section 9)."""
+
+    DONE = "done"
+    NOTHING = "nothing"  # there was nothing to do
+    REFUSED = "refused"  # moved, locked, used, edited, or another run is unfinished
+    FAILED = "failed"
+    INTERRUPTED = "interrupted"  # stopped after a step because the user asked
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostReport:
+    """What one host's run did."""
+
+    host: str
+    plan: str
+    run: RunKind
+    ending: Ending
+    changed: int
+    unchanged: int
+    total: int
+    resumed: bool = False  # it finished a run that had been begun earlier
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunReport:
+    """All hosts in the order they were walked, and what went wrong."""
+
+    ending: Ending
+    hosts: tuple[HostReport, ...] = ()
+    diagnostics: tuple[Diagnostic, ...] = field(default=())
+
+
+class RunReporter(Protocol):
+    """Told while a run goes on; must not raise."""
+
+    def run_started(self, started: RunStarted, *, done: int) -> None:
+        """A host's run begins, or goes on after so many steps that were done earlier."""
+        ...
+
+    def step_started(self, host: str, number: int, total: int, step: Step) -> None:
+        """A step is about to be looked at; `number` counts from 1."""
+        ...
+
+    def step_ended(self, host: str, number: int, total: int, step: Step, status: StepStatus) -> None:
+        """A step is done, or was as wanted already."""
+        ...
+
+
+class SilentReporter:
+    """The default: tells nobody."""
+
+    def run_started(self, started: RunStarted, *, done: int) -> None:
+        """Nothing."""
+
+    def step_started(self, host: str, number: int, total: int, step: Step) -> None:
+        """Nothing."""
+
+    def step_ended(self, host: str, number: int, total: int, step: Step, status: StepStatus) -> None:
+        """Nothing."""
