@@ -1,0 +1,94 @@
+"""A plan's id and seal, and its file (DESIGN section 4).
+
+The id is a digest of what the plan says, without the scripts, which carry the id themselves. The seal covers the
+whole file, scripts included. Both are taken over the values, not over the bytes: line ends that git changes do no
+harm, while one changed character of a script does.
+"""
+
+import json
+from dataclasses import replace
+from typing import Any
+
+from rarms_iac.model.plan import Plan
+from rarms_iac.storage.codec import NotDecodable, decode, encode
+from rarms_iac.storage.digest import digest_of
+
+FORMAT = "rarms-plan/1"
+MAX_BYTES = 64 * 2**20
+
+
+class PlanFileError(Exception):
+    """The file is not a plan that may be applied; `says` tells what it is instead, `advice` what to do."""
+
+    def __init__(self, says: str, advice: str) -> None:
+        super().__init__(says)
+        self.says = says
+        self.advice = advice
+
+
+class PlanUnreadable(PlanFileError):
+    """It is no plan, or one of another version of rarms."""
+
+
+class PlanEdited(PlanFileError):
+    """It was changed after rarms wrote it."""
+
+
+def identified(plan: Plan) -> Plan:
+    """The plan with its id."""
+    return replace(plan, id=plan_id(plan))
+
+
+def plan_id(plan: Plan) -> str:
+    """12 hex digits of what the plan says, scripts left out."""
+    bare = replace(plan, id="", hosts=tuple(replace(host, scripts={}) for host in plan.hosts))
+    return digest_of(encode(bare), 12)
+
+
+def write_plan(plan: Plan) -> bytes:
+    """The plan as a sealed file: JSON that a person can read and git can compare."""
+    document = encode(plan)
+    sealed = {**document, "seal": _seal(document)}
+    return (json.dumps(sealed, indent=1, ensure_ascii=False) + "\n").encode("utf-8")
+
+
+def read_plan(data: bytes) -> Plan:
+    """The plan of a file.
+
+    Raises:
+        PlanUnreadable: not a plan file, or of another format version.
+        PlanEdited: seal or id do not fit the content.
+    """
+    document = _parsed(data)
+    seal = document.pop("seal", None)
+    if seal != _seal(document):
+        raise PlanEdited("its seal does not fit its content: it was edited", "Make the plan again: `rarms plan --out FILE`")
+    try:
+        plan = decode(Plan, document)
+    except NotDecodable as error:
+        raise PlanUnreadable(str(error), "Make the plan again with this version of rarms") from error
+    if plan.id != plan_id(plan):
+        raise PlanEdited("its id does not fit its content: it was edited", "Make the plan again: `rarms plan --out FILE`")
+    return plan
+
+
+def _parsed(data: bytes) -> dict[str, Any]:
+    again = "Give a file that `rarms plan --out FILE` wrote"
+    if len(data) > MAX_BYTES:
+        raise PlanUnreadable(f"it has more than {MAX_BYTES // 2**20} MiB", again)
+    try:
+        document = json.loads(data.decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise PlanUnreadable("it is not a plan file: not JSON", again) from error
+    if not isinstance(document, dict) or "format_version" not in document:
+        raise PlanUnreadable("it is not a plan file", again)
+    if document["format_version"] != FORMAT:
+        raise PlanUnreadable(
+            f"it is of the format {document['format_version']!r}, and this rarms reads {FORMAT}",
+            "Make the plan again with this version of rarms",
+        )
+    return document
+
+
+def _seal(document: dict[str, Any]) -> str:
+    return digest_of(document, 64)
