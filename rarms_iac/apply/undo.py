@@ -45,15 +45,15 @@ def abandon(host: StepwiseHost) -> RunReport:
 def steps_to_undo(journal: Journal) -> tuple[tuple[int, Step], ...]:
     """The steps that the run may have done, with their numbers, the last one first."""
     touched = journal.touched()
-    return tuple((number, step) for number, step in reversed(list(enumerate(journal.started.steps))) if number in touched)
+    return tuple(
+        (number, step) for number, step in reversed(list(enumerate(journal.started.steps))) if number in touched
+    )
 
 
 def not_taken_back(host: str, journal: Journal) -> tuple[Diagnostic, ...]:
     """A warning for each of those steps that cannot be taken back, or not wholly."""
     return tuple(
-        refusals.undo_partial(host, step)
-        for _, step in steps_to_undo(journal)
-        if step.undo.level is not UndoLevel.FULL
+        refusals.undo_partial(host, step) for _, step in steps_to_undo(journal) if step.undo.level is not UndoLevel.FULL
     )
 
 

@@ -14,7 +14,7 @@ from rarms_iac.diff.readings import readings
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Closing, Journal, RunClosed, RunStarted, StepRecorded, StepStatus
-from rarms_iac.model.plan import Reading, Readings, Step
+from rarms_iac.model.plan import Reading, Readings, Scope, Step
 from rarms_iac.providers.interface import HostError, StepwiseHost
 
 ShouldStop = Callable[[], bool]
@@ -24,10 +24,13 @@ ShouldStop = Callable[[], bool]
 def walk(host: StepwiseHost, journal: Journal, reporter: RunReporter, should_stop: ShouldStop) -> RunReport:
     """Do what is left of the journal's run and close it. The caller holds the host's lock."""
     started = journal.started
-    done = {record.number: record.status for record in journal.steps if record.status is not StepStatus.BEGUN}
+    done: dict[int, StepStatus] = {
+        record.number: record.status for record in journal.steps if record.status is not StepStatus.BEGUN
+    }
     begun = journal.touched() - set(done)
     reporter.run_started(started, done=len(done))
     resumed = bool(journal.steps)
+    scope = Scope(application=started.application, plan=started.plan)
 
     def report(ending: Ending, *problems: Diagnostic) -> RunReport:
         changed = sum(status is StepStatus.CHANGED for status in done.values())
@@ -50,7 +53,7 @@ def walk(host: StepwiseHost, journal: Journal, reporter: RunReporter, should_sto
         if should_stop():
             return report(Ending.INTERRUPTED)
         reporter.step_started(host.name, number + 1, total, step)
-        outcome = _perform(host, started.plan, number, step, was_begun=number in begun)
+        outcome = _perform(host, scope, number, step, was_begun=number in begun)
         if isinstance(outcome, Diagnostic):
             refused = outcome.code == refusals.STEP_MOVED.code
             return report(Ending.REFUSED if refused else Ending.FAILED, outcome)
@@ -58,15 +61,13 @@ def walk(host: StepwiseHost, journal: Journal, reporter: RunReporter, should_sto
         reporter.step_ended(host.name, number + 1, total, step, outcome)
 
     host.record(RunClosed(closing=Closing.DONE))
-    strays = tuple(_strays(host, started))
+    strays = tuple(_strays(host, started, scope))
     return report(Ending.FAILED if strays else Ending.DONE, *strays)
 
 
-def _perform(
-    host: StepwiseHost, plan: str, number: int, step: Step, *, was_begun: bool
-) -> StepStatus | Diagnostic:
+def _perform(host: StepwiseHost, scope: Scope, number: int, step: Step, *, was_begun: bool) -> StepStatus | Diagnostic:
     try:
-        live = host.read(step.address, plan)
+        live = host.read(step.address, scope)
         if agrees(live, step.after):
             # NOTE: a step that was begun by a killed run and is found done was our doing: undo must take it back.
             status = StepStatus.CHANGED if was_begun else StepStatus.UNCHANGED
@@ -75,8 +76,8 @@ def _perform(
         if not agrees(live, step.before):
             return refusals.step_moved(host.name, step, live)
         host.record(StepRecorded(number=number, status=StepStatus.BEGUN))
-        host.execute(step.operation, plan)
-        live = host.read(step.address, plan)
+        host.execute(step.operation, scope)
+        live = host.read(step.address, scope)
     except HostError as error:
         return refusals.step_failed(host.name, step, error)
     if not agrees(live, step.after):
@@ -90,7 +91,7 @@ def agrees(live: Readings, expected: Readings) -> bool:
     return all(name in live and live[name] == value for name, value in expected.items())
 
 
-def _strays(host: StepwiseHost, started: RunStarted) -> Iterator[Diagnostic]:
+def _strays(host: StepwiseHost, started: RunStarted, scope: Scope) -> Iterator[Diagnostic]:
     """Looking again: every address against the last reading that a step of the run expects of it."""
     state = host.observe()
     expected: dict[Address, dict[str, Reading]] = {}
@@ -99,7 +100,7 @@ def _strays(host: StepwiseHost, started: RunStarted) -> Iterator[Diagnostic]:
             expected[step.address] = {}
         expected.setdefault(step.address, {}).update(step.after)
     for address, wanted in sorted(expected.items()):
-        live = readings(state, address, started.plan)
+        live = readings(state, address, scope)
         if not agrees(live, wanted):
             yield refusals.not_reached(host.name, str(address), refusals.differences(live, wanted))
 

@@ -7,11 +7,11 @@ harm, while one changed character of a script does.
 
 import json
 from dataclasses import replace
-from typing import Any
+from typing import cast
 
 from rarms_iac.model.plan import Plan
-from rarms_iac.storage.codec import NotDecodable, decode, encode
-from rarms_iac.storage.digest import digest_of
+from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
+from rarms_iac.storage.digest import digest, parse_json, short
 
 FORMAT = "rarms-plan/1"
 MAX_BYTES = 64 * 2**20
@@ -42,12 +42,12 @@ def identified(plan: Plan) -> Plan:
 def plan_id(plan: Plan) -> str:
     """12 hex digits of what the plan says, scripts left out."""
     bare = replace(plan, id="", hosts=tuple(replace(host, scripts={}) for host in plan.hosts))
-    return digest_of(encode(bare), 12)
+    return short(digest(bare))
 
 
 def write_plan(plan: Plan) -> bytes:
     """The plan as a sealed file: JSON that a person can read and git can compare."""
-    document = encode(plan)
+    document = cast("dict[str, Json]", encode(plan))
     sealed = {**document, "seal": _seal(document)}
     return (json.dumps(sealed, indent=1, ensure_ascii=False) + "\n").encode("utf-8")
 
@@ -62,23 +62,27 @@ def read_plan(data: bytes) -> Plan:
     document = _parsed(data)
     seal = document.pop("seal", None)
     if seal != _seal(document):
-        raise PlanEdited("its seal does not fit its content: it was edited", "Make the plan again: `rarms plan --out FILE`")
+        raise PlanEdited(
+            "its seal does not fit its content: it was edited", "Make the plan again: `rarms plan --out FILE`"
+        )
     try:
         plan = decode(Plan, document)
     except NotDecodable as error:
         raise PlanUnreadable(str(error), "Make the plan again with this version of rarms") from error
     if plan.id != plan_id(plan):
-        raise PlanEdited("its id does not fit its content: it was edited", "Make the plan again: `rarms plan --out FILE`")
+        raise PlanEdited(
+            "its id does not fit its content: it was edited", "Make the plan again: `rarms plan --out FILE`"
+        )
     return plan
 
 
-def _parsed(data: bytes) -> dict[str, Any]:
+def _parsed(data: bytes) -> dict[str, Json]:
     again = "Give a file that `rarms plan --out FILE` wrote"
     if len(data) > MAX_BYTES:
         raise PlanUnreadable(f"it has more than {MAX_BYTES // 2**20} MiB", again)
     try:
-        document = json.loads(data.decode("utf-8-sig"))
-    except (ValueError, RecursionError) as error:
+        document = parse_json(data.decode("utf-8-sig"))
+    except ValueError as error:
         raise PlanUnreadable("it is not a plan file: not JSON", again) from error
     if not isinstance(document, dict) or "format_version" not in document:
         raise PlanUnreadable("it is not a plan file", again)
@@ -90,5 +94,5 @@ def _parsed(data: bytes) -> dict[str, Any]:
     return document
 
 
-def _seal(document: dict[str, Any]) -> str:
-    return digest_of(document, 64)
+def _seal(document: dict[str, Json]) -> str:
+    return digest(document)
