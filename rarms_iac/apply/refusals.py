@@ -17,7 +17,7 @@ STEP_MISSED = Finding(code="RARMS187", severity=Severity.ERROR, summary="A step 
 HOST_FAILED = Finding(code="RARMS189", severity=Severity.ERROR, summary="The host could not be read")
 DAMAGED = Finding(code="RARMS190", severity=Severity.ERROR, summary="What the host keeps for rarms is damaged")
 NOT_REACHED = Finding(code="RARMS191", severity=Severity.ERROR, summary="The host is not as the plan left it")
-NOTHING_TO_UNDO = Finding(code="RARMS192", severity=Severity.ERROR, summary="There is nothing to undo")
+NOTHING_TO_UNDO = Finding(code="RARMS192", severity=Severity.NOTE, summary="There is nothing to undo")
 UNDO_PARTIAL = Finding(code="RARMS193", severity=Severity.WARNING, summary="Not everything can be taken back")
 
 GO_ON = "Run `rarms apply` to finish it, `rarms undo` to take it back, or `rarms apply --abandon` to leave it as it is."

@@ -7,8 +7,9 @@ harm, while one changed character of a script does.
 
 import json
 from dataclasses import replace
-from typing import cast
+from typing import ClassVar, cast
 
+from rarms_iac.model.diagnostics import Finding, Severity
 from rarms_iac.model.plan import Plan
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.digest import digest, parse_json, short
@@ -17,8 +18,14 @@ FORMAT = "rarms-plan/1"
 MAX_BYTES = 64 * 2**20
 
 
+EDITED = Finding(code="RARMS180", severity=Severity.ERROR, summary="The plan file was edited")
+UNREADABLE = Finding(code="RARMS188", severity=Severity.ERROR, summary="This is not a plan file")
+
+
 class PlanFileError(Exception):
     """The file is not a plan that may be applied; `says` tells what it is instead, `advice` what to do."""
+
+    finding: ClassVar[Finding]
 
     def __init__(self, says: str, advice: str) -> None:
         super().__init__(says)
@@ -29,9 +36,13 @@ class PlanFileError(Exception):
 class PlanUnreadable(PlanFileError):
     """It is no plan, or one of another version of rarms."""
 
+    finding = UNREADABLE
+
 
 class PlanEdited(PlanFileError):
     """It was changed after rarms wrote it."""
+
+    finding = EDITED
 
 
 def identified(plan: Plan) -> Plan:
