@@ -1,0 +1,100 @@
+"""What reaches a user: the wheel, installed in a fresh environment, does the main job from an empty folder."""
+
+import json
+import os
+import subprocess
+import sys
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from tests.needs import CHECKOUT
+
+TRAVELS = ("schemas", "manifests", "templates", "docs/findings")
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    build = [sys.executable, "-m", "build", "--wheel", "--outdir", str(folder), str(CHECKOUT)]
+    done = subprocess.run(build, capture_output=True, text=True, encoding="utf-8")
+    assert done.returncode == 0, done.stdout + done.stderr
+    (built,) = folder.glob("*.whl")
+    return built
+
+
+@pytest.fixture(scope="module")
+def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The programs of an environment that holds the wheel and what it asks for, nothing else."""
+    folder = tmp_path_factory.mktemp("environment")
+    venv.create(folder, with_pip=False)
+    programs = folder / ("Scripts" if sys.platform == "win32" else "bin")
+    install = [sys.executable, "-m", "pip", "--python", str(programs / "python"), "install", "--quiet", str(wheel)]
+    done = subprocess.run(install, capture_output=True, text=True, encoding="utf-8")
+    assert done.returncode == 0, done.stdout + done.stderr
+    return programs
+
+
+def run(programs: Path, folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """A command as a user types it, with nothing of this checkout within reach."""
+    environment = {"PATH": f"{programs}{os.pathsep}{os.defpath}", "HOME": str(folder.parent), "PYTHONUTF8": "1"}
+    command = [str(programs / words[0]), *words[1:]]
+    return subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, encoding="utf-8", stdin=subprocess.DEVNULL
+    )
+
+
+def do_the_main_job(programs: Path, folder: Path) -> None:
+    """A new manifest, sound, planned, applied, and nothing left to do."""
+    script: list[tuple[int, tuple[str, ...]]] = [
+        (0, ("rarms", "init")),
+        (0, ("rarms", "validate")),
+        (2, ("rarms", "plan", "--out", "robot.plan")),
+        (0, ("rarms", "apply", "--auto-approve")),
+        (0, ("rarms", "plan")),
+    ]
+    for expected, words in script:
+        done = run(programs, folder, *words)
+        assert done.returncode == expected, f"{' '.join(words)}: {done.returncode}\n{done.stdout}{done.stderr}"
+
+
+@pytest.mark.needs("network", "venv")
+def test_the_wheel_does_the_main_job_from_an_empty_folder(installed: Path, tmp_path: Path) -> None:
+    do_the_main_job(installed, tmp_path)
+
+
+@pytest.mark.needs("network", "venv")
+def test_the_package_of_the_fresh_environment_is_the_wheels(installed: Path, tmp_path: Path) -> None:
+    found = run(installed, tmp_path, "python", "-c", "import rarms_iac; print(rarms_iac.__file__)")
+
+    assert Path(found.stdout.strip()).is_relative_to(installed.parent)
+
+
+@pytest.mark.needs("network", "venv")
+def test_pages_and_schemas_are_found_in_the_installed_wheel(installed: Path, tmp_path: Path) -> None:
+    explained = run(installed, tmp_path, "rarms", "explain", "RARMS014")
+    schema = run(installed, tmp_path, "rarms", "schema")
+
+    assert explained.returncode == 0, explained.stderr
+    assert "Reservations exceed the platform" in explained.stdout
+    assert schema.returncode == 0, schema.stderr
+    assert "$schema" in json.loads(schema.stdout)
+
+
+@pytest.mark.needs("network", "venv")
+def test_what_lies_beside_the_package_travels_in_the_wheel(wheel: Path) -> None:
+    travelling = zipfile.ZipFile(wheel)
+    held = {name: travelling.read(name) for name in travelling.namelist() if "/shipped/" in name}
+
+    for folder in TRAVELS:
+        for file in sorted((CHECKOUT / folder).rglob("*")):
+            hidden = any(part.startswith(".") for part in file.relative_to(CHECKOUT).parts)
+            if file.is_file() and not hidden and "__pycache__" not in file.parts:
+                name = f"rarms_iac/shipped/{file.relative_to(CHECKOUT).as_posix()}"
+                assert held.get(name) == file.read_bytes(), name
+
+
+def test_the_editable_install_does_the_main_job_too(tmp_path: Path) -> None:
+    do_the_main_job(Path(sys.executable).parent, tmp_path)
