@@ -53,12 +53,12 @@ def seconds(task: Task) -> float:
 
 
 def interleaved(tasks: Mapping[str, Task], *, rounds: int) -> dict[str, list[float]]:
-    """Wall times in seconds of `rounds` runs of every task: one run warms up, then all in turn, odd rounds backwards."""
+    """Wall times in seconds of `rounds` runs of every task, after one that warms up: in turn, odd rounds backwards."""
     times: dict[str, list[float]] = {name: [] for name in tasks}
     for task in tasks.values():
         task()
     for number in range(rounds):
-        names = list(tasks) if number % 2 == 0 else list(reversed(tasks))
+        names = list(tasks) if number % 2 == 0 else list(reversed(list(tasks)))
         for name in names:
             times[name].append(seconds(tasks[name]))
     return times
