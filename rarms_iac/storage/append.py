@@ -1,0 +1,134 @@
+"""The second of the two writers: one record more, for journals and data logs (DESIGN section 4).
+
+A record is one JSON object on one line. Its last two fields, `length` and `checksum`, are over the object's text
+without them and without the line end, so that a carriage return added by git does no harm. The last record may be torn
+by a crash: it is dropped, and the next append takes its place. A damaged earlier one is an error.
+"""
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from rarms_iac.storage import disk
+from rarms_iac.storage.codec import Json
+from rarms_iac.storage.digest import parse_json
+
+Record = Mapping[str, Json]
+
+LENGTH, CHECKSUM = "length", "checksum"
+_SEAL = re.compile(rb',"length":([0-9]{1,12}),"checksum":"([0-9a-f]{64})"\}\r?')
+_SEAL_SPACE = 128  # bytes that a seal takes at most
+_CHUNK = 4096
+
+
+class Damaged(Exception):
+    """A record before the last one is not as it was written."""
+
+    def __init__(self, path: Path, line: int, says: str) -> None:
+        super().__init__(f"{path}:{line}: {says}")
+        self.path = path
+        self.line = line
+        self.says = says
+
+
+def line_of(record: Record) -> bytes:
+    """The record as its line, the end included.
+
+    Raises:
+        ValueError: it is empty, or has a field of a name that the line itself needs.
+    """
+    if not record or LENGTH in record or CHECKSUM in record:
+        raise ValueError(f"a record has at least one field, and none called {LENGTH} or {CHECKSUM}")
+    text = json.dumps(record, separators=(",", ":"), allow_nan=False).encode("ascii")
+    return b'%s,"length":%d,"checksum":"%s"}\n' % (text[:-1], len(text), _checksum(text))
+
+
+def append(path: Path, record: Record) -> None:
+    """Add the record; it is on the disk when this returns. The folder must exist, the file need not.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    effects = disk.current()
+    line = line_of(record)
+    size = path.stat().st_size if path.exists() else 0
+    if size == 0:  # also one that a crash left empty: its name may not be on the disk
+        effects.write(path, b"")
+        effects.flush_folder(path.parent)
+    elif size != (sound := _sound_size(path, size)):
+        effects.cut(path, sound)
+    effects.append(path, line)
+    effects.flush(path)
+
+
+def read_records(path: Path) -> tuple[dict[str, Json], ...]:
+    """All whole records, without `length` and `checksum`; none where there is no file.
+
+    Raises:
+        Damaged: one before the last is not as it was written.
+    """
+    if not path.exists():
+        return ()
+    *lines, rest = path.read_bytes().split(b"\n")  # `rest` has no line end: empty, or torn
+    texts = [_text_of(line) for line in lines]
+    last = len(texts) - (0 if rest else 1)
+    for number, text in enumerate(texts):
+        if text is None and number < last:
+            raise Damaged(path, number + 1, "the record is damaged: its length or checksum does not fit its text")
+    return tuple(_object(path, number, text) for number, text in enumerate(texts) if text is not None)
+
+
+def read_first(path: Path) -> dict[str, Json] | None:
+    """The first record alone, None where there is none or only a torn one.
+
+    Raises:
+        Damaged: it is damaged, and others follow.
+    """
+    if not path.exists():
+        return None
+    with path.open("rb") as file:
+        line, more = file.readline(), file.read(1)
+    text = _text_of(line[:-1]) if line.endswith(b"\n") else None
+    if text is None and more:
+        raise Damaged(path, 1, "the record is damaged: its length or checksum does not fit its text")
+    return None if text is None else _object(path, 0, text)
+
+
+def _checksum(text: bytes) -> bytes:
+    return hashlib.sha256(text).hexdigest().encode("ascii")
+
+
+def _text_of(line: bytes) -> bytes | None:
+    """The object's text without its seal, None where it is not whole."""
+    tail_at = max(0, len(line) - _SEAL_SPACE)
+    found = _SEAL.search(line, tail_at)
+    if found is None or found.end() != len(line):
+        return None
+    text = line[: found.start()] + b"}"
+    whole = int(found[1]) == len(text) and found[2] == _checksum(text)
+    return text if whole else None
+
+
+def _object(path: Path, number: int, text: bytes) -> dict[str, Json]:
+    data = parse_json(text.decode("ascii"))
+    if not isinstance(data, dict):
+        raise Damaged(path, number + 1, "the record is no object")
+    return data
+
+
+def _sound_size(path: Path, size: int) -> int:
+    """How many bytes the file has up to the end of its last whole record."""
+    with path.open("rb") as file:
+        start, tail = size, b""
+        while start and b"\n" not in tail[:-1]:
+            length = min(start, max(_CHUNK, len(tail)))
+            start -= length
+            file.seek(start, os.SEEK_SET)
+            tail = file.read(length) + tail
+    begin = tail[:-1].rfind(b"\n") + 1
+    last = tail[begin:]
+    whole = last.endswith(b"\n") and _text_of(last[:-1]) is not None
+    return size if whole else start + begin

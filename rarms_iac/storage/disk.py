@@ -1,0 +1,133 @@
+"""The rim between rarms and the file system: every effect that must survive a crash is one call of a `Disk`.
+
+`replace` and `append` do nothing to files but through the disk in use. A test installs another with `use`: one that
+counts the effects and ends the process at the n-th shows what a crash leaves behind at every one of them
+(`tests/crashing.py`). What is read, and the lock file, which says nothing once its process is dead, do not go this way.
+"""
+
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Protocol
+
+RETRIES = 40
+RETRY_SECONDS = 0.025
+"""How long a rename waits on Windows for a reader to close the file: a second in all."""
+
+
+class Disk(Protocol):
+    """The effects on files, each of which a crash may come before, in the middle of, or after."""
+
+    def make_folder(self, folder: Path) -> None:
+        """Make one folder in one that exists; it may be there."""
+        ...
+
+    def write(self, path: Path, data: bytes) -> None:
+        """Make the file new, or empty it, and write this."""
+        ...
+
+    def append(self, path: Path, data: bytes) -> None:
+        """Write at the end of a file that exists."""
+        ...
+
+    def cut(self, path: Path, size: int) -> None:
+        """Drop everything of the file behind so many bytes."""
+        ...
+
+    def flush(self, path: Path) -> None:
+        """Return when the file's content is on the disk itself."""
+        ...
+
+    def rename(self, source: Path, target: Path) -> None:
+        """Give the file this name in its folder, in one moment, in place of what has it."""
+        ...
+
+    def flush_folder(self, folder: Path) -> None:
+        """Return when the names in the folder are on the disk itself."""
+        ...
+
+    def remove(self, path: Path) -> None:
+        """Remove the file; it may be gone."""
+        ...
+
+
+class RealDisk:
+    """The file system of this machine."""
+
+    def make_folder(self, folder: Path) -> None:
+        """Make one folder in one that exists; it may be there."""
+        folder.mkdir(exist_ok=True)
+
+    def write(self, path: Path, data: bytes) -> None:
+        """Make the file new, or empty it, and write this."""
+        path.write_bytes(data)
+
+    def append(self, path: Path, data: bytes) -> None:
+        """Write at the end of a file that exists."""
+        with path.open("ab") as file:
+            file.write(data)
+
+    def cut(self, path: Path, size: int) -> None:
+        """Drop everything of the file behind so many bytes."""
+        os.truncate(path, size)
+
+    def flush(self, path: Path) -> None:
+        """Return when the file's content is on the disk itself."""
+        with path.open("r+b") as file:  # Windows flushes only what is open for writing
+            os.fsync(file.fileno())
+
+    def rename(self, source: Path, target: Path) -> None:
+        """Give the file this name in its folder, in one moment, in place of what has it."""
+        for _ in range(RETRIES):
+            try:
+                source.replace(target)
+            except PermissionError:
+                if sys.platform != "win32":
+                    raise
+                time.sleep(RETRY_SECONDS)  # somebody has the target open: there a file in use cannot be replaced
+            else:
+                return
+        source.replace(target)
+
+    def flush_folder(self, folder: Path) -> None:
+        """Return when the names in the folder are on the disk itself."""
+        if sys.platform == "win32":
+            return  # NTFS journals its names, and a folder cannot be opened
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+    def remove(self, path: Path) -> None:
+        """Remove the file; it may be gone."""
+        path.unlink(missing_ok=True)
+
+
+_in_use: list[Disk] = [RealDisk()]
+
+
+def current() -> Disk:
+    """The disk in use: the real one unless a test installed another."""
+    return _in_use[-1]
+
+
+@contextmanager
+def use(disk: Disk) -> Iterator[None]:
+    """Have this disk used while the context lasts. For tests only."""
+    _in_use.append(disk)
+    try:
+        yield
+    finally:
+        _in_use.remove(disk)
+
+
+def make_folders(folder: Path) -> None:
+    """Make the folder and those above it, each durable in its parent before the next."""
+    missing = [one for one in (folder, *folder.parents) if not one.exists()]
+    for one in reversed(missing):
+        current().make_folder(one)
+        current().flush_folder(one.parent)

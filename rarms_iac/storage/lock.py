@@ -1,0 +1,129 @@
+"""A lock file that dies with its process and names its owner while it is held.
+
+The system's own lock on an open file: `flock`, or on Windows a locked byte far behind the text, since what is locked
+there cannot be read. It excludes threads as well as processes. The file stays when the lock is given back: removing it
+would let two hold "it" at once.
+"""
+
+import getpass
+import os
+import socket
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+
+POLL_SECONDS = 0.02
+OWNER_BYTES = 4096
+_LOCKED_BYTE = 1 << 30  # behind any text
+
+
+class Locked(Exception):
+    """Somebody else holds the lock."""
+
+    def __init__(self, path: Path, owner: str) -> None:
+        super().__init__(f"{path} is held by {owner}")
+        self.path = path
+        self.owner = owner
+
+
+def this_process(command: str, now: datetime | None = None) -> str:
+    """The owner's name: user, computer, process, since when, and what it does."""
+    since = (now or datetime.now(UTC)).astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    return f"{_user()}@{socket.gethostname()}, process {os.getpid()}, since {since}, {command}"
+
+
+@contextmanager
+def hold(path: Path, owner: str, timeout_ms: int = 0) -> Iterator[None]:
+    """Hold the lock while the context lasts. The folder must exist.
+
+    Raises:
+        Locked: somebody else holds it, after waiting so long.
+    """
+    descriptor = _open(path)
+    try:
+        _wait(descriptor, path, timeout_ms)
+        try:
+            _write(descriptor, owner)
+            yield
+        finally:
+            _write(descriptor, "")
+            _unlock(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def read_owner(path: Path) -> str:
+    """Who holds the lock, or held it when it was killed; empty where nobody says."""
+    try:
+        with path.open("rb") as file:
+            return file.read(OWNER_BYTES).decode("utf-8", "replace").strip()
+    except OSError:
+        return ""
+
+
+def _open(path: Path) -> int:
+    return os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
+
+
+def _wait(descriptor: int, path: Path, timeout_ms: int) -> None:
+    until = time.monotonic() + timeout_ms / 1000
+    while not _try_lock(descriptor):
+        if time.monotonic() >= until:
+            raise Locked(path, _owner_of_a_held_lock(path))
+        time.sleep(POLL_SECONDS)
+
+
+def _owner_of_a_held_lock(path: Path) -> str:
+    """Its owner writes the name right after taking it: give it a moment."""
+    for _ in range(5):
+        if owner := read_owner(path):
+            return owner
+        time.sleep(POLL_SECONDS)
+    return "another process"
+
+
+def _write(descriptor: int, owner: str) -> None:
+    text = owner.encode("utf-8", "replace")[: OWNER_BYTES - 1]
+    os.ftruncate(descriptor, 0)
+    os.lseek(descriptor, 0, os.SEEK_SET)
+    if text:
+        os.write(descriptor, text + b"\n")
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError, ImportError):  # no name for this user id; on Windows no environment says it
+        return "unknown"
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _try_lock(descriptor: int) -> bool:
+        os.lseek(descriptor, _LOCKED_BYTE, os.SEEK_SET)
+        try:
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        except OSError:
+            return False
+        return True
+
+    def _unlock(descriptor: int) -> None:
+        os.lseek(descriptor, _LOCKED_BYTE, os.SEEK_SET)
+        msvcrt.locking(descriptor, msvcrt.LK_UNLCK, 1)
+
+else:
+    import fcntl
+
+    def _try_lock(descriptor: int) -> bool:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        return True
+
+    def _unlock(descriptor: int) -> None:
+        fcntl.flock(descriptor, fcntl.LOCK_UN)

@@ -1,0 +1,35 @@
+"""The first of the two writers: a whole file at once, for state, plans and snapshots (DESIGN section 4)."""
+
+import os
+import threading
+from contextlib import suppress
+from pathlib import Path
+
+from rarms_iac.storage import disk
+
+
+def replace(path: Path, data: bytes) -> None:
+    """Make the file exactly these bytes, durably: a reader, now or after a crash, sees the old or the new ones whole.
+
+    The file's folder must exist.
+
+    Raises:
+        OSError: it cannot be written; the old content is still there.
+    """
+    effects = disk.current()
+    temporary = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}.new")
+    try:
+        effects.write(temporary, data)
+        effects.flush(temporary)
+        effects.rename(temporary, path)
+    except OSError:
+        with suppress(OSError):
+            effects.remove(temporary)
+        raise
+    effects.flush_folder(path.parent)
+
+
+def remove_leftovers(path: Path) -> None:
+    """Remove what killed writers of this file left beside it. Only for who holds the lock that all its writers take."""
+    for leftover in sorted(path.parent.glob(f".{path.name}.*.new")):
+        disk.current().remove(leftover)

@@ -1,0 +1,154 @@
+"""The two writers: whole or not at all, and torn records."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.storage import disk
+from rarms_iac.storage.append import Damaged, Record, append, line_of, read_first, read_records
+from rarms_iac.storage.private import make_room
+from rarms_iac.storage.replace import remove_leftovers, replace
+from tests.crashing import Crash, CrashingDisk, When
+
+
+def test_replace_leaves_only_the_file(tmp_path: Path) -> None:
+    replace(tmp_path / "state.json", b"one")
+    replace(tmp_path / "state.json", b"two")
+
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"state.json": b"two"}
+
+
+def test_replace_flushes_the_content_before_the_name_and_the_name_before_it_returns(tmp_path: Path) -> None:
+    counting = CrashingDisk(0)
+    with disk.use(counting):
+        replace(tmp_path / "state.json", b"one")
+
+    assert [effect.split()[0] for effect in counting.effects] == ["write", "flush", "rename", "flush_folder"]
+
+
+@pytest.mark.parametrize("when", When)
+@pytest.mark.parametrize("at", [1, 2, 3, 4])
+def test_a_crash_while_replacing_leaves_the_old_or_the_new_content(tmp_path: Path, at: int, when: When) -> None:
+    path = tmp_path / "state.json"
+    replace(path, b"old content")
+
+    with disk.use(CrashingDisk(at, when)), pytest.raises(Crash):
+        replace(path, b"new content")
+
+    assert path.read_bytes() == (b"new content" if (at, when) == (3, When.AFTER) or at == 4 else b"old content")
+    remove_leftovers(path)
+    assert [one.name for one in tmp_path.iterdir()] == ["state.json"]
+
+
+def test_a_replace_that_fails_leaves_nothing_beside_the_file(tmp_path: Path) -> None:
+    target = tmp_path / "state.json"
+    (target / "in the way").mkdir(parents=True)  # a folder cannot be replaced by a file
+
+    with pytest.raises(OSError):  # noqa: PT011  (which OSError it is, the system decides)
+        replace(target, b"new")
+
+    assert [one.name for one in tmp_path.iterdir()] == ["state.json"]
+
+
+def test_records_come_back_in_order(tmp_path: Path) -> None:
+    journal = tmp_path / "journal.jsonl"
+    records: list[Record] = [
+        {"kind": "begun", "number": 1},
+        {"kind": "done", "text": "ä\n\u2028"},
+        {"kind": "done", "n": [1.5]},
+    ]
+    for record in records:
+        append(journal, record)
+
+    assert list(read_records(journal)) == records
+    assert read_first(journal) == records[0]
+    assert len(journal.read_bytes().splitlines()) == 3
+
+
+def test_length_and_checksum_are_fields_of_the_object() -> None:
+    line = line_of({"a": 1})
+
+    assert json.loads(line)["length"] == len('{"a":1}')
+    assert set(json.loads(line)) == {"a", "length", "checksum"}
+
+
+def test_no_file_has_no_records(tmp_path: Path) -> None:
+    assert read_records(tmp_path / "journal.jsonl") == ()
+    assert read_first(tmp_path / "journal.jsonl") is None
+
+
+def test_line_ends_of_git_on_windows_do_no_harm(tmp_path: Path) -> None:
+    journal = tmp_path / "journal.jsonl"
+    journal.write_bytes((line_of({"a": 1}) + line_of({"a": 2})).replace(b"\n", b"\r\n"))
+
+    append(journal, {"a": 3})
+
+    assert read_records(journal) == ({"a": 1}, {"a": 2}, {"a": 3})
+
+
+@pytest.mark.parametrize("padding", [0, 5000, 20_000])
+def test_a_torn_last_record_is_dropped_and_its_place_taken(tmp_path: Path, padding: int) -> None:
+    journal = tmp_path / "journal.jsonl"
+    append(journal, {"a": "x" * padding})
+    whole = journal.read_bytes()
+    append(journal, {"b": "y" * padding})
+    both = journal.read_bytes()
+    step = max(1, padding // 7)
+
+    for size in [*range(len(whole) + 1, len(both), step), len(both) - 1]:
+        journal.write_bytes(both[:size])
+        assert read_records(journal) == ({"a": "x" * padding},)
+        append(journal, {"c": 3})
+        assert read_records(journal) == ({"a": "x" * padding}, {"c": 3})
+
+
+def test_a_last_record_that_the_disk_filled_with_zeros_is_dropped_too(tmp_path: Path) -> None:
+    journal = tmp_path / "journal.jsonl"
+    journal.write_bytes(line_of({"a": 1}) + b"\0" * 40 + b"\n")
+
+    append(journal, {"b": 2})
+
+    assert read_records(journal) == ({"a": 1}, {"b": 2})
+
+
+@pytest.mark.parametrize("at", [3, 20, -5])
+def test_a_damaged_earlier_record_is_an_error(tmp_path: Path, at: int) -> None:
+    journal = tmp_path / "journal.jsonl"
+    first = bytearray(line_of({"a": "text"}))
+    first[at] ^= 1
+    journal.write_bytes(bytes(first) + line_of({"b": 2}))
+
+    with pytest.raises(Damaged) as damaged:
+        read_records(journal)
+    assert damaged.value.line == 1
+    with pytest.raises(Damaged):
+        read_first(journal)
+
+
+@pytest.mark.parametrize("record", [{}, {"length": 1}, {"checksum": ""}])
+def test_fields_that_the_line_needs_are_refused(record: dict[str, int | str]) -> None:
+    with pytest.raises(ValueError, match="at least one field"):
+        line_of(dict(record))
+
+
+@pytest.mark.parametrize("when", When)
+@pytest.mark.parametrize("at", [1, 2, 3, 4])
+def test_a_crash_while_a_first_record_is_added_loses_at_most_that(tmp_path: Path, at: int, when: When) -> None:
+    journal = tmp_path / "journal.jsonl"
+    with disk.use(CrashingDisk(at, when)), pytest.raises(Crash):
+        append(journal, {"a": 1})
+    survived = read_records(journal)
+
+    append(journal, {"b": 2})
+
+    assert survived in ((), ({"a": 1},))
+    assert read_records(journal) == (*survived, {"b": 2})
+
+
+def test_the_private_folder_is_kept_out_of_git(tmp_path: Path) -> None:
+    make_room(tmp_path / ".rarms" / "hosts" / "onboard.json")
+    make_room(tmp_path / "elsewhere" / "onboard.json")
+
+    assert (tmp_path / ".rarms" / ".gitignore").read_bytes() == b"*\n"
+    assert list((tmp_path / "elsewhere").iterdir()) == []
