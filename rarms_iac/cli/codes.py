@@ -1,0 +1,17 @@
+"""The exit codes (DESIGN section 9): what a script or a pipeline may rely on."""
+
+from enum import IntEnum
+
+
+class ExitCode(IntEnum):
+    """How a command ended."""
+
+    DONE = 0  # done, nothing to do, or warnings only
+    FAILED = 1  # the tool or the host failed
+    FOUND = 2  # plan: changes; validate: errors; fmt --check: not formatted; drift: the host changed
+    REFUSED = 3  # host moved, busy or locked; plan stale, edited or used; another run unfinished
+    NO = 4  # errors in the manifest, does not fit
+    NOT_APPLIED = 5  # drift: only not applied yet
+    USAGE = 64
+    INTERRUPTED = 130  # Ctrl-C; can be resumed
+    TERMINATED = 143

@@ -1,0 +1,37 @@
+"""`rarms version`: what a report of a bug should say."""
+
+import platform
+import sys
+from importlib.metadata import PackageNotFoundError, version
+
+from rarms_iac import __version__
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.options import json_option
+from rarms_iac.cli.session import Session, rarms_command
+from rarms_iac.views.as_json import document
+
+LIBRARIES = ("click", "google-re2", "jinja2", "networkx", "pydantic", "PyYAML", "rich", "tree-sitter-powershell")
+
+
+@rarms_command("version")
+@json_option
+def command(session: Session, *, as_json: bool) -> ExitCode:
+    """Show the version of rarms, of Python, of the system and of the libraries."""
+    facts = {
+        "rarms": __version__,
+        "python": platform.python_version(),
+        "system": f"{sys.platform} {platform.machine()}",
+    }
+    libraries = {name: _version(name) for name in LIBRARIES}
+    if as_json:
+        session.terminal.data(document("version", {**facts, "libraries": libraries}))
+    else:
+        session.terminal.data("".join(f"{name} {says}\n" for name, says in {**facts, **libraries}.items()))
+    return ExitCode.DONE
+
+
+def _version(library: str) -> str:
+    try:
+        return version(library)
+    except PackageNotFoundError:
+        return "not installed"

@@ -1,0 +1,82 @@
+"""One run of the command line: whatever happens in it becomes text for a person and an exit code."""
+
+import traceback
+from collections.abc import Callable, Sequence
+
+import click
+
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.group import the_group
+from rarms_iac.cli.interrupts import Interrupted
+from rarms_iac.cli.problems import Halted, bug, system_refused
+from rarms_iac.cli.session import Session
+from rarms_iac.cli.terminal import Terminal, this_terminal
+from rarms_iac.model.diagnostics import Diagnostic
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the command that these words ask for and return its exit code. Raises nothing."""
+    session = Session(terminal=this_terminal())
+    code = guarded(session, arguments, _invoke)
+    try:
+        session.terminal.flush()
+    except OSError as error:
+        code = _tell(session.terminal, ExitCode.FAILED, [system_refused(error)])
+    return int(code)
+
+
+def guarded(
+    session: Session, arguments: Sequence[str], invoke: Callable[[Session, Sequence[str]], ExitCode]
+) -> ExitCode:
+    """What the command answers; every exception becomes words on standard error and an exit code."""
+    terminal = session.terminal
+    try:
+        with session.interrupts.listening():
+            return invoke(session, arguments)
+    except click.exceptions.Exit as ending:
+        return ExitCode(ending.exit_code)
+    except click.UsageError as error:
+        terminal.talk(usage_text(error))
+        return ExitCode.USAGE
+    except Halted as halted:
+        _trace(terminal)
+        return _tell(terminal, halted.code, halted.diagnostics)
+    except (Interrupted, KeyboardInterrupt) as interrupt:
+        code = interrupt.code if isinstance(interrupt, Interrupted) else ExitCode.INTERRUPTED
+        terminal.talk(f"\nrarms was {code.name.lower()}. {GO_ON}")
+        return code
+    except OSError as error:
+        _trace(terminal)
+        return _tell(terminal, ExitCode.FAILED, [system_refused(error)])
+    except (Exception, RecursionError) as error:  # noqa: BLE001 - the last line of defence: no traceback reaches a user
+        _trace(terminal)
+        return _tell(terminal, ExitCode.FAILED, [bug(error)])
+
+
+GO_ON = "If it was changing a host, run `rarms apply` to finish that, or `rarms undo` to take it back."
+
+
+def _invoke(session: Session, arguments: Sequence[str]) -> ExitCode:
+    group = the_group()
+    with group.make_context("rarms", list(arguments), obj=session) as context:
+        answer = group.invoke(context)
+    return ExitCode(answer)
+
+
+def usage_text(error: click.UsageError) -> str:
+    """What was wrong with the words, and where the right ones are listed."""
+    path = error.ctx.command_path if error.ctx else "rarms"
+    usage = f"{error.ctx.get_usage()}\n" if error.ctx else ""
+    return f"{usage}{error.format_message()}\n`{path} --help` lists what it takes."
+
+
+def _tell(terminal: Terminal, code: ExitCode, diagnostics: Sequence[Diagnostic]) -> ExitCode:
+    from rarms_iac.cli.telling import tell
+
+    tell(terminal, diagnostics)
+    return code
+
+
+def _trace(terminal: Terminal) -> None:
+    if terminal.debug:
+        terminal.talk(traceback.format_exc().rstrip())

@@ -1,0 +1,89 @@
+"""`rarms` itself: a group that imports a command only when it is called."""
+
+from importlib import import_module
+
+import click
+
+from rarms_iac.cli.session import common_options
+from rarms_iac.cli.table import COMMANDS, module_of
+
+HELP = """From a manifest in git to CPU reservations on a host: plan, review, apply.
+
+\b
+  rarms init       write a first manifest
+  rarms validate   check it
+  rarms plan       see what would change
+  rarms apply      do it
+"""
+
+EPILOG = "`rarms COMMAND --help` tells more of each; `rarms explain RARMS014` explains a finding."
+
+
+class LazyGroup(click.Group):
+    """Its commands are a table of names; a command's module is imported when the command is looked up."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
+        """All names, in the table's order."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002 - click's signature
+        """The command of this name, imported now."""
+        if cmd_name not in COMMANDS:
+            return None
+        command = import_module(module_of(cmd_name)).command
+        assert isinstance(command, click.Command)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - click's signature
+        """The list in `rarms --help`, from the table."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command that the first word names.
+
+        Raises:
+            click.UsageError: there is none; the message offers the nearest.
+        """
+        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+            from rarms_iac.model.spelling import suggestion
+
+            raise click.UsageError(f'There is no command "{args[0]}".{suggestion(args[0], COMMANDS)}', ctx)
+        return super().resolve_command(ctx, args)
+
+
+def the_group() -> LazyGroup:
+    """The whole command line."""
+    version = click.Option(
+        ["--version"],
+        is_flag=True,
+        expose_value=False,
+        is_eager=True,
+        callback=_version,
+        help="Show the version and exit.",
+    )
+    return LazyGroup(
+        name="rarms",
+        help=HELP,
+        epilog=EPILOG,
+        params=[version, *common_options()],
+        no_args_is_help=False,
+        invoke_without_command=True,
+        callback=_nothing_said,
+    )
+
+
+@click.pass_context
+def _nothing_said(context: click.Context) -> None:
+    if context.invoked_subcommand is None:
+        raise click.UsageError("Say what to do, for example `rarms plan`.", context)
+
+
+def _version(context: click.Context, _parameter: click.Parameter, value: bool) -> None:
+    if value:
+        from rarms_iac import __version__
+
+        context.find_root().obj.terminal.data(f"rarms {__version__}\n")
+        context.exit()

@@ -1,0 +1,59 @@
+"""Ctrl-C and SIGTERM: at once where nothing is at stake, after the running step where a host is being changed."""
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from rarms_iac.cli.codes import ExitCode
+
+SIGNALS = {signal.SIGINT: ExitCode.INTERRUPTED, signal.SIGTERM: ExitCode.TERMINATED}
+
+
+class Interrupted(BaseException):
+    """Somebody wants rarms to end; no `except Exception` may swallow it."""
+
+    def __init__(self, code: ExitCode) -> None:
+        super().__init__(code.name.lower())
+        self.code = code
+
+
+class Interrupts:
+    """Listens while a command runs; the first signal is remembered while the work is gentle, the second ends it."""
+
+    def __init__(self) -> None:
+        self.asked: ExitCode | None = None
+        self._gentle = False
+
+    def should_stop(self) -> bool:
+        """Whether the work should end at the next safe place."""
+        return self.asked is not None
+
+    @contextmanager
+    def gently(self) -> Iterator[None]:
+        """Inside, the first signal only asks: the work looks at `should_stop`."""
+        self._gentle = True
+        try:
+            yield
+        finally:
+            self._gentle = False
+
+    @contextmanager
+    def listening(self) -> Iterator[None]:
+        """Take the signals over, and give them back; only a process' main thread can."""
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+        before = {number: signal.signal(number, self.receive) for number in SIGNALS}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def receive(self, number: int, _frame: FrameType | None) -> None:
+        """What a signal does."""
+        first, self.asked = self.asked is None, SIGNALS[signal.Signals(number)]
+        if not (self._gentle and first):
+            raise Interrupted(self.asked)

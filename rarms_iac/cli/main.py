@@ -1,0 +1,21 @@
+"""Where the command starts: `--version` is a constant, everything else is imported when it is asked for."""
+
+import sys
+
+from rarms_iac import __version__
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run rarms with these arguments (default: those of the process) and return the exit code of DESIGN section 9."""
+    words = sys.argv[1:] if arguments is None else arguments
+    if words == ["--version"]:
+        print(f"rarms {__version__}")  # noqa: T201 - the one answer that is given before anything is imported
+        return 0
+
+    from rarms_iac.cli.entry import run
+
+    return run(words)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

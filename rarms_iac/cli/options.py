@@ -1,0 +1,252 @@
+"""The options that several commands share, each read once into a frozen value."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, date, datetime
+from functools import wraps
+from typing import TypeVar, cast
+
+import click
+
+from rarms_iac.model.names import is_name
+from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
+from rarms_iac.model.system import Disruption
+from rarms_iac.views.diagnostics import BadOutput, parse_outputs
+
+DEFAULT_MANIFEST = "rarms.yaml"
+
+F = TypeVar("F", bound=Callable[..., object])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ManifestOptions:
+    """Which manifest, and the day by which its acceptances are judged."""
+
+    manifest: str = DEFAULT_MANIFEST  # file, folder, or `-`; as given
+    overlays: tuple[str, ...] = ()
+    today: date
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SnapshotOption:
+    """A file that stands for a host; an empty host: the only one there is, or the one the file names."""
+
+    host: str
+    file: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostOptions:
+    """Which hosts, live or written down."""
+
+    hosts: tuple[str, ...] = ()  # none: all
+    snapshots: tuple[SnapshotOption, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChangeOptions:
+    """How far a plan may go."""
+
+    targets: tuple[str, ...] = ()  # addresses: partition/vision
+    max_disruption: Disruption | None = None  # None: as the policy says
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOptions:
+    """How a run of steps is begun."""
+
+    auto_approve: bool = False
+    lock_timeout_ms: int = 0
+
+
+def manifest_options(function: F) -> F:
+    """`--manifest`, `--overlay`, `--today` as one `source: ManifestOptions`."""
+
+    def gathered(*args: object, manifest: str, overlay: tuple[str, ...], today: date | None, **rest: object) -> object:
+        source = ManifestOptions(manifest=manifest, overlays=overlay, today=today or today_utc())
+        return function(*args, source=source, **rest)
+
+    return _with(
+        function,
+        gathered,
+        click.option(
+            "-f",
+            "--manifest",
+            metavar="PATH",
+            default=DEFAULT_MANIFEST,
+            envvar="RARMS_MANIFEST",
+            help="The manifest: a file, or the folder of a rarms.yaml. RARMS_MANIFEST says it too. "
+            "[default: rarms.yaml here]",
+        ),
+        click.option(
+            "--overlay", metavar="FILE", multiple=True, help="A file laid over the manifest; repeatable, later wins."
+        ),
+        click.option(
+            "--today",
+            metavar="DATE",
+            callback=_day,
+            help="The day by which acceptances are judged, as 2026-01-31. [default: today in UTC]",
+        ),
+    )
+
+
+def host_options(function: F) -> F:
+    """`--host` as `where: HostOptions`, without snapshots."""
+
+    def gathered(*args: object, host: tuple[str, ...], **rest: object) -> object:
+        return function(*args, where=HostOptions(hosts=host), **rest)
+
+    return _with(function, gathered, _host_option())
+
+
+def host_or_snapshot_options(function: F) -> F:
+    """`--host` and `--snapshot` as one `where: HostOptions`."""
+
+    def gathered(*args: object, host: tuple[str, ...], snapshot: tuple[SnapshotOption, ...], **rest: object) -> object:
+        return function(*args, where=HostOptions(hosts=host, snapshots=snapshot), **rest)
+
+    return _with(
+        function,
+        gathered,
+        _host_option(),
+        click.option(
+            "--snapshot",
+            metavar="[HOST=]FILE",
+            multiple=True,
+            callback=_snapshots,
+            help="Look at this file of `rarms snapshot` instead of the host; repeatable.",
+        ),
+    )
+
+
+def change_options(function: F) -> F:
+    """`--target`, `--max-disruption` as one `limits: ChangeOptions`."""
+
+    def gathered(*args: object, target: tuple[str, ...], max_disruption: str | None, **rest: object) -> object:
+        limit = None if max_disruption is None else Disruption(max_disruption)
+        return function(*args, limits=ChangeOptions(targets=target, max_disruption=limit), **rest)
+
+    return _with(
+        function,
+        gathered,
+        click.option(
+            "--target",
+            metavar="ADDRESS",
+            multiple=True,
+            help="Only this, as partition/vision or task/MotionControl; repeatable.",
+        ),
+        click.option(
+            "--max-disruption",
+            type=click.Choice([one.value for one in Disruption]),
+            help="Hold back what disturbs more. [default: as the policy of the manifest says]",
+        ),
+    )
+
+
+def run_options(function: F) -> F:
+    """`--auto-approve`, `--lock-timeout` as one `how: RunOptions`."""
+
+    def gathered(*args: object, auto_approve: bool, lock_timeout: int, **rest: object) -> object:
+        return function(*args, how=RunOptions(auto_approve=auto_approve, lock_timeout_ms=lock_timeout), **rest)
+
+    return _with(
+        function,
+        gathered,
+        click.option("--auto-approve", is_flag=True, help="Do not ask."),
+        click.option(
+            "--lock-timeout",
+            metavar="TIME",
+            default="0 s",
+            callback=_time,
+            help="Wait so long for a host that another run holds: 60s, 5min. [default: do not wait]",
+        ),
+    )
+
+
+def output_option(function: F) -> F:
+    """`--output` as `outputs: tuple[Output, ...]`; `--json` is short for `--output json`."""
+
+    def gathered(*args: object, output: tuple[str, ...], as_json: bool, **rest: object) -> object:
+        try:
+            outputs = parse_outputs((*output, "json") if as_json else output)
+        except BadOutput as error:
+            raise click.UsageError(f"--output: {error}", click.get_current_context()) from error
+        return function(*args, outputs=outputs, **rest)
+
+    return _with(
+        function,
+        gathered,
+        click.option(
+            "--output",
+            metavar="FORMAT[=FILE]",
+            multiple=True,
+            help="How findings are written: text, json, sarif, junit, github; repeatable, each to a place of its own.",
+        ),
+        json_option,
+    )
+
+
+def json_option(function: F) -> F:
+    """`--json` as `as_json: bool`."""
+    return click.option("--json", "as_json", is_flag=True, help="Write JSON for programs.")(function)
+
+
+def today_utc() -> date:
+    """The day it is now: asked here and nowhere below."""
+    return datetime.now(UTC).date()
+
+
+def _with(function: F, gathered: Callable[..., object], *options: Callable[[F], F]) -> F:
+    wrapped = cast(F, wraps(function)(gathered))
+    for option in reversed(options):
+        wrapped = option(wrapped)
+    return wrapped
+
+
+def _host_option() -> Callable[[F], F]:
+    return click.option(
+        "--host", metavar="NAME", multiple=True, callback=_hosts, help="Only this host; repeatable. [default: all]"
+    )
+
+
+def _hosts(_context: click.Context, _parameter: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
+    for name in value:
+        if not is_name(name):
+            raise click.BadParameter(f"{name!r} cannot be the name of a host.")
+    return tuple(dict.fromkeys(value))
+
+
+def _snapshots(
+    _context: click.Context, _parameter: click.Parameter, value: tuple[str, ...]
+) -> tuple[SnapshotOption, ...]:
+    found = tuple(_snapshot(one) for one in value)
+    named = [one.host for one in found if one.host]
+    for host in named:
+        if named.count(host) > 1:
+            raise click.BadParameter(f"{host} has more than one.")
+    return found
+
+
+def _snapshot(text: str) -> SnapshotOption:
+    host, equals, file = text.partition("=")
+    if equals and is_name(host):
+        if not file:
+            raise click.BadParameter(f"{text!r} names no file: write {host}=FILE.")
+        return SnapshotOption(host=host, file=file)
+    return SnapshotOption(host="", file=text)
+
+
+def _day(_context: click.Context, _parameter: click.Parameter, value: str | None) -> date | None:
+    if value is None:
+        return None
+    try:
+        return date.fromisoformat(value)
+    except ValueError as error:
+        raise click.BadParameter(f"{value!r} is not a day as 2026-01-31.") from error
+
+
+def _time(_context: click.Context, _parameter: click.Parameter, value: str) -> int:
+    try:
+        return int(parse_quantity(value, Unit.TIME)[1])
+    except NotAQuantity as error:
+        raise click.BadParameter(f"{value!r} is not a time as 60s; units: {', '.join(error.units)}.") from error

@@ -1,0 +1,58 @@
+"""What goes wrong at the rim of the command, as findings; and how a command ends early."""
+
+from collections.abc import Sequence
+
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+
+NOT_WRITTEN = Finding(code="RARMS196", severity=Severity.ERROR, summary="A file could not be written")
+SYSTEM_REFUSED = Finding(code="RARMS197", severity=Severity.ERROR, summary="The operating system refused something")
+OUT_OF_REACH = Finding(code="RARMS198", severity=Severity.ERROR, summary="This host cannot be reached by this version")
+BUG = Finding(code="RARMS199", severity=Severity.ERROR, summary="This is a bug in rarms")
+
+
+class Halted(Exception):
+    """The command ends here, for these reasons and with this exit code."""
+
+    def __init__(self, code: ExitCode, diagnostics: Sequence[Diagnostic]) -> None:
+        super().__init__("; ".join(one.summary for one in diagnostics))
+        self.code = code
+        self.diagnostics = tuple(diagnostics)
+
+
+def bug(error: BaseException) -> Diagnostic:
+    """An exception that nobody foresaw."""
+    says = " ".join(str(error).split())
+    return BUG.at(
+        None,
+        f"{type(error).__name__}: {says[:300]}" if says else type(error).__name__,
+        "Run the same command with --debug: the trace it shows is what a report of the bug needs.",
+    )
+
+
+def system_refused(error: OSError) -> Diagnostic:
+    """A file or a call that the operating system would not do, and no command told better."""
+    where = f"{error.filename}: " if error.filename else ""
+    return SYSTEM_REFUSED.at(
+        None,
+        f"{where}{error.strerror or error}.",
+        "Look at the path, its rights and the space on its disk; --debug shows where it happened.",
+    )
+
+
+def not_written(path: str, error: OSError) -> Diagnostic:
+    """A file that was asked for with an option."""
+    return NOT_WRITTEN.at(
+        None, f"{path}: {error.strerror or error}.", "Name a file in a folder that exists and that you may write to."
+    )
+
+
+def out_of_reach(host: str, provider: str) -> Diagnostic:
+    """A provider that the manifest may name, and that this version cannot observe or change."""
+    return OUT_OF_REACH.at(
+        None,
+        f"{host} has the provider {provider}: this version reaches simulated hosts only.",
+        f"Its manifest can be checked (`rarms validate`) and planned from a snapshot "
+        f"(`rarms plan --snapshot {host}=FILE`); `provider: simulated` tries the same layout without the machine.",
+        address=f"host/{host}",
+    )

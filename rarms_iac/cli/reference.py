@@ -1,0 +1,50 @@
+"""The text of `docs/commands.md`: what every `--help` says, in one page.
+
+`python -m rarms_iac.cli.reference > docs/commands.md` writes it.
+"""
+
+import sys
+
+import click
+
+from rarms_iac.cli.group import the_group
+from rarms_iac.cli.shape import all_commands
+
+WIDTH = 80
+
+HEAD = """# Commands
+
+<!-- Generated: python -m rarms_iac.cli.reference > docs/commands.md. A test compares. -->
+
+What each `--help` says. Data goes to standard output, talk to standard error.
+
+| exit code | what it says |
+|---|---|
+| 0 | done, nothing to do, or warnings only |
+| 1 | the tool or a host failed |
+| 2 | `plan`: there are changes; `validate`: errors; `fmt --check`: not formatted; `drift`: the host changed |
+| 3 | refused: the host moved, is busy or held; the plan is stale, edited or used; another run is unfinished |
+| 4 | the answer is no: errors in the manifest (any command but `validate`), it does not fit |
+| 5 | `drift`: only not applied yet |
+| 64 | wrong usage |
+| 130, 143 | interrupted by Ctrl-C or SIGTERM: can be resumed |
+"""
+
+
+def reference() -> str:
+    """The whole page, ending with a line end."""
+    group = the_group()
+    top = click.Context(group, info_name="rarms", terminal_width=WIDTH)
+    parts = [HEAD, _section("rarms", group.get_help(top))]
+    for name, command in all_commands():
+        context = click.Context(command, info_name=name, parent=top, terminal_width=WIDTH)
+        parts.append(_section(f"rarms {name}", command.get_help(context)))
+    return "\n".join(parts)
+
+
+def _section(title: str, text: str) -> str:
+    return f"## {title}\n\n```text\n{text.rstrip()}\n```\n"
+
+
+if __name__ == "__main__":
+    sys.stdout.buffer.write(reference().encode())

@@ -1,0 +1,76 @@
+"""What a command is given beside its options, and the commands' common form."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import wraps
+from typing import Concatenate, ParamSpec
+
+import click
+
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.interrupts import Interrupts
+from rarms_iac.cli.table import COMMANDS
+from rarms_iac.cli.terminal import Terminal
+
+P = ParamSpec("P")
+
+
+@dataclass(slots=True, kw_only=True)
+class Session:
+    """One run of the command line."""
+
+    terminal: Terminal
+    interrupts: Interrupts = field(default_factory=Interrupts)
+
+
+class Command(click.Command):
+    """A command that also takes the options every command takes, wherever they stand."""
+
+    def __init__(self, *args: object, **kwargs: object) -> None:
+        super().__init__(*args, **kwargs)  # type: ignore[arg-type]  # handed through as they came from click
+        self.params.extend(common_options())
+
+
+def common_options() -> list[click.Parameter]:
+    """`--no-color` and `--debug`, which act on the session and reach no command."""
+    return [
+        click.Option(
+            ["--no-color", "--no-colour"],
+            is_flag=True,
+            expose_value=False,
+            callback=_without_colour,
+            help="Write plain text; NO_COLOR=1 does the same.",
+        ),
+        click.Option(
+            ["--debug"],
+            is_flag=True,
+            expose_value=False,
+            callback=_debug,
+            help="Show the trace of an error.",
+        ),
+    ]
+
+
+def rarms_command(
+    name: str, *, epilog: str | None = None
+) -> Callable[[Callable[Concatenate[Session, P], ExitCode]], click.Command]:
+    """Make a click command of a function that takes the session and its options, and returns the exit code."""
+
+    def make(function: Callable[Concatenate[Session, P], ExitCode]) -> click.Command:
+        @wraps(function)
+        def given_the_session(*args: P.args, **kwargs: P.kwargs) -> ExitCode:
+            return function(click.get_current_context().ensure_object(Session), *args, **kwargs)
+
+        return click.command(name, cls=Command, short_help=COMMANDS[name], epilog=epilog)(given_the_session)
+
+    return make
+
+
+def _without_colour(context: click.Context, _parameter: click.Parameter, value: bool) -> None:
+    if value:
+        context.find_root().obj.terminal.without_colour()
+
+
+def _debug(context: click.Context, _parameter: click.Parameter, value: bool) -> None:
+    if value:
+        context.find_root().obj.terminal.debug = True

@@ -1,0 +1,17 @@
+"""All commands with the line that `rarms --help` shows: a table, so that help imports no command."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+COMMANDS: Mapping[str, str] = MappingProxyType(
+    {
+        "completion": "Print a completion script for a shell.",
+        "version": "Show the version of rarms and of what it stands on.",
+    }
+)
+"""In the order in which they are met. `cli/commands/<name>_command.py` holds each (`import` is a keyword)."""
+
+
+def module_of(command: str) -> str:
+    """The module that holds a command, as `command`."""
+    return f"rarms_iac.cli.commands.{command}_command"

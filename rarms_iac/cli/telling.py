@@ -1,0 +1,19 @@
+"""Findings on standard error, for every command but `validate`, whose data they are."""
+
+from collections.abc import Mapping, Sequence
+
+from rarms_iac.cli.terminal import Terminal
+from rarms_iac.model.diagnostics import Diagnostic, in_order
+from rarms_iac.views.diagnostics import OutputFormat, render
+
+
+def tell(terminal: Terminal, diagnostics: Sequence[Diagnostic], sources: Mapping[str, str] | None = None) -> None:
+    """Say these findings in text, in order; nothing where there are none."""
+    if not diagnostics:
+        return
+    text = render(OutputFormat.TEXT, in_order(tuple(diagnostics)), sources or {}).rstrip("\n")
+    if terminal.talk_colour:
+        from rarms_iac.views.diagnostics.colour import coloured
+
+        text = coloured(text)
+    terminal.talk(text)

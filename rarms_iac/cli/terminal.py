@@ -1,0 +1,118 @@
+"""Standard output and standard error: data goes to one, talk to the other, and neither ever breaks a command."""
+
+import contextlib
+import io
+import os
+import shutil
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TextIO
+
+NARROWEST = 40
+WIDEST = 120
+DEFAULT_WIDTH = 80
+
+
+@dataclass(slots=True)
+class Terminal:
+    """Where a command writes to. A reader who has seen enough (`rarms plan | head`) is no error."""
+
+    out: TextIO
+    err: TextIO
+    colour: bool = False  # on standard output
+    talk_colour: bool = False  # on standard error
+    lively: bool = False  # standard error is a terminal: lines may be written over
+    answers: bool = False  # somebody can be asked
+    width: int = DEFAULT_WIDTH
+    debug: bool = False
+
+    def data(self, text: str) -> None:
+        """Write what was asked for."""
+        self.out = _write(self.out, text)
+
+    def talk(self, text: str) -> None:
+        """Write what is said beside it, with a line end."""
+        self.out = _flush(self.out)
+        self.err = _write(self.err, text + "\n")
+
+    def status(self, text: str) -> None:
+        """Write a piece of progress as it is, and show it now."""
+        self.err = _flush(_write(self.err, text))
+
+    def flush(self) -> None:
+        """Push everything out; the last chance to hear that a disk is full."""
+        self.out = _flush(self.out)
+        self.err = _flush(self.err)
+
+    def without_colour(self) -> None:
+        """What `--no-color` asks for."""
+        self.colour = self.talk_colour = False
+
+
+def this_terminal(environment: Mapping[str, str] = os.environ) -> Terminal:
+    """The process' own streams, made safe for any text."""
+    out, err = safe(sys.stdout), safe(sys.stderr)
+    wanted = not environment.get("NO_COLOR") and environment.get("TERM") != "dumb"
+    return Terminal(
+        out=out,
+        err=err,
+        colour=wanted and out.isatty(),
+        talk_colour=wanted and err.isatty(),
+        lively=err.isatty() and environment.get("TERM") != "dumb",
+        answers=sys.stdin is not None and sys.stdin.isatty() and err.isatty(),
+        width=width_of(out, environment),
+    )
+
+
+def width_of(out: TextIO, environment: Mapping[str, str]) -> int:
+    """Columns of a terminal or as `COLUMNS` says, within reason; 80 where nobody looks."""
+    if not (out.isatty() or environment.get("COLUMNS", "").isdecimal()):
+        return DEFAULT_WIDTH
+    return max(NARROWEST, min(shutil.get_terminal_size((DEFAULT_WIDTH, 24)).columns, WIDEST))
+
+
+def safe(stream: TextIO) -> TextIO:
+    """The stream, never raising over a character: what it cannot show is written as an escape, lines end in LF.
+
+    A pipe or a file gets UTF-8, unless `PYTHONIOENCODING` or the locale asks for ASCII; a terminal what it speaks.
+    """
+    if isinstance(stream, io.TextIOWrapper):
+        encoding = stream.encoding
+        if not stream.isatty() and encoding.lower().startswith(("cp", "utf-16")):
+            encoding = "utf-8"  # a Windows code page would lose text that a program reads
+        with contextlib.suppress(io.UnsupportedOperation, ValueError):
+            stream.reconfigure(encoding=encoding, errors="backslashreplace", newline="\n")
+    return stream
+
+
+def _write(stream: TextIO, text: str) -> TextIO:
+    try:
+        stream.write(text)
+    except OSError as error:
+        return _nowhere(stream, error)
+    return stream
+
+
+def _flush(stream: TextIO) -> TextIO:
+    try:
+        stream.flush()
+    except OSError as error:
+        return _nowhere(stream, error)
+    return stream
+
+
+def _nowhere(stream: TextIO, error: OSError) -> TextIO:
+    """Send the rest nowhere; after a broken pipe in silence, so that the command ends with its own exit code."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(nowhere, stream.fileno())  # what Python flushes when it exits goes nowhere too
+    os.close(nowhere)
+    if not is_broken_pipe(error):
+        raise error
+    return stream
+
+
+def is_broken_pipe(error: OSError) -> bool:
+    """Whether the reader went away; Windows says EINVAL for it."""
+    return isinstance(error, BrokenPipeError) or (os.name == "nt" and error.errno == 22)

@@ -1,0 +1,124 @@
+import io
+import os
+import signal
+import sys
+from collections.abc import Sequence
+
+import click
+import pytest
+
+from rarms_iac.cli import entry
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.interrupts import Interrupted, Interrupts
+from rarms_iac.cli.problems import BUG, Halted, system_refused
+from rarms_iac.cli.session import Session
+from rarms_iac.cli.terminal import Terminal
+
+
+def run_with(error: BaseException, *, debug: bool = False) -> tuple[ExitCode, str]:
+    """What becomes of an exception that a command ends with."""
+    terminal = Terminal(out=io.StringIO(), err=io.StringIO(), debug=debug)
+
+    def invoke(_session: Session, _arguments: Sequence[str]) -> ExitCode:
+        raise error
+
+    code = entry.guarded(Session(terminal=terminal), [], invoke)
+    assert isinstance(terminal.err, io.StringIO)
+    return code, terminal.err.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (click.exceptions.Exit(0), ExitCode.DONE),
+        (click.UsageError("no"), ExitCode.USAGE),
+        (KeyboardInterrupt(), ExitCode.INTERRUPTED),
+        (Interrupted(ExitCode.TERMINATED), ExitCode.TERMINATED),
+        (PermissionError(13, "Permission denied", "rarms.yaml"), ExitCode.FAILED),
+        (Halted(ExitCode.NO, [BUG.at(None, "what", "do")]), ExitCode.NO),
+        (ZeroDivisionError("division by zero"), ExitCode.FAILED),
+        (RecursionError(), ExitCode.FAILED),
+        (MemoryError(), ExitCode.FAILED),
+    ],
+)
+def test_every_exception_becomes_an_exit_code_without_a_trace(error: BaseException, code: ExitCode) -> None:
+    given, said = run_with(error)
+
+    assert given == code
+    assert "Traceback" not in said
+
+
+def test_what_nobody_foresaw_is_a_bug_and_says_how_to_get_the_trace() -> None:
+    _, said = run_with(ZeroDivisionError("division by zero"))
+
+    assert said.startswith("error[RARMS199] This is a bug in rarms\n")
+    assert "ZeroDivisionError: division by zero" in said
+    assert "--debug" in said
+
+
+def test_debug_shows_the_trace() -> None:
+    _, said = run_with(ZeroDivisionError("division by zero"), debug=True)
+
+    assert said.startswith("Traceback (most recent call last):\n")
+
+
+def test_an_interrupt_says_how_to_go_on() -> None:
+    _, said = run_with(Interrupted(ExitCode.INTERRUPTED))
+
+    assert "rarms was interrupted" in said
+    assert "`rarms apply` to finish" in said
+
+
+def test_the_file_of_a_refusal_is_named() -> None:
+    error = PermissionError(13, "Permission denied", "/a/rarms.yaml")
+
+    assert "/a/rarms.yaml: Permission denied." in system_refused(error).detail
+
+
+def test_a_signal_ends_the_work_at_once_and_asks_gentle_work_first() -> None:
+    interrupts = Interrupts()
+    with interrupts.gently():
+        interrupts.receive(signal.SIGTERM, None)
+        assert interrupts.should_stop()
+        with pytest.raises(Interrupted) as second:
+            interrupts.receive(signal.SIGINT, None)
+    with pytest.raises(Interrupted) as first:
+        Interrupts().receive(signal.SIGTERM, None)
+
+    assert (first.value.code, second.value.code) == (ExitCode.TERMINATED, ExitCode.INTERRUPTED)
+
+
+def test_listening_takes_the_signals_over_and_gives_them_back() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    interrupts = Interrupts()
+    with interrupts.listening(), interrupts.gently():
+        signal.raise_signal(signal.SIGINT)
+        assert interrupts.asked is ExitCode.INTERRUPTED
+
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_reader_who_has_seen_enough_ends_nothing() -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    with open(writing, "w", encoding="utf-8", closefd=True) as pipe:  # noqa: PTH123 - a pipe has no path
+        terminal = Terminal(out=pipe, err=io.StringIO())
+        for _ in range(10):
+            terminal.data("x" * 100_000)
+        terminal.flush()
+        terminal.data("more")
+
+    assert terminal.out is pipe
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full, a device of Linux")  # noqa: PTH110
+def test_a_full_disk_is_a_finding() -> None:
+    before = sys.stdout
+    with open("/dev/full", "w", encoding="utf-8") as full:  # noqa: PTH123 - not a file
+        sys.stdout = full
+        try:
+            code = entry.run(["version"])
+        finally:
+            sys.stdout = before
+
+    assert code == ExitCode.FAILED

@@ -1,0 +1,66 @@
+import subprocess
+import sys
+
+import pytest
+
+from rarms_iac import __version__
+from rarms_iac.cli.table import COMMANDS
+from tests.unit.cli.running import rarms
+
+
+def test_the_version_is_one_line() -> None:
+    assert rarms("--version").out == f"rarms {__version__}\n"
+    assert rarms("--no-color", "--version").out == f"rarms {__version__}\n"
+
+
+def test_the_version_imports_nothing_else() -> None:
+    script = (
+        "import sys; from rarms_iac.cli.main import main; main(['--version']); "
+        "print(sorted(m for m in sys.modules if m.startswith(('click', 'rarms_iac', 'yaml', 'pydantic'))))"
+    )
+
+    shown = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+
+    assert shown.splitlines()[1] == "['rarms_iac', 'rarms_iac.cli', 'rarms_iac.cli.main']"
+
+
+def test_help_lists_every_command_and_imports_none() -> None:
+    script = (
+        "import sys; from rarms_iac.cli.main import main; code = main(['--help']); "
+        "print([m for m in sys.modules if m.startswith(('rarms_iac.cli.commands.', 'yaml', 'pydantic', 'rich'))])"
+    )
+
+    shown = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+
+    assert shown.splitlines()[-1] == "[]"
+    assert all(f"  {name} " in shown for name in COMMANDS)
+
+
+@pytest.mark.parametrize("name", sorted(COMMANDS))
+def test_every_command_explains_itself_in_80_columns(name: str) -> None:
+    answer = rarms(name, "--help")
+
+    assert answer.code == 0
+    assert answer.lines[0].startswith(f"Usage: rarms {name} ")
+    assert max(map(len, answer.lines)) <= 80
+
+
+def test_a_misspelt_command_is_wrong_usage_and_offers_the_nearest() -> None:
+    answer = rarms("versoin")
+
+    assert answer.code == 64
+    assert answer.out == ""
+    assert 'There is no command "versoin". Did you mean "version"?' in answer.err
+
+
+def test_a_misspelt_option_offers_the_nearest() -> None:
+    answer = rarms("version", "--jsn")
+
+    assert answer.code == 64
+    assert "--json" in answer.err
+    assert "`rarms version --help` lists what it takes." in answer.err
+
+
+def test_no_command_at_all_is_wrong_usage() -> None:
+    assert rarms().code == 64
+    assert "rarms plan" in rarms().err

@@ -1,0 +1,51 @@
+import io
+
+from rarms_iac.cli.terminal import DEFAULT_WIDTH, NARROWEST, WIDEST, Terminal, safe, width_of
+
+
+class FakeTerminal(io.StringIO):
+    """A stream that somebody looks at."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def wrapper(encoding: str) -> io.TextIOWrapper:
+    return io.TextIOWrapper(io.BytesIO(), encoding=encoding, newline="\r\n")
+
+
+def written(stream: io.TextIOWrapper, text: str) -> bytes:
+    stream.write(text)
+    stream.flush()
+    buffer = stream.buffer
+    assert isinstance(buffer, io.BytesIO)
+    return buffer.getvalue()
+
+
+def test_what_a_stream_cannot_show_is_written_as_an_escape() -> None:
+    stream = wrapper("ascii")
+    safe(stream)
+
+    assert written(stream, "Prüfung \ud800\n") == b"Pr\\xfcfung \\ud800\n"
+
+
+def test_a_windows_pipe_gets_utf_8_and_line_feeds() -> None:
+    stream = wrapper("cp1252")
+    safe(stream)
+
+    assert written(stream, "≥\n") == "≥\n".encode()
+
+
+def test_nobody_looking_means_80_columns_and_a_terminal_its_own_within_reason() -> None:
+    assert width_of(io.StringIO(), {}) == DEFAULT_WIDTH
+    assert NARROWEST <= width_of(FakeTerminal(), {}) <= WIDEST
+
+
+def test_talk_goes_behind_the_data_that_was_written_before_it() -> None:
+    terminal = Terminal(out=io.StringIO(), err=io.StringIO())
+    terminal.data("data\n")
+    terminal.talk("talk")
+
+    assert isinstance(terminal.out, io.StringIO)
+    assert isinstance(terminal.err, io.StringIO)
+    assert (terminal.out.getvalue(), terminal.err.getvalue()) == ("data\n", "talk\n")
