@@ -10,7 +10,7 @@ from rarms_iac.views.completion import Shell
 from tests.unit.cli.running import rarms
 
 BASH = shutil.which("bash")
-needs_bash = pytest.mark.skipif(BASH is None, reason="bash is not here")
+needs_bash = pytest.mark.needs("bash")
 
 
 def complete(*words: str) -> list[str]:

@@ -111,7 +111,7 @@ def test_a_reader_who_has_seen_enough_ends_nothing() -> None:
     assert terminal.out is pipe
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full, a device of Linux")  # noqa: PTH110
+@pytest.mark.needs("linux")
 def test_a_full_disk_is_a_finding() -> None:
     before = sys.stdout
     with open("/dev/full", "w", encoding="utf-8") as full:  # noqa: PTH123 - not a file
