@@ -4,7 +4,8 @@
 step's guard compares like with like. For a partition: `exists`, `machine` (id), `name`, `generation`, `processors`,
 `reserve`, `limit`, `weight`, `memory` (bytes), `dynamic_memory`, `start_action`, `stop_action`, `checkpoints`,
 `running`, `state` (a paused machine is neither running nor off), `mark` (`<application>/<partition>` or empty), `set`.
-For a task class: `exists`, `value:<name>` as `<kind>:<data>`, `record` (`<application>` or empty), `set`.
+For a task class: `exists`, `values` (their names), `value:<name>` as `<kind>:<data>`, `record` (`<application>` or
+empty), `set`.
 """
 
 from collections.abc import Iterable
@@ -96,13 +97,14 @@ def task_readings(task: TaskClass | None) -> Readings:
     Its record may outlive its key, and may stand before it.
     """
     if task is None:
-        return {**NOTHING, "record": "", "set": ""}
+        return {**NOTHING, "values": "", "record": "", "set": ""}
     values: dict[str, Reading] = {
         f"{VALUE}{name}": f"{value.kind.value}:{value.data}" for name, value in sorted(task.values.items())
     }
     record = task.record
     return {
         "exists": bool(task.values),
+        "values": ", ".join(sorted(task.values)),
         **values,
         "record": record.application if record else "",
         "set": record.set if record else "",

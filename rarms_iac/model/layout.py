@@ -8,6 +8,15 @@ from rarms_iac.model.system import StartMode
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Making:
+    """What only the making of a machine needs; empty: the host's own way, or none."""
+
+    image: str = ""  # parent disk of a differencing child
+    switch: str = ""
+    vm_path: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PlacedPartition:
     """A partition with its members, its host and what it gets there, in the provider's grain."""
 
@@ -23,6 +32,7 @@ class PlacedPartition:
     start: StartMode
     generation: int
     reason: str  # why it gets this, for a person
+    making: Making = Making()
 
     @property
     def reserved(self) -> LogicalProcessors:
@@ -46,6 +56,7 @@ class Cause:
 
     what: str  # addresses: partition/vision, host/onboard
     says: str
+    code: str = ""  # of the finding that tells it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

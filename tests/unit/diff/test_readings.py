@@ -110,6 +110,7 @@ def test_a_task_class_is_read_with_the_types_of_its_values() -> None:
 
     assert found == {
         "exists": True,
+        "values": "Affinity, Priority",
         "value:Affinity": "dword:0",
         "value:Priority": "sz:6",
         "record": "robot",
@@ -122,7 +123,7 @@ def test_a_record_without_its_key_is_read_too() -> None:
 
     found = readings(State(facts=FACTS, tasks=(task,)), Address(task="MotionControl"), SCOPE)
 
-    assert found == {"exists": False, "record": "robot", "set": "1" * 12}
+    assert found == {"exists": False, "values": "", "record": "robot", "set": "1" * 12}
 
 
 def test_the_task_classes_of_a_guest_are_its_own() -> None:

@@ -1,0 +1,86 @@
+"""What a change does to what runs: from what changes, and from what the host can do live (FACTS 3)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from rarms_iac.model.layout import Making
+from rarms_iac.model.state import Facet, HostFacts, Partition, PartitionSettings, RunState
+from rarms_iac.model.system import Disruption, ProviderKind
+
+WINDOWS_10 = 10240
+SERVER_2016 = 14393
+"""The builds from which the memory of a running static-memory machine may change, on host and guest alike."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Surroundings:
+    """What the steps of a host depend on beside the changes themselves."""
+
+    facts: HostFacts
+    guest_build: int = 0  # of the Windows in the partitions; 0: not known, so nothing is promised of it
+    making: Mapping[str, Making] = field(default_factory=dict)  # by partition: what only its making needs
+    criticality: Mapping[str, int] = field(default_factory=dict)  # by partition: the highest of its members'
+
+
+def facets(before: PartitionSettings, after: PartitionSettings) -> frozenset[Facet]:
+    """Which parts of the settings differ; whether it runs is none of them."""
+    pairs = {
+        Facet.NAME: (before.name, after.name),
+        Facet.PROCESSORS: (before.processors, after.processors),
+        Facet.CPU: (
+            (before.reserve, before.limit, before.weight),
+            (after.reserve, after.limit, after.weight),
+        ),
+        Facet.MEMORY: ((before.memory, before.dynamic_memory), (after.memory, after.dynamic_memory)),
+        Facet.ACTIONS: (
+            (before.start_action, before.stop_action, before.checkpoints),
+            (after.start_action, after.stop_action, after.checkpoints),
+        ),
+        Facet.GENERATION: (before.generation, after.generation),
+    }
+    return frozenset(facet for facet, (old, new) in pairs.items() if old != new)
+
+
+def needs_off(before: PartitionSettings, after: PartitionSettings, around: Surroundings) -> bool:
+    """Whether something changes that the machine must be off for."""
+    if around.facts.provider is ProviderKind.LINUX:
+        return False  # a control group takes every value while its processes run
+    changed = facets(before, after)
+    return Facet.PROCESSORS in changed or (Facet.MEMORY in changed and not _memory_is_live(before, after, around))
+
+
+def _memory_is_live(before: PartitionSettings, after: PartitionSettings, around: Surroundings) -> bool:
+    if before.dynamic_memory or after.dynamic_memory:
+        return False
+    host_since = WINDOWS_10 if around.facts.client else SERVER_2016
+    return around.facts.os_build >= host_since and around.guest_build >= WINDOWS_10
+
+
+def stops(before: Partition, after: PartitionSettings, around: Surroundings) -> bool:
+    """Whether the change stops the partition, for good or for a while."""
+    running = before.settings.running
+    return running and (not after.running or needs_off(before.settings, after, around))
+
+
+def disruption_of_update(before: Partition, after: PartitionSettings, around: Surroundings) -> Disruption:
+    """How much a partition's change disturbs."""
+    if Facet.GENERATION in facets(before.settings, after):
+        return Disruption.REMOVAL  # never after creation: it is made again (FACTS 3)
+    return Disruption.PARTITION_STOP if stops(before, after, around) else Disruption.LIVE
+
+
+def disruption_of_task(inside: str) -> Disruption:
+    """When a task class takes effect: when its Windows starts again (FACTS 6.3). rarms restarts none for it."""
+    return Disruption.PARTITION_STOP if inside else Disruption.HOST_RESTART
+
+
+def is_at_rest(before: Partition, after: PartitionSettings, around: Surroundings) -> bool:
+    """Whether the machine is in a state from which rarms can do the change: off, running, or saved and live."""
+    off_needed = needs_off(before.settings, after, around)
+    match before.state:
+        case RunState.OFF | RunState.RUNNING:
+            return True
+        case RunState.SAVED:
+            return not off_needed
+        case RunState.PAUSED | RunState.BUSY | RunState.CRITICAL:
+            return not off_needed and after.running == before.settings.running

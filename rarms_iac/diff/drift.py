@@ -1,0 +1,123 @@
+"""Drift: who moved, the host or the manifest? The `set` of a mark tells, without other memory (DESIGN section 4)."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from rarms_iac.model.changes import Address
+from rarms_iac.model.state import Partition, StartAction, State
+from rarms_iac.storage.sets import set_of_settings, set_of_values
+
+
+class DriftKind(StrEnum):
+    """What became of a resource since rarms last wrote it."""
+
+    HOST_CHANGED = "host_changed"  # it is not as it was written
+    NOT_APPLIED = "not_applied"  # the manifest wants something else than was written
+    BOTH = "both"
+    MISSING = "missing"  # wanted, and there is nothing of ours: never applied, or removed by somebody
+    UNUSED = "unused"  # ours, and the manifest no longer wants it; stopped already
+
+    @property
+    def is_of_the_host(self) -> bool:
+        """Whether somebody changed the host behind rarms' back."""
+        return self in {DriftKind.HOST_CHANGED, DriftKind.BOTH}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drifted:
+    """A resource that is not as wanted, and why."""
+
+    address: Address
+    kind: DriftKind
+    says: str
+
+
+def drift(
+    desired: State, observed: State, application: str, unused: frozenset[str] = frozenset()
+) -> tuple[Drifted, ...]:
+    """What drifted, by address. Only what is ours or wanted is looked at; reads, and changes nothing."""
+    found = [*_partitions(desired, observed, application, unused), *_tasks(desired, observed, application, unused)]
+    return tuple(sorted(found, key=lambda one: one.address))
+
+
+def _partitions(desired: State, observed: State, application: str, unused: frozenset[str]) -> Iterator[Drifted]:
+    there = {one.mark.name: one for one in observed.of(application).partitions if one.mark}
+    wanted = {one.settings.name: one for one in desired.partitions}
+    for name in sorted({*there, *wanted}):
+        address = Address(partition=name, machine=there[name].id if name in there else "")
+        kind = _kind(wanted.get(name), there.get(name), is_unused=name in unused)
+        if kind is not None:
+            yield Drifted(address=address, kind=kind, says=_says(kind))
+
+
+def _kind(wanted: Partition | None, there: Partition | None, *, is_unused: bool) -> DriftKind | None:
+    if there is None or there.mark is None:
+        return DriftKind.MISSING
+    if wanted is None or wanted.mark is None:
+        return DriftKind.NOT_APPLIED
+    host = _set_now(there, by_hand=_runs_by_hand(wanted) and not is_unused) != there.mark.set
+    manifest = wanted.mark.set != there.mark.set
+    if not host and not manifest and is_unused:
+        return DriftKind.UNUSED
+    return _of(host=host, manifest=manifest)
+
+
+def _runs_by_hand(wanted: Partition) -> bool:
+    return wanted.settings.start_action is StartAction.NOTHING
+
+
+def _set_now(there: Partition, *, by_hand: bool) -> str:
+    """The digest of what is there. Whether a partition that is started by hand runs counts for nothing."""
+    settings = there.settings
+    if settings.start_action is StartAction.NOTHING and settings.running and not by_hand:
+        return "running"  # no digest: it was written as stopped
+    return set_of_settings(replace(settings, running=False) if by_hand else settings)
+
+
+def _of(*, host: bool, manifest: bool) -> DriftKind | None:
+    match host, manifest:
+        case True, True:
+            return DriftKind.BOTH
+        case True, False:
+            return DriftKind.HOST_CHANGED
+        case False, True:
+            return DriftKind.NOT_APPLIED
+        case _:
+            return None
+
+
+def _tasks(desired: State, observed: State, application: str, unused: frozenset[str]) -> Iterator[Drifted]:
+    kept = {one.settings.name for one in desired.partitions} - unused
+    there = {
+        (one.inside, one.name.lower()): one
+        for one in observed.of(application).tasks
+        if not one.inside or one.inside in kept
+    }
+    wanted = {(one.inside, one.name.lower()): one for one in desired.tasks}
+    for key in sorted({*there, *wanted}):
+        old, new = there.get(key), wanted.get(key)
+        named = old or new
+        assert named is not None
+        address = Address(partition=key[0], task=(new or named).name)
+        if old is None or old.record is None:
+            kind: DriftKind | None = DriftKind.MISSING
+        else:
+            host = set_of_values(old.values) != old.record.set
+            kind = _of(host=host, manifest=new is None or new.record is None or new.record.set != old.record.set)
+        if kind is not None:
+            yield Drifted(address=address, kind=kind, says=_says(kind))
+
+
+def _says(kind: DriftKind) -> str:
+    match kind:
+        case DriftKind.HOST_CHANGED:
+            return "somebody changed it on the host since rarms wrote it"
+        case DriftKind.NOT_APPLIED:
+            return "the manifest wants something else than was last applied"
+        case DriftKind.BOTH:
+            return "somebody changed it on the host, and the manifest wants something else than was last applied"
+        case DriftKind.MISSING:
+            return "the host has nothing of ours under this name: never applied, or removed by somebody"
+        case DriftKind.UNUSED:
+            return "the manifest no longer wants it; it is stopped"

@@ -1,0 +1,68 @@
+"""A change as steps: one operation each, guarded by what is read before and after, with its undo (DESIGN section 4)."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import assert_never
+
+from rarms_iac.diff.disruption import Surroundings
+from rarms_iac.diff.partition_steps import (
+    create_partition,
+    remove_partition,
+    take_in,
+    take_out,
+    update_partition,
+)
+from rarms_iac.diff.task_steps import remove_task, write_task
+from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Update
+from rarms_iac.model.plan import Step
+from rarms_iac.model.state import Partition, TaskClass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Planned:
+    """A change with its steps, in the order that the change itself needs."""
+
+    change: Change
+    steps: tuple[Step, ...]
+
+
+def planned(changes: Iterable[Change], around: Surroundings) -> tuple[Planned, ...]:
+    """Each change with its steps."""
+    return tuple(Planned(change=change, steps=steps_for(change, around)) for change in changes)
+
+
+def steps_for(change: Change, around: Surroundings) -> tuple[Step, ...]:
+    """What has to be done for this change, in its own order: what gives something back comes first."""
+    return tuple(_steps(change, around))
+
+
+def _steps(change: Change, around: Surroundings) -> Iterator[Step]:
+    match change:
+        case Create():
+            if isinstance(change.after, Partition):
+                yield from create_partition(change.address, change.after, change.reason, around)
+            else:
+                yield from write_task(change.address, None, change.after, change.reason)
+        case Update():
+            yield from _update(change, around)
+        case Delete():
+            if isinstance(change.before, Partition):
+                yield from remove_partition(change.address, change.before, change.reason)
+            else:
+                yield from remove_task(change.address, change.before, change.reason)
+        case Adopt():
+            yield from take_in(change.address, change.before, change.after, change.reason)
+        case Release():
+            yield from take_out(change.address, change.before, change.reason)
+        case _:
+            assert_never(change)
+
+
+def _update(change: Update, around: Surroundings) -> Iterator[Step]:
+    match change.before, change.after:
+        case Partition() as before, Partition() as after:
+            yield from update_partition(change.address, before, after, change.reason, around)
+        case TaskClass() as old, TaskClass() as task:
+            yield from write_task(change.address, old, task, change.reason)
+        case _:
+            raise AssertionError("a partition does not become a task class")

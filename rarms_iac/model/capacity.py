@@ -1,0 +1,130 @@
+"""Whether promises fit a host: processors in sum, virtual processors onto logical ones, memory (DESIGN section 3)."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from fractions import Fraction
+
+from rarms_iac.model.plan import Claim
+from rarms_iac.model.quantities import Bytes, LogicalProcessors
+
+WHOLE = 100
+"""What a logical processor has to give, in per cent of itself."""
+
+SEARCH_NODES = 5_000
+"""How far the exact packing looks before it says no: a count, not a time, so that equal inputs have equal answers."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Capacity:
+    """What a host can promise: all of it less what is kept for itself."""
+
+    logical_processors: int
+    processors: LogicalProcessors  # that may be promised; at most the logical ones
+    memory: Bytes  # that may be promised
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Load:
+    """The sum of claims."""
+
+    percent: int = 0  # of one logical processor
+    memory: int = 0  # bytes
+
+    @property
+    def processors(self) -> LogicalProcessors:
+        """The same promise in logical processors."""
+        return LogicalProcessors(Fraction(self.percent, WHOLE))
+
+
+def load_of(claims: Iterable[Claim]) -> Load:
+    """What the claims add up to."""
+    percent = memory = 0
+    for claim in claims:
+        percent += claim.processors * claim.reserve
+        memory += claim.memory
+    return Load(percent=percent, memory=memory)
+
+
+def fits(capacity: Capacity, claims: Iterable[Claim]) -> bool:
+    """Whether the host can keep all these promises at once.
+
+    What is kept for the host counts against the sum only: its own virtual processors lie on every logical one, so it
+    can use what is left on each (FACTS 2, minroot).
+    """
+    together = tuple(claims)
+    load = load_of(together)
+    return (
+        load.percent <= WHOLE * capacity.processors
+        and load.memory <= capacity.memory
+        and packs(together, capacity.logical_processors)
+    )
+
+
+def packs(claims: Iterable[Claim], logical_processors: int) -> bool:
+    """Whether every reserved virtual processor finds a logical one that has so much left (FACTS 1.2).
+
+    A reserve is not guaranteed to a partition of more virtual processors than the host has logical ones, so such a
+    one does not pack. Where the exact search gives up, the answer is no: a promise that cannot be shown to hold is
+    not made.
+    """
+    reserved = [claim for claim in claims if claim.reserve and claim.processors]
+    if any(claim.processors > logical_processors for claim in reserved):
+        return False
+    if load_of(reserved).percent > WHOLE * logical_processors:
+        return False
+    return _spread(reserved, logical_processors) or _search(_sizes(reserved), logical_processors)
+
+
+def _spread(claims: list[Claim], bins: int) -> bool:
+    """First fit, after the partitions that are as wide as the host have been laid over all of it."""
+    level = sum(claim.reserve for claim in claims if claim.processors == bins)
+    if level > WHOLE:
+        return False
+    narrow = _sizes([claim for claim in claims if claim.processors != bins])
+    return not narrow or _first_fit(narrow, [WHOLE - level] * bins)
+
+
+def _sizes(claims: list[Claim]) -> list[int]:
+    return sorted((claim.reserve for claim in claims for _ in range(claim.processors)), reverse=True)
+
+
+def _first_fit(sizes: list[int], free: list[int]) -> bool:
+    for size in sizes:
+        for at, left in enumerate(free):
+            if size <= left:
+                free[at] -= size
+                break
+        else:
+            return False
+    return True
+
+
+def _search(sizes: list[int], bins: int) -> bool:
+    """Depth first over the sizes, largest first; of processors with as much left only one is tried."""
+    if _first_fit(sizes, [WHOLE] * bins):
+        return True
+    free = [WHOLE] * bins
+    nodes = SEARCH_NODES
+
+    def place(number: int, first: int) -> bool:
+        nonlocal nodes
+        if number == len(sizes):
+            return True
+        size, tried = sizes[number], set[int]()
+        for at in range(first, bins):
+            if size > free[at] or free[at] in tried:
+                continue
+            nodes -= 1
+            if nodes < 0:
+                return False
+            tried.add(free[at])
+            free[at] -= size
+            # Equal sizes are interchangeable: the next one never goes before this one.
+            alike = number + 1 < len(sizes) and sizes[number + 1] == size
+            if place(number + 1, at if alike else 0):
+                return True
+            free[at] += size
+        return False
+
+    # The stack grows by one frame a size; very many small ones are what first fit is good at.
+    return len(sizes) <= 500 and place(0, 0)
