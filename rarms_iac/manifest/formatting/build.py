@@ -1,0 +1,255 @@
+"""Text -> tree. The parser forgets comments: they are what is left between its tokens, whose marks it tells."""
+
+import re
+from dataclasses import dataclass
+from itertools import takewhile
+from typing import Any
+
+from rarms_iac.manifest.formatting.tree import Collection, Entry, Node, Scalar
+
+_COMMENT = re.compile("#[^\\n\\x85\\u2028\\u2029]*")  # the parser breaks lines at these four
+_HEADER_COMMENT = re.compile("[|>][-+0-9]*[ \\t]+(#[^\\n]*)")
+_MAX_DEPTH = 32
+_NO_MAPPING = "A manifest is a mapping of keys to values."
+
+
+class CannotFormat(ValueError):
+    """The text is not one that a manifest may be: `line` and `column` (from 1) of `file` say where, `why` what."""
+
+    def __init__(self, why: str, file: str, line: int, column: int) -> None:
+        super().__init__(f"{file}:{line}:{column}: {why}")
+        self.why = why
+        self.file = file
+        self.line = line
+        self.column = column
+
+
+def unified(text: str) -> str:
+    """The text without a byte order mark, its lines ended by LF alone."""
+    return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
+
+
+def build_tree(text: str, file: str) -> Collection:
+    """The document in `text` (as `unified` leaves it), whose root is a mapping.
+
+    Raises:
+        CannotFormat: the text is no YAML, not one mapping, or uses what manifests may not (aliases, tags, ...).
+    """
+    import yaml
+
+    try:
+        return _Builder(text, _events(text)).root()
+    except _Refused as refused:
+        raise CannotFormat(str(refused), file, refused.line, refused.column) from None
+    except yaml.MarkedYAMLError as problem:
+        mark = problem.problem_mark or problem.context_mark
+        line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+        raise CannotFormat(problem.problem or "This is no YAML.", file, line, column) from problem
+    except (yaml.YAMLError, UnicodeEncodeError) as problem:
+        raise CannotFormat(str(problem), file, 1, 1) from problem
+
+
+def _events(text: str) -> list[Any]:
+    import yaml
+
+    events: list[Any] = []
+    depth = 0
+    for event in yaml.parse(text, Loader=yaml.CSafeLoader):
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > _MAX_DEPTH:
+            raise _Refused(event, "It is nested more deeply than a manifest may be.")
+        events.append(event)
+    return events
+
+
+class _Refused(ValueError):
+    """Something that a manifest may not hold."""
+
+    def __init__(self, event: Any, why: str) -> None:
+        super().__init__(why)
+        self.line = event.start_mark.line + 1
+        self.column = event.start_mark.column + 1
+
+
+@dataclass(slots=True)
+class _Comment:
+    start: int
+    text: str
+    column: int = 0
+    blank_above: bool = False
+
+
+@dataclass(slots=True)
+class _Open:
+    """A collection that has not ended yet, and the key that waits for its value."""
+
+    collection: Collection
+    owner: Entry | None
+    waiting: Entry | None = None
+
+
+class _Builder:
+    """Walks the events once; comments found on the way wait until somebody takes them."""
+
+    def __init__(self, text: str, events: list[Any]) -> None:
+        self.text = text
+        self.events = events
+        self.comments = _comments_between(text, events)
+        self.next_comment = 0
+        self.pending: list[_Comment] = []  # comments of their own lines, not yet anybody's
+        self.seen = 0  # end of the last token or comment
+        self.last: Entry | None = None  # whose line we are on
+        self.open: list[_Open] = []
+        self.result: Collection | None = None
+
+    def root(self) -> Collection:
+        """The whole document."""
+        import yaml
+
+        for event in self.events:
+            if isinstance(event, yaml.AliasEvent):
+                raise _Refused(event, "Aliases are not part of a manifest.")
+            if isinstance(event, yaml.DocumentStartEvent) and self.result is not None:
+                raise _Refused(event, "A manifest is one document.")
+            if isinstance(event, yaml.NodeEvent):
+                self._refuse_decorations(event)
+                if isinstance(event, yaml.ScalarEvent):
+                    self._scalar(event)
+                else:
+                    self._start(event, is_mapping=isinstance(event, yaml.MappingStartEvent))
+            elif isinstance(event, yaml.CollectionEndEvent):
+                self._end(event)
+        if self.result is None:
+            raise _Refused(self.events[-1], "There is no manifest in it.")
+        self._take_comments(len(self.text) + 1)
+        self.result.tail += _lines(self.pending)
+        return self.result
+
+    def _refuse_decorations(self, event: Any) -> None:
+        if event.anchor is not None:
+            raise _Refused(event, "Anchors are not part of a manifest.")
+        if getattr(event, "tag", None) is not None:
+            raise _Refused(event, "Tags are not part of a manifest.")
+
+    def _scalar(self, event: Any) -> None:
+        start, end = event.start_mark.index, event.end_mark.index
+        style = event.style or ""
+        is_empty = start == end
+        top = self.open[-1] if self.open else None
+        if not is_empty or (top is not None and not top.collection.is_mapping):
+            self._take_comments(start)
+        scalar = Scalar(event.value, style, start, end, event.start_mark.line != event.end_mark.line)
+        if top is None:
+            raise _Refused(event, _NO_MAPPING)
+        if top.collection.is_mapping and top.waiting is None:
+            self._new_entry(top, scalar, scalar, start)
+        else:
+            entry = self._place(top, scalar, start)
+            if style in {"|", ">"} and (found := _HEADER_COMMENT.match(self.text, start, end)):
+                _trail(entry, found[1])
+        if not is_empty:
+            self.seen = start + len(self.text[start:end].rstrip()) if style in {"|", ">"} else end
+
+    def _start(self, event: Any, *, is_mapping: bool) -> None:
+        start = event.start_mark.index
+        self._take_comments(start)
+        top = self.open[-1] if self.open else None
+        column = event.start_mark.column
+        if top is None and not is_mapping:
+            raise _Refused(event, _NO_MAPPING)
+        if top is not None:
+            if top.collection.is_mapping and top.waiting is None:
+                raise _Refused(event, "A key is a word, not a collection.")
+            column = max(column, top.collection.column + 1, 1)  # a list may start below its key's first letter
+        collection = Collection(is_mapping, bool(event.flow_style), column if top else -1, start, start)
+        owner = self._place(top, collection, start) if top else None
+        if collection.flow:
+            self.seen = event.end_mark.index
+        self.open.append(_Open(collection, owner))
+
+    def _end(self, event: Any) -> None:
+        self._take_comments(event.start_mark.index)
+        done = self.open.pop()
+        collection = done.collection
+        if collection.flow:
+            inside, self.pending = self.pending, []
+            self.seen = event.end_mark.index
+            self.last = done.owner
+            collection.end = event.end_mark.index
+        else:
+            inside = list(takewhile(lambda one: one.column >= collection.column, self.pending))
+            self.pending = self.pending[len(inside) :]
+            collection.end = self.seen
+        if collection.entries or done.owner is None:
+            collection.tail = _lines(inside)
+        else:
+            done.owner.before += _lines(inside)
+        if not self.open:
+            self.result = collection
+
+    def _new_entry(self, top: _Open, key: Scalar | None, value: Node, start: int) -> Entry:
+        before = _lines(self.pending)
+        if self.text.count("\n", self.seen, start) > 1:
+            before.append("")
+        self.pending = []
+        entry = Entry(key, value, before)
+        top.collection.entries.append(entry)
+        top.waiting = entry if key is not None else None
+        self.last = entry
+        return entry
+
+    def _place(self, top: _Open, value: Node, start: int) -> Entry:
+        """Puts a value behind the key that waits for it, or makes it an item."""
+        entry = top.waiting
+        if entry is None:
+            return self._new_entry(top, None, value, start)
+        entry.value, top.waiting = value, None
+        if isinstance(value, Scalar) and self.pending:
+            entry.before += [one.text for one in self.pending]
+            self.pending = []
+        self.last = entry
+        return entry
+
+    def _take_comments(self, until: int) -> None:
+        while self.next_comment < len(self.comments) and self.comments[self.next_comment].start < until:
+            comment = self.comments[self.next_comment]
+            self.next_comment += 1
+            newlines = self.text.count("\n", self.seen, comment.start)
+            if newlines == 0 and self.last is not None:
+                _trail(self.last, comment.text)
+            else:
+                comment.column = comment.start - (self.text.rfind("\n", 0, comment.start) + 1)
+                comment.blank_above = newlines > 1
+                self.pending.append(comment)
+            self.seen = comment.start + len(comment.text)
+
+
+def _comments_between(text: str, events: list[Any]) -> list[_Comment]:
+    """Every `#` outside a scalar begins a comment."""
+    import yaml
+
+    comments = []
+    position = 0
+    scalars: list[Any] = [event for event in events if isinstance(event, yaml.ScalarEvent)]
+    spans: list[tuple[int, int]] = [(one.start_mark.index, one.end_mark.index) for one in scalars]
+    for start, end in [*spans, (len(text), len(text))]:
+        if start < position:
+            continue  # an empty value, placed where its key ended
+        if text.find("#", position, start) >= 0:
+            comments += [_Comment(found.start(), found[0]) for found in _COMMENT.finditer(text, position, start)]
+        position = end
+    return comments
+
+
+def _trail(entry: Entry, comment: str) -> None:
+    """A line has one trailing comment: an earlier one moves above."""
+    if entry.trailing:
+        entry.before.append(entry.trailing)
+    entry.trailing = comment.rstrip()
+
+
+def _lines(comments: list[_Comment]) -> list[str]:
+    lines: list[str] = []
+    for comment in comments:
+        lines += ["", comment.text.rstrip()] if comment.blank_above else [comment.text.rstrip()]
+    return lines

@@ -1,0 +1,109 @@
+"""The order in which a manifest says things, and which of them are quantities.
+
+Maps that the user names (hosts, components, ...) keep the user's order.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """What the formatter knows of a value: its known keys in order, or what stands under any name."""
+
+    keys: Mapping[str, "Shape"] = field(default_factory=dict)
+    each: "Shape | None" = None  # the shape of every value of a map that the user names
+    is_quantity: bool = False
+
+    def of(self, key: str) -> "Shape":
+        """The shape of the value under this key."""
+        return self.keys.get(key) or self.each or VALUE
+
+
+VALUE = Shape()
+QUANTITY = Shape(is_quantity=True)
+
+
+def _map(known: str = "", /, **shaped: Shape) -> Shape:
+    """The keys in the order of `known`; those that are not in `shaped` are plain values."""
+    return Shape({key: shaped.get(key, VALUE) for key in known.split()})
+
+
+def _quantities(known: str) -> Shape:
+    return Shape(dict.fromkeys(known.split(), QUANTITY))
+
+
+def _named(each: Shape) -> Shape:
+    return Shape(each=each)
+
+
+_CONNECT = _map("ssh shell")
+_CPU = _map("reserve limit weight", reserve=QUANTITY, limit=QUANTITY)
+
+_HOST = _map(
+    "provider platform connect logical_processors memory keep_for_host simulated hyperv linux",
+    connect=_CONNECT,
+    memory=QUANTITY,
+    keep_for_host=_quantities("processor memory"),
+    simulated=_map(
+        "windows_build guest_windows_build client scheduler smt administrator faults",
+        faults=_named(_map("operation at effect delay times", delay=QUANTITY)),
+    ),
+    hyperv=_map("generation switch image vm_path"),
+    linux=_map("slice control_groups"),
+)
+
+_RUN = _map(
+    "command call folder files environment arrival deadline until timeout failures stop samples",
+    environment=_named(_map("from_env")),
+    arrival=_quantities("every"),
+    deadline=QUANTITY,
+    until=_map("samples elapsed", elapsed=QUANTITY),
+    timeout=QUANTITY,
+    stop=_map("signal grace", grace=QUANTITY),
+    samples=_map(
+        "from pattern response_time success count",
+        response_time=_map("field unit"),
+        success=_map("field"),
+        count=_map("field"),
+    ),
+)
+
+_COMPONENT = _map(
+    "criticality apt run interference memory processors task cpu together apart dedicated hosts runs_on simulation",
+    apt=_named(_quantities("at_most at_least")),
+    run=_RUN,
+    memory=QUANTITY,
+    cpu=_CPU,
+    simulation=_map(
+        "work blocked varies threads success_within",
+        work=QUANTITY,
+        blocked=QUANTITY,
+        varies=QUANTITY,
+        success_within=QUANTITY,
+    ),
+)
+
+_PARTITION = _map(
+    "components processors memory cpu protect start hyperv guest",
+    memory=QUANTITY,
+    cpu=_CPU,
+    hyperv=_map("generation switch image vm_path"),
+    guest=_map("connect credential", connect=_CONNECT),
+)
+
+MANIFEST = _map(
+    "schema application hosts components partitions interference tasks policy moved",
+    application=_map("name description"),
+    hosts=_named(_HOST),
+    components=_named(_COMPONENT),
+    partitions=_named(_PARTITION),
+    interference=_named(_map("kind threads instances command")),
+    tasks=_named(_map("category priority background_priority replace_shipped")),
+    policy=_map(
+        "interference minimise headroom max_disruption accept",
+        accept=_named(_map("at reason until")),
+    ),
+    moved=_named(VALUE),
+)
+"""The whole manifest; an overlay has the same shape."""

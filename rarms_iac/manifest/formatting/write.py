@@ -1,0 +1,174 @@
+"""Tree -> canonical text."""
+
+from dataclasses import dataclass
+
+from rarms_iac.manifest.formatting.scalars import block_lines, one_line
+from rarms_iac.manifest.formatting.shape import MANIFEST, VALUE, Shape
+from rarms_iac.manifest.formatting.tree import Collection, Entry, Node, Scalar, has_comments
+
+WIDTH = 100
+"""Characters that a flow collection may fill, its key included; text is never broken for it."""
+
+_ALIGNED = 64  # trailing comments of neighbouring lines line up while the lines are no longer than this
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One line, and the comment that trails it."""
+
+    text: str
+    comment: str = ""
+
+
+def write_tree(root: Collection, source: str, shape: Shape = MANIFEST) -> str:
+    """The canonical text of a document; `source` is the text that it was built from."""
+    if not root.entries:
+        return _text([Line("{}"), *_comment_lines(root.tail, 0)])
+    _keep_header(root, shape)
+    return _text(_Writer(source).collection(root, shape, 0, sections=True))
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """An entry as it will be written: the comments above it ("" is a blank line), and its lines."""
+
+    above: list[str]
+    lines: list[Line]
+
+
+class _Writer:
+    """Carries the source text, which folded scalars are copied from."""
+
+    def __init__(self, source: str) -> None:
+        self.source = source
+
+    def collection(self, node: Collection, shape: Shape, indent: int, *, sections: bool = False) -> list[Line]:
+        """The lines of a collection in block form; between `sections` that are blocks stands a blank line."""
+        return _joined(self.parts(node, shape, indent, sections=sections), node.tail, indent, sections=sections)
+
+    def parts(self, node: Collection, shape: Shape, indent: int, *, sections: bool = False) -> list[_Part]:
+        """Its entries, in canonical order."""
+        return [self.entry(entry, shape, indent, sections=sections) for entry in _ordered(node, shape)]
+
+    def entry(self, entry: Entry, shape: Shape, indent: int, *, sections: bool) -> _Part:
+        """A key with its value, or an item with its dash."""
+        inner = _inner(entry, shape)
+        head = " " * indent + (_key(entry.key) if entry.key else "-")
+        value = entry.value
+        if isinstance(value, Scalar):
+            return _Part(entry.before, self.scalar(entry, value, head, inner, indent))
+        short = _inline(value, inner, WIDTH - len(head) - 1)
+        if short is not None:
+            return _Part(entry.before, [Line(f"{head} {short}", entry.trailing)])
+        if entry.key:
+            named = sections and value.is_mapping and inner.each is not None
+            below = self.collection(value, inner, indent + 2, sections=named)
+            return _Part(entry.before, [Line(head, entry.trailing), *below])
+        return self.item(entry, value, inner, indent)
+
+    def scalar(self, entry: Entry, value: Scalar, head: str, shape: Shape, indent: int) -> list[Line]:
+        """A scalar behind its key or dash, on one line or as a block."""
+        block = block_lines(value, self.source, WIDTH - indent - 2)
+        if block is None:
+            text = one_line(value, quantity=shape.is_quantity)
+            return [Line(f"{head} {text}" if text else head, entry.trailing)]
+        below = [Line(" " * (indent + 2) + line if line else "") for line in block[1:]]
+        return [Line(f"{head} {block[0]}", entry.trailing), *below]
+
+    def item(self, entry: Entry, value: Collection, shape: Shape, indent: int) -> _Part:
+        """An item that is a block: its first line begins behind the dash, and what was above that line moves up."""
+        first, *rest = self.parts(value, shape, indent + 2)
+        moved = [comment for comment in (entry.trailing, *first.above) if comment]
+        lines = _joined([_Part([], first.lines), *rest], value.tail, indent + 2)
+        begin = Line(" " * indent + "- " + lines[0].text[indent + 2 :], lines[0].comment)
+        return _Part([*entry.before, *moved], [begin, *lines[1:]])
+
+
+def _joined(parts: list[_Part], tail: list[str], indent: int, *, sections: bool = False) -> list[Line]:
+    lines: list[Line] = []
+    after_block = False
+    for number, part in enumerate(parts):
+        is_block = len(part.lines) > 1
+        above = part.above
+        if number == 0:
+            above = _without_leading_blank(above)
+        elif sections and (is_block or after_block) and above[:1] != [""]:
+            above = ["", *above]
+        lines += [*_comment_lines(above, indent), *part.lines]
+        after_block = is_block
+    return [*lines, *_comment_lines(tail, indent)]
+
+
+def _inner(entry: Entry, shape: Shape) -> Shape:
+    return shape.of(entry.key.value) if entry.key else shape.each or VALUE
+
+
+def _ordered(node: Collection, shape: Shape) -> list[Entry]:
+    """The entries in canonical order; unknown keys keep theirs, after the known ones."""
+    if not node.is_mapping or not shape.keys:
+        return node.entries
+    place = {key: number for number, key in enumerate(shape.keys)}
+    return sorted(node.entries, key=lambda one: place.get(one.key.value if one.key else "", len(place)))
+
+
+def _keep_header(root: Collection, shape: Shape) -> None:
+    """The file's own comment, ended by a blank line, stays at its top when another key comes first."""
+    ordered = _ordered(root, shape)
+    if not ordered or ordered[0] is root.entries[0]:
+        return
+    was_first, is_first = root.entries[0], ordered[0]
+    blanks = [number for number, line in enumerate(was_first.before) if line == ""]
+    if blanks and any(was_first.before[: blanks[-1]]):
+        header, was_first.before = was_first.before[: blanks[-1]], was_first.before[blanks[-1] :]
+        is_first.before = [*header, "", *_without_leading_blank(is_first.before)]
+
+
+def _inline(node: Node, shape: Shape, room: int) -> str | None:
+    """A collection on one line, where the user wrote it so and it is short enough; empty ones always."""
+    if isinstance(node, Scalar):
+        return one_line(node, flow=True, quantity=shape.is_quantity)
+    if not node.entries:
+        return "{}" if node.is_mapping else "[]"
+    if not node.flow or has_comments(node):
+        return None
+    parts = []
+    for entry in _ordered(node, shape):
+        part = _inline(entry.value, _inner(entry, shape), room)
+        if part is None:
+            return None
+        parts.append(f"{_key(entry.key, flow=True)} {part}" if entry.key else part)
+    text = ", ".join(parts)
+    text = f"{{ {text} }}" if node.is_mapping else f"[{text}]"
+    return text if len(text) <= room else None
+
+
+def _key(key: Scalar, *, flow: bool = False) -> str:
+    text = one_line(key, flow=flow) if key.value else "''"
+    return f"{text}:"
+
+
+def _without_leading_blank(lines: list[str]) -> list[str]:
+    return lines[1:] if lines[:1] == [""] else lines
+
+
+def _comment_lines(comments: list[str], indent: int) -> list[Line]:
+    return [Line(" " * indent + comment if comment else "") for comment in comments]
+
+
+def _text(lines: list[Line]) -> str:
+    """The lines as text, trailing comments of neighbouring lines in one column."""
+    written: list[str] = []
+    run: list[Line] = []
+    for line in lines:
+        if line.comment:
+            run.append(line)
+            continue
+        written += _aligned(run)
+        run = []
+        written.append(line.text)
+    return "\n".join([*written, *_aligned(run), ""])
+
+
+def _aligned(run: list[Line]) -> list[str]:
+    column = max((len(line.text) for line in run if len(line.text) <= _ALIGNED), default=0)
+    return [f"{line.text.ljust(column)}  {line.comment}" for line in run]
