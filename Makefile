@@ -19,7 +19,7 @@ demo: $(RUNS) ## The delivery robot, from its manifest to an applied plan on the
 test: $(TESTS) ## All tests, with branch coverage
 	@scripts/test
 
-test-long: $(TESTS) ## The same tests with the large counts (an hour or so)
+test-long: $(TESTS) ## The same tests with the large counts (many times longer)
 	@RARMS_LONG=1 scripts/test
 
 lint: $(TESTS) ## ruff, mypy and the import contracts
