@@ -1,0 +1,117 @@
+"""Bytes -> text that shows what it is: UTF-8 without characters that nobody can see."""
+
+import re
+import unicodedata
+from dataclasses import dataclass
+
+from rarms_iac.manifest.opening import Refused
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
+
+NOT_UTF8 = Finding(code="RARMS004", severity=Severity.ERROR, summary="The file is not UTF-8 text")
+UNSEEN = Finding(code="RARMS005", severity=Severity.ERROR, summary="A character that cannot be seen")
+BYTE_ORDER_MARK = Finding(code="RARMS006", severity=Severity.NOTE, summary="The file starts with a byte order mark")
+EMPTY = Finding(code="RARMS012", severity=Severity.ERROR, summary="The file is empty")
+
+_BOM = b"\xef\xbb\xbf"
+_UTF16_32 = (b"\xff\xfe", b"\xfe\xff", b"\x00\x00\xfe\xff")
+
+HIDDEN = re.compile(
+    "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f"  # control characters but tab and line ends
+    "\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"  # what turns the direction of the text around
+    "\u2028\u2029"  # line ends for YAML, but not for editors: line numbers would be wrong
+    "\ud800-\udfff\ufeff\ufffe\uffff]"  # halves of characters, byte order marks, no characters
+)
+"""Characters that hide what a text says; a reviewer would not see them."""
+
+# The same in UTF-8: a file is searched as bytes, so that one emoji does not make it four times as large in memory.
+_HIDDEN_BYTES = re.compile(
+    rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]|\xc2[\x80-\x9f]|\xd8\x9c|\xe2\x80[\x8e\x8f\xa8-\xae]"
+    rb"|\xe2\x81[\xa6-\xa9]|\xef\xbb\xbf|\xef\xbf[\xbe\xbf]"
+)
+_MOST = 20  # places shown of a kind: a file full of them needs no million lines
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """UTF-8 that may be parsed, and what there is to note about it."""
+
+    data: bytes
+    notes: tuple[Diagnostic, ...]
+
+
+def as_text(data: bytes, file: str) -> Text:
+    """The file's text without its byte order mark.
+
+    Raises:
+        Refused: it is empty, not UTF-8, or holds characters that cannot be seen.
+    """
+    if data.startswith(_UTF16_32):
+        raise Refused(
+            NOT_UTF8.at(
+                Place(file=file, line=1, column=1), "It looks like UTF-16 or UTF-32.", "Save it as UTF-8 and try again."
+            )
+        )
+    marked = data.startswith(_BOM)
+    data = data.removeprefix(_BOM)
+    if not data.strip():
+        raise Refused(
+            EMPTY.at(
+                Place(file=file, line=1, column=1),
+                "There is nothing in it.",
+                "Write a manifest, or let `rarms init` write one.",
+            )
+        )
+    _check_utf8(data, file)
+    _check_hidden(data, file)
+    return Text(data, (_bom_note(file),) if marked else ())
+
+
+def _bom_note(file: str) -> Diagnostic:
+    return BYTE_ORDER_MARK.at(
+        Place(file=file, line=1, column=1),
+        "The three bytes EF BB BF at the start mean nothing in UTF-8; the file is read without them.",
+        "Save it as UTF-8 without a byte order mark, or let `rarms fmt` do it.",
+    )
+
+
+def _check_utf8(data: bytes, file: str) -> None:
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError as problem:
+        raise Refused(
+            NOT_UTF8.at(
+                place_of(data, problem.start, file),
+                f"The byte {data[problem.start]:02X} (hexadecimal) at this place is not UTF-8.",
+                "Save the file as UTF-8 and try again.",
+            )
+        ) from None
+
+
+def _check_hidden(data: bytes, file: str) -> None:
+    found: list[Diagnostic] = []
+    for match in _HIDDEN_BYTES.finditer(data):
+        if len(found) == _MOST:
+            break
+        found.append(hidden(match.group().decode("utf-8"), place_of(data, match.start(), file)))
+    if found:
+        raise Refused(*found)
+
+
+def hidden(character: str, place: Place) -> Diagnostic:
+    """The finding for a character that `HIDDEN` names."""
+    code = ord(character)
+    name = unicodedata.name(character, "control character" if code < 0xA0 else "no character")
+    return UNSEEN.at(
+        place,
+        f"U+{code:04X} ({name.lower()}) can hide what the text says.",
+        "Remove it.",
+    )
+
+
+def place_of(data: bytes, offset: int, file: str) -> Place:
+    """Line and column of a byte."""
+    before = data[:offset]
+    line = before.count(b"\n") + sum(1 for _ in re.finditer(rb"\r(?!\n)", before))
+    start = max(before.rfind(b"\n"), before.rfind(b"\r")) + 1
+    column = len(before[start:].decode("utf-8", errors="replace"))
+    return Place(file=file, line=line + 1, column=column + 1)

@@ -1,0 +1,125 @@
+"""`hosts`: the machines that partitions are made on."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field, model_validator
+from pydantic_core import InitErrorDetails, PydanticCustomError, ValidationError
+
+from rarms_iac.manifest.document.base import Block, Maybe, needed, optional
+from rarms_iac.manifest.document.quantities import Amount, Memory, PositiveMemory, Time
+from rarms_iac.manifest.document.texts import Filled, Name, Operation, SliceName, SshTarget, by_name
+from rarms_iac.model.system import FaultEffect, ProviderKind, SchedulerType
+
+_BLOCKS = {ProviderKind.HYPERV: "hyperv", ProviderKind.LINUX: "linux", ProviderKind.SIMULATED: "simulated"}
+
+
+def _only_its_own_block() -> dict[str, Any]:
+    """A block of another provider is refused by the JSON Schema too; a host without `provider` is simulated."""
+
+    def rule(kind: ProviderKind) -> dict[str, Any]:
+        says: dict[str, Any] = {"properties": {"provider": {"const": kind.value}}}
+        if kind is not ProviderKind.SIMULATED:
+            says["required"] = ["provider"]
+        others = [block for other, block in _BLOCKS.items() if other is not kind]
+        return {"if": says, "then": {"not": {"anyOf": [{"required": [block]} for block in others]}}}
+
+    return {"allOf": [rule(kind) for kind in ProviderKind]}
+
+
+class KeepForHostBlock(Block):
+    """What is never promised to a partition."""
+
+    processor: Amount = optional("Processor time the host's own operating system keeps: `10 %` or `0.5 LP`.", "0 %")
+    memory: Memory = optional("Memory the host's own operating system keeps: `1 GiB`.", "0 B")
+
+
+class ConnectBlock(Block):
+    """How a remote system is reached: by the system's own ssh."""
+
+    ssh: SshTarget = needed("Where ssh connects to: `user@host`, or a name of your ssh configuration.")
+    shell: Literal["pwsh", "powershell"] = optional(
+        "The shell at the other end: `pwsh` (PowerShell 7) or `powershell` (Windows PowerShell 5.1).", "pwsh"
+    )
+
+
+class FaultBlock(Block):
+    """A fault that is asked of a simulated host, to try what happens then."""
+
+    operation: Operation = needed("The kind of operation that goes wrong: `start_partition`, `set_cpu`, ...")
+    at: Filled = optional("The address it strikes, or `*` for any.", "*")
+    effect: Annotated[FaultEffect, Field(strict=False)] = needed(
+        "`refuse`: says no; `fail_after`: does it, then fails; `late`: answers after `delay`."
+    )
+    delay: Time = optional("How late the answer comes: `2 s`.", "0 ms")
+    times: Maybe[Annotated[int, Field(ge=1, le=1_000_000)]] = optional("How often it strikes; absent: always.")
+
+
+class SimulatedBlock(Block):
+    """The machine that a simulated host pretends to be."""
+
+    windows_build: int = optional("The build of the host's Windows; 26100 is Server 2025.", 26100, ge=6000, le=99999)
+    guest_windows_build: int = optional("The build of the guests' Windows.", 26100, ge=2600, le=99999)
+    client: bool = optional("Whether the host runs a client Windows instead of a server.", False)
+    scheduler: Annotated[SchedulerType, Field(strict=False)] = optional(
+        "The hypervisor's scheduler; under `root` reserves have no effect.", "classic"
+    )
+    smt: bool = optional("Whether two logical processors share a core.", False)
+    administrator: bool = optional("Whether rarms has the rights it needs there.", True)
+    faults: Maybe[Annotated[dict[Name, FaultBlock], by_name]] = optional("Faults to strike, by a name of your choice.")
+
+
+class HypervHostBlock(Block):
+    """What the partitions of a Hyper-V host use unless they say otherwise."""
+
+    switch: Maybe[Filled] = optional("The virtual switch that partitions are connected to; absent: none.")
+    image: Maybe[Filled] = optional("The disk image that partitions' disks are children of; absent: no disk.")
+    vm_path: Maybe[Filled] = optional("The folder on the host where machines are kept; absent: the host's own.")
+    generation: int = optional("The generation of new machines, 1 or 2; it never changes afterwards.", 2, ge=1, le=2)
+
+
+class LinuxBlock(Block):
+    """Where control groups are made."""
+
+    slice: SliceName = optional("The control group that holds all partitions.", "rarms")
+    control_groups: Literal["automatic", "v1", "v2"] = optional(
+        "The version of control groups: `automatic` takes v2 where it is there, else v1.", "automatic"
+    )
+
+
+class HostBlock(Block):
+    """A machine that partitions are made on."""
+
+    model_config = ConfigDict(json_schema_extra=_only_its_own_block())
+
+    provider: Annotated[ProviderKind, Field(strict=False)] = optional(
+        "What enforces reservations there: `simulated` (needs nothing), `hyperv` or `linux`.", "simulated"
+    )
+    logical_processors: int = needed("How many logical processors (LPs) the host has.", ge=1, le=2048)
+    memory: PositiveMemory = needed("How much memory the host has: `4 GiB`.")
+    keep_for_host: Maybe[KeepForHostBlock] = optional("What is never promised to a partition; absent: nothing.")
+    platform: Maybe[Name] = optional("Hosts of one platform share measurements; absent: the host's own name.")
+    connect: Maybe[ConnectBlock] = optional("How the host is reached; absent: it is this machine.")
+    hyperv: Maybe[HypervHostBlock] = optional("Settings of a host with `provider: hyperv`.")
+    linux: Maybe[LinuxBlock] = optional("Settings of a host with `provider: linux`.")
+    simulated: Maybe[SimulatedBlock] = optional("Settings of a host with `provider: simulated`.")
+
+    @model_validator(mode="after")
+    def _has_no_foreign_block(self) -> "HostBlock":
+        foreign = [
+            block for kind, block in _BLOCKS.items() if kind is not self.provider and block in self.model_fields_set
+        ]
+        if foreign:
+            raise ValidationError.from_exception_data(
+                "host",
+                [
+                    InitErrorDetails(
+                        type=PydanticCustomError(
+                            "rarms_foreign_block", "foreign block", {"block": block, "provider": self.provider.value}
+                        ),
+                        loc=(block,),
+                        input=None,
+                    )
+                    for block in foreign
+                ],
+            )
+        return self

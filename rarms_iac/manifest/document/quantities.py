@@ -1,0 +1,124 @@
+"""Quantities as the manifest writes them: text with a unit in, exact values out."""
+
+from collections.abc import Callable
+from fractions import Fraction
+from functools import lru_cache
+from typing import Annotated, Any
+
+from pydantic import PlainValidator, WithJsonSchema
+from pydantic_core import PydanticCustomError
+
+from rarms_iac.model.quantities import (
+    Bytes,
+    CpuAmount,
+    LogicalProcessors,
+    Milliseconds,
+    NotAQuantity,
+    Percent,
+    ProcessorTime,
+    ShareOfHost,
+    Unit,
+    parse_quantity,
+    units_of,
+)
+from rarms_iac.model.system import Measured
+
+_EXAMPLES = {
+    Unit.TIME: "88 ms",
+    Unit.MEMORY: "512 MiB",
+    Unit.SHARE: "70 %",
+    Unit.PROCESSORS: "1.4 LP",
+    Unit.RATE: "24 /s",
+}
+
+
+def quantity_error(kinds: tuple[Unit, ...], *, positive: bool = False, also: str = "") -> PydanticCustomError:
+    """What a field says of a value that is not such a quantity; `errors.py` puts it into words."""
+    facts = {"units": units_of(*kinds), "examples": tuple(_EXAMPLES[kind] for kind in kinds), "positive": positive}
+    return PydanticCustomError("rarms_quantity", "not a quantity", {**facts, "also": also})
+
+
+def quantity_schema(*kinds: Unit, positive: bool = False) -> dict[str, Any]:
+    """The JSON Schema of such a text."""
+    units = "|".join(units_of(*kinds))
+    some = r"(?=[0-9.]*[1-9])" if positive else ""
+    return {
+        "type": "string",
+        "pattern": rf"^{some}[0-9]{{1,15}}(\.[0-9]{{1,15}})? ?({units})$",
+        "examples": [_EXAMPLES[kind] for kind in kinds],
+    }
+
+
+def _reader(*kinds: Unit, positive: bool = False, make: Callable[[Unit, Fraction], Any]) -> Callable[[Any], Any]:
+    @lru_cache(maxsize=4096)
+    def parsed(text: str) -> Any:
+        kind, value = parse_quantity(text, *kinds)
+        if positive and value <= 0:
+            raise NotAQuantity(text, units_of(*kinds))
+        return make(kind, value)
+
+    def read(value: Any) -> Any:
+        if type(value) is str:
+            try:
+                return parsed(value)
+            except NotAQuantity:
+                pass
+        raise quantity_error(kinds, positive=positive)
+
+    return read
+
+
+def _same(_kind: Unit, value: Fraction) -> Fraction:
+    return value
+
+
+def _whole(_kind: Unit, value: Fraction) -> int:
+    return int(value)
+
+
+def _amount(kind: Unit, value: Fraction) -> CpuAmount:
+    return ShareOfHost(Percent(value)) if kind is Unit.SHARE else ProcessorTime(LogicalProcessors(value))
+
+
+_read_amount = _reader(Unit.SHARE, Unit.PROCESSORS, make=_amount)
+
+
+def _read_reserve(value: Any) -> Any:
+    if value == "measured":
+        return Measured.MEASURED
+    try:
+        return _read_amount(value)
+    except PydanticCustomError:
+        raise quantity_error((Unit.SHARE, Unit.PROCESSORS), also="measured") from None
+
+
+Time = Annotated[
+    Milliseconds, PlainValidator(_reader(Unit.TIME, make=_same)), WithJsonSchema(quantity_schema(Unit.TIME))
+]
+PositiveTime = Annotated[
+    Milliseconds,
+    PlainValidator(_reader(Unit.TIME, positive=True, make=_same)),
+    WithJsonSchema(quantity_schema(Unit.TIME, positive=True)),
+]
+Memory = Annotated[
+    Bytes, PlainValidator(_reader(Unit.MEMORY, make=_whole)), WithJsonSchema(quantity_schema(Unit.MEMORY))
+]
+PositiveMemory = Annotated[
+    Bytes,
+    PlainValidator(_reader(Unit.MEMORY, positive=True, make=_whole)),
+    WithJsonSchema(quantity_schema(Unit.MEMORY, positive=True)),
+]
+Share = Annotated[Percent, PlainValidator(_reader(Unit.SHARE, make=_same)), WithJsonSchema(quantity_schema(Unit.SHARE))]
+Amount = Annotated[
+    CpuAmount, PlainValidator(_read_amount), WithJsonSchema(quantity_schema(Unit.SHARE, Unit.PROCESSORS))
+]
+PositiveAmount = Annotated[
+    CpuAmount,
+    PlainValidator(_reader(Unit.SHARE, Unit.PROCESSORS, positive=True, make=_amount)),
+    WithJsonSchema(quantity_schema(Unit.SHARE, Unit.PROCESSORS, positive=True)),
+]
+Reserve = Annotated[
+    CpuAmount | Measured,
+    PlainValidator(_read_reserve),
+    WithJsonSchema({"anyOf": [{"const": "measured"}, quantity_schema(Unit.SHARE, Unit.PROCESSORS)]}),
+]

@@ -1,0 +1,87 @@
+"""pydantic's errors -> findings in a user's words, at the exact place; never pydantic's own text."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import ValidationError
+
+from rarms_iac.manifest import structure
+from rarms_iac.manifest.places import dotted
+from rarms_iac.model.diagnostics import Diagnostic, Place, Places
+
+Path = tuple[str | int, ...]
+
+_TAGGED = (("interference", "*"), ("components", "*", "run", "arrival"), ("components", "*", "run", "environment", "*"))
+"""Where pydantic puts the name of an alternative into the path; it is not in the text."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """One error, and what the manifest says at its place."""
+
+    kind: str
+    path: Path
+    facts: Mapping[str, Any]
+    value: Any
+    is_key: bool
+    places: Places
+
+    @property
+    def name(self) -> str:
+        """The path as people write it."""
+        return dotted(self.path) or "the manifest"
+
+    @property
+    def place(self) -> Place:
+        """Where it stands: the key for what is wrong with a key, else the value."""
+        return self.places.key(*self.path) if self.is_key else self.places.value(*self.path)
+
+
+def in_words(problem: ValidationError, document: Any, places: Places) -> list[Diagnostic]:
+    """Every error of the document as a finding."""
+    return [_told(_case(error, document, places)) for error in problem.errors(include_url=False)]
+
+
+def _told(case: Case) -> Diagnostic:
+    say: Callable[[Case], Diagnostic] = structure.WORDS.get(case.kind, structure.otherwise)
+    return say(case)
+
+
+def _case(error: Any, document: Any, places: Places) -> Case:
+    path, is_key = _path(error["loc"])
+    return Case(
+        kind=error["type"],
+        path=path,
+        facts=error.get("ctx", {}),
+        value=path[-1] if is_key else _value(document, path),
+        is_key=is_key,
+        places=places,
+    )
+
+
+def _path(location: Path) -> tuple[Path, bool]:
+    """The path in the text, and whether the key itself is meant."""
+    path: list[str | int] = []
+    skip = False
+    for step in location:
+        if skip and step != "[key]":
+            skip = False
+            continue
+        if step == "[key]":
+            return tuple(path), True
+        path.append(step)
+        skip = any(
+            len(pattern) == len(path) and all(want in ("*", at) for want, at in zip(pattern, path, strict=True))
+            for pattern in _TAGGED
+        )
+    return tuple(path), False
+
+
+def _value(document: Any, path: Path) -> Any:
+    for step in path:
+        try:
+            document = document[step]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return document

@@ -1,0 +1,114 @@
+"""The whole route: files that a user names -> System, with everything there is to tell about them."""
+
+import hashlib
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+
+from rarms_iac.manifest.characters import EMPTY
+from rarms_iac.manifest.opening import STANDARD_INPUT
+from rarms_iac.manifest.overlays import Combined, combine
+from rarms_iac.manifest.places import NoPlaces
+from rarms_iac.manifest.reading import Tree, read
+from rarms_iac.model.diagnostics import Diagnostic, Place, Places, has_errors, in_order
+from rarms_iac.model.system import System
+
+DEFAULT_NAME = "rarms.yaml"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loaded:
+    """A manifest with its overlays; `system` is None where the text does not say one."""
+
+    system: System | None
+    places: Places
+    diagnostics: tuple[Diagnostic, ...]  # ordered; an error may stand beside a system
+    sources: Mapping[str, Sequence[str]]  # file as messages name it -> its lines
+    folder: str  # what the manifest's paths are relative to
+    digest: str  # of the texts, in the order in which they were read
+
+    @property
+    def has_errors(self) -> bool:
+        """Whether anything but `validate` must stop here."""
+        return has_errors(self.diagnostics)
+
+
+def manifest_path(path: str) -> str:
+    """The file that `-f PATH` means: in a folder, its `rarms.yaml`."""
+    return str(Path(path) / DEFAULT_NAME) if path != STANDARD_INPUT and Path(path).is_dir() else path
+
+
+def no_checks(_system: System, _places: Places, _today: date) -> Sequence[Diagnostic]:
+    """Takes the meaning on trust."""
+    return ()
+
+
+def load(
+    path: str,
+    overlays: Sequence[str] = (),
+    *,
+    today: date,
+    checks: Callable[[System, Places, date], Iterable[Diagnostic]] = no_checks,
+) -> Loaded:
+    """Reads a manifest and its overlays (later wins), and looks at what they mean.
+
+    Args:
+        path: a regular file, or `-` for standard input; `manifest_path` finds the one in a folder.
+        overlays: files that differ from it in part.
+        today: the day that acceptances expire against.
+        checks: what looks at the meaning, once the structure holds.
+
+    Never raises for what a user wrote: that stands in the diagnostics.
+    """
+    trees = [read(path), *(read(overlay) for overlay in overlays)]
+    if any(not tree.readable for tree in trees):
+        return _loaded(trees, None, NoPlaces(trees[0].source.file), [])
+    empty = [_is_empty(tree) for tree in trees if tree.value is None]
+    if empty:
+        return _loaded(trees, None, NoPlaces(trees[0].source.file), empty)
+    combined = combine(trees)
+    if combined.diagnostics:
+        return _loaded(trees, None, combined.places, list(combined.diagnostics))
+    system, found = _to_system(combined)
+    if system is not None:
+        found = [*found, *checks(system, combined.places, today)]
+    return _loaded(trees, system, combined.places, found)
+
+
+def _to_system(combined: Combined) -> tuple[System | None, list[Diagnostic]]:
+    # Imported here: pydantic takes 150 ms, and what cannot be read does not need it.
+    from pydantic import ValidationError
+
+    from rarms_iac.manifest.document.manifest import ManifestDocument
+    from rarms_iac.manifest.errors import in_words
+    from rarms_iac.manifest.to_system import to_system
+
+    try:
+        return to_system(ManifestDocument.model_validate(combined.value)), []
+    except ValidationError as problem:
+        return None, in_words(problem, combined.value, combined.places)
+
+
+def _is_empty(tree: Tree) -> Diagnostic:
+    return EMPTY.at(
+        Place(file=tree.source.file, line=1, column=1),
+        "There is nothing in it but comments.",
+        "Write a manifest, or let `rarms init` write one.",
+    )
+
+
+def _loaded(trees: list[Tree], system: System | None, places: Places, found: list[Diagnostic]) -> Loaded:
+    digest = hashlib.sha256()
+    for tree in trees:
+        digest.update(hashlib.sha256(tree.source.data).digest())
+    said = [*(one for tree in trees for one in tree.diagnostics), *found]
+    return Loaded(
+        system=None if has_errors([one for tree in trees for one in tree.diagnostics]) else system,
+        places=places,
+        diagnostics=in_order(said),
+        sources={tree.source.file: tree.source.lines for tree in trees},
+        folder=trees[0].source.folder or os.curdir,
+        digest=digest.hexdigest(),
+    )

@@ -1,0 +1,114 @@
+"""The parser's complaints in a user's words."""
+
+_PLAINLY: tuple[tuple[str, str, str], ...] = (
+    (
+        "mapping values are not allowed",
+        "A colon stands where no key can be.",
+        "Put a text that holds ': ' into quotes, or check the indentation of this line.",
+    ),
+    (
+        "could not find expected ':'",
+        "A key without its colon.",
+        "Write `key: value`, with a space after the colon, or check the line before.",
+    ),
+    (
+        "found character that cannot start any token",
+        "This character cannot start a value.",
+        "Put the value into quotes; indent with spaces, not with tabs.",
+    ),
+    (
+        "found a tab character",
+        "A tab stands where indentation is expected.",
+        "Indent with spaces.",
+    ),
+    (
+        "did not find expected ',' or ']'",
+        "A list that starts with [ is not continued or closed.",
+        "Add the missing comma or ].",
+    ),
+    (
+        "did not find expected ',' or '}'",
+        "A map that starts with { is not continued or closed.",
+        "Add the missing comma or }.",
+    ),
+    (
+        "did not find expected key",
+        "A key is expected here.",
+        "Check the indentation of this line and of those before it, and that quotes are closed.",
+    ),
+    (
+        "did not find expected '-' indicator",
+        "Another item of the list is expected here.",
+        "Start it with '- ', or check the indentation.",
+    ),
+    (
+        "block sequence entries are not allowed",
+        "A list item cannot stand here.",
+        "Start the list on a line of its own.",
+    ),
+    (
+        "found unexpected end of stream",
+        "The text ends inside quotes.",
+        "Close the quotes.",
+    ),
+    (
+        "found unexpected document indicator",
+        "The document ends inside quotes.",
+        "Close the quotes.",
+    ),
+    (
+        "found unknown escape character",
+        "This backslash sequence means nothing in double quotes.",
+        "Write a backslash twice, or use single quotes.",
+    ),
+    (
+        "invalid Unicode character escape code",
+        "This backslash sequence names no character: it is half of one, or past the last.",
+        "Write the character itself.",
+    ),
+    (
+        "did not find expected hexdecimal number",
+        "This backslash sequence needs hexadecimal digits.",
+        "Write \\xHH, \\uHHHH or \\UHHHHHHHH.",
+    ),
+    (
+        "did not find expected node content",
+        "A value is expected here.",
+        "Write one, or remove the comma before.",
+    ),
+    (
+        "did not find expected <document start>",
+        "Something follows the end of the document.",
+        "Check the indentation of this line.",
+    ),
+    (
+        "undefined tag handle",
+        "rarms does not read tags (!name).",
+        "Remove the tag: a field knows its own type.",
+    ),
+    (
+        "did not find expected alphabetic or numeric character",
+        "rarms does not read anchors (&name) and aliases (*name), and this is none either.",
+        "Put a text that starts with & or * into quotes.",
+    ),
+    (
+        "incompatible YAML document",
+        "rarms reads YAML 1.2.",
+        "Remove the line that starts with %YAML.",
+    ),
+    (
+        "chomping or indentation indicator",
+        "Something follows a | or > that does not belong there.",
+        "Start the text on the next line, or put it into quotes.",
+    ),
+)
+
+
+def said_plainly(problem: str, context: str) -> tuple[str, str]:
+    """What the parser found wrong and what to do, as (detail, advice)."""
+    for complaint in (problem, context):
+        for words, detail, advice in _PLAINLY:
+            if words in complaint:
+                return detail, advice
+    said = " ".join(part for part in (context, problem) if part)
+    return f"The text cannot be read as YAML here ({said}).", "Check this line and the one before it."

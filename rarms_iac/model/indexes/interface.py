@@ -1,0 +1,20 @@
+"""What every performance index says of itself."""
+
+from dataclasses import dataclass
+
+from rarms_iac.model.quantities import Unit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PerformanceIndex:
+    """A component-specific measure (PI); its threshold (APT) says which side of a value is good enough."""
+
+    name: str
+    unit: Unit
+    smaller_is_better: bool
+    description: str
+
+    @property
+    def direction(self) -> str:
+        """The word of a threshold that makes sense: `at_most` or `at_least`."""
+        return "at_most" if self.smaller_is_better else "at_least"

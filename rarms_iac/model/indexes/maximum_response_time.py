@@ -1,0 +1,11 @@
+"""The longest response time."""
+
+from rarms_iac.model.indexes.interface import PerformanceIndex
+from rarms_iac.model.quantities import Unit
+
+INDEX = PerformanceIndex(
+    name="maximum_response_time",
+    unit=Unit.TIME,
+    smaller_is_better=True,
+    description="The longest response time of all jobs that answered.",
+)

@@ -1,0 +1,69 @@
+"""The whole route on small manifests."""
+
+from datetime import date
+from fractions import Fraction
+from pathlib import Path
+
+from rarms_iac.manifest.load import Loaded, load, manifest_path, no_checks
+from rarms_iac.model.system import AtMost, Measured, ProviderKind, SampleCount
+
+SMALL = """\
+schema: rarms/v1
+application: {name: robot}
+hosts:
+  onboard: {logical_processors: 2, memory: 4 GiB}
+components:
+  vision:
+    criticality: 40
+    apt: {mean_response_time: {at_most: 100 ms}}
+    run: {command: [python3, vision.py]}
+"""
+
+
+def write(folder: Path, text: str, name: str = "rarms.yaml") -> str:
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8", newline="\n")
+    return str(path)
+
+
+def loaded(folder: Path, text: str, *overlays: str) -> Loaded:
+    files = [write(folder, overlay, f"overlay-{number}.yaml") for number, overlay in enumerate(overlays)]
+    return load(write(folder, text), files, today=date(2026, 1, 1), checks=no_checks)
+
+
+def test_a_small_manifest_becomes_a_system_with_every_default(tmp_path: Path) -> None:
+    system = loaded(tmp_path, SMALL).system
+
+    assert system is not None
+    assert system.hosts["onboard"].provider is ProviderKind.SIMULATED
+    assert system.hosts["onboard"].platform == "onboard"
+    vision = system.components["vision"]
+    assert vision.apt == {"mean_response_time": AtMost(value=Fraction(100))}
+    assert vision.cpu.reserve is Measured.MEASURED
+    assert vision.run is not None
+    assert vision.run.until == SampleCount(samples=200)
+    assert list(system.interference) == ["busy-loop"]
+
+
+def test_a_folder_means_the_manifest_in_it(tmp_path: Path) -> None:
+    write(tmp_path, SMALL)
+
+    assert manifest_path(str(tmp_path)) == str(tmp_path / "rarms.yaml")
+
+
+def test_the_digest_changes_with_the_text_alone(tmp_path: Path) -> None:
+    first = loaded(tmp_path / "a", SMALL)
+    same = loaded(tmp_path / "b", SMALL)
+    other = loaded(tmp_path / "c", SMALL + "# a comment\n")
+
+    assert first.digest == same.digest
+    assert first.digest != other.digest
+
+
+def test_lines_of_the_sources_are_there_to_be_shown(tmp_path: Path) -> None:
+    read = loaded(tmp_path, SMALL)
+
+    (lines,) = read.sources.values()
+
+    assert lines[1] == "application: {name: robot}"
