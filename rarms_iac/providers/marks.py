@@ -1,0 +1,96 @@
+"""Our mark in a machine's notes: one line, `rarms/1 robot/vision vm=0a1b2c3d set=0123456789ab` (DESIGN section 4).
+
+The other lines are the user's and stay as they are. A mark counts only where it names the machine that it stands on,
+and no other machine carries a mark of the same partition; a machine whose mark does not count is unmanaged.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rarms_iac.model.names import NAME_PATTERN
+from rarms_iac.model.state import Mark
+
+ID_DIGITS = 8
+"""How much of a machine's id its mark repeats."""
+
+_NAME = NAME_PATTERN.removeprefix("^").removesuffix("$")
+_LINE = re.compile(
+    rf"rarms/1 (?P<application>{_NAME})/(?P<name>{_NAME}) vm=(?P<machine>[0-9a-f]{{8}}) set=(?P<set>[0-9a-f]{{12}})"
+)
+_LOOKS_LIKE_ONE = re.compile(r"\s*rarms/[0-9]")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """What a machine's notes say: a mark that counts, or why what looks like one does not, and the user's lines."""
+
+    mark: Mark | None
+    foreign: str  # empty: nothing that looks like a mark is left over
+    other_notes: str
+
+
+def mark_for(machine: str, application: str, name: str, settings_digest: str) -> Mark:
+    """The mark that makes the machine of this id the application's partition."""
+    return Mark(application=application, name=name, machine=machine[:ID_DIGITS].lower(), set=settings_digest)
+
+
+def write_mark(notes: str, mark: Mark) -> str:
+    """The notes with this mark, in place of any other; the user's lines stay."""
+    line = f"rarms/1 {mark.application}/{mark.name} vm={mark.machine} set={mark.set}"
+    others = erase_mark(notes)
+    return f"{others}\n{line}" if others else line
+
+
+def erase_mark(notes: str) -> str:
+    """The notes without marks."""
+    return "\n".join(line for line in notes.split("\n") if _mark_of(line) is None)
+
+
+def read_mark(notes: str) -> Mark | None:
+    """The mark in the notes, None where there is none or more than one."""
+    found = _marks(notes)
+    return found[0] if len(found) == 1 else None
+
+
+def judge_marks(notes_by_id: Mapping[str, str]) -> dict[str, Judged]:
+    """Which machines of a host carry a mark that counts; the notes are by the machine's id."""
+    own = {
+        machine: mark
+        for machine, notes in notes_by_id.items()
+        if (mark := read_mark(notes)) and mark.machine == machine[:ID_DIGITS].lower()
+    }
+    carriers = Counter((mark.application, mark.name) for mark in own.values())
+    return {machine: _judge(notes, own.get(machine), carriers) for machine, notes in notes_by_id.items()}
+
+
+def _judge(notes: str, own: Mark | None, carriers: Counter[tuple[str, str]]) -> Judged:
+    others = erase_mark(notes)
+    if own is None:
+        return Judged(mark=None, foreign=_why_foreign(notes), other_notes=others)
+    count = carriers[own.application, own.name]
+    if count > 1:
+        why = f"the mark of {own.application}/{own.name} stands on {count} machines"
+        return Judged(mark=None, foreign=why, other_notes=others)
+    return Judged(mark=own, foreign="", other_notes=others)
+
+
+def _why_foreign(notes: str) -> str:
+    found = _marks(notes)
+    if len(found) > 1:
+        return f"its notes hold {len(found)} marks"
+    if found:
+        return f"its mark names another machine ({found[0].machine}): the machine was copied or imported"
+    if any(_LOOKS_LIKE_ONE.match(line) for line in notes.split("\n")):
+        return "a line of its notes begins like a mark and is none"
+    return ""
+
+
+def _marks(notes: str) -> list[Mark]:
+    return [mark for line in notes.split("\n") if (mark := _mark_of(line))]
+
+
+def _mark_of(line: str) -> Mark | None:
+    found = _LINE.fullmatch(line.rstrip("\r"))
+    return Mark(**found.groupdict()) if found else None

@@ -1,0 +1,174 @@
+"""What an operation makes of a simulated host's content. Pure: what is refused was refused before (rules.py)."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import assert_never
+
+from rarms_iac.model.changes import Address
+from rarms_iac.model.operations import (
+    CreatePartition,
+    EraseMark,
+    EraseTaskRecord,
+    Operation,
+    PartitionOperation,
+    RemovePartition,
+    RemoveTaskClass,
+    RenamePartition,
+    SetActions,
+    SetCpu,
+    SetMemory,
+    SetProcessors,
+    StartPartition,
+    StopPartition,
+    TaskOperation,
+    WriteMark,
+    WriteTaskClass,
+    WriteTaskRecord,
+)
+from rarms_iac.model.plan import Scope
+from rarms_iac.model.state import (
+    Checkpoints,
+    PartitionSettings,
+    RegistryValue,
+    RunState,
+    StartAction,
+    StopAction,
+    ValueKind,
+)
+from rarms_iac.providers.marks import erase_mark, mark_for, write_mark
+from rarms_iac.providers.simulated.content import Content, Machine, Registry, next_id
+from rarms_iac.providers.simulated.rules import Refusal
+
+LONGEST_KEY = 255
+"""Characters of a registry key's name (FACTS 6.1)."""
+
+
+def address_of(operation: Operation) -> Address:
+    """What the operation is about, as faults name it."""
+    match operation:
+        case WriteTaskClass() | RemoveTaskClass() | WriteTaskRecord() | EraseTaskRecord():
+            return Address(partition=operation.inside, task=operation.task)
+        case CreatePartition():
+            return Address(partition=operation.partition)
+        case _:
+            return Address(partition=operation.partition, machine=operation.machine)
+
+
+def new_settings(operation: CreatePartition, scope: Scope) -> PartitionSettings:
+    """A new machine, off, without reserve, under its pending name; the rest as Hyper-V makes it."""
+    return PartitionSettings(
+        name=scope.pending(operation.partition),
+        generation=operation.generation,
+        processors=1,
+        reserve=0,
+        limit=100,
+        weight=100,
+        memory=operation.memory,
+        dynamic_memory=False,
+        start_action=StartAction.START_IF_RUNNING,
+        stop_action=StopAction.SAVE,
+        checkpoints=Checkpoints.PRODUCTION,
+        running=False,
+    )
+
+
+def with_new_machine(content: Content, settings: PartitionSettings) -> Content:
+    """With one machine more."""
+    machine = Machine(id=next_id(content, settings.name), settings=settings, state=RunState.OFF)
+    return replace(content, made=content.made + 1).with_machine(machine)
+
+
+def change_machine(content: Content, machine: Machine, operation: PartitionOperation) -> Content:
+    """The content after the operation on this machine."""
+    settings = machine.settings
+    match operation:
+        case CreatePartition():
+            raise AssertionError("a machine that exists is not made again")
+        case RemovePartition():
+            return content.without_machine(machine.id)
+        case RenamePartition(name=name):
+            changed = replace(machine, settings=replace(settings, name=name))
+        case WriteMark(application=application, name=name, set=settings_digest):
+            mark = mark_for(machine.id, application, name, settings_digest)
+            changed = replace(machine, notes=write_mark(machine.notes, mark))
+        case EraseMark():
+            changed = replace(machine, notes=erase_mark(machine.notes))
+        case SetProcessors(processors=processors):
+            changed = replace(machine, settings=replace(settings, processors=processors))
+        case SetCpu(reserve=reserve, limit=limit, weight=weight):
+            changed = replace(machine, settings=replace(settings, reserve=reserve, limit=limit, weight=weight))
+        case SetMemory(memory=memory, dynamic=dynamic):
+            changed = replace(machine, settings=replace(settings, memory=memory, dynamic_memory=dynamic))
+        case SetActions(start=start, stop=stop, checkpoints=checkpoints):
+            actions = replace(settings, start_action=start, stop_action=stop, checkpoints=checkpoints)
+            changed = replace(machine, settings=actions)
+        case StartPartition():
+            changed = machine.now(RunState.RUNNING)
+        case StopPartition():
+            changed = machine.now(RunState.OFF)
+        case _:
+            assert_never(operation)
+    return content.with_machine(changed)
+
+
+def refuse_task_change(registry: Registry, operation: TaskOperation) -> Refusal | None:
+    """Why this cannot be done to the registry, None where it can."""
+    key, record = _key(registry, operation.task), registry.records.get(operation.task.lower())
+    match operation:
+        case WriteTaskClass(task=task, values=values):
+            problem = _impossible_key(task) or _impossible_values(values)
+            return Refusal(says=f"task class {task!r}: {problem}", advice="correct it") if problem else None
+        case RemoveTaskClass(task=task) if key is None:
+            return Refusal(says=f"there is no task class {task}", advice="look at the host again: rarms plan")
+        case WriteTaskRecord(task=task, record=wanted) if record and record.application != wanted.application:
+            return _belongs_to(task, record.application)
+        case EraseTaskRecord(task=task, application=application) if record and record.application != application:
+            return _belongs_to(task, record.application)
+        case _:
+            return None
+
+
+def change_registry(registry: Registry, operation: TaskOperation) -> Registry:
+    """The registry after the operation. A key that exists keeps the case of its name."""
+    key = _key(registry, operation.task) or operation.task
+    record = operation.task.lower()
+    match operation:
+        case WriteTaskClass(values=values):
+            return replace(registry, tasks={**registry.tasks, key: dict(values)})
+        case RemoveTaskClass():
+            return replace(registry, tasks={name: one for name, one in registry.tasks.items() if name != key})
+        case WriteTaskRecord(record=wanted):
+            return replace(registry, records={**registry.records, record: wanted})
+        case EraseTaskRecord():
+            return replace(registry, records={name: one for name, one in registry.records.items() if name != record})
+        case _:
+            assert_never(operation)
+
+
+def _key(registry: Registry, task: str) -> str | None:
+    wanted = task.lower()
+    return next((name for name in registry.tasks if name.lower() == wanted), None)
+
+
+def _belongs_to(task: str, application: str) -> Refusal:
+    return Refusal(
+        says=f"the task class {task} belongs to the application {application}",
+        advice="use another class, or release it there",
+    )
+
+
+def _impossible_key(task: str) -> str:
+    if not task or len(task) > LONGEST_KEY or not task.isprintable() or "\\" in task or "/" in task:
+        return f"a key's name has 1 to {LONGEST_KEY} printable characters and no slash"
+    return ""
+
+
+def _impossible_values(values: Mapping[str, RegistryValue]) -> str:
+    if len({name.lower() for name in values}) != len(values):
+        return "two values differ only by case"
+    for name, value in values.items():
+        if value.kind is ValueKind.DWORD and not (isinstance(value.data, int) and 0 <= value.data < 2**32):
+            return f"{name} is no 32-bit number"
+        if value.kind is ValueKind.SZ and not isinstance(value.data, str):
+            return f"{name} is no text"
+    return ""

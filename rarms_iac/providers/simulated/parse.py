@@ -1,0 +1,156 @@
+"""The file of a simulated host as its content and back, and its content as a State. Pure.
+
+One JSON object: `format`, `checksum` (SHA-256 of the text of `content`) and `content`. What is not exactly as it was
+written is damaged, and is never taken for something else.
+"""
+
+import hashlib
+import json
+import re
+import uuid
+from collections.abc import Mapping
+
+from rarms_iac.model.state import HostFacts, Partition, Rights, RunState, State, TaskClass
+from rarms_iac.model.system import Host, SimulatedHost
+from rarms_iac.providers.marks import Judged, judge_marks
+from rarms_iac.providers.simulated.content import Content, Machine
+from rarms_iac.providers.simulated.rules import out_of_range
+from rarms_iac.storage.codec import NotDecodable, decode, encode
+from rarms_iac.storage.digest import parse_json
+
+FORMAT = "rarms-simulated-host/1"
+_HEAD = re.compile(r'\{"format":"(?P<format>[^"\\]{1,60})","checksum":"(?P<checksum>[0-9a-f]{64})","content":')
+_TAIL = "}\n"
+_PENDING = re.compile(r"(?P<partition>[a-z0-9-]+)\.rarms-[0-9a-f]+")
+
+
+def write_content(content: Content) -> bytes:
+    """The file that holds this content."""
+    text = json.dumps(encode(content), sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return f'{{"format":"{FORMAT}","checksum":"{_checksum(text)}","content":{text}{_TAIL}'.encode("ascii")
+
+
+def read_content(data: bytes) -> Content:
+    """The content of the file.
+
+    Raises:
+        NotDecodable: it is not as it was written, is of another format, or says what cannot be.
+    """
+    try:
+        file = data.decode("ascii").replace("\r\n", "\n")
+    except UnicodeDecodeError:
+        raise NotDecodable("", "it is not the text that rarms wrote") from None
+    head = _HEAD.match(file)
+    if head is None or not file.endswith(_TAIL):
+        raise NotDecodable("", "it is cut off, or was not written by rarms")
+    if head["format"] != FORMAT:
+        raise NotDecodable("format", f"this rarms reads {FORMAT}, not {head['format']}")
+    text = file[head.end() : -len(_TAIL)]
+    if head["checksum"] != _checksum(text):
+        raise NotDecodable("checksum", "it does not fit the content")
+    content = decode(Content, parse_json(text))
+    _check(content)
+    return content
+
+
+def to_state(content: Content, host: Host, serials: Mapping[str, int]) -> State:
+    """What a look at the host shows: without the rights, no machines and no guests (FACTS 5)."""
+    facts = facts_of(content, host)
+    if facts.rights is not Rights.PROVEN:
+        return State(facts=facts, tasks=tuple(_tasks(content, "", "")), serials=serials)
+    judged = judge_marks({machine.id: machine.notes for machine in content.machines.values()})
+    machines = sorted(content.machines.values(), key=lambda one: (one.settings.name, one.id))
+    partitions = tuple(_partition(machine, judged[machine.id]) for machine in machines)
+    guests = sorted((inside, one.id) for one in partitions if (inside := stands_for(one)))
+    tasks = [task for inside, machine in [("", ""), *guests] for task in _tasks(content, inside, machine)]
+    return State(facts=facts, partitions=partitions, tasks=tuple(tasks), serials=serials)
+
+
+def facts_of(content: Content, host: Host) -> HostFacts:
+    """What decisions about the host rest on, as the manifest describes it now."""
+    described = description(host)
+    return HostFacts(
+        name=host.name,
+        id=content.id,
+        provider=host.provider,
+        computer_name=host.name,
+        os_build=described.windows_build,
+        client=described.client,
+        scheduler=described.scheduler,
+        smt=described.smt,
+        logical_processors=host.logical_processors,
+        memory=int(host.memory),
+        rights=Rights.PROVEN if described.administrator else Rights.MISSING,
+    )
+
+
+def description(host: Host) -> SimulatedHost:
+    """The machine that the host pretends to be."""
+    return host.settings if isinstance(host.settings, SimulatedHost) else SimulatedHost()
+
+
+def stands_for(partition: Partition) -> str:
+    """The manifest's name of a partition of rarms, also of one that is being made; empty for the machines of others."""
+    if partition.mark is not None:
+        return partition.mark.name
+    pending = _PENDING.fullmatch(partition.settings.name)
+    return pending["partition"] if pending else ""
+
+
+def _checksum(text: str) -> str:
+    return hashlib.sha256(text.encode("ascii")).hexdigest()
+
+
+def _partition(machine: Machine, judged: Judged) -> Partition:
+    return Partition(
+        settings=machine.settings,
+        id=machine.id,
+        state=machine.state,
+        mark=judged.mark,
+        other_notes=judged.other_notes,
+        foreign_mark=judged.foreign,
+    )
+
+
+def _tasks(content: Content, inside: str, machine: str) -> list[TaskClass]:
+    """The task classes of one operating system by name, a record without its key included."""
+    registry = content.registry(machine)
+    keys = {name.lower(): name for name in registry.tasks}
+    names = sorted({**{record: record for record in registry.records}, **keys}.items())
+    return [
+        TaskClass(
+            name=name,
+            inside=inside,
+            machine=machine,
+            values=registry.tasks.get(name, {}),
+            record=registry.records.get(lower),
+        )
+        for lower, name in names
+    ]
+
+
+def _check(content: Content) -> None:
+    """Refuse what no series of operations could have made."""
+    _check_id("id", content.id)
+    for machine in content.machines.values():
+        path = f"machines.{machine.id}"
+        _check_id(path, machine.id)
+        if content.machines.get(machine.id) is not machine:
+            raise NotDecodable(path, "the machine is filed under another id")
+        if problem := out_of_range(machine.settings):
+            raise NotDecodable(path, problem)
+        if machine.settings.running is not (machine.state is RunState.RUNNING):
+            raise NotDecodable(path, "it is said to be running and not running")
+    if unknown := content.registries.keys() - content.machines.keys() - {""}:
+        raise NotDecodable(f"registries.{min(unknown)}", "there is no such machine")
+    if content.made < len(content.machines) or any(count < 0 for count in content.struck.values()):
+        raise NotDecodable("made", "a count is too small")
+
+
+def _check_id(path: str, text: str) -> None:
+    try:
+        sound = str(uuid.UUID(text)) == text
+    except ValueError:
+        sound = False
+    if not sound:
+        raise NotDecodable(path, f"{text!r} is no id")

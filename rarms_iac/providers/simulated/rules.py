@@ -1,0 +1,199 @@
+"""What a simulated host refuses: what Hyper-V refuses (FACTS 1.2, 3, 5). Pure."""
+
+from collections import Counter
+from dataclasses import dataclass, replace
+
+from rarms_iac.model.operations import (
+    CreatePartition,
+    Operation,
+    RemovePartition,
+    RenamePartition,
+    SetCpu,
+    SetMemory,
+    SetProcessors,
+    StartPartition,
+    StopPartition,
+)
+from rarms_iac.model.quantities import show_bytes
+from rarms_iac.model.state import HostFacts, PartitionSettings, RunState
+from rarms_iac.model.system import SchedulerType
+from rarms_iac.providers.simulated.content import Content, Machine
+from rarms_iac.providers.simulated.packing import packs
+
+LONGEST_NAME = 100
+"""Characters of a machine's name (FACTS 10)."""
+
+MOST_PROCESSORS = {1: 64, 2: 240}
+"""Virtual processors by generation (FACTS 2)."""
+
+SERVER_2016, WINDOWS_10 = 14393, 10240
+"""Builds from which static memory changes while the machine runs: of a server and of a client (FACTS 3)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refusal:
+    """Why an operation is refused, and what would help."""
+
+    says: str
+    advice: str
+
+
+def out_of_range(settings: PartitionSettings) -> str:
+    """What of the settings no machine can have; empty where all of it is possible (FACTS 1.1, 1.3, 2)."""
+    if settings.generation not in MOST_PROCESSORS:
+        return f"there is no generation {settings.generation}, only 1 and 2"
+    if not 0 < len(settings.name) <= LONGEST_NAME:
+        return f"a machine's name has 1 to {LONGEST_NAME} characters, not {len(settings.name)}"
+    most = MOST_PROCESSORS[settings.generation]
+    if not 1 <= settings.processors <= most:
+        return f"generation {settings.generation} has 1 to {most} virtual processors, not {settings.processors}"
+    if settings.memory < 1:
+        return "a machine needs memory"
+    return _cpu_out_of_range(settings.reserve, settings.limit, settings.weight)
+
+
+def _cpu_out_of_range(reserve: int, limit: int, weight: int) -> str:
+    if not 0 <= reserve <= 100 or not 0 <= limit <= 100:
+        return f"reserve and limit are 0 to 100 %, not {reserve} % and {limit} %"
+    if reserve > limit:
+        return f"the reserve of {reserve} % is above the limit of {limit} %"
+    if not 1 <= weight <= 10_000:
+        return f"a weight is 1 to 10000, not {weight}"
+    return ""
+
+
+def refuse_without_rights(facts: HostFacts) -> Refusal:
+    """What everything is answered with where the rights are missing."""
+    return Refusal(
+        says=f"access to {facts.computer_name} is denied",
+        advice="run as an administrator of the host (simulated.administrator: true)",
+    )
+
+
+def refuse_creation(operation: CreatePartition, settings: PartitionSettings) -> Refusal | None:
+    """Why this machine cannot be made."""
+    problem = out_of_range(settings)
+    return Refusal(says=f"{operation.partition} cannot be made: {problem}", advice="correct it") if problem else None
+
+
+def refuse_change(
+    operation: Operation, machine: Machine, content: Content, facts: HostFacts, guest_build: int
+) -> Refusal | None:
+    """Why this cannot be done to this machine now, None where it can."""
+    match operation:
+        case SetProcessors(processors=processors):
+            return _refuse_running(machine, "its processor count") or _refuse_settings(
+                replace(machine.settings, processors=processors)
+            )
+        case SetCpu(reserve=reserve, limit=limit, weight=weight):
+            return _refuse_settings(replace(machine.settings, reserve=reserve, limit=limit, weight=weight))
+        case SetMemory():
+            return _refuse_memory(operation, machine, content, facts, guest_build)
+        case RenamePartition(name=name):
+            return _refuse_settings(replace(machine.settings, name=name))
+        case StartPartition():
+            return _refuse_start(machine, content, facts)
+        case StopPartition() if machine.state is RunState.BUSY:
+            return Refusal(says=f"{machine.settings.name} is changing its state", advice="try again in a moment")
+        case RemovePartition() if machine.state not in {RunState.OFF, RunState.SAVED}:
+            return Refusal(
+                says=f"{machine.settings.name} is {machine.state.value}, and only a machine that is off can be removed",
+                advice="stop it first",
+            )
+        case _:
+            return None
+
+
+def _refuse_running(machine: Machine, what: str) -> Refusal | None:
+    if machine.state is RunState.OFF:
+        return None
+    return Refusal(
+        says=f"{machine.settings.name} is {machine.state.value}, and {what} can only change while it is off",
+        advice="stop it first",
+    )
+
+
+def _refuse_settings(settings: PartitionSettings) -> Refusal | None:
+    problem = out_of_range(settings)
+    return Refusal(says=f"{settings.name}: {problem}", advice="correct it") if problem else None
+
+
+def _refuse_memory(
+    operation: SetMemory, machine: Machine, content: Content, facts: HostFacts, guest_build: int
+) -> Refusal | None:
+    settings = machine.settings
+    wanted = replace(settings, memory=operation.memory, dynamic_memory=operation.dynamic)
+    if wanted == settings:
+        return None
+    if problem := _refuse_settings(wanted):
+        return problem
+    if operation.dynamic != settings.dynamic_memory:
+        return _refuse_running(machine, "switching between static and dynamic memory")
+    if settings.dynamic_memory:
+        return _refuse_running(machine, "the startup memory of a dynamic machine")
+    if machine.state is RunState.RUNNING and _resizes_while_running(facts, guest_build):
+        return _refuse_lack_of_memory(wanted, machine, content, facts)
+    return _refuse_running(machine, "its memory")
+
+
+def _resizes_while_running(facts: HostFacts, guest_build: int) -> bool:
+    host_needs = WINDOWS_10 if facts.client else SERVER_2016
+    return facts.os_build >= host_needs and guest_build >= WINDOWS_10
+
+
+def _refuse_start(machine: Machine, content: Content, facts: HostFacts) -> Refusal | None:
+    if machine.state is RunState.RUNNING:
+        return None
+    if machine.state in {RunState.BUSY, RunState.CRITICAL}:
+        return Refusal(says=f"{machine.settings.name} is {machine.state.value}", advice="look at the host")
+    return _refuse_lack_of_memory(machine.settings, machine, content, facts) or _refuse_lack_of_reserve(
+        machine, content, facts
+    )
+
+
+def _refuse_lack_of_memory(
+    wanted: PartitionSettings, machine: Machine, content: Content, facts: HostFacts
+) -> Refusal | None:
+    taken = sum(other.settings.memory for other in _others_with_resources(machine, content))
+    if taken + wanted.memory <= facts.memory:
+        return None
+    return Refusal(
+        says=(
+            f"{wanted.name} needs {show_bytes(wanted.memory)}, and of {show_bytes(facts.memory)} "
+            f"{show_bytes(max(0, facts.memory - taken))} are free"
+        ),
+        advice="stop another machine, or give it less memory",
+    )
+
+
+def _refuse_lack_of_reserve(machine: Machine, content: Content, facts: HostFacts) -> Refusal | None:
+    """The check comes at the start and not before; under the root scheduler reserves mean nothing (FACTS 1.2, 2)."""
+    settings = machine.settings
+    if settings.reserve == 0 or facts.scheduler in {SchedulerType.ROOT, SchedulerType.NONE}:
+        return None
+    if settings.processors > facts.logical_processors:
+        return Refusal(
+            says=(
+                f"{settings.name} has {settings.processors} virtual processors with a reserve, "
+                f"and there are {facts.logical_processors} logical ones"
+            ),
+            advice="give it fewer processors, or no reserve",
+        )
+    sizes = Counter({settings.reserve: settings.processors})
+    for other in _others_with_resources(machine, content):
+        sizes[other.settings.reserve] += other.settings.processors
+    if packs(sizes, facts.logical_processors):
+        return None
+    return Refusal(
+        says=(
+            f"the reserve of {settings.name}, {settings.reserve} % of each of {settings.processors} processors, "
+            f"does not fit {facts.logical_processors} logical processors beside what runs"
+        ),
+        advice="lower a reserve, or stop another machine",
+    )
+
+
+def _others_with_resources(machine: Machine, content: Content) -> list[Machine]:
+    """The other machines that hold memory and processor time now: paused ones keep theirs."""
+    without = {RunState.OFF, RunState.SAVED}
+    return [one for one in content.machines.values() if one.id != machine.id and one.state not in without]

@@ -1,0 +1,222 @@
+"""The simulated host: a file that behaves like a Hyper-V host, with journal and lock beside it (DESIGN section 8)."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+from rarms_iac.diff.readings import readings, resolve
+from rarms_iac.model.changes import Address
+from rarms_iac.model.journal import Journal, JournalRecord, RunStarted
+from rarms_iac.model.operations import (
+    CreatePartition,
+    EraseTaskRecord,
+    Operation,
+    PartitionOperation,
+    RemoveTaskClass,
+    TaskOperation,
+    WriteTaskClass,
+    WriteTaskRecord,
+)
+from rarms_iac.model.plan import Readings, Scope
+from rarms_iac.model.state import Rights, State
+from rarms_iac.model.system import Fault, FaultEffect, Host
+from rarms_iac.providers.interface import Failed, HostDamaged, HostLocked, Refused
+from rarms_iac.providers.simulated.change import (
+    address_of,
+    change_machine,
+    change_registry,
+    new_settings,
+    refuse_task_change,
+    with_new_machine,
+)
+from rarms_iac.providers.simulated.content import Content, Machine, empty
+from rarms_iac.providers.simulated.journal import append_record, read_journal, read_serials, start_journal
+from rarms_iac.providers.simulated.observe import fetch
+from rarms_iac.providers.simulated.parse import description, read_content, to_state, write_content
+from rarms_iac.providers.simulated.rules import Refusal, refuse_change, refuse_creation, refuse_without_rights
+from rarms_iac.storage.append import Damaged
+from rarms_iac.storage.codec import NotDecodable
+from rarms_iac.storage.lock import Locked, hold
+from rarms_iac.storage.private import make_room
+from rarms_iac.storage.replace import remove_leftovers
+from rarms_iac.storage.replace import replace as replace_file
+
+PARTITION_AGAIN = "look at the host again: rarms plan"
+
+
+class SimulatedHostProvider:
+    """A `StepwiseHost` that needs nothing installed.
+
+    `path` is the host's file, `.rarms/hosts/<name>.json` beside the manifest; the journal lies beside it as
+    `<name>.journal.jsonl`, the lock as `<name>.lock`. The caller chooses another name for another set of overlays.
+    """
+
+    def __init__(self, host: Host, path: Path, sleep: Callable[[float], None] = time.sleep) -> None:
+        self._host = host
+        self._path = path
+        self._journal_path = path.with_name(f"{path.stem}.journal.jsonl")
+        self._lock_path = path.with_name(f"{path.stem}.lock")
+        self._sleep = sleep
+        self._known: tuple[bytes, Content] | None = None  # what bytes mean: to read the same ones again costs nothing
+
+    @property
+    def name(self) -> str:
+        """The host's name in the manifest."""
+        return self._host.name
+
+    def observe(self) -> State:
+        """As the interface says."""
+        with self._telling_damage(self._journal_path):
+            serials = read_serials(self._journal_path)
+        return to_state(self.load(), self._host, serials)
+
+    @contextmanager
+    def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
+        """As the interface says."""
+        make_room(self._lock_path)
+        try:
+            with hold(self._lock_path, owner, timeout_ms):
+                yield
+        except Locked as locked:
+            raise HostLocked(self.name, locked.owner) from None
+
+    def read(self, address: Address, scope: Scope) -> Readings:
+        """As the interface says."""
+        return readings(to_state(self.load(), self._host, {}), address, scope)
+
+    def execute(self, operation: Operation, scope: Scope) -> None:
+        """As the interface says; faults that the manifest asks for strike here."""
+        before = self.load()
+        after = self._after(before, operation, scope)
+        fault = self._fault(before, operation)
+        if fault is None:
+            self.save(after)
+            return
+        name, asked = fault
+        if asked.effect is FaultEffect.REFUSE:
+            self.save(_struck(before, name))
+            raise Refused(self.name, f"the fault {name} refuses {operation.kind}", "take it out of the manifest")
+        self.save(_struck(after, name))
+        if asked.effect is FaultEffect.LATE:
+            self._sleep(float(asked.delay) / 1000)
+            return
+        raise Failed(self.name, f"the fault {name} makes {operation.kind} fail", "take it out of the manifest")
+
+    def journal(self) -> Journal | None:
+        """As the interface says."""
+        with self._telling_damage(self._journal_path):
+            return read_journal(self._journal_path)
+
+    def start_run(self, started: RunStarted) -> None:
+        """As the interface says; also removes what killed writers left behind."""
+        make_room(self._journal_path)
+        for path in (self._path, self._journal_path):
+            remove_leftovers(path)
+        start_journal(self._journal_path, started)
+
+    def record(self, record: JournalRecord) -> None:
+        """As the interface says."""
+        append_record(self._journal_path, record)
+
+    def load(self) -> Content:
+        """What is on the host; an empty machine where there is no file.
+
+        Raises:
+            HostDamaged: the file cannot be read, or is not as it was written.
+        """
+        with self._telling_damage(self._path):
+            data = fetch(self._path)
+            if data is None:
+                return empty(self.name)
+            if self._known is None or self._known[0] != data:
+                self._known = (data, read_content(data))
+            return self._known[1]
+
+    def save(self, content: Content) -> None:
+        """Have this on the host, in one replacement of its file; tests make machines of others with it.
+
+        Raises:
+            Failed: the file cannot be written; what was there before still is.
+        """
+        data = write_content(content)
+        try:
+            make_room(self._path)
+            replace_file(self._path, data)
+        except OSError as problem:
+            raise Failed(
+                self.name, f"{self._path} cannot be written: {problem}", "make room or mend the rights"
+            ) from None
+        self._known = (data, content)
+
+    def _after(self, content: Content, operation: Operation, scope: Scope) -> Content:
+        state = to_state(content, self._host, {})
+        if state.facts.rights is not Rights.PROVEN:
+            raise self._refused(refuse_without_rights(state.facts))
+        match operation:
+            case WriteTaskClass() | RemoveTaskClass() | WriteTaskRecord() | EraseTaskRecord():
+                return self._after_task(content, state, operation, scope)
+            case _:
+                return self._after_partition(content, state, operation, scope)
+
+    def _after_task(self, content: Content, state: State, operation: TaskOperation, scope: Scope) -> Content:
+        machine = self._only(content, state, address_of(operation), scope).id if operation.inside else ""
+        registry = content.registry(machine)
+        if refusal := refuse_task_change(registry, operation):
+            raise self._refused(refusal)
+        return content.with_registry(machine, change_registry(registry, operation))
+
+    def _after_partition(self, content: Content, state: State, operation: PartitionOperation, scope: Scope) -> Content:
+        if isinstance(operation, CreatePartition):
+            return self._after_creation(content, state, operation, scope)
+        machine = self._only(content, state, address_of(operation), scope)
+        guest_build = description(self._host).guest_windows_build
+        if refusal := refuse_change(operation, machine, content, state.facts, guest_build):
+            raise self._refused(refusal)
+        return change_machine(content, machine, operation)
+
+    def _after_creation(self, content: Content, state: State, operation: CreatePartition, scope: Scope) -> Content:
+        if resolve(state.partitions, operation.partition, scope):
+            raise Refused(self.name, f"there is a partition {operation.partition} already", PARTITION_AGAIN)
+        settings = new_settings(operation, scope)
+        if refusal := refuse_creation(operation, settings):
+            raise self._refused(refusal)
+        return with_new_machine(content, settings)
+
+    def _only(self, content: Content, state: State, address: Address, scope: Scope) -> Machine:
+        """The one machine that the name stands for."""
+        found = resolve(state.partitions, address.partition, scope, address.machine)
+        if len(found) != 1:
+            count = f"{len(found)} machines stand" if found else "no machine stands"
+            raise Refused(self.name, f"{count} for the partition {address.partition}", PARTITION_AGAIN)
+        return content.machines[found[0].id]
+
+    def _fault(self, content: Content, operation: Operation) -> tuple[str, Fault] | None:
+        address = str(address_of(operation)).lower()
+        for name, fault in description(self._host).faults.items():
+            spent = fault.times is not None and content.struck.get(name, 0) >= fault.times
+            if fault.operation == operation.kind and fault.at.lower() in {"*", address} and not spent:
+                return name, fault
+        return None
+
+    def _refused(self, refusal: Refusal) -> Refused:
+        return Refused(self.name, refusal.says, refusal.advice)
+
+    @contextmanager
+    def _telling_damage(self, path: Path) -> Iterator[None]:
+        advice = f"restore {path} from a copy, or move it away to go on without it"
+        try:
+            yield
+        except Damaged as problem:
+            raise HostDamaged(
+                self.name, f"{path.name} is damaged in line {problem.line}: {problem.says}", advice
+            ) from None
+        except NotDecodable as problem:
+            raise HostDamaged(self.name, f"{path.name} is damaged: {problem}", advice) from None
+        except OSError as problem:
+            raise HostDamaged(self.name, f"{path.name} cannot be read: {problem}", advice) from None
+
+
+def _struck(content: Content, fault: str) -> Content:
+    return replace(content, struck={**content.struck, fault: content.struck.get(fault, 0) + 1})

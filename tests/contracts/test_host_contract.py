@@ -1,0 +1,814 @@
+"""What every host must do, whatever enforces its reservations; today the simulated one.
+
+A provider joins by a `Bench` in `BENCHES`: how to get an empty host of a description, and how to put machines of
+others on it.
+"""
+
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.diff.readings import NOTHING, readings
+from rarms_iac.model.changes import Address
+from rarms_iac.model.journal import Closing, RunClosed, RunKind, RunStarted, StepRecorded, StepStatus
+from rarms_iac.model.operations import (
+    CreatePartition,
+    EraseMark,
+    EraseTaskRecord,
+    Operation,
+    RemovePartition,
+    RemoveTaskClass,
+    RenamePartition,
+    SetActions,
+    SetCpu,
+    SetMemory,
+    SetProcessors,
+    StartPartition,
+    StopPartition,
+    WriteMark,
+    WriteTaskClass,
+    WriteTaskRecord,
+)
+from rarms_iac.model.plan import Claim, HostPlan, Scope, Step, Undo, UndoLevel
+from rarms_iac.model.quantities import Milliseconds
+from rarms_iac.model.state import (
+    Checkpoints,
+    RegistryValue,
+    Rights,
+    RunState,
+    StartAction,
+    State,
+    StopAction,
+    TaskRecord,
+    ValueKind,
+)
+from rarms_iac.model.system import Disruption, Fault, FaultEffect, Host, SchedulerType, SimulatedHost
+from rarms_iac.providers.interface import Failed, HostDamaged, HostLocked, Refused, StepwiseHost
+from rarms_iac.providers.simulated.run import SimulatedHostProvider
+from tests import builders
+
+MIB = 2**20
+SCOPE = Scope(application="robot", plan="0123456789ab")
+VISION = Address(partition="vision")
+VALUES = {"Priority": RegistryValue(kind=ValueKind.DWORD, data=6)}
+RECORD = TaskRecord(application="robot", set="a" * 12, before=None)
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A kind of host on the test bench: each call opens the same host anew, as a new process would."""
+
+    open: Callable[[Host, Path], StepwiseHost]
+
+
+BENCHES = {"simulated": Bench(lambda host, folder: SimulatedHostProvider(host, folder / ".rarms/hosts/onboard.json"))}
+
+
+@pytest.fixture(params=sorted(BENCHES))
+def bench(request: pytest.FixtureRequest) -> Bench:
+    return BENCHES[request.param]
+
+
+@dataclass(frozen=True)
+class Room:
+    """A host in a folder of its own, whose description a test may choose."""
+
+    bench: Bench
+    folder: Path
+
+    def host(self, **described: object) -> StepwiseHost:
+        settings = replace(SimulatedHost(), **described)  # type: ignore[arg-type]  # fields by name, as each test says
+        return self.bench.open(builders.a_host(settings=settings), self.folder)
+
+
+@pytest.fixture
+def room(bench: Bench, tmp_path: Path) -> Room:
+    return Room(bench, tmp_path)
+
+
+def do(host: StepwiseHost, *operations: Operation) -> None:
+    for operation in operations:
+        host.execute(operation, SCOPE)
+
+
+def creation(name: str = "vision", memory: int = 512 * MIB) -> CreatePartition:
+    return CreatePartition(partition=name, generation=2, memory=memory)
+
+
+def making(
+    name: str = "vision", *, processors: int = 2, reserve: int = 0, memory: int = 512 * MIB, dynamic: bool = False
+) -> list[Operation]:
+    """What makes a partition of ours, off."""
+    return [
+        creation(name, memory),
+        WriteMark(partition=name, application="robot", name=name, set="0" * 12),
+        SetProcessors(partition=name, processors=processors),
+        SetCpu(partition=name, reserve=reserve, limit=100, weight=100),
+        SetMemory(partition=name, memory=memory, dynamic=dynamic),
+        RenamePartition(partition=name, name=name),
+    ]
+
+
+def start(name: str = "vision") -> StartPartition:
+    return StartPartition(partition=name)
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+@contextmanager
+def refused(host: StepwiseHost, says: str) -> Iterator[None]:
+    """The block is refused with these words, and the host is as it was."""
+    before = host.observe()
+    with pytest.raises(Refused, match=says) as refusal:
+        yield
+    assert refusal.value.advice
+    assert host.observe() == before
+
+
+# What is seen
+
+
+def test_a_fresh_host_is_an_empty_machine_and_looking_makes_nothing(room: Room) -> None:
+    state = room.host().observe()
+
+    assert (state.partitions, dict(state.serials)) == ((), {})
+    assert [task.name for task in state.tasks] == [
+        "Audio",
+        "Capture",
+        "DisplayPostProcessing",
+        "Distribution",
+        "Games",
+        "Playback",
+        "Pro Audio",
+        "Window Manager",
+    ]
+    assert room.host().journal() is None
+    assert room.host().read(VISION, SCOPE) == NOTHING
+    assert list(room.folder.iterdir()) == []
+
+
+def test_looking_changes_nothing(room: Room) -> None:
+    host = room.host()
+    do(host, *making(), start())
+    before = files(room.folder)
+
+    first, second = host.observe(), room.host().observe()
+    host.read(VISION, SCOPE)
+    host.journal()
+
+    assert first == second
+    assert files(room.folder) == before
+
+
+def test_the_shipped_classes_have_their_types(room: Room) -> None:
+    (playback,) = (task for task in room.host().observe().tasks if task.name == "Playback")
+
+    assert playback.values == {
+        "Affinity": RegistryValue(kind=ValueKind.DWORD, data=0),
+        "Background Only": RegistryValue(kind=ValueKind.SZ, data="False"),
+        "BackgroundPriority": RegistryValue(kind=ValueKind.DWORD, data=4),
+        "Clock Rate": RegistryValue(kind=ValueKind.DWORD, data=10_000),
+        "GPU Priority": RegistryValue(kind=ValueKind.DWORD, data=8),
+        "Priority": RegistryValue(kind=ValueKind.DWORD, data=3),
+        "SFIO Priority": RegistryValue(kind=ValueKind.SZ, data="Normal"),
+        "Scheduling Category": RegistryValue(kind=ValueKind.SZ, data="Medium"),
+    }
+
+
+def test_the_host_is_as_it_is_described(room: Room) -> None:
+    facts = room.host(windows_build=19045, client=True, scheduler=SchedulerType.ROOT, smt=True).observe().facts
+
+    assert (facts.os_build, facts.client, facts.scheduler, facts.smt) == (19045, True, SchedulerType.ROOT, True)
+    assert (facts.name, facts.logical_processors, facts.memory) == ("onboard", 2, 4096 * MIB)
+    assert facts.rights is Rights.PROVEN
+
+
+def test_the_same_doings_give_the_same_bytes(bench: Bench, tmp_path: Path) -> None:
+    for folder in ("one", "other"):
+        (tmp_path / folder).mkdir()
+        do(bench.open(builders.a_host(), tmp_path / folder), *making("vision"), *making("speech"), start())
+
+    assert files(tmp_path / "one") == files(tmp_path / "other")
+
+
+# What is done
+
+
+def test_a_partition_is_made_marked_and_named_last(room: Room) -> None:
+    host = room.host()
+    create, mark, *rest, rename = making(reserve=40)
+
+    do(host, create)
+    (pending,) = host.observe().partitions
+    assert (pending.settings.name, pending.mark, pending.state) == ("vision.rarms-0123456789ab", None, RunState.OFF)
+    assert pending.settings.reserve == 0
+
+    do(host, mark, *rest, rename)
+    (made,) = host.observe().partitions
+    assert made.id == pending.id
+    assert made.settings.name == "vision"
+    assert made.mark is not None
+    assert (made.mark.application, made.mark.name, made.mark.machine) == ("robot", "vision", made.id[:8])
+
+
+def test_readings_are_those_of_the_observed_state(room: Room) -> None:
+    host = room.host()
+    do(host, *making(reserve=40), start())
+    do(host, WriteTaskClass(task="MotionControl", inside="vision", values=VALUES))
+    addresses = [
+        VISION,
+        Address(partition="nobody"),
+        Address(task="games"),
+        Address(partition="vision", task="motioncontrol"),
+        Address(partition="nobody", task="Games"),
+    ]
+
+    state = host.observe()
+
+    for address in addresses:
+        assert host.read(address, SCOPE) == readings(state, address, SCOPE)
+    assert host.read(VISION, SCOPE)["reserve"] == 40
+    assert host.read(Address(partition="vision", task="MotionControl"), SCOPE)["value:Priority"] == "dword:6"
+
+
+@pytest.mark.parametrize(
+    ("operation", "expected"),
+    [
+        (SetCpu(partition="vision", reserve=30, limit=90, weight=7), {"reserve": 30, "limit": 90, "weight": 7}),
+        (SetProcessors(partition="vision", processors=1), {"processors": 1}),
+        (SetMemory(partition="vision", memory=MIB, dynamic=True), {"memory": MIB, "dynamic_memory": True}),
+        (
+            SetActions(
+                partition="vision",
+                start=StartAction.START,
+                stop=StopAction.SHUT_DOWN,
+                checkpoints=Checkpoints.DISABLED,
+            ),
+            {"start_action": "start", "stop_action": "shut_down", "checkpoints": "disabled"},
+        ),
+        (StartPartition(partition="vision"), {"running": True, "state": "running"}),
+        (StopPartition(partition="vision"), {"running": False, "state": "off"}),
+        (RenamePartition(partition="vision", name="eyes"), {"name": "eyes", "mark": "robot/vision"}),
+        (
+            WriteMark(partition="vision", application="robot", name="vision", set="b" * 12),
+            {"mark": "robot/vision", "set": "b" * 12},
+        ),
+        (RemovePartition(partition="vision"), {"exists": False}),
+        (EraseMark(partition="vision"), {"exists": False}),
+    ],
+    ids=lambda value: value.kind if hasattr(value, "kind") else "",
+)
+def test_an_operation_does_what_it_says_and_nothing_else(
+    room: Room, operation: Operation, expected: Mapping[str, bool | int | str]
+) -> None:
+    host = room.host()
+    do(host, *making(), *making("speech"))
+    before, other = dict(host.read(VISION, SCOPE)), host.read(Address(partition="speech"), SCOPE)
+
+    do(host, operation)
+
+    after = room.host().read(VISION, SCOPE)
+    assert after == (expected if "exists" in expected else {**before, **expected})
+    assert host.read(Address(partition="speech"), SCOPE) == other
+
+
+def test_a_task_class_is_written_recorded_forgotten_and_removed(room: Room) -> None:
+    host = room.host()
+    before = host.observe()
+    address = Address(task="MotionControl")
+
+    do(host, WriteTaskRecord(task="MotionControl", inside="", record=RECORD))
+    assert host.read(address, SCOPE) == {"exists": False, "record": "robot", "set": "a" * 12}
+    do(host, WriteTaskClass(task="MotionControl", inside="", values=VALUES))
+    assert host.read(address, SCOPE)["value:Priority"] == "dword:6"
+    do(host, RemoveTaskClass(task="motioncontrol", inside=""))
+    do(host, EraseTaskRecord(task="MOTIONCONTROL", inside="", application="robot"))
+
+    assert host.observe() == before
+
+
+def test_a_shipped_class_that_is_written_keeps_its_key(room: Room) -> None:
+    host = room.host()
+
+    do(host, WriteTaskClass(task="pro audio", inside="", values=VALUES))
+
+    assert [task.values for task in host.observe().tasks if task.name == "Pro Audio"] == [VALUES]
+    assert len(host.observe().tasks) == 8
+
+
+def test_each_guest_has_its_own_classes(room: Room) -> None:
+    host = room.host()
+    do(host, *making("vision"), *making("speech"))
+
+    do(host, RemoveTaskClass(task="Games", inside="vision"))
+
+    with_games = [task.inside for task in host.observe().tasks if task.name == "Games"]
+    assert with_games == ["", "speech"]
+
+
+# Which machine a name stands for
+
+
+def test_a_machine_of_the_same_name_is_neither_seen_as_ours_nor_touched(room: Room) -> None:
+    host = room.host()
+    do(host, *making(), EraseMark(partition="vision"))
+    (stranger,) = host.observe().partitions
+
+    assert host.read(VISION, SCOPE) == NOTHING
+    with refused(host, "no machine stands for the partition vision"):
+        do(host, StartPartition(partition="vision"))
+
+    do(host, *making(reserve=40))
+    assert stranger in host.observe().partitions
+    assert host.read(VISION, SCOPE)["reserve"] == 40
+
+
+def test_an_id_reaches_a_machine_that_is_not_ours(room: Room) -> None:
+    host = room.host()
+    do(host, *making(), EraseMark(partition="vision"))
+    (stranger,) = host.observe().partitions
+
+    do(host, WriteMark(partition="vision", machine=stranger.id, application="robot", name="vision", set="c" * 12))
+
+    assert host.read(VISION, SCOPE)["set"] == "c" * 12
+    do(host, EraseMark(partition="vision"))
+    assert host.read(replace(VISION, machine=stranger.id), SCOPE)["mark"] == ""
+
+
+def test_two_machines_under_one_mark_are_nobodys(room: Room) -> None:
+    host = room.host()
+    do(host, *making("vision"), *making("speech"))
+    speech = next(one for one in host.observe().partitions if one.settings.name == "speech")
+
+    do(host, WriteMark(partition="speech", machine=speech.id, application="robot", name="vision", set="c" * 12))
+
+    assert [one.mark for one in host.observe().partitions] == [None, None]
+    assert {one.foreign_mark for one in host.observe().partitions} == {"the mark of robot/vision stands on 2 machines"}
+    with refused(host, "no machine stands"):
+        do(host, start())
+
+
+def test_a_plan_knows_its_own_pending_machine_and_no_other(room: Room) -> None:
+    host = room.host()
+    do(host, creation())
+    other = replace(SCOPE, plan="ffffffffffff")
+
+    assert host.read(VISION, SCOPE)["exists"] is True
+    assert host.read(VISION, other) == NOTHING
+    with refused(host, "there is a partition vision already"):
+        do(host, creation())
+
+
+def test_a_marked_and_a_pending_machine_are_one_too_many(room: Room) -> None:
+    host = room.host()
+    do(host, *making())
+    host.execute(creation("speech"), SCOPE)
+    speech = next(one for one in host.observe().partitions if one.settings.name.startswith("speech"))
+
+    do(host, RenamePartition(partition="speech", machine=speech.id, name=SCOPE.pending("vision")))
+
+    assert host.read(VISION, SCOPE) == {"exists": True, "machines": 2}
+    with refused(host, "2 machines stand for the partition vision"):
+        do(host, start())
+
+
+# What is refused
+
+
+@pytest.mark.parametrize(
+    ("operation", "says"),
+    [
+        (SetProcessors(partition="vision", processors=1), "its processor count can only change while it is off"),
+        (SetMemory(partition="vision", memory=512 * MIB, dynamic=True), "switching between static and dynamic memory"),
+        (RemovePartition(partition="vision"), "only a machine that is off can be removed"),
+    ],
+)
+def test_what_needs_a_machine_that_is_off(room: Room, operation: Operation, says: str) -> None:
+    host = room.host()
+    do(host, *making(), start())
+
+    with refused(host, f"is running, and .*{says}"):
+        do(host, operation)
+
+    do(host, StopPartition(partition="vision"), operation)
+
+
+def test_the_startup_memory_of_a_running_dynamic_machine(room: Room) -> None:
+    host = room.host()
+    do(host, *making(dynamic=True), start())
+
+    with refused(host, "startup memory of a dynamic machine"):
+        do(host, SetMemory(partition="vision", memory=256 * MIB, dynamic=True))
+
+
+@pytest.mark.parametrize(
+    ("described", "possible"),
+    [
+        ({}, True),
+        ({"windows_build": 14393}, True),
+        ({"windows_build": 14392}, False),
+        ({"windows_build": 10240, "client": True}, True),
+        ({"windows_build": 9600, "client": True}, False),
+        ({"guest_windows_build": 9600}, False),
+    ],
+)
+def test_the_memory_of_a_running_static_machine(room: Room, described: dict[str, object], possible: bool) -> None:
+    host = room.host(**described)
+    do(host, *making(), start())
+    operation = SetMemory(partition="vision", memory=256 * MIB)
+
+    if possible:
+        do(host, operation)
+        assert host.read(VISION, SCOPE)["memory"] == 256 * MIB
+    else:
+        with refused(host, "its memory can only change while it is off"):
+            do(host, operation)
+
+
+def test_a_running_machine_does_not_grow_beyond_the_host(room: Room) -> None:
+    host = room.host()
+    do(host, *making(), start())
+
+    with refused(host, "needs 8 GiB, and of 4 GiB 4 GiB are free"):
+        do(host, SetMemory(partition="vision", memory=8192 * MIB))
+
+
+@pytest.mark.parametrize(
+    ("operation", "says"),
+    [
+        (
+            SetCpu(partition="vision", reserve=41, limit=40, weight=100),
+            "the reserve of 41 % is above the limit of 40 %",
+        ),
+        (SetCpu(partition="vision", reserve=-1, limit=100, weight=100), "reserve and limit are 0 to 100 %"),
+        (SetCpu(partition="vision", reserve=0, limit=101, weight=100), "reserve and limit are 0 to 100 %"),
+        (SetCpu(partition="vision", reserve=0, limit=100, weight=0), "a weight is 1 to 10000"),
+        (SetCpu(partition="vision", reserve=0, limit=100, weight=10_001), "a weight is 1 to 10000"),
+        (SetProcessors(partition="vision", processors=0), "has 1 to 240 virtual processors"),
+        (SetProcessors(partition="vision", processors=241), "has 1 to 240 virtual processors"),
+        (SetMemory(partition="vision", memory=0), "a machine needs memory"),
+        (RenamePartition(partition="vision", name=""), "a machine's name has 1 to 100 characters"),
+        (CreatePartition(partition="x", generation=3, memory=MIB), "there is no generation 3"),
+        (RemoveTaskClass(task="Nothing", inside=""), "there is no task class Nothing"),
+        (WriteTaskClass(task="a\\b", inside="", values=VALUES), "a key's name has"),
+        (
+            WriteTaskClass(task="x", inside="", values={"p": RegistryValue(kind=ValueKind.DWORD, data=2**32)}),
+            "p is no 32-bit number",
+        ),
+        (
+            WriteTaskClass(task="x", inside="", values={"p": RegistryValue(kind=ValueKind.SZ, data=1)}),
+            "p is no text",
+        ),
+        (WriteTaskClass(task="x", inside="nobody", values=VALUES), "no machine stands for the partition nobody"),
+    ],
+)
+def test_what_no_machine_can_have(room: Room, operation: Operation, says: str) -> None:
+    host = room.host()
+    do(host, *making())
+
+    with refused(host, says):
+        do(host, operation)
+
+
+def test_the_record_of_another_application_stays(room: Room) -> None:
+    host = room.host()
+    do(host, WriteTaskRecord(task="x", inside="", record=replace(RECORD, application="kiosk")))
+
+    with refused(host, "belongs to the application kiosk"):
+        do(host, WriteTaskRecord(task="X", inside="", record=RECORD))
+    with refused(host, "belongs to the application kiosk"):
+        do(host, EraseTaskRecord(task="x", inside="", application="robot"))
+
+
+def test_too_much_reserve_is_only_noticed_at_the_start(room: Room) -> None:
+    host = room.host()
+    do(host, *making("vision", reserve=60), *making("speech", reserve=50), start("vision"))
+
+    with refused(host, "the reserve of speech, 50 % of each of 2 processors, does not fit 2 logical processors"):
+        do(host, start("speech"))
+
+    do(host, SetCpu(partition="speech", reserve=40, limit=100, weight=100), start("speech"))
+    do(host, SetCpu(partition="speech", reserve=100, limit=100, weight=100))
+
+
+def test_reserves_are_placed_whole_onto_processors(room: Room) -> None:
+    host = room.host()
+    for name in ("a", "b", "c"):
+        do(host, *making(name, processors=1, reserve=60))
+
+    do(host, start("a"), start("b"))
+    with refused(host, "does not fit"):
+        do(host, start("c"))
+
+
+def test_more_processors_than_there_are_start_without_a_reserve_only(room: Room) -> None:
+    host = room.host()
+    do(host, *making(processors=3, reserve=1))
+
+    with refused(host, "3 virtual processors with a reserve, and there are 2 logical ones"):
+        do(host, start())
+
+    do(host, SetCpu(partition="vision", reserve=0, limit=100, weight=100), start())
+
+
+def test_memory_that_is_not_there_is_noticed_at_the_start(room: Room) -> None:
+    host = room.host()
+    do(host, *making("vision", memory=3072 * MIB), *making("speech", memory=1025 * MIB), start("vision"))
+
+    with refused(host, "speech needs 1025 MiB, and of 4 GiB 1 GiB are free"):
+        do(host, start("speech"))
+
+
+def test_under_the_root_scheduler_reserves_are_stored_without_effect(room: Room) -> None:
+    host = room.host(scheduler=SchedulerType.ROOT)
+    do(host, *making("vision", reserve=100), *making("speech", reserve=100), start("vision"), start("speech"))
+
+    assert [one.settings.reserve for one in host.observe().partitions] == [100, 100]
+
+
+def test_without_rights_nothing_is_seen_and_nothing_done(room: Room) -> None:
+    do(room.host(), *making())
+    before = files(room.folder)
+    host = room.host(administrator=False)
+
+    state = host.observe()
+
+    assert (state.facts.rights, state.partitions) == (Rights.MISSING, ())
+    assert {task.inside for task in state.tasks} == {""}
+    for operation in (creation("speech"), start(), WriteTaskClass(task="x", inside="", values=VALUES)):
+        with refused(host, "access to onboard is denied"):
+            do(host, operation)
+    assert files(room.folder) == before
+
+
+# Faults
+
+
+def fault(effect: FaultEffect, *, at: str = "*", times: int | None = None, delay: int = 0) -> dict[str, object]:
+    one = Fault(operation="start_partition", at=at, effect=effect, times=times, delay=Milliseconds(Fraction(delay)))
+    return {"faults": {"stubborn": one}}
+
+
+def test_a_fault_refuses_so_often_across_processes(room: Room) -> None:
+    do(room.host(), *making())
+
+    for _ in range(2):
+        host = room.host(**fault(FaultEffect.REFUSE, times=2))
+        with refused(host, "the fault stubborn refuses start_partition"):
+            do(host, start())
+
+    do(room.host(**fault(FaultEffect.REFUSE, times=2)), start())
+    assert room.host().read(VISION, SCOPE)["running"] is True
+
+
+def test_a_fault_fails_after_doing(room: Room) -> None:
+    host = room.host(**fault(FaultEffect.FAIL_AFTER))
+    do(host, *making())
+
+    with pytest.raises(Failed, match="the fault stubborn makes start_partition fail"):
+        do(host, start())
+
+    assert host.read(VISION, SCOPE)["running"] is True
+
+
+def test_a_fault_strikes_only_where_it_is_asked_to(room: Room) -> None:
+    host = room.host(**fault(FaultEffect.REFUSE, at="partition/speech"))
+    do(host, *making("vision"), *making("speech"), start("vision"))
+
+    with refused(host, "the fault stubborn"):
+        do(host, start("speech"))
+
+
+def test_a_late_answer_comes_after_the_deed(tmp_path: Path) -> None:
+    settings = replace(SimulatedHost(), **fault(FaultEffect.LATE, delay=1500))  # type: ignore[arg-type]  # by name
+    waited: list[float] = []
+    host = SimulatedHostProvider(builders.a_host(settings=settings), tmp_path / "onboard.json", waited.append)
+
+    do(host, *making(), start())
+
+    assert waited == [1.5]
+    assert host.read(VISION, SCOPE)["running"] is True
+
+
+# Lock and journal
+
+
+def a_step(number: int) -> Step:
+    return Step(
+        address=VISION,
+        title=f"step {number}",
+        operation=SetCpu(partition="vision", reserve=number, limit=100, weight=100),
+        before={"reserve": number + 1, "exists": True},
+        after={"reserve": number},
+        undo=Undo(level=UndoLevel.FULL, operation=StopPartition(partition="vision")),
+        disruption=Disruption.LIVE,
+        claim_before=Claim(),
+        claim_after=Claim(processors=2, reserve=number, memory=MIB),
+        comment="why",
+    )
+
+
+def a_run(state: State, serial: int = 1) -> RunStarted:
+    steps = tuple(a_step(number) for number in range(3))
+    host_plan = HostPlan(
+        host=builders.a_host(),
+        facts=state.facts,
+        state_path=".rarms/hosts/onboard.json",
+        serial=serial - 1,
+        digests={"facts": "0" * 12},
+        changes=(),
+        steps=steps,
+        held_back=(),
+        unused=(),
+        unchanged=0,
+        scripts={},
+    )
+    return RunStarted(
+        run=RunKind.APPLY,
+        plan="0123456789ab",
+        application="robot",
+        started_by="ann@lab",
+        host_plan=host_plan,
+        steps=steps,
+        serials={"robot": serial},
+    )
+
+
+def test_a_journal_reads_back_as_written(room: Room) -> None:
+    host = room.host()
+    started = a_run(host.observe())
+    records = [
+        StepRecorded(number=0, status=StepStatus.BEGUN),
+        StepRecorded(number=0, status=StepStatus.CHANGED),
+        StepRecorded(number=1, status=StepStatus.UNCHANGED),
+    ]
+
+    host.start_run(started)
+    for record in records:
+        host.record(record)
+
+    journal = room.host().journal()
+    assert journal is not None
+    assert (journal.started, journal.steps, journal.unfinished) == (started, tuple(records), True)
+    host.record(RunClosed(closing=Closing.DONE))
+    closed = room.host().journal()
+    assert closed is not None
+    assert not closed.unfinished
+
+
+def test_a_run_raises_the_serial_in_the_write_that_starts_it(room: Room) -> None:
+    host = room.host()
+    host.start_run(a_run(host.observe()))
+    host.start_run(a_run(host.observe(), serial=2))
+
+    assert dict(room.host().observe().serials) == {"robot": 2}
+
+
+def test_one_holder_at_a_time(room: Room) -> None:
+    first, second = room.host(), room.host()
+    with first.lock("ann@lab, process 7"):
+        with pytest.raises(HostLocked) as locked, second.lock("bob@lab"):
+            pytest.fail("two hold the host")
+        assert locked.value.owner == "ann@lab, process 7"
+        assert second.observe().partitions == ()
+
+    with second.lock("bob@lab"):
+        pass
+
+
+HOLDER = """
+import sys
+from pathlib import Path
+from rarms_iac.providers.simulated.run import SimulatedHostProvider
+from tests import builders
+with SimulatedHostProvider(builders.a_host(), Path(sys.argv[1])).lock("ann@lab, process 7"):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_the_lock_of_a_killed_process_is_free(tmp_path: Path) -> None:
+    path = tmp_path / ".rarms/hosts/onboard.json"
+    root = Path(__file__).parents[2]
+    holder = subprocess.Popen(
+        [sys.executable, "-c", HOLDER, str(path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=root
+    )
+    assert holder.stdout is not None
+    assert holder.stdout.readline().strip() == "held"
+    host = SimulatedHostProvider(builders.a_host(), path)
+
+    with pytest.raises(HostLocked, match="held by ann@lab, process 7"), host.lock("bob@lab", timeout_ms=30):
+        pytest.fail("two hold the host")
+
+    holder.kill()
+    holder.communicate()
+    with host.lock("bob@lab", timeout_ms=2000):
+        pass
+
+
+# What only the simulated host keeps: its file, and states that nobody asks a host for
+
+
+def simulated(folder: Path) -> SimulatedHostProvider:
+    return SimulatedHostProvider(builders.a_host(), folder / ".rarms/hosts/onboard.json")
+
+
+@pytest.mark.parametrize("state", [RunState.PAUSED, RunState.SAVED, RunState.BUSY, RunState.CRITICAL])
+def test_neither_running_nor_off_is_not_off(tmp_path: Path, state: RunState) -> None:
+    host = simulated(tmp_path)
+    do(host, *making())
+    (machine,) = host.load().machines.values()
+    host.save(host.load().with_machine(machine.now(state)))
+
+    assert host.read(VISION, SCOPE)["state"] == state.value
+    for operation in (SetProcessors(partition="vision", processors=1), SetMemory(partition="vision", memory=MIB)):
+        with refused(host, f"is {state.value}, and .* while it is off"):
+            do(host, operation)
+    do(host, SetCpu(partition="vision", reserve=10, limit=20, weight=30))
+
+
+@pytest.mark.parametrize("state", [RunState.PAUSED, RunState.SAVED])
+def test_a_paused_or_saved_machine_can_be_started_and_stopped(tmp_path: Path, state: RunState) -> None:
+    host = simulated(tmp_path)
+    do(host, *making())
+    (machine,) = host.load().machines.values()
+
+    for operation, after in ((start(), RunState.RUNNING), (StopPartition(partition="vision"), RunState.OFF)):
+        host.save(host.load().with_machine(machine.now(state)))
+        do(host, operation)
+        assert host.read(VISION, SCOPE)["state"] == after.value
+
+
+def damage(path: Path, old: bytes, new: bytes) -> None:
+    data = path.read_bytes()
+    assert old in data
+    path.write_bytes(data.replace(old, new, 1))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        (b'"reserve":40', b'"reserve":41', "checksum: it does not fit the content"),
+        (b'"checksum"', b'"checksun"', "cut off, or was not written by rarms"),
+        (b"}\n", b"", "cut off, or was not written by rarms"),
+        (b"rarms-simulated-host/1", b"rarms-simulated-host/9", "this rarms reads rarms-simulated-host/1"),
+        (b'"reserve":40', b'"reserve":\xff', "not the text that rarms wrote"),
+    ],
+)
+def test_a_damaged_file_is_said_to_be_damaged_and_stays(tmp_path: Path, old: bytes, new: bytes, says: str) -> None:
+    host = simulated(tmp_path)
+    do(host, *making(reserve=40))
+    damage(tmp_path / ".rarms/hosts/onboard.json", old, new)
+    before = files(tmp_path)
+
+    for opened in (host, simulated(tmp_path)):
+        with pytest.raises(HostDamaged, match=says) as damaged:
+            opened.observe()
+        with pytest.raises(HostDamaged):
+            do(opened, start())
+        assert "restore" in damaged.value.advice
+
+    assert files(tmp_path) == before
+
+
+def test_a_damaged_journal_is_said_to_be_damaged(tmp_path: Path) -> None:
+    host = simulated(tmp_path)
+    host.start_run(a_run(host.observe()))
+    host.record(StepRecorded(number=0, status=StepStatus.BEGUN))
+    damage(tmp_path / ".rarms/hosts/onboard.journal.jsonl", b"ann@lab", b"eve@lab")
+
+    with pytest.raises(HostDamaged, match=r"onboard.journal.jsonl is damaged in line 1"):
+        host.journal()
+    with pytest.raises(HostDamaged):
+        host.observe()
+
+
+def test_a_torn_last_record_never_happened(tmp_path: Path) -> None:
+    host = simulated(tmp_path)
+    host.start_run(a_run(host.observe()))
+    host.record(StepRecorded(number=0, status=StepStatus.BEGUN))
+    path = tmp_path / ".rarms/hosts/onboard.journal.jsonl"
+    path.write_bytes(path.read_bytes()[:-20])
+
+    journal = host.journal()
+    assert journal is not None
+    assert journal.steps == ()
+    host.record(StepRecorded(number=0, status=StepStatus.UNCHANGED))
+    again = host.journal()
+    assert again is not None
+    assert [record.status for record in again.steps] == [StepStatus.UNCHANGED]
+
+
+def test_all_of_it_is_kept_out_of_git(tmp_path: Path) -> None:
+    do(simulated(tmp_path), creation())
+
+    assert sorted(files(tmp_path)) == [str(Path(".rarms/.gitignore")), str(Path(".rarms/hosts/onboard.json"))]
+    assert (tmp_path / ".rarms/.gitignore").read_text(encoding="utf-8") == "*\n"

@@ -1,0 +1,68 @@
+"""Our line in a machine's notes."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rarms_iac.providers.marks import erase_mark, judge_marks, mark_for, read_mark, write_mark
+
+FIRST, SECOND = "aaaaaaaa-1111-4111-8111-111111111111", "bbbbbbbb-1111-4111-8111-111111111111"
+MARK = mark_for(FIRST, "robot", "vision", "0123456789ab")
+LINE = "rarms/1 robot/vision vm=aaaaaaaa set=0123456789ab"
+
+
+def test_a_mark_is_one_line_below_the_users() -> None:
+    assert write_mark("", MARK) == LINE
+    assert write_mark("Ask Ann first.\r\n", MARK) == f"Ask Ann first.\r\n\n{LINE}"
+    assert read_mark(f"Ask Ann.\r\n{LINE}\r\nThanks.") == MARK
+
+
+def test_writing_again_replaces_the_line() -> None:
+    newer = mark_for(FIRST, "robot", "vision", "ffffffffffff")
+
+    assert read_mark(write_mark(write_mark("Ask Ann.", MARK), newer)) == newer
+
+
+@given(st.text(alphabet=st.sampled_from("ab \r\n\t/1=") | st.characters(codec="utf-8")))
+def test_a_mark_taken_out_leaves_the_notes_as_they_were(notes: str) -> None:
+    assert erase_mark(write_mark(notes, MARK)) == notes
+    assert read_mark(write_mark(notes, MARK)) == MARK
+
+
+@pytest.mark.parametrize(
+    ("notes", "why"),
+    [
+        ("just words", ""),
+        (f"{LINE}\n{LINE}", "its notes hold 2 marks"),
+        ("rarms/1 robot/Vision vm=aaaaaaaa set=0123456789ab", "a line of its notes begins like a mark and is none"),
+        ("rarms/2 robot/vision vm=aaaaaaaa set=0123456789ab", "a line of its notes begins like a mark and is none"),
+        (f"{LINE} ", "a line of its notes begins like a mark and is none"),
+        (
+            "rarms/1 robot/vision vm=bbbbbbbb set=0123456789ab",
+            "its mark names another machine (bbbbbbbb): the machine was copied or imported",
+        ),
+    ],
+)
+def test_what_does_not_count_is_said(notes: str, why: str) -> None:
+    judged = judge_marks({FIRST: notes})[FIRST]
+
+    assert (judged.mark, judged.foreign) == (None, why)
+
+
+def test_of_a_machine_and_its_copy_only_the_machine_is_ours() -> None:
+    judged = judge_marks({FIRST: LINE, SECOND: LINE})
+
+    assert judged[FIRST].mark == MARK
+    assert judged[SECOND].mark is None
+    assert judged[SECOND].foreign.startswith("its mark names another machine")
+
+
+def test_a_partition_on_two_machines_is_on_none() -> None:
+    twice = judge_marks({FIRST: LINE, SECOND: write_mark("", mark_for(SECOND, "robot", "vision", "0" * 12))})
+
+    assert [one.mark for one in twice.values()] == [None, None]
+    assert {one.foreign for one in twice.values()} == {"the mark of robot/vision stands on 2 machines"}
+
+
+def test_the_users_lines_are_kept_apart() -> None:
+    assert judge_marks({FIRST: f"one\n{LINE}\ntwo"})[FIRST].other_notes == "one\ntwo"
