@@ -136,7 +136,8 @@ class _Builder:
         style = event.style or ""
         is_empty = start == end
         top = self.open[-1] if self.open else None
-        if not is_empty or (top is not None and not top.collection.is_mapping):
+        in_mapping = top is not None and top.collection.is_mapping
+        if not is_empty or not in_mapping:  # the place of an empty value of a key may lie beyond what follows it
             self._take_comments(start)
         scalar = Scalar(event.value, style, start, end, event.start_mark.line != event.end_mark.line)
         if top is None:
@@ -147,8 +148,10 @@ class _Builder:
             entry = self._place(top, scalar, start)
             if style in {"|", ">"} and (found := _HEADER_COMMENT.match(self.text, start, end)):
                 _trail(entry, found[1])
-        if not is_empty:
-            self.seen = start + len(self.text[start:end].rstrip()) if style in {"|", ">"} else end
+        if style in {"|", ">"}:
+            self.seen = start + len(self.text[start:end].rstrip())
+        elif not is_empty or not in_mapping:
+            self.seen = end
 
     def _start(self, event: Any, *, is_mapping: bool) -> None:
         start = event.start_mark.index
