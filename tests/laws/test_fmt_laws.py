@@ -47,7 +47,7 @@ class _Author:
 
     def comment(self) -> str:
         self.comments += 1
-        return f"#{self.draw(st.sampled_from(['', ' ', '!', ' # ']))}c{self.comments}c"
+        return f"#{self.draw(st.sampled_from(['', ' ', '!', ' # ']))}«{self.comments}»"
 
     def trailing(self) -> str:
         return f" {self.comment()}" if self.chance(4) else ""
@@ -154,7 +154,7 @@ def _user_order(value: Any, path: tuple[str, ...] = ()) -> Any:
 
 
 def _comments(text: str) -> Counter[str]:
-    return Counter(re.findall(r"c[0-9]+c", text))
+    return Counter(re.findall(r"«[0-9]+»", text))
 
 
 @given(manifests())

@@ -18,8 +18,8 @@ def spoken(word: str, chance: random.Random) -> list[float]:
     """The word as samples: one tone a syllable, at the speaker's own pace, in noise."""
     samples: list[float] = []
     for tone in WORDS[word]:
-        for number in range(int(chance.uniform(10, 20)) * FRAME):
-            samples.append(math.sin(2 * math.pi * tone * number / RATE) + chance.gauss(0, 0.4))
+        length = int(chance.uniform(10, 20)) * FRAME
+        samples += [math.sin(2 * math.pi * tone * now / RATE) + chance.gauss(0, 0.4) for now in range(length)]
     return samples
 
 
