@@ -1,18 +1,19 @@
 """Findings, emitted once and rendered in every form (DESIGN section 9). Each renderer is one small pure function."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import assert_never
 
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.views.diagnostics.outputs import BadOutput, Output, OutputFormat, parse_outputs
+from rarms_iac.views.diagnostics.source import Sources
 
-__all__ = ["BadOutput", "Output", "OutputFormat", "parse_outputs", "render"]
+__all__ = ["BadOutput", "Output", "OutputFormat", "Sources", "parse_outputs", "render"]
 
 
 def render(
     form: OutputFormat,
     diagnostics: Sequence[Diagnostic],
-    sources: Mapping[str, str],
+    sources: Sources,
     *,
     accepted: Sequence[Diagnostic] = (),
 ) -> str:
@@ -21,7 +22,7 @@ def render(
     Args:
         form: which renderer.
         diagnostics: what is told, in order (`model.diagnostics.in_order`).
-        sources: the text of each file by the name that places use, for the line and caret; it may lack some.
+        sources: the text of each file, or its lines, by the name that places use; it may lack some.
         accepted: findings that the policy silences; each form tells them apart or counts them.
     """
     match form:
@@ -34,8 +35,8 @@ def render(
 
             return as_json(diagnostics, accepted=accepted)
         case OutputFormat.SARIF:
+            from rarms_iac.storage.finding_pages import finding_page
             from rarms_iac.views.diagnostics.sarif import as_sarif
-            from rarms_iac.views.explain import finding_page
 
             return as_sarif(diagnostics, page=finding_page, accepted=accepted)
         case OutputFormat.JUNIT:

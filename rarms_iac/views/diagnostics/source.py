@@ -1,13 +1,14 @@
 """The line of a file that a finding points at, with a caret under the spot."""
 
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from rarms_iac.model.diagnostics import Place
 from rarms_iac.views.diagnostics.layout import columns, without_tabs
 
-LINE_END = re.compile(r"\r\n|[\n\r\x85\u2028\u2029]")
-"""What ends a line for the YAML reader, so that its line numbers find the same line here."""
+LINE_END = re.compile(r"\r\n|[\n\r]")
+"""What ends a line for editors and for the YAML reader, which refuses the other line ends of Unicode."""
 
 ELLIPSIS = "..."
 
@@ -25,9 +26,21 @@ REACH = 400
 """Characters looked at on either side of the spot: a file of one line of megabytes is no reason to be slow."""
 
 
-def source_lines(text: str) -> list[str]:
-    """The lines of a file without their ends and without a byte-order mark."""
-    return LINE_END.split(text.removeprefix("\ufeff"))
+Sources = Mapping[str, str | Sequence[str]]
+"""The text of each file, or its lines, by the name that places use."""
+
+
+def source_lines(text: str | Sequence[str]) -> Sequence[str]:
+    """The lines of a file without their ends and without a byte-order mark; lines are given back as they are."""
+    return LINE_END.split(text.removeprefix("\ufeff")) if isinstance(text, str) else text
+
+
+def line_at(lines: Sequence[str], number: int) -> str:
+    """The line with that number, counted from 1; nothing where there is none."""
+    try:
+        return lines[number - 1] if number > 0 else ""
+    except IndexError:
+        return ""
 
 
 def excerpt(line: str, place: Place, width: int) -> Excerpt:

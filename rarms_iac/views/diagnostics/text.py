@@ -4,15 +4,13 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from rarms_iac.model.diagnostics import Diagnostic, Place, Severity
 from rarms_iac.views.diagnostics.layout import visible, wrap
-from rarms_iac.views.diagnostics.source import excerpt, source_lines
+from rarms_iac.views.diagnostics.source import Sources, excerpt, line_at, source_lines
 
 WIDTH = 80
 INDENT = "  "
 
 
-def as_text(
-    diagnostics: Sequence[Diagnostic], sources: Mapping[str, str], *, accepted: Sequence[Diagnostic] = ()
-) -> str:
+def as_text(diagnostics: Sequence[Diagnostic], sources: Sources, *, accepted: Sequence[Diagnostic] = ()) -> str:
     """Every finding with its source line, and a last line that counts them; ends with a line end."""
     lines = {file: source_lines(sources[file]) for file in _files(diagnostics) if file in sources}
     blocks = ["\n".join(_block(one, lines)) for one in diagnostics]
@@ -38,7 +36,7 @@ def _files(diagnostics: Sequence[Diagnostic]) -> set[str]:
     return {place.file for place in places if place is not None}
 
 
-def _block(one: Diagnostic, sources: Mapping[str, list[str]]) -> Iterator[str]:
+def _block(one: Diagnostic, sources: Mapping[str, Sequence[str]]) -> Iterator[str]:
     yield f"{one.severity.value}[{one.code}] {visible(one.summary, keep='')}"
     yield from _where(one)
     if one.place is not None:
@@ -59,11 +57,10 @@ def _where(one: Diagnostic) -> Iterator[str]:
         yield INDENT + visible(", ".join(parts), keep="")
 
 
-def _snippet(place: Place, sources: Mapping[str, list[str]]) -> Iterator[str]:
-    lines = sources.get(place.file, [])
-    if not 0 < place.line <= len(lines) or not lines[place.line - 1].strip():
+def _snippet(place: Place, sources: Mapping[str, Sequence[str]]) -> Iterator[str]:
+    line = line_at(sources.get(place.file, []), place.line)
+    if not line.strip():
         return
-    line = lines[place.line - 1]
     gutter = f"{INDENT}{place.line} | "
     shown = excerpt(line, place, WIDTH - len(gutter))
     yield gutter + shown.line
