@@ -1,0 +1,22 @@
+"""A name that was moved away is free."""
+
+from collections.abc import Iterator
+
+from rarms_iac.manifest.checks.common import partition_names
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity
+from rarms_iac.model.system import System
+
+FINDING = Finding(code="RARMS081", severity=Severity.ERROR, summary="A partition was moved and is still wanted")
+
+
+def check(system: System, places: Places) -> Iterator[Diagnostic]:
+    """Tells of entries of `moved` whose old name a partition of the manifest still bears."""
+    names = partition_names(system) if system.moved else set()
+    for old, new in system.moved.items():
+        if old in names and old != new:
+            yield FINDING.at(
+                places.key("moved", old),
+                f'"{old}" is to become "{new}", and the manifest still wants a partition "{old}".',
+                "Remove the entry, or rename the partition.",
+                address=f"partition/{old}",
+            )

@@ -1,0 +1,30 @@
+"""A class in one operating system serves one criticality."""
+
+from collections.abc import Iterator
+
+from rarms_iac.manifest.checks.common import operating_systems
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity
+from rarms_iac.model.system import Component, System
+
+FINDING = Finding(
+    code="RARMS057", severity=Severity.WARNING, summary="Components of different criticality share a task class"
+)
+
+
+def check(system: System, places: Places) -> Iterator[Diagnostic]:
+    """Tells of the less critical users of a class, whose threads get the priority of the most critical one."""
+    for group in operating_systems(system):
+        most: dict[str, Component] = {}
+        for one in sorted(group, key=lambda one: (-one.criticality, one.name)):
+            if one.task is None:
+                continue
+            leader = most.setdefault(one.task.lower(), one)
+            if leader.criticality > one.criticality:
+                yield FINDING.at(
+                    places.value("components", one.name, "task"),
+                    f'"{one.name}" (criticality {one.criticality}) and "{leader.name}" ({leader.criticality}) share '
+                    f"the class {one.task} in one operating system: their threads get one priority, that of the "
+                    "more critical one.",
+                    "Give the less critical one a class of its own.",
+                    address=f"component/{one.name}",
+                )

@@ -1,0 +1,40 @@
+"""A percentile has samples on both sides of it."""
+
+import re
+from collections.abc import Iterator
+from fractions import Fraction
+from math import ceil
+
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Related, Severity
+from rarms_iac.model.system import SampleCount, System
+
+_PERCENTILE = re.compile(r"p(?P<percent>[0-9]{1,2}([._][0-9]{1,3})?)_response_time")
+
+FINDING = Finding(code="RARMS074", severity=Severity.WARNING, summary="Too few samples for the percentile")
+
+
+def check(system: System, places: Places) -> Iterator[Diagnostic]:
+    """Tells of percentiles above which not one of the samples asked for would lie."""
+    for one in system.components.values():
+        if one.run is None or not isinstance(one.run.until, SampleCount):
+            continue
+        for index in one.apt:
+            needed = samples_needed(index)
+            if needed is not None and one.run.until.samples < needed:
+                yield FINDING.at(
+                    places.value("components", one.name, "run", "until"),
+                    f'"{one.name}" takes {one.run.until.samples} samples a setting; its {index} would be nothing but '
+                    "the largest of them.",
+                    f"Take at least {needed} samples, better ten times as many.",
+                    address=f"component/{one.name}",
+                    related=(Related(place=places.key("components", one.name, "apt", index), says="the percentile"),),
+                )
+
+
+def samples_needed(index: str) -> int | None:
+    """How many samples it takes for one to lie above the percentile; None where the index is none."""
+    found = _PERCENTILE.fullmatch(index)
+    if found is None:
+        return None
+    above = 100 - Fraction(found["percent"].replace("_", "."))
+    return ceil(100 / above) if above > 0 else None

@@ -1,0 +1,93 @@
+from datetime import date
+
+import pytest
+
+from rarms_iac.manifest.acceptance import apply_acceptances, check_acceptances
+from rarms_iac.manifest.checks import LOOKED_FOR, run_checks
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
+from rarms_iac.model.system import Acceptance, Policy
+from tests.builders import PathPlaces, a_component, a_partition, a_system, codes
+
+WARNING = Finding(code="RARMS065", severity=Severity.WARNING, summary="A partition has less memory than its components")
+PLACES = PathPlaces()
+LAST_DAY = date(2026, 1, 31)
+
+
+def case(address: str, finding: Finding = WARNING) -> Diagnostic:
+    return finding.at(None, "Why.", "What to do.", address=address)
+
+
+def policy(code: str = "RARMS065", *at: str, until: date | None = LAST_DAY) -> Policy:
+    return Policy(accept={code: Acceptance(code=code, at=at, reason="Known.", until=until)})
+
+
+def test_a_warning_is_accepted_where_the_policy_says_so_and_nowhere_else() -> None:
+    here, there = case("partition/vision"), case("partition/speech")
+
+    kept, accepted = apply_acceptances([here, there], policy("RARMS065", "partition/vision"), PLACES, LAST_DAY)
+
+    assert (kept, accepted) == ((there,), (here,))
+
+
+@pytest.mark.parametrize(("today", "expired"), [(date(2026, 1, 31), False), (date(2026, 2, 1), True)])
+def test_an_acceptance_holds_through_its_last_day(today: date, expired: bool) -> None:
+    accepting = policy("RARMS065", "partition/vision")
+
+    kept, accepted = apply_acceptances([case("partition/vision")], accepting, PLACES, today)
+
+    assert codes(check_acceptances(accepting, PLACES, today)) == (["RARMS095"] if expired else [])
+    assert (len(kept), len(accepted)) == ((1, 0) if expired else (0, 1))
+
+
+def test_without_a_last_day_it_holds_for_good() -> None:
+    accepting = policy("RARMS065", "partition/vision", until=None)
+
+    _, accepted = apply_acceptances([case("partition/vision")], accepting, PLACES, date(2999, 1, 1))
+
+    assert len(accepted) == 1
+
+
+def test_each_address_that_silences_nothing_is_told() -> None:
+    accepting = policy("RARMS065", "partition/vision", "partition/gone")
+
+    kept, _ = apply_acceptances([case("partition/vision")], accepting, PLACES, LAST_DAY)
+
+    assert [(one.code, one.place) for one in kept] == [
+        ("RARMS096", Place(file="rarms.yaml", line=1, column=1, path="policy.accept.RARMS065.at.1"))
+    ]
+
+
+def test_what_a_command_does_not_look_for_is_not_unused() -> None:
+    accepting = policy("RARMS065", "partition/vision")
+
+    assert apply_acceptances([], accepting, PLACES, LAST_DAY, looked_for={"RARMS041"}) == ((), ())
+    assert codes(apply_acceptances([], accepting, PLACES, LAST_DAY, looked_for=LOOKED_FOR)[0]) == ["RARMS096"]
+
+
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [("RARMS065", []), ("RARMS999", ["RARMS097"]), ("RARMS060", ["RARMS098"]), ("RARMS095", ["RARMS098"])],
+)
+def test_only_known_warnings_can_be_accepted(code: str, told: list[str]) -> None:
+    assert codes(check_acceptances(policy(code, "partition/vision"), PLACES, LAST_DAY)) == told
+
+
+def test_an_error_is_kept_whatever_the_policy_says() -> None:
+    error = case("component/vision", Finding(code="RARMS060", severity=Severity.ERROR, summary="x"))
+
+    assert apply_acceptances([error], policy("RARMS060", "component/vision"), PLACES, LAST_DAY) == ((error,), ())
+
+
+def test_the_checks_look_at_the_acceptances_and_their_addresses_are_those_of_the_findings() -> None:
+    system = a_system(
+        components=[a_component("vision"), a_component("speech")],
+        partitions=[a_partition("vision", components=["vision", "speech"], memory="768 MiB")],
+        policy=policy("RARMS065", "partition/vision"),
+    )
+
+    told = run_checks(system, PLACES, date(2026, 2, 1))
+    kept, accepted = apply_acceptances(told, system.policy, PLACES, LAST_DAY, looked_for=LOOKED_FOR)
+
+    assert codes(told) == ["RARMS065", "RARMS095"]
+    assert codes(kept) == ["RARMS095"]
+    assert codes(accepted) == ["RARMS065"]
