@@ -3,27 +3,12 @@
 import re
 
 from rarms_iac.model.spelling import suggestion
-from rarms_iac.storage.shipped import shipped
+from rarms_iac.storage.finding_pages import finding_page, known_codes
 from rarms_iac.views.diagnostics.layout import columns, wrap
 
-PAGES = "docs/findings"
 WIDTH = 80
 
-_CODE = re.compile(r"RARMS[0-9]{3}")
 _LINK = re.compile(r"\[([^\]]*)\]\([^)]*\)")
-
-
-def known_codes() -> tuple[str, ...]:
-    """The code of every finding there is, sorted: each has a page."""
-    return tuple(sorted(page.stem for page in shipped(PAGES).glob("RARMS*.md")))
-
-
-def finding_page(code: str) -> str | None:
-    """The finding's page as it is written, or None where there is none of that code."""
-    if not _CODE.fullmatch(code):
-        return None
-    page = shipped(PAGES) / f"{code}.md"
-    return page.read_text(encoding="utf-8") if page.is_file() else None
 
 
 def explain_finding(code: str) -> str | None:

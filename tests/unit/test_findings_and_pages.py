@@ -1,0 +1,57 @@
+"""Every finding of the package has its own code and its own page, and every page its finding."""
+
+import importlib
+import pkgutil
+
+import pytest
+
+import rarms_iac
+from rarms_iac.model.diagnostics import Finding
+from rarms_iac.storage.finding_pages import finding_page, index_of_pages, known_codes, may_be_accepted, severity_line
+from rarms_iac.storage.shipped import shipped
+
+
+def findings_of_the_package() -> dict[str, tuple[str, Finding]]:
+    """Module and finding by code; the module is where the constant is defined, not where it is imported."""
+    found: dict[str, tuple[str, Finding]] = {}
+    for module in pkgutil.walk_packages(rarms_iac.__path__, "rarms_iac."):
+        if module.name.endswith("__main__"):
+            continue
+        for value in vars(importlib.import_module(module.name)).values():
+            if isinstance(value, Finding):
+                before, same = found.setdefault(value.code, (module.name, value))
+                assert same is value, f"{value.code} is defined twice: in {before} and in {module.name}"
+    return found
+
+
+FINDINGS = findings_of_the_package()
+
+
+def test_codes_have_the_form_that_pages_and_acceptances_expect() -> None:
+    assert FINDINGS
+    assert [code for code in FINDINGS if not (len(code) == 8 and code.startswith("RARMS") and code[5:].isdigit())] == []
+
+
+@pytest.mark.parametrize("code", sorted(FINDINGS))
+def test_a_finding_has_a_page_that_says_the_same(code: str) -> None:
+    finding = FINDINGS[code][1]
+
+    page = finding_page(code)
+
+    assert page is not None, f"write docs/findings/{code}.md"
+    assert page.splitlines()[0] == f"# {code}: {finding.summary}"
+    assert severity_line(page).split(",")[0] == finding.severity.value
+    assert may_be_accepted(page) is finding.can_be_accepted
+    assert page.endswith("\n")
+
+
+def test_no_page_is_left_without_a_finding() -> None:
+    assert set(known_codes()) - set(FINDINGS) == set()
+
+
+def test_the_index_lists_the_pages_as_they_are() -> None:
+    index = shipped("docs/findings").parent / "diagnostics.md"
+    if not index.is_file():
+        pytest.skip("the index lies in the checkout only")
+
+    assert index.read_text(encoding="utf-8") == index_of_pages(), "run scripts/findings_index.py"
