@@ -1,5 +1,6 @@
 """The JSON Schema of the manifest, for editors and for every program that is not rarms."""
 
+import json
 from functools import cache
 from typing import Any
 
@@ -13,6 +14,11 @@ def manifest_schema() -> dict[str, Any]:
     """The schema that `schemas/manifest.json` holds; callers do not change it."""
     made: dict[str, Any] = _tidied(ManifestDocument.model_json_schema(by_alias=True))
     return {"$schema": _DIALECT, **made}
+
+
+def as_text(schema: dict[str, Any]) -> str:
+    """A schema as the files in `schemas/` hold it."""
+    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
 
 
 def _tidied(node: Any) -> Any:

@@ -60,8 +60,9 @@ def _whole(digits: str, base: int) -> int:
     return int(digits, base)
 
 
-def _finite(text: str) -> float:
+def _finite(text: str) -> int | float:
     value = float(text)
     if not math.isfinite(value):
         raise NotKept("the number is larger than any that can be kept")
-    return value
+    # 2.0 is the whole number 2, as JSON Schema has it.
+    return int(value) if value.is_integer() and abs(value) < 10**MAX_DIGITS else value

@@ -147,7 +147,8 @@ def _quantity(case: Case) -> Diagnostic:
             detail = f"{case.name} is the bare number {shown(case.value)}; it needs a unit: {fit}."
         case str() as text:
             detail, better = _not_read(case.name, text, units, positive=case.facts["positive"])
-            advice = better or advice
+            meant = nearest(text, (also,)) if also else None
+            advice = did_you_mean(meant) or better or advice
         case _:
             detail = f"{case.name} needs a number with a unit."
     return NOT_A_QUANTITY.at(case.place, detail, advice)

@@ -1,0 +1,71 @@
+"""The JSON Schema that editors use is the one that the code makes, and it describes every field."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+
+from rarms_iac.manifest.json_schema import as_text, manifest_schema
+from rarms_iac.manifest.reading import read_text
+from tests.unit.manifest.examples import EVERYTHING
+
+SCHEMAS = Path(__file__).parents[3] / "schemas"
+
+
+def test_the_committed_schema_is_the_generated_one() -> None:
+    committed = (SCHEMAS / "manifest.json").read_text(encoding="utf-8")
+
+    assert committed == as_text(manifest_schema()), "run `rarms schema manifest > schemas/manifest.json`"
+
+
+def test_the_schema_is_one() -> None:
+    jsonschema.Draft202012Validator.check_schema(manifest_schema())
+
+
+def test_a_manifest_that_says_everything_fits() -> None:
+    value = read_text(EVERYTHING.encode(), "rarms.yaml", ".").value
+
+    jsonschema.Draft202012Validator(manifest_schema()).validate(value)
+
+
+def test_the_example_says_every_field_there_is() -> None:
+    said = set(_keys(read_text(EVERYTHING.encode(), "rarms.yaml", ".").value))
+
+    fields = {name for block in _blocks() for name in block["properties"]}
+
+    assert fields <= said
+
+
+def test_every_field_has_a_description_for_the_editor() -> None:
+    fields = [(name, field) for block in _blocks() for name, field in block["properties"].items()]
+
+    silent = [name for name, field in fields if not (field.get("description") or _referred(field).get("description"))]
+
+    assert silent == []
+
+
+@pytest.mark.parametrize("needless", ["null", "title"])
+def test_what_pydantic_adds_for_itself_is_gone(needless: str) -> None:
+    assert f'"{needless}": ' not in json.dumps(manifest_schema()).replace('"title": "rarms manifest"', "")
+
+
+def _blocks() -> list[dict[str, Any]]:
+    schema = manifest_schema()
+    return [block for block in (schema, *schema["$defs"].values()) if "properties" in block]
+
+
+def _referred(field: dict[str, Any]) -> dict[str, Any]:
+    return dict(manifest_schema()["$defs"].get(field.get("$ref", "").removeprefix("#/$defs/"), {}))
+
+
+def _keys(value: Any) -> Iterator[str]:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield key
+            yield from _keys(inner)
+    if isinstance(value, list):
+        for inner in value:
+            yield from _keys(inner)
