@@ -6,20 +6,57 @@ are short; quotes only where some YAML would read something else; one space betw
 
 from difflib import unified_diff
 
-from rarms_iac.manifest.formatting.build import CannotFormat, build_tree, unified
-from rarms_iac.manifest.formatting.write import write_tree
+from rarms_iac.manifest.characters import EMPTY
+from rarms_iac.manifest.formatting.build import build_tree, unified
+from rarms_iac.manifest.formatting.write import KeyTooLong, write_tree
+from rarms_iac.manifest.reading import Tree, read_text
+from rarms_iac.manifest.structure import NOT_A_NAME, WRONG_KIND
+from rarms_iac.model.diagnostics import Diagnostic, Place, has_errors
 
-__all__ = ["CannotFormat", "diff_text", "format_text"]
+
+class CannotFormat(ValueError):
+    """The text is no manifest; `diagnostics` say why, as `rarms validate` would."""
+
+    def __init__(self, diagnostics: tuple[Diagnostic, ...]) -> None:
+        super().__init__("; ".join(f"{one.place}: {one.detail}" for one in diagnostics))
+        self.diagnostics = diagnostics
 
 
 def format_text(text: str, file: str) -> str:
     """The canonical form of a manifest's or overlay's text; formatting it again changes nothing.
 
     Raises:
-        CannotFormat: the text is no manifest; its message begins with `file:line:column`.
+        CannotFormat: the text is no manifest.
     """
-    plain = unified(text)
-    return write_tree(build_tree(plain, file), plain)
+    return format_tree(read_text(text.encode("utf-8", errors="surrogatepass"), file, ""))
+
+
+def format_tree(tree: Tree) -> str:
+    """The same of a file that was read already (`reading.read`).
+
+    Raises:
+        CannotFormat: the text is no manifest.
+    """
+    diagnostics = (*tree.diagnostics, *_no_mapping(tree))
+    if has_errors(diagnostics):
+        raise CannotFormat(diagnostics)
+    text = unified(tree.source.data.decode())
+    try:
+        return write_tree(build_tree(text), text)
+    except KeyTooLong as problem:
+        before = text[: problem.key.start]
+        place = Place(file=tree.source.file, line=before.count("\n") + 1, column=len(before) - before.rfind("\n"))
+        raise CannotFormat((NOT_A_NAME.at(place, f"It is too long: {problem}.", "Use a shorter name."),)) from None
+
+
+def _no_mapping(tree: Tree) -> list[Diagnostic]:
+    place = Place(file=tree.source.file, line=1, column=1)
+    if not tree.readable or isinstance(tree.value, dict):
+        return []
+    if tree.value is None:
+        advice = "Write a manifest, or let `rarms init` write one."
+        return [EMPTY.at(place, "There is nothing in it but comments.", advice)]
+    return [WRONG_KIND.at(place, "A manifest is a map of keys to values.", "Begin with `schema: rarms/v1`.")]
 
 
 def diff_text(before: str, after: str, name: str) -> str:

@@ -9,19 +9,6 @@ from rarms_iac.manifest.formatting.tree import Collection, Entry, Node, Scalar
 
 _COMMENT = re.compile("#[^\\n\\x85\\u2028\\u2029]*")  # the parser breaks lines at these four
 _HEADER_COMMENT = re.compile("[|>][-+0-9]*[ \\t]+(#[^\\n]*)")
-_MAX_DEPTH = 32
-_NO_MAPPING = "A manifest is a mapping of keys to values."
-
-
-class CannotFormat(ValueError):
-    """The text is not one that a manifest may be: `line` and `column` (from 1) of `file` say where, `why` what."""
-
-    def __init__(self, why: str, file: str, line: int, column: int) -> None:
-        super().__init__(f"{file}:{line}:{column}: {why}")
-        self.why = why
-        self.file = file
-        self.line = line
-        self.column = column
 
 
 def unified(text: str) -> str:
@@ -29,46 +16,12 @@ def unified(text: str) -> str:
     return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
 
 
-def build_tree(text: str, file: str) -> Collection:
-    """The document in `text` (as `unified` leaves it), whose root is a mapping.
+def build_tree(text: str) -> Collection:
+    """The document in `text`, as `unified` leaves it: one mapping that `reading.read_text` had nothing against."""
+    from yaml.cyaml import CParser
 
-    Raises:
-        CannotFormat: the text is no YAML, not one mapping, or uses what manifests may not (aliases, tags, ...).
-    """
-    import yaml
-
-    try:
-        return _Builder(text, _events(text)).root()
-    except _Refused as refused:
-        raise CannotFormat(str(refused), file, refused.line, refused.column) from None
-    except yaml.MarkedYAMLError as problem:
-        mark = problem.problem_mark or problem.context_mark
-        line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
-        raise CannotFormat(problem.problem or "This is no YAML.", file, line, column) from problem
-    except (yaml.YAMLError, UnicodeEncodeError) as problem:
-        raise CannotFormat(str(problem), file, 1, 1) from problem
-
-
-def _events(text: str) -> list[Any]:
-    import yaml
-
-    events: list[Any] = []
-    depth = 0
-    for event in yaml.parse(text, Loader=yaml.CSafeLoader):
-        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-        if depth > _MAX_DEPTH:
-            raise _Refused(event, "It is nested more deeply than a manifest may be.")
-        events.append(event)
-    return events
-
-
-class _Refused(ValueError):
-    """Something that a manifest may not hold."""
-
-    def __init__(self, event: Any, why: str) -> None:
-        super().__init__(why)
-        self.line = event.start_mark.line + 1
-        self.column = event.start_mark.column + 1
+    events = list(iter(CParser(text).get_event, None))
+    return _Builder(text, events).root()
 
 
 @dataclass(slots=True)
@@ -104,32 +57,24 @@ class _Builder:
 
     def root(self) -> Collection:
         """The whole document."""
-        import yaml
+        from yaml import CollectionEndEvent, MappingStartEvent, ScalarEvent, SequenceStartEvent
 
         for event in self.events:
-            if isinstance(event, yaml.AliasEvent):
-                raise _Refused(event, "Aliases are not part of a manifest.")
-            if isinstance(event, yaml.DocumentStartEvent) and self.result is not None:
-                raise _Refused(event, "A manifest is one document.")
-            if isinstance(event, yaml.NodeEvent):
-                self._refuse_decorations(event)
-                if isinstance(event, yaml.ScalarEvent):
+            match event:
+                case ScalarEvent():
                     self._scalar(event)
-                else:
-                    self._start(event, is_mapping=isinstance(event, yaml.MappingStartEvent))
-            elif isinstance(event, yaml.CollectionEndEvent):
-                self._end(event)
-        if self.result is None:
-            raise _Refused(self.events[-1], "There is no manifest in it.")
+                case MappingStartEvent():
+                    self._start(event, is_mapping=True)
+                case SequenceStartEvent():
+                    self._start(event, is_mapping=False)
+                case CollectionEndEvent():
+                    self._end(event)
+                case _:  # where stream and document begin and end
+                    pass
+        assert self.result is not None, "the text was checked: it holds one mapping"
         self._take_comments(len(self.text) + 1)
         self.result.tail += _lines(self.pending)
         return self.result
-
-    def _refuse_decorations(self, event: Any) -> None:
-        if event.anchor is not None:
-            raise _Refused(event, "Anchors are not part of a manifest.")
-        if getattr(event, "tag", None) is not None:
-            raise _Refused(event, "Tags are not part of a manifest.")
 
     def _scalar(self, event: Any) -> None:
         start, end = event.start_mark.index, event.end_mark.index
@@ -140,8 +85,7 @@ class _Builder:
         if not is_empty or not in_mapping:  # the place of an empty value of a key may lie beyond what follows it
             self._take_comments(start)
         scalar = Scalar(event.value, style, start, end, event.start_mark.line != event.end_mark.line)
-        if top is None:
-            raise _Refused(event, _NO_MAPPING)
+        assert top is not None, "the text was checked: its root is a mapping"
         if top.collection.is_mapping and top.waiting is None:
             self._new_entry(top, scalar, scalar, start)
         else:
@@ -158,11 +102,7 @@ class _Builder:
         self._take_comments(start)
         top = self.open[-1] if self.open else None
         column = event.start_mark.column
-        if top is None and not is_mapping:
-            raise _Refused(event, _NO_MAPPING)
         if top is not None:
-            if top.collection.is_mapping and top.waiting is None:
-                raise _Refused(event, "A key is a word, not a collection.")
             column = max(column, top.collection.column + 1, 1)  # a list may start below its key's first letter
         collection = Collection(is_mapping, bool(event.flow_style), column if top else -1, start, start)
         owner = self._place(top, collection, start) if top else None

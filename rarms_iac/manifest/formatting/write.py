@@ -12,6 +12,17 @@ WIDTH = 100
 _ALIGNED = 64  # trailing comments of neighbouring lines line up while the lines are no longer than this
 
 
+_LONGEST_KEY = 1000  # YAML allows 1024 characters up to the colon
+
+
+class KeyTooLong(ValueError):
+    """A key that only the form `? key` can hold, which no manifest needs."""
+
+    def __init__(self, key: Scalar) -> None:
+        super().__init__(f"a key has at most {_LONGEST_KEY} characters")
+        self.key = key
+
+
 @dataclass(frozen=True, slots=True)
 class Line:
     """One line, and the comment that trails it."""
@@ -144,6 +155,8 @@ def _inline(node: Node, shape: Shape, room: int) -> str | None:
 
 def _key(key: Scalar, *, flow: bool = False) -> str:
     text = one_line(key, flow=flow) if key.value else "''"
+    if len(text) > _LONGEST_KEY:
+        raise KeyTooLong(key)
     return f"{text}:"
 
 

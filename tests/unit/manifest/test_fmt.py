@@ -134,9 +134,14 @@ def test_line_ends_and_byte_order_mark_go() -> None:
         ("a: *x", "rarms.yaml:1:4"),
         ("a: !!str 1", "rarms.yaml:1:4"),
         ("a: 1\n---\nb: 2\n", "rarms.yaml:2:1"),
+        ("a: 1\na: 2\n", "rarms.yaml:2:1"),
         ("- a", "rarms.yaml:1:1"),
+        ("text", "rarms.yaml:1:1"),
+        ("# only this\n", "rarms.yaml:1:1"),
         ("", "rarms.yaml:1:1"),
+        ("a: \ud800", "rarms.yaml:1:4"),
         ("? [a]\n: b", "rarms.yaml:1:3"),
+        ("a: 1\n? " + "k" * 2_000 + "\n: b\n", "rarms.yaml:2:3"),
         ("a: " + "[" * 60_000, "rarms.yaml:1:"),
     ],
 )
@@ -144,7 +149,7 @@ def test_what_is_no_manifest_is_refused_with_its_place(text: str, place: str) ->
     with pytest.raises(CannotFormat) as refusal:
         formatted(text)
 
-    assert str(refusal.value).startswith(place)
+    assert [str(one.place).startswith(place) for one in refusal.value.diagnostics] == [True]
 
 
 def test_the_difference_names_the_file_and_is_empty_where_nothing_changes() -> None:
