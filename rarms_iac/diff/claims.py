@@ -1,18 +1,12 @@
 """What the machines of a host are promised, as the order of steps counts it (DESIGN section 4, Order)."""
 
-from collections.abc import Iterable
-
+from rarms_iac.model.capacity import claim_of_settings
 from rarms_iac.model.plan import Claim
-from rarms_iac.model.state import Partition, PartitionSettings, RunState, State
+from rarms_iac.model.state import Partition, RunState
 
 NO_CLAIM = Claim()
 
 _ACTIVE = frozenset({RunState.RUNNING, RunState.PAUSED, RunState.BUSY, RunState.CRITICAL})
-
-
-def claim_of_settings(settings: PartitionSettings) -> Claim:
-    """What is promised while it counts."""
-    return Claim(processors=settings.processors, reserve=settings.reserve, memory=settings.memory)
 
 
 def claim_of(partition: Partition | None) -> Claim:
@@ -23,16 +17,6 @@ def claim_of(partition: Partition | None) -> Claim:
     if partition is None or not (partition.settings.running or partition.state in _ACTIVE):
         return NO_CLAIM
     return claim_of_settings(partition.settings)
-
-
-def foreign_claims(state: State, application: str) -> tuple[Claim, ...]:
-    """What machines that are not this application's count for: they run, start, are paused or start by themselves."""
-    return tuple(claim_of_settings(one.settings) for one in foreign(state, application) if one.claims_resources)
-
-
-def foreign(state: State, application: str) -> Iterable[Partition]:
-    """The machines that are not this application's, whoever's they are."""
-    return (one for one in state.partitions if one.mark is None or one.mark.application != application)
 
 
 def grows(before: Claim, after: Claim) -> bool:

@@ -12,7 +12,7 @@ from rarms_iac.diff.disruption import (
     is_at_rest,
     stops,
 )
-from rarms_iac.diff.moves import Moves, names_of
+from rarms_iac.diff.moves import Ours, ours_of
 from rarms_iac.model.changes import Address, Change, Create, Delete, Reason, Update
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places
 from rarms_iac.model.names import is_shipped_task
@@ -51,9 +51,11 @@ def compare(
     part of a change; where one is in the way, a finding says so.
     """
     wishes = wishes or Wishes()
+    wanted = {one.settings.name: one for one in desired.partitions}
+    ours = ours_of(observed, application, wanted, wishes.moved, wishes.places)
     parts = (
-        _partitions(desired, observed, application, around, wishes),
-        _tasks(desired, observed, application, wishes),
+        _partitions(wanted, ours, observed, application, around, wishes),
+        _tasks(desired, ours, observed, application, wishes),
     )
     at_rest = tuple(name for part in parts for name in part.unused)
     return Difference(
@@ -74,16 +76,21 @@ class _Found:
     unchanged: int = 0
 
 
-def _partitions(desired: State, observed: State, application: str, around: Surroundings, wishes: Wishes) -> _Found:
+def _partitions(
+    wanted: Mapping[str, Partition],
+    ours: Ours,
+    observed: State,
+    application: str,
+    around: Surroundings,
+    wishes: Wishes,
+) -> _Found:
     found = _Found()
-    wanted = {one.settings.name: one for one in desired.partitions}
-    moves = names_of(observed, application, wanted, wishes.moved, wishes.places)
-    found.findings += [*moves.findings, *_foreign_marks(observed), *_in_the_way(wanted, moves, observed, application)]
-    blocked = {one.address for one in found.findings if one.code == findings.FOREIGN_AT_NAME.code}
-    for name in sorted({*wanted, *moves.ours}):
-        if f"partition/{name}" in blocked:
-            continue
-        _one_partition(found, name, wanted.get(name), moves.ours.get(name), around, wishes)
+    in_the_way = list(_in_the_way(wanted, ours, observed, application, wishes.places))
+    found.findings += [*ours.findings, *_foreign_marks(observed), *in_the_way]
+    blocked = {one.address for one in in_the_way}
+    for name in sorted({*wanted, *ours.machines}):
+        if f"partition/{name}" not in blocked:
+            _one_partition(found, name, wanted.get(name), ours.machines.get(name), around, wishes)
     return found
 
 
@@ -181,20 +188,20 @@ def _foreign_marks(observed: State) -> Iterable[Diagnostic]:
 
 
 def _in_the_way(
-    wanted: Mapping[str, Partition], moves: Moves, observed: State, application: str
+    wanted: Mapping[str, Partition], ours: Ours, observed: State, application: str, places: Places | None
 ) -> Iterable[Diagnostic]:
     """Machines that are called as a partition is to be called and are not ours."""
     for one in observed.partitions:
         name = one.settings.name
-        ours = one.mark is not None and one.mark.application == application
-        if ours or name not in wanted:
+        is_ours = one.mark is not None and one.mark.application == application
+        if is_ours or name not in wanted:
             continue
-        holder = moves.ours.get(name)
+        holder = ours.machines.get(name)
         if holder is not None and holder.settings.name == name:
             continue  # ours is called so too: names need not be unique, and nothing has to be renamed
         owner = f"belongs to application {one.mark.application!r}" if one.mark else "carries no mark of rarms"
         yield findings.FOREIGN_AT_NAME.at(
-            _place(moves.places, name),
+            _place(places, name),
             f"The host has a machine {name!r} (id {one.id}) that {owner}.",
             f"Run `rarms import {name} --id {one.id}` to take it over, or give the partition another name.",
             address=f"partition/{name}",
@@ -225,31 +232,22 @@ def _place(places: Places | None, name: str) -> Place | None:
     return places.key("partitions", name) if places else None
 
 
-def _tasks(desired: State, observed: State, application: str, wishes: Wishes) -> _Found:
-    """Task classes of the host and of the guests that are ours."""
+def _tasks(desired: State, ours: Ours, observed: State, application: str, wishes: Wishes) -> _Found:
+    """Task classes of the host and of the guests that are ours; what lies in other guests is not looked at."""
     found = _Found()
     wanted = {(one.inside, one.name.lower()): one for one in desired.tasks}
-    kept = {one.settings.name: one for one in desired.partitions}
-    new_names = {old: new for old, new in wishes.moved.items() if new in kept}
-    ours = {one.mark.name for one in observed.of(application).partitions if one.mark}
+    kept = {one.settings.name for one in desired.partitions} - wishes.unused
+    machines = {one.id for one in ours.machines.values()}
     there = {
-        (_inside_now(one.inside, new_names, ours), one.name.lower()): one
+        (ours.new_names.get(one.inside, one.inside), one.name.lower()): one
         for one in observed.tasks
-        if not one.inside or one.inside in ours
+        if not one.inside or (one.inside in ours.new_names and (not one.machine or one.machine in machines))
     }
     for key in sorted({*wanted, *there}):
-        before, after = there.get(key), wanted.get(key)
-        if key[0] and key[0] not in kept:
-            continue  # its partition goes, and it with it
-        if key[0] in wishes.unused:
-            continue  # a partition that is merely kept is left as it is inside
-        _one_task(found, before, after, application, wishes, inside=key[0])
+        # A partition that goes takes its classes along; one that is merely kept is left as it is inside.
+        if not key[0] or key[0] in kept:
+            _one_task(found, there.get(key), wanted.get(key), application, wishes, inside=key[0])
     return found
-
-
-def _inside_now(inside: str, moved: Mapping[str, str], ours: set[str]) -> str:
-    new = moved.get(inside)
-    return new if new is not None and (new not in ours or new in moved) else inside
 
 
 def _one_task(

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from rarms_iac.diff.moves import BETWEEN
 from rarms_iac.diff.partition_steps import moved
 from rarms_iac.diff.steps import Planned
 from rarms_iac.model.changes import Update
+from rarms_iac.model.moves import BETWEEN
 from rarms_iac.model.operations import WriteMark
 from rarms_iac.model.plan import Step
 from rarms_iac.model.state import Partition

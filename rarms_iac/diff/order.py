@@ -172,9 +172,9 @@ class _Walk:
         if not grows(step.claim_before, step.claim_after):
             return True
         load, room = self._load_after(step), self.room.capacity
-        if load.percent > max(100 * room.processors, self.start.percent):
+        if load.percent > 100 * room.processors and load.percent > self.start.percent:
             return False
-        if load.memory > max(room.memory, self.start.memory):
+        if load.memory > room.memory and load.memory > self.start.memory:
             return False
         claims = {**self.claims, _key(step): step.claim_after}
         return not self.packed_at_start or packs((*self.room.foreign, *claims.values()), room.logical_processors)

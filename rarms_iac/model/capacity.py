@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from rarms_iac.model.plan import Claim
-from rarms_iac.model.quantities import Bytes, LogicalProcessors
+from rarms_iac.model.quantities import Bytes, LogicalProcessors, in_processors
+from rarms_iac.model.state import HostFacts, PartitionSettings, State
+from rarms_iac.model.system import Host
 
 WHOLE = 100
 """What a logical processor has to give, in per cent of itself."""
@@ -34,6 +36,33 @@ class Load:
     def processors(self) -> LogicalProcessors:
         """The same promise in logical processors."""
         return LogicalProcessors(Fraction(self.percent, WHOLE))
+
+
+def claim_of_settings(settings: PartitionSettings) -> Claim:
+    """What is promised to a machine while it counts."""
+    return Claim(processors=settings.processors, reserve=settings.reserve, memory=settings.memory)
+
+
+def foreign_claims(state: State, application: str) -> tuple[Claim, ...]:
+    """What the machines that are not this application's are promised: those that run, start, or start by themselves."""
+    return tuple(
+        claim_of_settings(one.settings)
+        for one in state.partitions
+        if one.claims_resources and (one.mark is None or one.mark.application != application)
+    )
+
+
+def capacity_of(host: Host, facts: HostFacts | None) -> Capacity:
+    """What a host can promise: what the manifest says of it, or what is there where that is less."""
+    processors, memory = host.logical_processors, int(host.memory)
+    if facts is not None:
+        processors, memory = min(processors, facts.logical_processors), min(memory, facts.memory)
+    kept = in_processors(host.keep_for_host.processor, host.logical_processors)
+    return Capacity(
+        logical_processors=processors,
+        processors=LogicalProcessors(max(Fraction(0), processors - kept)),
+        memory=Bytes(max(0, memory - host.keep_for_host.memory)),
+    )
 
 
 def load_of(claims: Iterable[Claim]) -> Load:

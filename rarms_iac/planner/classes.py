@@ -1,0 +1,173 @@
+"""Values of robotic task classes, so that the wanted order of threads is really there (FACTS 6.1, 6.2).
+
+Only category Medium orders by Priority: its threads run at Priority + 16. In High every Priority counts as 2, so all
+run at 26; in Low it is BackgroundPriority + 7. The order is promised among the components of one operating system.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from rarms_iac.model.diagnostics import Diagnostic, Places
+from rarms_iac.model.state import RegistryValue, ValueKind
+from rarms_iac.model.system import Component, TaskCategory, TaskWish
+from rarms_iac.planner import findings
+
+LEVELS = 8
+"""Priorities of a category: 1 to 8."""
+
+CLOCK_RATE = 10_000
+"""In 100 ns: other values were seen to stop the task from working."""
+
+GPU_PRIORITY = 8
+"""Not used by Windows; what its own classes say."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClassValues:
+    """What is decided about a class in one operating system."""
+
+    name: str
+    category: TaskCategory
+    priority: int
+    background_priority: int
+    criticality: int  # the highest of those who name it
+
+    @property
+    def thread_priority(self) -> int:
+        """What its threads run at (FACTS 6.2, measured)."""
+        match self.category:
+            case TaskCategory.HIGH:
+                return 26
+            case TaskCategory.MEDIUM:
+                return 16 + self.priority
+            case TaskCategory.LOW:
+                return 7 + self.background_priority
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Classes:
+    """The classes of one operating system, by name, and what they cannot express."""
+
+    classes: tuple[ClassValues, ...]
+    findings: tuple[Diagnostic, ...]
+
+
+def classes_of(components: Iterable[Component], wishes: Mapping[str, TaskWish], inside: str, places: Places) -> Classes:
+    """Values for every class that these components of one operating system name.
+
+    The most critical class gets the highest priority that is left, equals share one; what the manifest fixes stands.
+    """
+    named: dict[str, list[Component]] = {}
+    for one in components:
+        if one.task is not None:
+            named.setdefault(one.task.lower(), []).append(one)
+    fixed = {name.lower(): wish for name, wish in wishes.items()}
+    by_weight = sorted(named.values(), key=lambda users: (-_criticality(users), _called(users, fixed)))
+    decided = _decide(by_weight, fixed)
+    problems = [*_out_of_order(decided, inside, places), *_shared(by_weight, decided, inside, places)]
+    return Classes(classes=tuple(sorted(decided, key=lambda one: one.name)), findings=tuple(problems))
+
+
+def _criticality(users: Sequence[Component]) -> int:
+    return max(one.criticality for one in users)
+
+
+def _called(users: Sequence[Component], fixed: Mapping[str, TaskWish]) -> str:
+    """The class's name as `tasks` writes it, or as its first user by name does."""
+    first = min(users, key=lambda one: one.name).task
+    assert first is not None
+    return fixed[first.lower()].name if first.lower() in fixed else first
+
+
+def _decide(by_weight: Sequence[Sequence[Component]], fixed: Mapping[str, TaskWish]) -> list[ClassValues]:
+    """From the most critical down; each level as high as those above allow, which leaves the most room below."""
+    decided: list[ClassValues] = []
+    ceiling, level, last = LEVELS, LEVELS, None
+    for users in by_weight:
+        weight, name = _criticality(users), _called(users, fixed)
+        if weight != last:
+            level, last = ceiling, weight
+        wish = fixed.get(name.lower(), TaskWish(name=name))
+        priority = wish.priority if wish.priority is not None else max(1, level)
+        background = wish.background_priority if wish.background_priority is not None else priority
+        category = wish.category or TaskCategory.MEDIUM
+        decided.append(
+            ClassValues(
+                name=name, category=category, priority=priority, background_priority=background, criticality=weight
+            )
+        )
+        if category is TaskCategory.MEDIUM:
+            ceiling = min(ceiling, priority - 1)
+    return decided
+
+
+def _out_of_order(decided: Sequence[ClassValues], inside: str, places: Places) -> Iterator[Diagnostic]:
+    """Every class against the nearest that is to rank below it."""
+    for upper in decided:
+        below = [one for one in decided if one.criticality < upper.criticality]
+        wrong = [one for one in below if one.thread_priority >= upper.thread_priority]
+        if wrong:
+            worst = max(wrong, key=lambda one: (one.criticality, one.thread_priority, one.name))
+            yield findings.CLASS_ORDER.at(
+                places.key("tasks", upper.name),
+                f"In {_where(inside)}, {upper.name} (criticality {upper.criticality}) runs at {upper.thread_priority}, "
+                f"not above {worst.name} (criticality {worst.criticality}) at {worst.thread_priority}.",
+                f"Category Medium has {LEVELS} levels and is the only one that orders: leave priorities open, "
+                f"or let components of similar criticality share a class.",
+                address=_address(inside, upper.name),
+            )
+
+
+def _shared(
+    by_weight: Sequence[Sequence[Component]], decided: Sequence[ClassValues], inside: str, places: Places
+) -> Iterator[Diagnostic]:
+    """A component that runs above a more critical one, because its class counts as its most critical user."""
+    everyone = [(user, values) for users, values in zip(by_weight, decided, strict=True) for user in users]
+    for user, values in everyone:
+        above = [
+            (other, its)
+            for other, its in everyone
+            if its is not values
+            and user.criticality < other.criticality < values.criticality
+            and its.thread_priority <= values.thread_priority
+        ]
+        if above:
+            other, its = max(above, key=lambda pair: (pair[0].criticality, pair[0].name))
+            yield findings.SHARED_CLASS.at(
+                places.value("components", user.name, "task"),
+                f"In {_where(inside)}, {user.name} (criticality {user.criticality}) shares {values.name} and runs at "
+                f"{values.thread_priority}, above {other.name} (criticality {other.criticality}) at "
+                f"{its.thread_priority}.",
+                f"Give {user.name} a class of its own.",
+                address=f"component/{user.name}",
+            )
+
+
+def _where(inside: str) -> str:
+    return f"partition {inside}" if inside else "the host's own Windows"
+
+
+def _address(inside: str, name: str) -> str:
+    return f"partition/{inside}/task/{name}" if inside else f"task/{name}"
+
+
+def registry_values(one: ClassValues) -> Mapping[str, RegistryValue]:
+    """The class's whole key, with types: the booleans are text (FACTS 6.1)."""
+    return {
+        "Affinity": _number(0),
+        "Background Only": _text("False"),
+        "BackgroundPriority": _number(one.background_priority),
+        "Clock Rate": _number(CLOCK_RATE),
+        "GPU Priority": _number(GPU_PRIORITY),
+        "Priority": _number(one.priority),
+        "Scheduling Category": _text(one.category.value),
+        "SFIO Priority": _text("Normal"),
+    }
+
+
+def _number(data: int) -> RegistryValue:
+    return RegistryValue(kind=ValueKind.DWORD, data=data)
+
+
+def _text(data: str) -> RegistryValue:
+    return RegistryValue(kind=ValueKind.SZ, data=data)

@@ -1,0 +1,191 @@
+"""Why there is no layout: a smallest set that conflicts, and what was tried and helps (DESIGN section 3)."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
+
+from rarms_iac.model.diagnostics import Diagnostic, Place, Places
+from rarms_iac.model.layout import Cause, Infeasible
+from rarms_iac.model.plan import Claim
+from rarms_iac.model.quantities import plain, show_bytes, show_percent, show_processors
+from rarms_iac.planner import findings
+from rarms_iac.planner.problem import Problem
+from rarms_iac.planner.relaxations import Trial, relaxations
+from rarms_iac.planner.search import EXACT_UP_TO, Bin, Item, cost, free_in, place
+
+FILTERED_UP_TO = 12
+"""Partitions of which a smallest conflicting set is searched, one removal after the other."""
+
+_WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
+
+
+def explained(answer: Infeasible, problem: Problem, trial: Trial) -> Infeasible:
+    """The same answer with its conflict, its causes and ways out; each way out was planned and fits."""
+    if answer.causes:
+        return answer
+    conflict, causes = _conflict(problem)
+    return replace(answer, conflict=conflict, causes=causes, relaxations=relaxations(problem, conflict, trial))
+
+
+def _conflict(problem: Problem) -> tuple[tuple[str, ...], tuple[Cause, ...]]:
+    items, bins = problem.items, problem.bins
+    too_much = []
+    for measure, code, sentence in (
+        (cost, findings.RESERVATIONS.code, _says_processors),
+        (_memory, findings.MEMORY.code, _says_memory),
+    ):
+        free = sum(max(0, measure_of) for measure_of in (_room(one, code) for one in bins))
+        names = _largest_that_exceed(items, measure, free)
+        if names:
+            chosen = [one for one in items if one.name in names]
+            too_much.append((names, Cause(what=_where(bins), says=sentence(chosen, bins), code=code)))
+    if too_much:
+        together = sorted({name for names, _ in too_much for name in names})
+        return tuple(together), tuple(cause for _, cause in too_much)
+    names = _filtered(items, bins)
+    if len(bins) == 1:
+        says = (
+            f"The virtual processors of {_listed(names)} find no room on the {_processors(bins[0])}, though their sum "
+            f"would: each needs its whole reserve on one of them."
+        )
+        return names, (Cause(what=_where(bins), says=says, code=findings.PACKING.code),)
+    says = f"{_listed(names)} find no room together on {_listed([one.name for one in bins])}, host by host."
+    return names, (Cause(what=_where(bins), says=says, code=findings.PLACEMENT.code),)
+
+
+def _memory(claim: Claim) -> int:
+    return claim.memory
+
+
+def _room(one: Bin, code: str) -> int:
+    free = free_in(one)
+    return free.percent if code == findings.RESERVATIONS.code else free.memory
+
+
+def _largest_that_exceed(items: Sequence[Item], measure: Callable[[Claim], int], free: int) -> tuple[str, ...]:
+    """The fewest partitions whose least claims exceed what there is: the largest, until it is too much."""
+    least = sorted(
+        ((min(measure(c) for c in one.claims.values()), one.name) for one in items), key=lambda x: (-x[0], x[1])
+    )
+    total, names = 0, []
+    for amount, name in least:
+        total += amount
+        names.append(name)
+        if total > free:
+            return tuple(names)
+    return ()
+
+
+def _filtered(items: Sequence[Item], bins: Sequence[Bin]) -> tuple[str, ...]:
+    """A set from which none can be left out: small ones are left out first. All of them where there are too many."""
+    left = sorted(items, key=lambda one: (min(cost(c) for c in one.claims.values()), one.name))
+    if len(left) > FILTERED_UP_TO:
+        return tuple(sorted(one.name for one in left))
+    for item in tuple(left):
+        without = [one for one in left if one is not item]
+        answer = place(without, bins)
+        if answer.hosts is None and answer.proven:
+            left = without
+    return tuple(sorted(one.name for one in left))
+
+
+def _says_processors(chosen: Sequence[Item], bins: Sequence[Bin]) -> str:
+    """Say it as in: FDP 70 %, SRP 30 % and PPP 20 % need 120 % of the two logical processors."""
+    ordered = sorted(chosen, key=lambda one: (-min(cost(c) for c in one.claims.values()), one.name))
+    taken = sum(cost(claim) for one in bins for claim in one.taken)
+    if len(bins) == 1:
+        host = bins[0]
+        whole = host.capacity.logical_processors
+
+        def share(percent: int | Fraction) -> str:
+            return show_percent(Fraction(percent) / whole)
+
+        kept = 100 * (whole - host.capacity.processors)
+        parts = [f"{one.name} {share(cost(one.claims[host.name]))}" for one in ordered]
+        total = share(sum(cost(one.claims[host.name]) for one in ordered))
+        return (
+            f"{_listed(parts)} {_verb(parts)} {total} of the {_processors(host)}"
+            f"{_less([(kept, 'kept for the host'), (taken, 'taken by machines that are not ours')], share)}."
+        )
+    parts = [
+        f"{one.name} {show_processors(Fraction(min(cost(c) for c in one.claims.values()), 100))}" for one in ordered
+    ]
+    total = show_processors(sum(Fraction(min(cost(c) for c in one.claims.values()), 100) for one in ordered))
+    free = show_processors(Fraction(sum(max(0, free_in(one).percent) for one in bins), 100))
+    return f"{_listed(parts)} {_verb(parts)} {total}; {_listed([one.name for one in bins])} have {free} to promise."
+
+
+def _says_memory(chosen: Sequence[Item], bins: Sequence[Bin]) -> str:
+    ordered = sorted(chosen, key=lambda one: (-min(c.memory for c in one.claims.values()), one.name))
+    parts = [f"{one.name} {show_bytes(min(c.memory for c in one.claims.values()))}" for one in ordered]
+    total = show_bytes(sum(min(c.memory for c in one.claims.values()) for one in ordered))
+    free = show_bytes(sum(max(0, free_in(one).memory) for one in bins))
+    have = "has" if len(bins) == 1 else "have"
+    return f"{_listed(parts)} {_verb(parts)} {total}; {_listed([one.name for one in bins])} {have} {free} to promise."
+
+
+def _less(amounts: Sequence[tuple[int | Fraction, str]], share: Callable[[int | Fraction], str]) -> str:
+    words = [f"{share(amount)} {what}" for amount, what in amounts if amount]
+    return f", of which {_listed(words)} are not to be had" if words else ""
+
+
+def _verb(parts: Sequence[str]) -> str:
+    return "needs" if len(parts) == 1 else "need"
+
+
+def _processors(host: Bin) -> str:
+    number = host.capacity.logical_processors
+    word = _WORDS[number] if number < len(_WORDS) else plain(number)
+    return f"{word} logical processor{'' if number == 1 else 's'}"
+
+
+def _listed(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def _where(bins: Sequence[Bin]) -> str:
+    return f"host/{bins[0].name}" if bins else "application"
+
+
+def told(answer: Infeasible, problem: Problem, places: Places) -> Iterator[Diagnostic]:
+    """The causes as findings; the ways out stand in each that they are for."""
+    ways = [one.says for one in answer.relaxations]
+    for cause in answer.causes:
+        finding = findings.KINDS[cause.code]
+        advice = _advice(cause, ways)
+        says = cause.says if cause.says.endswith(".") else f"{cause.says[0].upper()}{cause.says[1:]}."
+        if not answer.proven and cause.code == findings.PLACEMENT.code:
+            says += (
+                f" It is not proven that there is none: more than {EXACT_UP_TO} partitions are not searched exactly."
+            )
+        yield finding.at(_place(cause, problem, places), says, advice, address=cause.what)
+
+
+def _advice(cause: Cause, ways: Sequence[str]) -> str:
+    usual: Mapping[str, str] = {
+        findings.UNMEASURED.code: "Fix it with `cpu: { reserve: ... }`, or measure it first.",
+        findings.PARALLELISM.code: "Give the partition or the component more `processors`, or lower the reserve.",
+        findings.TOO_WIDE.code: "Lower `processors`, or name a larger host.",
+        findings.COMPANY.code: "Change `partitions`, or take the rule out.",
+    }
+    if cause.code in usual:
+        return usual[cause.code]
+    if not ways:
+        return "Relax an APT, lower a reserve or add a host."
+    return f"Each of these would fit: {'; '.join(ways)}."
+
+
+def _place(cause: Cause, problem: Problem, places: Places) -> Place:
+    kind, _, name = cause.what.partition("/")
+    match kind:
+        case "host":
+            last = "memory" if cause.code == findings.MEMORY.code else "logical_processors"
+            return places.value("hosts", name, last)
+        case "component":
+            return places.key("components", name)
+        case "partition" if name in problem.system.partitions:
+            return places.key("partitions", name)
+        case "partition":
+            return places.key("components", name)
+        case _:
+            return places.key("application")

@@ -1,0 +1,160 @@
+"""What is wanted on one host: its partitions and task classes, with the marks that say so (DESIGN section 4)."""
+
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from rarms_iac.model.diagnostics import Diagnostic, Places
+from rarms_iac.model.layout import Layout, Making, PlacedPartition
+from rarms_iac.model.moves import renaming
+from rarms_iac.model.names import is_shipped_task
+from rarms_iac.model.state import (
+    Checkpoints,
+    Mark,
+    Partition,
+    PartitionSettings,
+    RunState,
+    StartAction,
+    State,
+    StopAction,
+    TaskClass,
+    TaskRecord,
+)
+from rarms_iac.model.system import ProviderKind, StartMode, System
+from rarms_iac.planner.classes import ClassValues, classes_of, registry_values
+from rarms_iac.storage.sets import set_of_settings, set_of_values
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Desired:
+    """The wanted state of a host, and what the difference has to know beside it."""
+
+    state: State
+    unused: frozenset[str]  # partitions of ours that the manifest no longer wants: in the state, stopped
+    protected: frozenset[str]
+    replaceable: frozenset[str]  # shipped task classes that may be replaced, in lower case
+    making: Mapping[str, Making]
+    criticality: Mapping[str, int]  # by partition
+    classes: Mapping[tuple[str, str], ClassValues]  # by partition (empty: the host) and class: for who wants to see
+    findings: tuple[Diagnostic, ...]
+
+
+def desired_state(system: System, layout: Layout, observed: State, places: Places) -> Desired:
+    """The state that this host is to have; `observed.facts.name` says which of the manifest's it is.
+
+    What carries our mark and is placed on no host is kept, stopped, with its automatic start off: unused. What is
+    placed on another host is not in the state, and so goes.
+    """
+    application = system.application.name
+    here = [one for one in layout.partitions if one.host == observed.facts.name]
+    there = {one.mark.name: one for one in observed.of(application).partitions if one.mark}
+    current = _current_names(there, {one.name for one in here}, system.moved)
+    placed = {one.name for one in layout.partitions}
+    unused = [one for name, one in sorted(there.items()) if name not in placed and name not in current.values()]
+    wanted = [_wanted(one, there.get(current.get(one.name, "")), application) for one in here]
+    tasks, values, problems = _tasks(system, layout, observed, here, current, places)
+    return Desired(
+        state=State(
+            facts=observed.facts,
+            partitions=tuple(sorted([*wanted, *map(_kept, unused)], key=lambda one: one.settings.name)),
+            tasks=tuple(sorted(tasks, key=lambda one: (one.inside, one.name))),
+            serials=observed.serials,
+        ),
+        unused=frozenset(one.mark.name for one in unused if one.mark),
+        protected=frozenset(name for name, wish in system.partitions.items() if wish.protect),
+        replaceable=frozenset(name.lower() for name, wish in system.tasks.items() if wish.replace_shipped),
+        making={one.name: one.making for one in here},
+        criticality={one.name: one.criticality for one in here},
+        classes=values,
+        findings=problems,
+    )
+
+
+def _current_names(there: Collection[str], here: Collection[str], moved: Mapping[str, str]) -> Mapping[str, str]:
+    """What each wanted partition is called on the host now, after the manifest's moves; only those that are there."""
+    return {new: old for old, new in renaming(there, here, moved).new.items() if new in here}
+
+
+def _wanted(one: PlacedPartition, there: Partition | None, application: str) -> Partition:
+    by_hand = one.start is StartMode.MANUAL
+    running = (there is not None and there.settings.running) if by_hand else True
+    settings = PartitionSettings(
+        name=one.name,
+        generation=one.generation,
+        processors=one.processors,
+        reserve=one.reserve,
+        limit=one.limit,
+        weight=one.weight,
+        memory=one.memory,
+        dynamic_memory=False,
+        start_action=StartAction.NOTHING if by_hand else StartAction.START,
+        stop_action=StopAction.SHUT_DOWN,
+        checkpoints=Checkpoints.DISABLED,
+        running=running,
+    )
+    return _marked(settings, application, one.name, there.id if there else "")
+
+
+def _kept(there: Partition) -> Partition:
+    """A partition that the manifest no longer wants: as it is, but stopped, and not started with its host."""
+    assert there.mark is not None
+    name = there.mark.name
+    settings = replace(there.settings, name=name, running=False, start_action=StartAction.NOTHING)
+    return _marked(settings, there.mark.application, name, there.id)
+
+
+def _marked(settings: PartitionSettings, application: str, name: str, machine: str) -> Partition:
+    mark = Mark(application=application, name=name, machine=machine[:8], set=set_of_settings(settings))
+    state = RunState.RUNNING if settings.running else RunState.OFF
+    return Partition(settings=settings, id=machine, state=state, mark=mark)
+
+
+def _tasks(
+    system: System,
+    layout: Layout,
+    observed: State,
+    here: Iterable[PlacedPartition],
+    current: Mapping[str, str],
+    places: Places,
+) -> tuple[list[TaskClass], dict[tuple[str, str], ClassValues], tuple[Diagnostic, ...]]:
+    """The classes of every operating system of this host that has components."""
+    tasks: list[TaskClass] = []
+    decided: dict[tuple[str, str], ClassValues] = {}
+    problems: list[Diagnostic] = []
+    if observed.facts.provider is ProviderKind.LINUX:
+        return tasks, decided, ()  # MMCSS is of Windows; on Linux classes are scheduling parameters of threads
+    for inside, members in _systems(layout, observed.facts.name, here):
+        found = classes_of([system.components[name] for name in members], system.tasks, inside, places)
+        problems += found.findings
+        for values in found.classes:
+            decided[inside, values.name] = values
+            there = _task_there(observed, current.get(inside, inside), values.name)
+            tasks.append(_task(values, inside, there, system.application.name))
+    return tasks, decided, tuple(problems)
+
+
+def _systems(layout: Layout, host: str, here: Iterable[PlacedPartition]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Operating systems with the components whose threads run there; the host's own has an empty name."""
+    yield "", tuple(name for name, place in layout.on_hosts if place == host)
+    for one in here:
+        yield one.name, one.components
+
+
+def _task_there(observed: State, inside: str, name: str) -> TaskClass | None:
+    found = [one for one in observed.tasks if one.inside == inside and one.name.lower() == name.lower()]
+    return found[0] if found else None
+
+
+def _task(values: ClassValues, inside: str, there: TaskClass | None, application: str) -> TaskClass:
+    wanted = registry_values(values)
+    record = there.record if there else None
+    if record is not None and record.application == application:
+        before = record.before
+    else:
+        before = there.values if there and there.values else None
+    return TaskClass(
+        name=there.name if there and is_shipped_task(there.name) else values.name,
+        inside=inside,
+        values=wanted,
+        record=TaskRecord(application=application, set=set_of_values(wanted), before=before),
+        machine=there.machine if there else "",
+    )

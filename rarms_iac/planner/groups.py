@@ -1,0 +1,96 @@
+"""Which components share a partition, before anything is searched: what `partitions` and `together` say."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from rarms_iac.model.layout import Cause
+from rarms_iac.model.system import Component, PartitionWish, RunsOn, System
+from rarms_iac.planner import findings
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Group:
+    """The members of a partition, the most critical first, and what the manifest says of the partition."""
+
+    name: str
+    members: tuple[Component, ...]
+    wish: PartitionWish
+
+    @property
+    def criticality(self) -> int:
+        """The highest of its members'."""
+        return max((one.criticality for one in self.members), default=0)
+
+
+def groups_of(system: System) -> tuple[Group, ...]:
+    """The partitions of a system, by name.
+
+    What `partitions` says stands. Of the others each component has a partition of its own name, but those that must
+    be together share one, called after the most critical, ties by name.
+    """
+    inside = {name: one for name, one in system.components.items() if one.runs_on is RunsOn.PARTITION}
+    spoken_for: set[str] = set()
+    groups = []
+    for wish in system.partitions.values():
+        members = [inside[name] for name in wish.components if name in inside]
+        spoken_for.update(wish.components)
+        if members:
+            groups.append(_group(wish.name, members, wish))
+    free = {name: one for name, one in inside.items() if name not in spoken_for}
+    for together in _together(free):
+        name = most_critical_first(together)[0].name
+        groups.append(_group(name, together, PartitionWish(name=name, components=())))
+    return tuple(sorted(groups, key=lambda one: one.name))
+
+
+def most_critical_first(components: Iterable[Component]) -> tuple[Component, ...]:
+    """By criticality, ties by name."""
+    return tuple(sorted(components, key=lambda one: (-one.criticality, one.name)))
+
+
+def _group(name: str, members: list[Component], wish: PartitionWish) -> Group:
+    return Group(name=name, members=most_critical_first(members), wish=wish)
+
+
+def _together(free: dict[str, Component]) -> Iterator[list[Component]]:
+    """The connected parts of `together`; what it names outside of them is for `company` to tell."""
+    parent = {name: name for name in free}
+
+    def root(name: str) -> str:
+        while parent[name] != name:
+            parent[name] = parent[parent[name]]
+            name = parent[name]
+        return name
+
+    for name, one in free.items():
+        for other in one.together:
+            if other in parent:
+                parent[root(other)] = root(name)
+    parts: dict[str, list[Component]] = {}
+    for name, one in free.items():
+        parts.setdefault(root(name), []).append(one)
+    yield from parts.values()
+
+
+def company(groups: Iterable[Group], system: System) -> Iterator[Cause]:
+    """Where the partitions contradict `together`, `apart` and `dedicated`."""
+    where = {member.name: group.name for group in groups for member in group.members}
+    for name in sorted(where):
+        component, home = system.components[name], where[name]
+        others = (
+            sorted(other for other, place in where.items() if place == home and other != name)
+            if (component.apart or component.dedicated)
+            else []
+        )
+        for other in component.apart:
+            if other in others:
+                yield _company(name, f"{name} must be apart from {other}, and both are in partition {home}")
+        if component.dedicated and others:
+            yield _company(name, f"{name} is dedicated, and shares partition {home} with {', '.join(others)}")
+        for other in component.together:
+            if where.get(other, home) != home:
+                yield _company(name, f"{name} must be together with {other}, which is in partition {where[other]}")
+
+
+def _company(name: str, says: str) -> Cause:
+    return Cause(what=f"component/{name}", says=says, code=findings.COMPANY.code)

@@ -1,0 +1,97 @@
+"""System -> Layout, or why there is none (DESIGN section 3).
+
+A partition counts whether or not it is to start by itself: its reservation is a promise, and starting it by hand must
+not fail because others took its place.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from rarms_iac.model.diagnostics import Diagnostic, Places
+from rarms_iac.model.layout import Infeasible, Layout
+from rarms_iac.model.quantities import show_bytes, show_processors
+from rarms_iac.model.system import Disruption, System
+from rarms_iac.planner import findings
+from rarms_iac.planner.conflict import explained, told
+from rarms_iac.planner.problem import HostView, Problem, by_name, problem_of, solve
+from rarms_iac.planner.relaxations import Trial
+from rarms_iac.planner.reservations import ReservationSource
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Planning:
+    """The planner's answer, and what it has to say of it."""
+
+    answer: Layout | Infeasible
+    findings: tuple[Diagnostic, ...] = ()
+
+
+def plan_layout(
+    system: System,
+    reservations: ReservationSource,
+    hosts: Mapping[str, HostView],
+    places: Places,
+    *,
+    max_disruption: Disruption | None = None,
+) -> Planning:
+    """Every component in a partition on a host, within what the hosts have; or what conflicts, and ways out.
+
+    `hosts` may lack any that was not observed: of those the manifest alone counts. A partition that is on a host
+    stays there, unless `max_disruption` (default: the policy's) allows removal; what a move would gain is told.
+    """
+    limit = max_disruption or system.policy.max_disruption
+    problem = problem_of(system, reservations, hosts, may_move=limit is Disruption.REMOVAL)
+    answer = solve(problem)
+    notes = list(_smaller(system, hosts, places))
+    if isinstance(answer, Layout):
+        notes += _moves(answer, problem, places)
+    else:
+
+        def works(system: System, views: Mapping[str, HostView], *, moving: bool) -> bool:
+            again = problem_of(system, reservations, views, may_move=moving or limit is Disruption.REMOVAL)
+            return isinstance(solve(again), Layout)
+
+        answer = explained(answer, problem, Trial(system=system, views=hosts, works=works))
+        notes += told(answer, problem, places)
+    return Planning(answer=answer, findings=tuple(notes))
+
+
+def _smaller(system: System, views: Mapping[str, HostView], places: Places) -> Iterator[Diagnostic]:
+    for host in by_name(system.hosts):
+        facts = views.get(host.name, HostView()).facts
+        if facts is None:
+            continue
+        if facts.logical_processors < host.logical_processors:
+            yield findings.SMALLER.at(
+                places.value("hosts", host.name, "logical_processors"),
+                f"{host.name} has {show_processors(facts.logical_processors)}, and the manifest says "
+                f"{show_processors(host.logical_processors)}; planned with what is there.",
+                f"Say `logical_processors: {facts.logical_processors}`.",
+                address=f"host/{host.name}",
+            )
+        if facts.memory < host.memory:
+            yield findings.SMALLER.at(
+                places.value("hosts", host.name, "memory"),
+                f"{host.name} has {show_bytes(facts.memory)}, and the manifest says {show_bytes(host.memory)}; "
+                f"planned with what is there.",
+                "Say what it has, or less.",
+                address=f"host/{host.name}",
+            )
+
+
+def _moves(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:
+    """What would reserve less elsewhere and stays because it is there: told, not done."""
+    for one in answer.partitions:
+        sizes = problem.sized[one.name]
+        if problem.now.get(one.name) != one.host:
+            continue
+        best = min(sizes.values(), key=lambda other: (other.cost, other.placed.host))
+        gain = one.processors * one.reserve - best.cost
+        if gain > 0:
+            yield findings.BETTER_ELSEWHERE.at(
+                places.key("partitions", one.name),
+                f"{one.name} stays on {one.host}; on {best.placed.host} it would reserve "
+                f"{show_processors(best.placed.reserved)} instead of {show_processors(one.reserved)}.",
+                "Allow `--max-disruption removal` if it may be made anew there.",
+                address=f"partition/{one.name}",
+            )

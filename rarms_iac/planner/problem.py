@@ -1,0 +1,139 @@
+"""What the search is given, made of manifest and hosts; and its answer, turned into a layout."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+from rarms_iac.model.capacity import capacity_of, foreign_claims
+from rarms_iac.model.layout import Cause, Infeasible, Layout, PlacedPartition
+from rarms_iac.model.plan import Claim
+from rarms_iac.model.state import HostFacts, State
+from rarms_iac.model.system import Host, RunsOn, System
+from rarms_iac.planner import findings
+from rarms_iac.planner.groups import Group, company, groups_of
+from rarms_iac.planner.reservations import ReservationSource
+from rarms_iac.planner.search import Bin, Found, Item, place
+from rarms_iac.planner.sizes import Sized, size
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostView:
+    """What the planner knows of a host beside the manifest; a host that was not observed has an empty one."""
+
+    facts: HostFacts | None = None
+    claims: tuple[Claim, ...] = ()  # of machines that are not ours
+    present: frozenset[str] = frozenset()  # our partitions that are there now
+
+
+def host_view(state: State, application: str) -> HostView:
+    """The view of a host that was observed."""
+    return HostView(
+        facts=state.facts,
+        claims=foreign_claims(state, application),
+        present=frozenset(one.mark.name for one in state.of(application).partitions if one.mark),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """What is to be placed, and where it could be."""
+
+    system: System
+    groups: tuple[Group, ...]
+    sized: Mapping[str, Mapping[str, Sized]]  # by partition, then host: where it may run
+    blocked: Mapping[str, tuple[Cause, ...]]  # by partition: why a host that it may run on cannot take it
+    contradictions: tuple[Cause, ...]
+    items: tuple[Item, ...]
+    bins: tuple[Bin, ...]
+    now: Mapping[str, str]  # partition -> host it is on
+
+
+def problem_of(
+    system: System, reservations: ReservationSource, views: Mapping[str, HostView], *, may_move: bool
+) -> Problem:
+    """The problem that the search is given."""
+    groups = groups_of(system)
+    now = {name: host for host in sorted(views, reverse=True) for name in views[host].present}
+    sized: dict[str, dict[str, Sized]] = {}
+    blocked: dict[str, tuple[Cause, ...]] = {}
+    for group in groups:
+        answers = {host.name: size(group, host, reservations) for host in _allowed(group, system)}
+        sized[group.name] = {name: one for name, one in answers.items() if isinstance(one, Sized)}
+        blocked[group.name] = tuple(one for one in answers.values() if isinstance(one, Cause))
+    return Problem(
+        system=system,
+        groups=groups,
+        sized=sized,
+        blocked=blocked,
+        contradictions=tuple(company(groups, system)),
+        items=tuple(_item(group, sized[group.name], now.get(group.name, ""), may_move=may_move) for group in groups),
+        bins=tuple(_bin(host, views.get(host.name, HostView())) for host in by_name(system.hosts)),
+        now=now,
+    )
+
+
+def by_name(hosts: Mapping[str, Host]) -> Iterable[Host]:
+    """The hosts in name order."""
+    return (hosts[name] for name in sorted(hosts))
+
+
+def _allowed(group: Group, system: System) -> Iterator[Host]:
+    """The hosts that every member may run on."""
+    for host in by_name(system.hosts):
+        if all(one.hosts is None or host.name in one.hosts for one in group.members):
+            yield host
+
+
+def _item(group: Group, sized: Mapping[str, Sized], now: str, *, may_move: bool) -> Item:
+    stays = now in sized and not may_move
+    return Item(
+        name=group.name,
+        claims={host: one.claim for host, one in sized.items() if not stays or host == now},
+        now=now,
+    )
+
+
+def _bin(host: Host, view: HostView) -> Bin:
+    return Bin(name=host.name, capacity=capacity_of(host, view.facts), taken=view.claims)
+
+
+def solve(problem: Problem) -> Layout | Infeasible:
+    """The best placement, or that there is none, with the causes that need no search."""
+    causes = [*problem.contradictions]
+    for group in problem.groups:
+        if not problem.sized[group.name]:
+            nowhere = Cause(
+                what=f"partition/{group.name}",
+                says="its components name no host in common",
+                code=findings.PLACEMENT.code,
+            )
+            causes += problem.blocked[group.name] or (nowhere,)
+    on_hosts, homeless = _on_hosts(problem.system)
+    causes += homeless
+    if causes:
+        return Infeasible(proven=True, conflict=(), causes=tuple(causes), relaxations=())
+    found = place(problem.items, problem.bins)
+    if found.hosts is None:
+        return Infeasible(proven=found.proven, conflict=(), causes=(), relaxations=())
+    return Layout(partitions=_placed(problem, found), on_hosts=on_hosts, proven=found.proven)
+
+
+def _placed(problem: Problem, found: Found) -> tuple[PlacedPartition, ...]:
+    assert found.hosts is not None
+    placed = [problem.sized[name][host].placed for name, host in found.hosts.items()]
+    return tuple(sorted(placed, key=lambda one: (one.host, one.name)))
+
+
+def _on_hosts(system: System) -> tuple[tuple[tuple[str, str], ...], list[Cause]]:
+    """Components outside partitions, on every host that they may run on: their class is wanted wherever they start."""
+    found: list[tuple[str, str]] = []
+    homeless: list[Cause] = []
+    for component in system.components.values():
+        if component.runs_on is not RunsOn.HOST:
+            continue
+        hosts = sorted(component.hosts if component.hosts is not None else system.hosts)
+        if hosts:
+            found += [(component.name, host) for host in hosts]
+        else:
+            says = "it runs on a host and names none"
+            homeless.append(Cause(what=f"component/{component.name}", says=says, code=findings.PLACEMENT.code))
+    return tuple(sorted(found)), homeless

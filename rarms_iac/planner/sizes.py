@@ -1,0 +1,147 @@
+"""What a partition gets on a host, in the provider's grain: rounded up, so that what fits on paper fits there."""
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+from rarms_iac.model.layout import Cause, Making, PlacedPartition
+from rarms_iac.model.plan import Claim
+from rarms_iac.model.quantities import (
+    Bytes,
+    CpuAmount,
+    LogicalProcessors,
+    guaranteed,
+    in_processors,
+    per_virtual_processor,
+    show_percent,
+    show_processors,
+)
+from rarms_iac.model.system import Host, HypervHost, Measured
+from rarms_iac.planner import findings
+from rarms_iac.planner.groups import Group
+from rarms_iac.planner.reservations import NotMeasured, ReservationSource
+
+WEIGHT = 100
+"""A weight left open: the same for all, and not below 100, because a lower one would falsify what was measured."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sized:
+    """A partition as it would be on one host."""
+
+    placed: PlacedPartition
+
+    @property
+    def claim(self) -> Claim:
+        """What it would be promised there."""
+        one = self.placed
+        return Claim(processors=one.processors, reserve=one.reserve, memory=one.memory)
+
+    @property
+    def cost(self) -> int:
+        """Its reservation in per cent of one logical processor."""
+        return self.placed.processors * self.placed.reserve
+
+
+def size(group: Group, host: Host, reservations: ReservationSource) -> Sized | Cause:
+    """The partition on this host, or why it cannot be there whatever else is."""
+    wanted = _reserve(group, host, reservations)
+    if isinstance(wanted, NotMeasured):
+        names = ", ".join(wanted.components)
+        says = f"the reservation of {names} on platform {host.platform} is to be measured, and no data log has it"
+        return Cause(what=f"component/{wanted.components[0]}", says=says, code=findings.UNMEASURED.code)
+    processors = _processors(group, host)
+    reserve = per_virtual_processor(wanted, processors)
+    if reserve > 100:
+        says = (
+            f"{show_processors(wanted)} cannot be used by {_count(processors)}: "
+            f"it needs at least {-(-wanted.numerator // wanted.denominator)}"
+        )
+        return Cause(what=f"partition/{group.name}", says=says, code=findings.PARALLELISM.code)
+    if reserve and processors > host.logical_processors:
+        says = f"its {_count(processors)} are more than the {host.logical_processors} logical ones of {host.name}"
+        return Cause(what=f"partition/{group.name}", says=says, code=findings.TOO_WIDE.code)
+    limit = max(reserve, _limit(group, host, processors))
+    memory = sum(one.memory for one in group.members) if group.wish.memory is None else group.wish.memory
+    return Sized(
+        placed=PlacedPartition(
+            name=group.name,
+            host=host.name,
+            components=tuple(one.name for one in group.members),
+            criticality=group.criticality,
+            processors=processors,
+            reserve=reserve,
+            limit=limit,
+            weight=_weight(group),
+            memory=Bytes(memory),
+            start=group.wish.start,
+            generation=_generation(group, host),
+            reason=_reason(group, host, wanted, reserve, processors),
+            making=_making(group, host),
+        )
+    )
+
+
+def _reserve(group: Group, host: Host, reservations: ReservationSource) -> LogicalProcessors | NotMeasured:
+    own = group.wish.cpu.reserve
+    if isinstance(own, Measured) or own is None:
+        answer: CpuAmount | NotMeasured = reservations.reservation(group.members, host)
+    else:
+        answer = own
+    return answer if isinstance(answer, NotMeasured) else in_processors(answer, host.logical_processors)
+
+
+def _processors(group: Group, host: Host) -> int:
+    """Its own, or the most that a member wants; who says nothing wants all of the host's."""
+    own = group.wish.processors
+    return own if own is not None else max(one.processors or host.logical_processors for one in group.members)
+
+
+def _limit(group: Group, host: Host, processors: int) -> int:
+    """Its own, or the members' together where each has one; otherwise none: a cap falsifies what was measured."""
+    own = group.wish.cpu.limit
+    amounts: list[CpuAmount | None] = [own] if own is not None else [one.cpu.limit for one in group.members]
+    total = Fraction(0)
+    for amount in amounts:
+        if amount is None:
+            return 100
+        total += in_processors(amount, host.logical_processors)
+    return min(100, per_virtual_processor(LogicalProcessors(total), processors))
+
+
+def _weight(group: Group) -> int:
+    """Its own, or the highest of its members'; a member that says nothing wants the usual."""
+    own = group.wish.cpu.weight
+    return own if own is not None else max(one.cpu.weight or WEIGHT for one in group.members)
+
+
+def _generation(group: Group, host: Host) -> int:
+    own = group.wish.hyperv.generation
+    if own is not None:
+        return own
+    return host.settings.generation if isinstance(host.settings, HypervHost) else 2
+
+
+def _making(group: Group, host: Host) -> Making:
+    usual = host.settings if isinstance(host.settings, HypervHost) else HypervHost()
+    own = group.wish.hyperv
+    return Making(
+        image=own.image or usual.image or "",
+        switch=own.switch or usual.switch or "",
+        vm_path=own.vm_path or usual.vm_path or "",
+    )
+
+
+def _reason(group: Group, host: Host, wanted: LogicalProcessors, reserve: int, processors: int) -> str:
+    """`40 % of onboard for vision: 40 % of each of its 2 virtual processors`, with what rounding up costs."""
+    if not reserve:
+        return "no reservation: none of its components asks for one"
+    share = show_percent(Fraction(100) * wanted / host.logical_processors)
+    names = ", ".join(one.name for one in group.members)
+    each = "its virtual processor" if processors == 1 else f"each of its {processors} virtual processors"
+    lost = guaranteed(reserve, processors) - wanted
+    rounding = f", rounded up by {show_processors(lost)}" if lost else ""
+    return f"{share} of {host.name} for {names}: {reserve} % of {each}{rounding}"
+
+
+def _count(processors: int) -> str:
+    return "one virtual processor" if processors == 1 else f"{processors} virtual processors"
