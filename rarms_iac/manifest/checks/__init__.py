@@ -118,24 +118,21 @@ LOOKED_FOR = frozenset(
 """The codes that `run_checks` can give: an acceptance of another code may yet be needed by another command."""
 
 
-def run_checks(
-    system: System, places: Places, today: date, *, logs: DataLogs | None = None, before_measuring: bool = False
-) -> tuple[Diagnostic, ...]:
+def run_checks(system: System, places: Places, today: date, *, logs: DataLogs | None = None) -> tuple[Diagnostic, ...]:
     """Everything wrong or odd about what the manifest means, in order.
 
     Args:
         system: what the manifest says, its structure checked.
         places: where it says so.
         today: the day in UTC that acceptances expire against.
-        logs: the data logs, where the caller knows them; without, measured reserves are taken on trust.
-        before_measuring: nobody plans yet, so that a missing log is a warning and not an error.
+        logs: the data logs, where nobody plans yet; without, it is for the planner to miss one.
     """
 
     def told() -> Iterator[Diagnostic]:
         for one in CHECKS:
             yield from one.check(system, places)
         if logs is not None:
-            yield from measured_without_log.check(system, places, logs, before_measuring=before_measuring)
+            yield from measured_without_log.check(system, places, logs)
         yield from check_acceptances(system.policy, places, today)
 
     return in_order(tuple(told()))

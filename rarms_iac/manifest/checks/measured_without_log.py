@@ -1,7 +1,7 @@
 """A measured reserve rests on a data log."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -9,7 +9,7 @@ from rarms_iac.manifest.checks.common import may_run_on, some
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity
 from rarms_iac.model.system import Component, Measured, System
 
-FINDING = Finding(code="RARMS100", severity=Severity.ERROR, summary="A measured reserve without a data log")
+FINDING = Finding(code="RARMS101", severity=Severity.WARNING, summary="A reserve that has not been measured yet")
 
 
 class DataLogs(Protocol):
@@ -31,24 +31,23 @@ class LogsInFolder:
         return (self.folder / platform / component / f"{interference}.jsonl").is_file()
 
 
-def check(system: System, places: Places, logs: DataLogs, *, before_measuring: bool) -> Iterator[Diagnostic]:
+def check(system: System, places: Places, logs: DataLogs) -> Iterator[Diagnostic]:
     """Tells of measured reserves without a log on any platform that the component may run on.
 
-    NOTE: the finding is an error, because nothing can be planned on it. Where nobody plans yet (`validate`), the
-    manifest is right as it stands and measuring comes next: there it is shown as a warning.
+    NOTE: a warning, because the manifest is right as it stands and measuring comes after writing it. Whoever plans
+    cannot go on without the log: there the planner tells of it, as the error RARMS100.
     """
     for one in system.components.values():
         load = one.interference or system.policy.interference
         platforms = list(dict.fromkeys(host.platform for host in may_run_on(system, one)))
         if needs_a_log(one) and platforms and not any(logs.exists(place, one.name, load) for place in platforms):
-            found = FINDING.at(
+            yield FINDING.at(
                 places.value("components", one.name, "cpu", "reserve"),
                 f'The reserve of "{one.name}" is measured, and there is no data log of it on {some(platforms)} against '
                 f"{load} (measurements/{platforms[0]}/{one.name}/{load}.jsonl).",
-                "Measure it, or fix it for now: `cpu: { reserve: 20 % }`.",
+                "Measure it before planning, or fix it for now: `cpu: { reserve: 20 % }`.",
                 address=f"component/{one.name}",
             )
-            yield replace(found, severity=Severity.WARNING) if before_measuring else found
 
 
 def needs_a_log(component: Component) -> bool:

@@ -2,8 +2,6 @@ from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
-import pytest
-
 from rarms_iac.manifest.checks import run_checks
 from rarms_iac.manifest.checks.measured_without_log import LogsInFolder
 from rarms_iac.model.diagnostics import Severity
@@ -26,11 +24,10 @@ def measured() -> System:
     return a_system(hosts=[a_host(platform="atom"), a_host("other", platform="xeon")], components=[component])
 
 
-@pytest.mark.parametrize(("before", "severity"), [(False, Severity.ERROR), (True, Severity.WARNING)])
-def test_nothing_can_be_planned_without_a_log_but_the_manifest_is_right(before: bool, severity: Severity) -> None:
-    (told,) = run_checks(measured(), PathPlaces(), date(2026, 1, 1), logs=Logs(), before_measuring=before)
+def test_a_reserve_that_is_not_measured_yet_is_a_warning_for_the_manifest_is_right() -> None:
+    (told,) = run_checks(measured(), PathPlaces(), date(2026, 1, 1), logs=Logs())
 
-    assert (told.code, told.severity) == ("RARMS100", severity)
+    assert (told.code, told.severity) == ("RARMS101", Severity.WARNING)
     assert "measurements/atom/vision/busy-loop.jsonl" in told.detail
 
 
@@ -43,7 +40,7 @@ def test_a_log_on_one_platform_that_it_may_run_on_is_enough() -> None:
 def test_a_log_against_another_interference_is_none() -> None:
     logs = Logs(frozenset({("xeon", "vision", "browsers")}))
 
-    assert codes(run_checks(measured(), PathPlaces(), date(2026, 1, 1), logs=logs)) == ["RARMS100"]
+    assert codes(run_checks(measured(), PathPlaces(), date(2026, 1, 1), logs=logs)) == ["RARMS101"]
 
 
 def test_a_fixed_reserve_needs_no_log_and_without_logs_to_ask_nothing_is_said() -> None:
