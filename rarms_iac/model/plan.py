@@ -83,6 +83,16 @@ class HeldBack:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Totals:
+    """What a host has promised once the plan is done: to this application's partitions, and to all others."""
+
+    percent: int  # of one logical processor: 140 is 1.4 LP
+    memory: int  # bytes
+    others_percent: int = 0
+    others_memory: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class HostPlan:
     """What is to be done on one host."""
 
@@ -97,6 +107,7 @@ class HostPlan:
     unused: tuple[str, ...]  # partitions of ours that the manifest no longer wants, stopped already
     unchanged: int  # resources that are as wanted
     scripts: Mapping[str, str]  # file name -> text, one an operating system
+    totals: Totals | None = None  # for the reader; nothing is decided by it
 
 
 class Purpose(StrEnum):

@@ -1,11 +1,53 @@
-"""The one machine-readable form of everything rarms says (`schemas/output.json`)."""
+"""Output as JSON text, and the schema that says what it looks like."""
 
 import json
-from collections.abc import Mapping
+from typing import Annotated, Any
 
-FORMAT_VERSION = "rarms-output/1"
+from rarms_iac.storage.codec import Json, encode
+from rarms_iac.views.output import FORMAT_VERSION, Output
 
 
-def document(kind: str, content: Mapping[str, object]) -> str:
-    """A whole answer as JSON in ASCII, keys in our order, ending with a line end."""
-    return json.dumps({"format_version": FORMAT_VERSION, "kind": kind, **content}, indent=2) + "\n"
+def as_json(output: Output) -> str:
+    """The whole answer in ASCII, keys in our order, ending with a line end."""
+    return json.dumps(_encodable(encode(output)), indent=2) + "\n"
+
+
+def output_schema() -> str:
+    """The text of `schemas/output.json`."""
+    from pydantic import Field, TypeAdapter
+
+    schema = TypeAdapter(Annotated[Output, Field(discriminator="kind")]).json_schema(mode="serialization")
+    head = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": f"What rarms prints with --json ({FORMAT_VERSION})",
+    }
+    return json.dumps({**head, **_strict(schema)}, indent=2, ensure_ascii=False) + "\n"
+
+
+def _strict(schema: dict[str, Any]) -> dict[str, Any]:
+    """Every field is always written, so every one is required; the titles repeat the names."""
+    definitions = {
+        name: {
+            **{key: value for key, value in one.items() if key != "title"},
+            **({"required": list(one["properties"])} if "properties" in one else {}),
+        }
+        for name, one in schema["$defs"].items()
+    }
+    for one in definitions.values():
+        for field in one.get("properties", {}).values():
+            field.pop("title", None)
+            field.pop("default", None)
+    return {**schema, "$defs": definitions}
+
+
+def _encodable(value: Json) -> Json:
+    """The value without lone surrogates: strict parsers refuse their escapes."""
+    match value:
+        case str():
+            return value.encode("utf-8", "replace").decode("utf-8")
+        case list():
+            return [_encodable(one) for one in value]
+        case dict():
+            return {key: _encodable(one) for key, one in value.items()}
+        case _:
+            return value

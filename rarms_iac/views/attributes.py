@@ -1,0 +1,139 @@
+"""What a change does to each attribute, in the words and units of the manifest."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Literal, assert_never
+
+from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Resource, Update
+from rarms_iac.model.quantities import guaranteed, show_bytes, show_percent, show_processors
+from rarms_iac.model.state import HostFacts, Partition, PartitionSettings, RegistryValue, TaskClass
+from rarms_iac.model.system import Disruption
+
+FORCES_RESTART = "forces restart"
+FORCES_REPLACEMENT = "forces replacement"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Attribute:
+    """One attribute of a change; `before` and `after` are None where the resource is not there."""
+
+    name: str
+    before: str | None
+    after: str | None
+    note: str = ""  # what it forces, or what it amounts to
+
+    @property
+    def differs(self) -> bool:
+        """Whether the change touches it."""
+        return self.before != self.after
+
+
+def attributes_of(change: Change, facts: HostFacts) -> tuple[Attribute, ...]:
+    """All attributes of the change's resource, those that stay as they are included."""
+    match change:
+        case Create(after=after):
+            return _pairs({}, _values(after, facts))
+        case Delete(before=before):
+            return _pairs(_values(before, facts), {})
+        case Update(before=before, after=after):
+            pairs = _pairs(_values(before, facts), _values(after, facts))
+            return tuple(replace(one, note=_forces(change, one) or one.note) for one in pairs)
+        case Adopt() | Release():
+            return (_mark_of(change),)
+        case _:
+            assert_never(change)
+
+
+def _mark_of(change: Adopt | Release) -> Attribute:
+    def shown(partition: Partition) -> str:
+        return f"{partition.mark.application}/{partition.mark.name}" if partition.mark else "none"
+
+    return Attribute(name="mark", before=shown(change.before), after=shown(change.after))
+
+
+_Shown = Mapping[str, tuple[str, str]]
+"""By the attribute's name: its value and a note on it."""
+
+
+def _values(resource: Resource, facts: HostFacts) -> _Shown:
+    match resource:
+        case Partition(settings=settings):
+            return _settings(settings, facts)
+        case TaskClass(values=values):
+            return {name: (_registry(value), "") for name, value in sorted(values.items())}
+        case _:
+            assert_never(resource)
+
+
+def _settings(one: PartitionSettings, facts: HostFacts) -> _Shown:
+    return {
+        "name": (one.name, ""),
+        "processors": (str(one.processors), ""),
+        "reserve": (show_percent(one.reserve), _amount(one, facts)),
+        "limit": (show_percent(one.limit), ""),
+        "weight": (str(one.weight), ""),
+        "memory": (show_bytes(one.memory), ""),
+        "dynamic memory": (_yes(one.dynamic_memory), ""),
+        "generation": (str(one.generation), ""),
+        "when the host starts": (one.start_action.value.replace("_", " "), ""),
+        "when the host stops": (one.stop_action.value.replace("_", " "), ""),
+        "checkpoints": (one.checkpoints.value.replace("_", " "), ""),
+        "running": (_yes(one.running), ""),
+    }
+
+
+def _amount(one: PartitionSettings, facts: HostFacts) -> str:
+    """What a reserve is of the host, where that is another number than per cent of its own processors."""
+    if one.processors == facts.logical_processors or not facts.logical_processors:
+        return ""
+    processors = guaranteed(one.reserve, one.processors)
+    of_host = show_percent(Fraction(processors) * 100 / facts.logical_processors)
+    return f"{show_processors(processors)}, {of_host} of the host"
+
+
+def _registry(value: RegistryValue) -> str:
+    return f"{value.data} ({value.kind.value})"
+
+
+def _yes(value: bool) -> str:
+    return "yes" if value else "no"
+
+
+def _pairs(before: _Shown, after: _Shown) -> tuple[Attribute, ...]:
+    return tuple(
+        Attribute(
+            name=name,
+            before=before[name][0] if name in before else None,
+            after=after[name][0] if name in after else None,
+            note=after[name][1] if name in after else "",
+        )
+        for name in dict.fromkeys([*before, *after])
+    )
+
+
+def _forces(change: Update, one: Attribute) -> str:
+    """What this attribute makes happen that the others would not, in words."""
+    if not one.differs:
+        return ""
+    return _SAID[forced_by(change, one.name.replace(" ", "_"))]
+
+
+_SAID = {"": "", "restart": FORCES_RESTART, "replacement": FORCES_REPLACEMENT}
+
+
+def forced_by(change: Change, name: str) -> Literal["", "restart", "replacement"]:
+    """What the change of this setting forces; the name is that of the field."""
+    if not isinstance(change, Update):
+        return ""
+    old, new = change.before, change.after
+    if not (isinstance(old, Partition) and isinstance(new, Partition)):
+        return ""
+    if name == "generation" and old.settings.generation != new.settings.generation:
+        return "replacement"
+    if change.disruption is not Disruption.PARTITION_STOP or not new.settings.running:
+        return ""
+    # NOTE: memory may change live (FACTS 3); where processors change too, they alone are known to need the stop.
+    wider = old.settings.processors != new.settings.processors
+    forcing = ("processors",) if wider else ("memory", "dynamic_memory")
+    return "restart" if name in forcing else ""

@@ -1,0 +1,263 @@
+"""The one machine-readable form of what rarms says: `schemas/output.json` is made from these types.
+
+Within `rarms-output/1` fields and kinds may be added; none changes its meaning or goes. Amounts are plain numbers:
+memory in bytes, reserve and limit in whole per cent of each virtual processor.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from rarms_iac.model.diagnostics import Diagnostic, Place
+
+Format = Literal["rarms-output/1"]
+FORMAT_VERSION: Format = "rarms-output/1"
+
+Value = bool | int | str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AttributeOutput:
+    """One attribute that a change touches; null where the resource is not there."""
+
+    name: str
+    before: Value
+    after: Value
+    forces: Literal["", "restart", "replacement"] = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChangeOutput:
+    """What happens at one address, and why. `replace`: removed and made again."""
+
+    address: str
+    action: Literal["create", "update", "replace", "delete", "adopt", "release"]
+    disruption: Literal["live", "partition_stop", "host_restart", "removal"]
+    reason: str
+    place: Place | None
+    attributes: tuple[AttributeOutput, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldBackOutput:
+    """A change that is not in the plan, because it disturbs more than is allowed."""
+
+    change: ChangeOutput
+    why: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UndoOutput:
+    """How much of a step `rarms undo` brings back, and what it does not."""
+
+    level: Literal["full", "partial", "none"]
+    says: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepOutput:
+    """One step, in the order in which they are done."""
+
+    address: str
+    title: str
+    operation: str
+    comment: str
+    place: Place | None
+    undo: UndoOutput
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TotalsOutput:
+    """What the host has promised once the plan is done; `percent` is of one logical processor (140: 1.4 LP)."""
+
+    reserved_percent: int
+    reserved_memory: int
+    unmanaged_percent: int
+    unmanaged_memory: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostOutput:
+    """What a plan does on one host."""
+
+    name: str
+    provider: str
+    logical_processors: int
+    memory: int
+    serial: int
+    changes: tuple[ChangeOutput, ...]
+    steps: tuple[StepOutput, ...]
+    held_back: tuple[HeldBackOutput, ...]
+    unused: tuple[str, ...]
+    unchanged: int
+    totals: TotalsOutput | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CountsOutput:
+    """What the last line of a plan counts; a replacement counts as added and as removed."""
+
+    add: int
+    change: int
+    remove: int
+    adopt: int
+    release: int
+    held_back: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanOutput:
+    """`rarms plan`, `show`, `import`, `release`, `destroy`: a plan."""
+
+    plan: str
+    application: str
+    purpose: Literal["apply", "destroy", "import", "release"]
+    manifest: str
+    today: str
+    max_disruption: str
+    has_changes: bool
+    counts: CountsOutput
+    hosts: tuple[HostOutput, ...]
+    findings: tuple[Diagnostic, ...]
+    accepted: tuple[Diagnostic, ...]
+    kind: Literal["plan"] = "plan"
+    format_version: Format = FORMAT_VERSION
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostRunOutput:
+    """What a run did on one host."""
+
+    host: str
+    plan: str
+    run: Literal["apply", "undo"]
+    ending: str
+    changed: int
+    unchanged: int
+    total: int
+    resumed: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOutput:
+    """`rarms apply`, `undo`: how a run ended."""
+
+    ending: Literal["done", "nothing", "refused", "failed", "interrupted"]
+    hosts: tuple[HostRunOutput, ...]
+    findings: tuple[Diagnostic, ...]
+    kind: Literal["run"] = "run"
+    format_version: Format = FORMAT_VERSION
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriftedOutput:
+    """One address that is not as it should be; `cause`: who moved, the host or the manifest."""
+
+    host: str
+    address: str
+    cause: Literal["host_changed", "not_applied"]
+    attributes: tuple[AttributeOutput, ...]
+    says: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriftOutput:
+    """`rarms drift`."""
+
+    application: str
+    drifted: tuple[DriftedOutput, ...]
+    kind: Literal["drift"] = "drift"
+    format_version: Format = FORMAT_VERSION
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FindingsOutput:
+    """`rarms validate`, and any command that ends before it has an answer of its own."""
+
+    findings: tuple[Diagnostic, ...]
+    accepted: tuple[Diagnostic, ...]
+    counts: Mapping[str, int]
+    kind: Literal["findings"] = "findings"
+    format_version: Format = FORMAT_VERSION
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FormattedFileOutput:
+    """A file that `rarms fmt` looked at."""
+
+    file: str
+    changed: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FmtOutput:
+    """`rarms fmt`."""
+
+    files: tuple[FormattedFileOutput, ...]
+    kind: Literal["fmt"] = "fmt"
+    format_version: Format = FORMAT_VERSION
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WrittenOutput:
+    """`rarms init`, `snapshot`: files that were written."""
+
+    files: tuple[str, ...]
+    kind: Literal["written"] = "written"
+    format_version: Format = FORMAT_VERSION
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExplanationOutput:
+    """`rarms explain`: a page in Markdown."""
+
+    subject: str
+    page: str
+    kind: Literal["explanation"] = "explanation"
+    format_version: Format = FORMAT_VERSION
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NodeOutput:
+    """Something in a graph."""
+
+    id: str
+    is_a: Literal["host", "partition", "component"]
+    name: str
+    inside: str
+    label: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GraphOutput:
+    """`rarms graph`."""
+
+    application: str
+    nodes: tuple[NodeOutput, ...]
+    kind: Literal["graph"] = "graph"
+    format_version: Format = FORMAT_VERSION
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VersionOutput:
+    """`rarms version`."""
+
+    rarms: str
+    python: str
+    system: str
+    libraries: Mapping[str, str]
+    kind: Literal["version"] = "version"
+    format_version: Format = FORMAT_VERSION
+
+
+Output = (
+    PlanOutput
+    | RunOutput
+    | DriftOutput
+    | FindingsOutput
+    | FmtOutput
+    | WrittenOutput
+    | ExplanationOutput
+    | GraphOutput
+    | VersionOutput
+)

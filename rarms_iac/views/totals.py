@@ -1,0 +1,33 @@
+"""What a host has promised, and what is left, once a plan is done."""
+
+from collections.abc import Iterator
+from fractions import Fraction
+
+from rarms_iac.model.plan import HostPlan
+from rarms_iac.model.quantities import in_processors, show_bytes, show_percent, show_processors
+
+
+def totals_lines(part: HostPlan) -> Iterator[str]:
+    """A small table of processors and memory; nothing where the plan does not say."""
+    totals = part.totals
+    if totals is None:
+        return
+    host = part.host
+    processors, memory = part.facts.logical_processors, part.facts.memory
+    kept = in_processors(host.keep_for_host.processor, processors)
+    ours, others = Fraction(totals.percent, 100), Fraction(totals.others_percent, 100)
+    rows = [
+        ("reserved", ours, totals.memory),
+        *([("unmanaged", others, totals.others_memory)] if totals.others_percent or totals.others_memory else []),
+        ("kept", kept, host.keep_for_host.memory),
+        (
+            "free",
+            processors - ours - others - kept,
+            memory - totals.memory - totals.others_memory - host.keep_for_host.memory,
+        ),
+    ]
+    yield ""
+    yield "  Afterwards:"
+    for name, amount, held in rows:
+        share = show_percent(amount * 100 / processors) if processors else "0 %"
+        yield f"    {name:<10} {show_processors(amount):>9}  {share:>7}  {show_bytes(held):>9}"
