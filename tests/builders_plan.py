@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from rarms_iac.model.changes import Address, Change, Create, Delete, Reason, Resource, Update
 from rarms_iac.model.diagnostics import Diagnostic, Place, Severity
+from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.operations import Operation, SetCpu
 from rarms_iac.model.plan import (
     Claim,
@@ -32,7 +33,7 @@ from rarms_iac.model.state import (
     TaskClass,
     ValueKind,
 )
-from rarms_iac.model.system import Disruption, Host, ProviderKind, SchedulerType
+from rarms_iac.model.system import Disruption, Host, ProviderKind, SchedulerType, StartMode
 from tests.builders import a_host, memory
 
 
@@ -264,4 +265,22 @@ def a_rich_plan() -> Plan:
                 address="partition/speech",
             )
         ],
+    )
+
+
+def placed(name: str = "vision", *, components: Iterable[str] | None = None, host: str = "onboard") -> PlacedPartition:
+    """A partition of the component of its own name, unless they are given."""
+    return PlacedPartition(
+        name=name,
+        host=host,
+        components=(name,) if components is None else tuple(components),
+        criticality=10,
+        processors=2,
+        reserve=40,
+        limit=100,
+        weight=100,
+        memory=memory("512 MiB"),
+        start=StartMode.AUTOMATIC,
+        generation=2,
+        reason="the manifest fixes its reserve",
     )

@@ -1,6 +1,10 @@
-"""Output as JSON text, and the schema that says what it looks like."""
+"""Output as JSON text, and the schema that says what it looks like.
+
+`python -m rarms_iac.views.as_json > schemas/output.json` writes that.
+"""
 
 import json
+import sys
 from typing import Annotated, Any
 
 from rarms_iac.storage.codec import Json, encode
@@ -51,3 +55,7 @@ def _encodable(value: Json) -> Json:
             return {key: _encodable(one) for key, one in value.items()}
         case _:
             return value
+
+
+if __name__ == "__main__":
+    sys.stdout.buffer.write(output_schema().encode())

@@ -151,13 +151,13 @@ class RunOutput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriftedOutput:
-    """One address that is not as it should be; `cause`: who moved, the host or the manifest."""
+    """One address that is not as it should be; `before` of an attribute is what is there."""
 
     host: str
     address: str
-    cause: Literal["host_changed", "not_applied"]
+    drift: Literal["host_changed", "not_applied", "both", "missing", "unused"]
+    says: str
     attributes: tuple[AttributeOutput, ...]
-    says: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,0 +1,88 @@
+"""What drifted: the host changed, or the manifest was not applied yet."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from rarms_iac.diff.drift import Drifted, DriftKind
+from rarms_iac.model.changes import Address, Change
+from rarms_iac.model.state import HostFacts
+from rarms_iac.views.as_json import as_json
+from rarms_iac.views.attributes import attributes_of
+from rarms_iac.views.diagnostics.layout import visible, wrap
+from rarms_iac.views.diagnostics.text import counted
+from rarms_iac.views.output import DriftedOutput, DriftOutput
+from rarms_iac.views.plan_json import change_output
+
+WIDTH = 80
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostDrift:
+    """What drifted on one host, and the changes that would bring it back, by address."""
+
+    facts: HostFacts
+    drifted: tuple[Drifted, ...]
+    changes: Mapping[Address, Change] = field(default_factory=dict)
+
+
+TITLES = {
+    DriftKind.HOST_CHANGED: "changed on the host",
+    DriftKind.NOT_APPLIED: "not applied yet",
+    DriftKind.BOTH: "changed on the host, and not applied yet",
+    DriftKind.MISSING: "not there",
+    DriftKind.UNUSED: "unused",
+}
+
+
+def drift_text(hosts: Sequence[HostDrift], *, width: int = WIDTH) -> str:
+    """The whole answer; `->` leads from what is there to what the manifest wants."""
+    lines = [line for host in hosts if host.drifted for line in ("", *_host(host, width))]
+    if lines:
+        lines += ["", "`rarms plan` shows what would bring it back."]
+    return "\n".join([*lines, "", _summary(hosts)]).lstrip("\n") + "\n"
+
+
+def _host(host: HostDrift, width: int) -> Iterator[str]:
+    yield f"Host {host.facts.name}"
+    for one in host.drifted:
+        yield ""
+        yield f"  {one.address}: {TITLES[one.kind]}"
+        yield from wrap(one.says, width, "      ")
+        change = host.changes.get(one.address)
+        for attribute in attributes_of(change, host.facts) if change is not None else ():
+            if attribute.differs and attribute.before is not None and attribute.after is not None:
+                before, after = visible(attribute.before, keep=""), visible(attribute.after, keep="")
+                yield f"      {attribute.name}  {before} -> {after}"
+
+
+def _summary(hosts: Sequence[HostDrift]) -> str:
+    kinds = [one.kind for host in hosts for one in host.drifted]
+    changed = sum(kind.is_of_the_host for kind in kinds)
+    waiting = sum(not kind.is_of_the_host and kind is not DriftKind.UNUSED for kind in kinds)
+    unused = kinds.count(DriftKind.UNUSED)
+    if not changed and not waiting:
+        extra = f" {counted(unused, 'partition')} unused." if unused else ""
+        return f"No drift. What rarms wrote is as it was, and as the manifest wants it.{extra}"
+    parts = [f"{changed} changed on the host", f"{waiting} not applied yet"]
+    return f"Drift: {', '.join(parts)}."
+
+
+def drift_json(application: str, hosts: Sequence[HostDrift]) -> str:
+    """The same for programs."""
+    return as_json(
+        DriftOutput(
+            application=application,
+            drifted=tuple(_drifted(host, one) for host in hosts for one in host.drifted),
+        )
+    )
+
+
+def _drifted(host: HostDrift, one: Drifted) -> DriftedOutput:
+    change = host.changes.get(one.address)
+    return DriftedOutput(
+        host=host.facts.name,
+        address=str(one.address),
+        drift=one.kind.value,
+        says=one.says,
+        attributes=() if change is None else change_output(change).attributes,
+    )

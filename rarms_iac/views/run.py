@@ -1,0 +1,61 @@
+"""How a run ended, host by host."""
+
+from collections.abc import Iterator
+
+from rarms_iac.apply.reports import Ending, HostReport, RunReport
+from rarms_iac.model.journal import RunKind
+from rarms_iac.views.as_json import as_json
+from rarms_iac.views.diagnostics.text import counted
+from rarms_iac.views.output import HostRunOutput, RunOutput
+
+GO_ON = "Run `rarms apply` to finish it, `rarms undo` to take it back, or `rarms apply --abandon` to leave it as it is."
+
+
+def run_text(report: RunReport) -> str:
+    """A line a host, and what to do next where it is not done; findings are told elsewhere."""
+    return "".join(f"{line}\n" for line in _lines(report))
+
+
+def _lines(report: RunReport) -> Iterator[str]:
+    for one in report.hosts:
+        yield f"{one.host}: {_host(one)}"
+    match report.ending:
+        case Ending.NOTHING:
+            yield "Nothing to do."
+        case Ending.INTERRUPTED:
+            yield f"Stopped after the running step. {GO_ON}"
+        case Ending.DONE | Ending.REFUSED | Ending.FAILED:
+            pass
+
+
+def _host(one: HostReport) -> str:
+    what = "Apply" if one.run is RunKind.APPLY else "Undo"
+    begun = f"{what} of plan {one.plan}{', begun earlier,' if one.resumed else ''}"
+    steps = f"{counted(one.changed, 'step')} changed something, {one.unchanged} found all as wanted"
+    if one.ending is Ending.DONE:
+        return f"{begun} complete: {steps}."
+    left = one.total - one.changed - one.unchanged
+    return f"{begun} not complete: {steps}, {left} of {one.total} left."
+
+
+def run_json(report: RunReport) -> str:
+    """The same for programs."""
+    return as_json(
+        RunOutput(
+            ending=report.ending.value,
+            hosts=tuple(
+                HostRunOutput(
+                    host=one.host,
+                    plan=one.plan,
+                    run=one.run.value,
+                    ending=one.ending.value,
+                    changed=one.changed,
+                    unchanged=one.unchanged,
+                    total=one.total,
+                    resumed=one.resumed,
+                )
+                for one in report.hosts
+            ),
+            findings=report.diagnostics,
+        )
+    )

@@ -1,0 +1,62 @@
+import json
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from rarms_iac.storage.shipped import shipped
+from rarms_iac.views.as_json import as_json, output_schema
+from rarms_iac.views.output import ExplanationOutput
+from rarms_iac.views.plan_json import plan_json
+from tests.builders_plan import a_rich_plan, create, host_plan, plan, task
+
+SCHEMA = Path(__file__).parents[3] / "schemas" / "output.json"
+
+
+def check(text: str) -> None:
+    """Fails where the text is not as the shipped schema says."""
+    schema = json.loads(shipped("schemas/output.json").read_text(encoding="utf-8"))
+    jsonschema.Draft202012Validator(schema).validate(json.loads(text))
+
+
+def test_the_schema_is_made_from_the_types() -> None:
+    assert SCHEMA.read_text(encoding="utf-8") == output_schema(), "run: python -m rarms_iac.views.as_json"
+
+
+def test_a_plan_is_as_the_schema_says() -> None:
+    check(plan_json(a_rich_plan()))
+    check(plan_json(plan()))
+
+
+def test_the_schema_refuses_another_shape() -> None:
+    document = json.loads(plan_json(plan()))
+    del document["counts"]
+
+    with pytest.raises(jsonschema.ValidationError):
+        check(json.dumps(document))
+
+
+def test_a_plan_says_the_same_as_its_text() -> None:
+    document = json.loads(plan_json(a_rich_plan()))
+
+    onboard = document["hosts"][0]
+    speech = onboard["changes"][1]
+    assert document["format_version"] == "rarms-output/1"
+    assert document["counts"] == {"add": 2, "change": 2, "remove": 1, "adopt": 0, "release": 0, "held_back": 1}
+    assert speech["attributes"] == [{"name": "processors", "before": 1, "after": 2, "forces": "restart"}]
+    assert speech["place"]["line"] == 31
+    assert onboard["steps"][1]["undo"] == {"level": "none", "says": "it is not made again"}
+
+
+def test_registry_values_say_their_type() -> None:
+    document = json.loads(plan_json(plan(host_plan(changes=[create(task())]))))
+
+    names = {one["name"]: one["after"] for one in document["hosts"][0]["changes"][0]["attributes"]}
+    assert names == {"Priority": "dword:5", "Scheduling Category": "sz:Medium"}
+
+
+def test_a_lone_surrogate_does_not_make_invalid_json() -> None:
+    text = as_json(ExplanationOutput(subject="\ud800", page=""))
+
+    assert json.loads(text)["subject"] == "?"
+    assert text.isascii()

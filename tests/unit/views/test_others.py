@@ -1,0 +1,115 @@
+import json
+
+from rarms_iac.apply.reports import Ending, HostReport, RunReport
+from rarms_iac.diff.drift import Drifted, DriftKind
+from rarms_iac.model.changes import Address
+from rarms_iac.model.journal import RunKind, RunStarted, StepStatus
+from rarms_iac.model.layout import Layout
+from rarms_iac.views.drift import HostDrift, drift_json, drift_text
+from rarms_iac.views.graph import GraphFormat, dot_quoted, graph_json, graph_text, mermaid_quoted, nodes_of
+from rarms_iac.views.progress import StepProgress, fitting
+from rarms_iac.views.run import run_json, run_text
+from tests.builders import the_delivery_robot
+from tests.builders_plan import facts, host_plan, partition, placed, plan, settings, step, update
+from tests.unit.views.test_json import check
+
+
+def a_drift(*kinds: DriftKind) -> list[HostDrift]:
+    change = update(partition(settings(reserve=50)), partition(settings(reserve=40)))
+    drifted = tuple(Drifted(address=Address(partition="vision"), kind=kind, says="why") for kind in kinds)
+    return [HostDrift(facts=facts(), drifted=drifted, changes={change.address: change})]
+
+
+def test_no_drift_is_one_line() -> None:
+    assert drift_text(a_drift()) == "No drift. What rarms wrote is as it was, and as the manifest wants it.\n"
+
+
+def test_drift_says_what_differs_and_who_moved() -> None:
+    shown = drift_text(a_drift(DriftKind.HOST_CHANGED, DriftKind.NOT_APPLIED)).splitlines()
+
+    assert "  partition/vision: changed on the host" in shown
+    assert "      reserve  50 % -> 40 %" in shown
+    assert shown[-1].startswith("Drift: 1 changed on the host, 1 not applied yet.")
+
+
+def test_drift_for_programs() -> None:
+    text = drift_json("robot", a_drift(DriftKind.BOTH))
+
+    check(text)
+    assert json.loads(text)["drifted"][0]["attributes"][0]["before"] == 50
+
+
+def a_report(ending: Ending, changed: int = 2) -> RunReport:
+    host = HostReport(
+        host="onboard", plan="0123456789ab", run=RunKind.APPLY, ending=ending, changed=changed, unchanged=1, total=4
+    )
+    return RunReport(ending=ending, hosts=(host,))
+
+
+def test_a_run_says_how_it_ended_and_what_is_left() -> None:
+    done = run_text(a_report(Ending.DONE, changed=3))
+    stopped = run_text(a_report(Ending.INTERRUPTED))
+
+    assert done == "onboard: Apply of plan 0123456789ab complete: 3 steps changed something, 1 found all as wanted.\n"
+    assert "1 of 4 left" in stopped
+    assert "rarms undo" in stopped
+    check(run_json(a_report(Ending.DONE)))
+
+
+def a_start() -> RunStarted:
+    return RunStarted(
+        run=RunKind.APPLY,
+        plan=plan().id,
+        application="robot",
+        started_by="me",
+        host_plan=host_plan(),
+        steps=(step(),),
+        serials={"robot": 4},
+    )
+
+
+def progress(*, lively: bool) -> str:
+    said: list[str] = []
+    times = iter([10.0, 10.25])
+    reporter = StepProgress(said.append, lambda: next(times), lively=lively, width=40)
+    reporter.run_started(a_start(), done=0)
+    reporter.step_started("onboard", 1, 1, step())
+    reporter.step_ended("onboard", 1, 1, step(), StepStatus.CHANGED)
+    return "".join(said)
+
+
+def test_progress_is_whole_lines_where_nothing_can_be_written_over() -> None:
+    assert progress(lively=False) == (
+        "Applying plan 0123456789ab on onboard\n  [1/1] partition/vision: reserve 70 -> 40 %: done in 0.2 s\n"
+    )
+
+
+def test_progress_writes_over_its_line_on_a_terminal() -> None:
+    assert progress(lively=True).count("\r\x1b[K") == 2
+    assert fitting("x" * 50, 40) == "x" * 39
+
+
+def a_layout() -> Layout:
+    return Layout(
+        partitions=(placed("face-detection"), placed("speech", components=("speech-recognition", "path-planning"))),
+        on_hosts=(("video-streaming", "onboard"),),
+        proven=True,
+    )
+
+
+def test_a_graph_nests_hosts_partitions_and_components() -> None:
+    nodes = nodes_of(the_delivery_robot(), a_layout())
+
+    dot = graph_text(GraphFormat.DOT, "delivery-robot", nodes)
+    mermaid = graph_text(GraphFormat.MERMAID, "delivery-robot", nodes)
+
+    assert 'subgraph "cluster_partition/speech" {' in dot
+    assert dot.count("{") == dot.count("}")
+    assert '    subgraph n3["speech<br/>0.8 LP reserved (40 % each VP)<br/>512 MiB"]' in mermaid
+    assert mermaid.count("subgraph ") == mermaid.count("end\n")
+    check(graph_json("delivery-robot", nodes))
+
+
+def test_a_graph_escapes_what_its_language_would_read() -> None:
+    assert dot_quoted('a"b\\', "c") == '"a\\"b\\\\\\nc"'
+    assert mermaid_quoted('a"<b>', "#;") == "a#quot;#lt;b#gt;<br/>#35;#59;"
