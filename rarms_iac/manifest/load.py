@@ -45,12 +45,19 @@ def no_checks(_system: System, _places: Places, _today: date) -> Sequence[Diagno
     return ()
 
 
+def run_checks(system: System, places: Places, today: date) -> Sequence[Diagnostic]:
+    """Every check that needs the manifest only."""
+    from rarms_iac.manifest import checks
+
+    return checks.run_checks(system, places, today)
+
+
 def load(
     path: str,
     overlays: Sequence[str] = (),
     *,
     today: date,
-    checks: Callable[[System, Places, date], Iterable[Diagnostic]] = no_checks,
+    checks: Callable[[System, Places, date], Iterable[Diagnostic]] = run_checks,
 ) -> Loaded:
     """Reads a manifest and its overlays (later wins), and looks at what they mean.
 
