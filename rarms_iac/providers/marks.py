@@ -8,6 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 from rarms_iac.model.names import NAME_PATTERN
 from rarms_iac.model.state import Mark
@@ -45,12 +46,12 @@ def write_mark(notes: str, mark: Mark) -> str:
 
 def erase_mark(notes: str) -> str:
     """The notes without marks."""
-    return "\n".join(line for line in notes.split("\n") if _mark_of(line) is None)
+    return _sorted_out(notes)[1]
 
 
 def read_mark(notes: str) -> Mark | None:
     """The mark in the notes, None where there is none or more than one."""
-    found = _marks(notes)
+    found, _ = _sorted_out(notes)
     return found[0] if len(found) == 1 else None
 
 
@@ -77,20 +78,19 @@ def _judge(notes: str, own: Mark | None, carriers: Counter[tuple[str, str]]) -> 
 
 
 def _why_foreign(notes: str) -> str:
-    found = _marks(notes)
+    found, others = _sorted_out(notes)
     if len(found) > 1:
         return f"its notes hold {len(found)} marks"
     if found:
         return f"its mark names another machine ({found[0].machine}): the machine was copied or imported"
-    if any(_LOOKS_LIKE_ONE.match(line) for line in notes.split("\n")):
+    if any(_LOOKS_LIKE_ONE.match(line) for line in others.split("\n")):
         return "a line of its notes begins like a mark and is none"
     return ""
 
 
-def _marks(notes: str) -> list[Mark]:
-    return [mark for line in notes.split("\n") if (mark := _mark_of(line))]
-
-
-def _mark_of(line: str) -> Mark | None:
-    found = _LINE.fullmatch(line.rstrip("\r"))
-    return Mark(**found.groupdict()) if found else None
+@lru_cache(maxsize=10_000)  # a host is looked at several times a step, and its notes hardly ever change
+def _sorted_out(notes: str) -> tuple[tuple[Mark, ...], str]:
+    """The marks in the notes, and the other lines."""
+    lines = [(line, _LINE.fullmatch(line.rstrip("\r"))) for line in notes.split("\n")]
+    marks = tuple(Mark(**found.groupdict()) for _, found in lines if found)
+    return marks, "\n".join(line for line, found in lines if not found)

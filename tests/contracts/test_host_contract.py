@@ -286,7 +286,12 @@ def test_a_task_class_is_written_recorded_forgotten_and_removed(room: Room) -> N
     address = Address(task="MotionControl")
 
     do(host, WriteTaskRecord(task="MotionControl", inside="", record=RECORD))
-    assert host.read(address, SCOPE) == {"exists": False, "record": "robot", "set": "a" * 12}
+    assert host.read(address, SCOPE) == {
+        "exists": False,
+        "values": "",
+        "record": "robot",
+        "set": "a" * 12,
+    }
     do(host, WriteTaskClass(task="MotionControl", inside="", values=VALUES))
     assert host.read(address, SCOPE)["value:Priority"] == "dword:6"
     do(host, RemoveTaskClass(task="motioncontrol", inside=""))

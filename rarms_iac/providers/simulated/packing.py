@@ -1,4 +1,8 @@
-"""Whether the reserves of virtual processors fit onto logical ones, each whole onto one (FACTS 1.2)."""
+"""Whether the reserves of virtual processors fit onto logical ones, each whole onto one (FACTS 1.2).
+
+NOTE: the planner has its own arithmetic (model/capacity.py), and this one is written apart from it on purpose: a host
+that repeated the planner's mistakes would never show them. It refuses only what certainly does not fit.
+"""
 
 from collections.abc import Mapping
 

@@ -5,18 +5,18 @@ written is damaged, and is never taken for something else.
 """
 
 import hashlib
-import json
 import re
 import uuid
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from functools import lru_cache
 
 from rarms_iac.model.state import HostFacts, Partition, Rights, RunState, State, TaskClass
 from rarms_iac.model.system import Host, SimulatedHost
 from rarms_iac.providers.marks import Judged, judge_marks
-from rarms_iac.providers.simulated.content import Content, Machine
+from rarms_iac.providers.simulated.content import FRESH, SHIPPED, Content, Machine
 from rarms_iac.providers.simulated.rules import out_of_range
-from rarms_iac.storage.codec import NotDecodable, decode, encode
-from rarms_iac.storage.digest import parse_json
+from rarms_iac.storage.codec import NotDecodable, decode
+from rarms_iac.storage.digest import canonical, parse_json
 
 FORMAT = "rarms-simulated-host/1"
 _HEAD = re.compile(r'\{"format":"(?P<format>[^"\\]{1,60})","checksum":"(?P<checksum>[0-9a-f]{64})","content":')
@@ -26,8 +26,21 @@ _PENDING = re.compile(r"(?P<partition>[a-z0-9-]+)\.rarms-[0-9a-f]+")
 
 def write_content(content: Content) -> bytes:
     """The file that holds this content."""
-    text = json.dumps(encode(content), sort_keys=True, separators=(",", ":"), allow_nan=False)
+    machines = ",".join(f'"{one}":{_machine_text(content.machines[one])}' for one in sorted(content.machines))
+    others = {name: canonical(getattr(content, name)) for name in ("id", "made", "struck")}
+    registries = ",".join(f'"{one}":{canonical(content.registries[one])}' for one in sorted(content.registries))
+    members = {**others, "machines": f"{{{machines}}}", "registries": f"{{{registries}}}"}
+    text = ",".join(f'"{name}":{member}' for name, member in sorted(members.items()))
+    return _file(f"{{{text}}}")
+
+
+def _file(text: str) -> bytes:
     return f'{{"format":"{FORMAT}","checksum":"{_checksum(text)}","content":{text}{_TAIL}'.encode("ascii")
+
+
+@lru_cache(maxsize=10_000)  # one operation changes one machine: the others need not be written anew
+def _machine_text(machine: Machine) -> str:
+    return canonical(machine)
 
 
 def read_content(data: bytes) -> Content:
@@ -56,14 +69,21 @@ def read_content(data: bytes) -> Content:
 def to_state(content: Content, host: Host, serials: Mapping[str, int]) -> State:
     """What a look at the host shows: without the rights, no machines and no guests (FACTS 5)."""
     facts = facts_of(content, host)
-    if facts.rights is not Rights.PROVEN:
-        return State(facts=facts, tasks=tuple(_tasks(content, "", "")), serials=serials)
+    partitions = partitions_of(content) if facts.rights is Rights.PROVEN else ()
+    return State(facts=facts, partitions=partitions, tasks=tasks_of(content, partitions), serials=serials)
+
+
+def partitions_of(content: Content) -> tuple[Partition, ...]:
+    """The machines by name, then id, with the marks that count."""
     judged = judge_marks({machine.id: machine.notes for machine in content.machines.values()})
     machines = sorted(content.machines.values(), key=lambda one: (one.settings.name, one.id))
-    partitions = tuple(_partition(machine, judged[machine.id]) for machine in machines)
+    return tuple(_partition(machine, judged[machine.id]) for machine in machines)
+
+
+def tasks_of(content: Content, partitions: Iterable[Partition]) -> tuple[TaskClass, ...]:
+    """The task classes of the host, and those in the guests of these partitions, where they are partitions of rarms."""
     guests = sorted((inside, one.id) for one in partitions if (inside := stands_for(one)))
-    tasks = [task for inside, machine in [("", ""), *guests] for task in _tasks(content, inside, machine)]
-    return State(facts=facts, partitions=partitions, tasks=tuple(tasks), serials=serials)
+    return tuple(task for inside, machine in [("", ""), *guests] for task in _tasks(content, inside, machine))
 
 
 def facts_of(content: Content, host: Host) -> HostFacts:
@@ -115,6 +135,8 @@ def _partition(machine: Machine, judged: Judged) -> Partition:
 def _tasks(content: Content, inside: str, machine: str) -> list[TaskClass]:
     """The task classes of one operating system by name, a record without its key included."""
     registry = content.registry(machine)
+    if registry is FRESH:
+        return [TaskClass(name=name, inside=inside, machine=machine, values=values) for name, values in SHIPPED.items()]
     keys = {name.lower(): name for name in registry.tasks}
     names = sorted({**{record: record for record in registry.records}, **keys}.items())
     return [

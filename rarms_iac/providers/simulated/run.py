@@ -34,7 +34,16 @@ from rarms_iac.providers.simulated.change import (
 from rarms_iac.providers.simulated.content import Content, Machine, empty
 from rarms_iac.providers.simulated.journal import append_record, read_journal, read_serials, start_journal
 from rarms_iac.providers.simulated.observe import fetch
-from rarms_iac.providers.simulated.parse import description, read_content, to_state, write_content
+from rarms_iac.providers.simulated.parse import (
+    description,
+    facts_of,
+    partitions_of,
+    read_content,
+    stands_for,
+    tasks_of,
+    to_state,
+    write_content,
+)
 from rarms_iac.providers.simulated.rules import Refusal, refuse_change, refuse_creation, refuse_without_rights
 from rarms_iac.storage.append import Damaged
 from rarms_iac.storage.codec import NotDecodable
@@ -60,6 +69,7 @@ class SimulatedHostProvider:
         self._lock_path = path.with_name(f"{path.stem}.lock")
         self._sleep = sleep
         self._known: tuple[bytes, Content] | None = None  # what bytes mean: to read the same ones again costs nothing
+        self._seen: tuple[Content, State] | None = None  # likewise
 
     @property
     def name(self) -> str:
@@ -84,7 +94,12 @@ class SimulatedHostProvider:
 
     def read(self, address: Address, scope: Scope) -> Readings:
         """As the interface says."""
-        return readings(to_state(self.load(), self._host, {}), address, scope)
+        content = self.load()
+        state = self._machines(content)
+        if address.task:
+            inside = [one for one in state.partitions if stands_for(one) == address.partition]
+            state = replace(state, tasks=tasks_of(content, inside))
+        return readings(state, address, scope)
 
     def execute(self, operation: Operation, scope: Scope) -> None:
         """As the interface says; faults that the manifest asks for strike here."""
@@ -150,8 +165,16 @@ class SimulatedHostProvider:
             ) from None
         self._known = (data, content)
 
+    def _machines(self, content: Content) -> State:
+        """The state as far as names need it to be resolved, without task classes."""
+        if self._seen is None or self._seen[0] is not content:
+            facts = facts_of(content, self._host)
+            visible = partitions_of(content) if facts.rights is Rights.PROVEN else ()
+            self._seen = (content, State(facts=facts, partitions=visible))
+        return self._seen[1]
+
     def _after(self, content: Content, operation: Operation, scope: Scope) -> Content:
-        state = to_state(content, self._host, {})
+        state = self._machines(content)
         if state.facts.rights is not Rights.PROVEN:
             raise self._refused(refuse_without_rights(state.facts))
         match operation:

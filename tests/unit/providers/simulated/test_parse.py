@@ -1,0 +1,109 @@
+"""The file of a simulated host: only what a series of operations could have made is believed."""
+
+import hashlib
+from dataclasses import replace
+
+import pytest
+
+from rarms_iac.model.state import Checkpoints, PartitionSettings, RunState, StartAction, StopAction
+from rarms_iac.providers.simulated.content import Content, Machine, Registry, empty, next_id
+from rarms_iac.providers.simulated.parse import FORMAT, read_content, write_content
+from rarms_iac.storage.codec import NotDecodable
+
+SETTINGS = PartitionSettings(
+    name="vision \u2603\nrarms",
+    generation=2,
+    processors=2,
+    reserve=40,
+    limit=100,
+    weight=100,
+    memory=2**29,
+    dynamic_memory=False,
+    start_action=StartAction.START,
+    stop_action=StopAction.SAVE,
+    checkpoints=Checkpoints.STANDARD,
+    running=True,
+)
+ID = next_id(empty("onboard"), "vision")
+MACHINE = Machine(id=ID, settings=SETTINGS, state=RunState.RUNNING, notes='quotes " and \\ and \u2028')
+CONTENT = replace(empty("onboard"), made=3).with_machine(MACHINE)
+
+
+def sealed(text: str) -> bytes:
+    checksum = hashlib.sha256(text.encode()).hexdigest()
+    return f'{{"format":"{FORMAT}","checksum":"{checksum}","content":{text}}}\n'.encode()
+
+
+def content_text(content: Content) -> str:
+    return write_content(content).decode().split('"content":', 1)[1].removesuffix("}\n")
+
+
+def test_content_reads_back_as_written() -> None:
+    with_registry = CONTENT.with_registry(ID, Registry())
+
+    assert read_content(write_content(CONTENT)) == CONTENT
+    assert read_content(write_content(with_registry)) == with_registry
+    assert sealed(content_text(CONTENT)) == write_content(CONTENT)
+
+
+def test_ids_say_where_they_come_from_and_never_come_twice() -> None:
+    assert empty("onboard") == empty("onboard")
+    assert empty("onboard").id != empty("other").id
+    assert next_id(CONTENT, "vision") != ID
+
+
+def test_line_ends_of_git_do_no_harm() -> None:
+    assert read_content(write_content(CONTENT).replace(b"\n", b"\r\n")) == CONTENT
+
+
+@pytest.mark.parametrize(
+    ("impossible", "says"),
+    [
+        (replace(SETTINGS, reserve=101), "reserve and limit are 0 to 100"),
+        (replace(SETTINGS, reserve=50, limit=40), "above the limit"),
+        (replace(SETTINGS, generation=7), "no generation 7"),
+        (replace(SETTINGS, running=False), "running and not running"),
+        (replace(SETTINGS, name="x" * 101), "1 to 100 characters"),
+    ],
+)
+def test_settings_that_no_machine_can_have_are_damage(impossible: PartitionSettings, says: str) -> None:
+    with pytest.raises(NotDecodable, match=says):
+        read_content(write_content(CONTENT.with_machine(replace(MACHINE, settings=impossible))))
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (replace(CONTENT, made=0), "a count is too small"),
+        (replace(CONTENT, struck={"f": -1}), "a count is too small"),
+        (replace(CONTENT, id="x"), "'x' is no id"),
+        (CONTENT.with_registry("ghost", Registry()), "there is no such machine"),
+        (replace(CONTENT, machines={ID.upper(): MACHINE}), "filed under another id"),
+    ],
+)
+def test_content_that_cannot_be_is_damage(content: Content, says: str) -> None:
+    with pytest.raises(NotDecodable, match=says):
+        read_content(write_content(content))
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"{}",
+        b"\xff\xfe",
+        sealed("{}"),
+        sealed("[1]"),
+        sealed('{"id":"x","id":"y"}'),
+        sealed("[" * 50_000),
+        write_content(CONTENT)[:-1],
+        write_content(CONTENT) + b"\n",
+        sealed(content_text(CONTENT).replace('"made":3', '"made":true')),
+        sealed(content_text(CONTENT).replace('"made":3', '"made":3,"more":1')),
+        sealed(content_text(CONTENT).replace('"state":"running"', '"state":"dancing"')),
+    ],
+    ids=range(12),
+)
+def test_what_is_not_such_a_file_is_damage(data: bytes) -> None:
+    with pytest.raises(NotDecodable):
+        read_content(data)
