@@ -18,7 +18,7 @@ def unified(text: str) -> str:
 
 def build_tree(text: str) -> Collection:
     """The document in `text`, as `unified` leaves it: one mapping that `reading.read_text` had nothing against."""
-    from yaml.cyaml import CParser
+    from yaml._yaml import CParser
 
     events = list(iter(CParser(text).get_event, None))
     return _Builder(text, events).root()
@@ -127,6 +127,10 @@ class _Builder:
             collection.tail = _lines(inside)
         else:
             done.owner.before += _lines(inside)
+        collection.has_comments = any(collection.tail) or any(
+            any(entry.before) or entry.trailing or (isinstance(entry.value, Collection) and entry.value.has_comments)
+            for entry in collection.entries
+        )
         if not self.open:
             self.result = collection
 

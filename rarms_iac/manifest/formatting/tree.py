@@ -28,6 +28,7 @@ class Collection:
     end: int
     entries: "list[Entry]" = field(default_factory=list)
     tail: list[str] = field(default_factory=list)  # comments after the last entry; "" is a blank line
+    has_comments: bool = False  # anywhere inside
 
 
 @dataclass(slots=True)
@@ -41,12 +42,3 @@ class Entry:
 
 
 Node = Scalar | Collection
-
-
-def has_comments(node: Node) -> bool:
-    """Whether a comment stands anywhere inside."""
-    if isinstance(node, Scalar):
-        return False
-    return any(node.tail) or any(
-        any(entry.before) or entry.trailing or has_comments(entry.value) for entry in node.entries
-    )

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from rarms_iac.manifest.formatting.scalars import block_lines, one_line
 from rarms_iac.manifest.formatting.shape import MANIFEST, VALUE, Shape
-from rarms_iac.manifest.formatting.tree import Collection, Entry, Node, Scalar, has_comments
+from rarms_iac.manifest.formatting.tree import Collection, Entry, Node, Scalar
 
 WIDTH = 100
 """Characters that a flow collection may fill, its key included; text is never broken for it."""
@@ -140,14 +140,18 @@ def _inline(node: Node, shape: Shape, room: int) -> str | None:
         return one_line(node, flow=True, quantity=shape.is_quantity)
     if not node.entries:
         return "{}" if node.is_mapping else "[]"
-    if not node.flow or has_comments(node):
+    if not node.flow or node.has_comments:
         return None
     parts = []
+    left = room - 2  # given up as soon as nothing is left: the bottom of a deep nest is not written once a level
     for entry in _ordered(node, shape):
-        part = _inline(entry.value, _inner(entry, shape), room)
+        part = _inline(entry.value, _inner(entry, shape), left)
         if part is None:
             return None
         parts.append(f"{_key(entry.key, flow=True)} {part}" if entry.key else part)
+        left -= len(parts[-1]) + 2
+        if left < -4:
+            return None
     text = ", ".join(parts)
     text = f"{{ {text} }}" if node.is_mapping else f"[{text}]"
     return text if len(text) <= room else None
