@@ -20,7 +20,7 @@ from yaml.events import (
     SequenceStartEvent,
 )
 
-from rarms_iac.manifest.characters import HIDDEN, hidden
+from rarms_iac.manifest.characters import HIDDEN, hidden, place_of
 from rarms_iac.manifest.limits import MAX_DEPTH, MAX_NODES, MAX_SCALAR, NOT_ALLOWED, NOT_KEPT, NOT_YAML, TOO_MUCH
 from rarms_iac.manifest.opening import Refused
 from rarms_iac.manifest.scalars import NotKept, plain_scalar
@@ -51,7 +51,7 @@ def read_events(data: bytes, file: str) -> Read:
     try:
         return _Pass(file).run(CParser(data))
     except YAMLError as problem:
-        raise Refused(_syntax(problem, file)) from None
+        raise Refused(_syntax(problem, data, file)) from None
 
 
 class _Pass:
@@ -218,8 +218,10 @@ def place_at(mark: Any, file: str, length: int = 1) -> Place:
     return Place(file=file, line=mark.line + 1, column=mark.column + 1, length=max(1, length))
 
 
-def _syntax(problem: YAMLError, file: str) -> Diagnostic:
+def _syntax(problem: YAMLError, data: bytes, file: str) -> Diagnostic:
     mark = getattr(problem, "problem_mark", None) or getattr(problem, "context_mark", None)
     detail, advice = said_plainly(str(getattr(problem, "problem", "")), str(getattr(problem, "context", "") or ""))
-    place = place_at(mark, file) if mark is not None else Place(file=file, line=1, column=1)
+    # The parser puts what is missing at the end onto a line of its own, which may not exist.
+    end = place_of(data, len(data.rstrip()), file)
+    place = end if mark is None or mark.line + 1 > end.line else place_at(mark, file)
     return NOT_YAML.at(place, detail, advice)

@@ -1,0 +1,108 @@
+"""Hostile input gives a finding with a position, and never needs much memory."""
+
+import os
+import subprocess
+import sys
+from datetime import date
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.manifest.load import load
+from tests.hostile import HOSTILE, HOSTILE_VALUES, Hostile
+
+TODAY = date(2026, 1, 1)
+FOLDER = Path(__file__).parents[3]
+
+MEASURE = """
+import resource, sys
+from datetime import date
+from rarms_iac.manifest.load import load
+import rarms_iac.manifest.errors, rarms_iac.manifest.to_system, rarms_iac.manifest.checks
+from rarms_iac.manifest.json_schema import manifest_schema
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+loaded = load(sys.argv[1], today=date(2026, 1, 1))
+after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+print((after - before) // 1024, *(one.code for one in loaded.diagnostics))
+"""
+
+
+def told(path: Path, hostile: Hostile) -> list[tuple[str, int, int]]:
+    path.write_bytes(hostile.make())
+    return [
+        (one.code, one.place.line, one.place.column)
+        for one in load(str(path), today=TODAY).diagnostics
+        if one.place is not None
+    ]
+
+
+@pytest.mark.parametrize("hostile", HOSTILE, ids=lambda hostile: hostile.name)
+def test_hostile_text_is_told_where_it_stands(tmp_path: Path, hostile: Hostile) -> None:
+    assert (hostile.code, hostile.line, hostile.column) in told(tmp_path / "rarms.yaml", hostile)
+
+
+@pytest.mark.parametrize("hostile", HOSTILE_VALUES, ids=lambda hostile: hostile.name)
+def test_hostile_values_are_told_where_they_stand(tmp_path: Path, hostile: Hostile) -> None:
+    assert (hostile.code, hostile.line, hostile.column) in told(tmp_path / "rarms.yaml", hostile)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs the resource module of POSIX to read a process's memory")
+@pytest.mark.parametrize("hostile", [*HOSTILE, *HOSTILE_VALUES], ids=lambda hostile: hostile.name)
+def test_hostile_input_needs_at_most_64_mib(tmp_path: Path, hostile: Hostile) -> None:
+    path = tmp_path / "rarms.yaml"
+    path.write_bytes(hostile.make())
+
+    done = subprocess.run(
+        [sys.executable, "-c", MEASURE, str(path)], cwd=FOLDER, capture_output=True, text=True, check=True
+    )
+
+    mebibytes, *codes = done.stdout.split()
+    assert hostile.code in codes
+    assert int(mebibytes) <= 64
+
+
+def test_a_file_of_100_mb_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "rarms.yaml"
+    with path.open("wb") as file:
+        file.truncate(100_000_000)
+
+    finding = load(str(path), today=TODAY).diagnostics[0]
+
+    assert finding.code == "RARMS003"
+    assert "100,000,000 bytes" in finding.detail
+
+
+def test_a_missing_file(tmp_path: Path) -> None:
+    assert [one.code for one in load(str(tmp_path / "none.yaml"), today=TODAY).diagnostics] == ["RARMS001"]
+
+
+def test_a_name_that_no_file_can_have() -> None:
+    assert [one.code for one in load("rarms\0.yaml", today=TODAY).diagnostics] == ["RARMS001"]
+
+
+def test_a_folder_is_not_opened(tmp_path: Path) -> None:
+    assert [one.code for one in load(str(tmp_path), today=TODAY).diagnostics] == ["RARMS002"]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no FIFO in its file system")
+def test_a_fifo_never_blocks(tmp_path: Path) -> None:
+    path = tmp_path / "rarms.yaml"
+    os.mkfifo(path)
+
+    assert [one.code for one in load(str(path), today=TODAY).diagnostics] == ["RARMS002"]
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="this system has no endless device to open")
+def test_an_endless_device_is_not_read() -> None:
+    assert [one.code for one in load("/dev/zero", today=TODAY).diagnostics] == ["RARMS002"]
+
+
+def test_standard_input_is_read_up_to_the_limit() -> None:
+    program = "from datetime import date; from rarms_iac.manifest.load import load; "
+    program += "print(*[(d.code, str(d.place)) for d in load('-', today=date(2026, 1, 1)).diagnostics])"
+
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=FOLDER, input=b"#" * 9_000_000, capture_output=True, check=True
+    )
+
+    assert done.stdout.decode().strip() == "('RARMS003', '<stdin>:1:1')"
