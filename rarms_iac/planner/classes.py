@@ -11,6 +11,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.state import RegistryValue, ValueKind
 from rarms_iac.model.system import Component, TaskCategory, TaskWish
 from rarms_iac.planner import findings
+from rarms_iac.planner.groups import most_critical_first
 
 LEVELS = 8
 """Priorities of a category: 1 to 8."""
@@ -31,6 +32,7 @@ class ClassValues:
     priority: int
     background_priority: int
     criticality: int  # the highest of those who name it
+    user: str  # who that is
 
     @property
     def thread_priority(self) -> int:
@@ -64,8 +66,8 @@ def classes_of(components: Iterable[Component], wishes: Mapping[str, TaskWish], 
     fixed = {name.lower(): wish for name, wish in wishes.items()}
     by_weight = sorted(named.values(), key=lambda users: (-_criticality(users), _called(users, fixed)))
     decided = _decide(by_weight, fixed)
-    problems = [*_out_of_order(decided, inside, places), *_shared(by_weight, decided, inside, places)]
-    return Classes(classes=tuple(sorted(decided, key=lambda one: one.name)), findings=tuple(problems))
+    problems = tuple(_out_of_order(decided, fixed, inside, places))
+    return Classes(classes=tuple(sorted(decided, key=lambda one: one.name)), findings=problems)
 
 
 def _criticality(users: Sequence[Component]) -> int:
@@ -93,7 +95,12 @@ def _decide(by_weight: Sequence[Sequence[Component]], fixed: Mapping[str, TaskWi
         category = wish.category or TaskCategory.MEDIUM
         decided.append(
             ClassValues(
-                name=name, category=category, priority=priority, background_priority=background, criticality=weight
+                name=name,
+                category=category,
+                priority=priority,
+                background_priority=background,
+                criticality=weight,
+                user=most_critical_first(users)[0].name,
             )
         )
         if category is TaskCategory.MEDIUM:
@@ -101,15 +108,22 @@ def _decide(by_weight: Sequence[Sequence[Component]], fixed: Mapping[str, TaskWi
     return decided
 
 
-def _out_of_order(decided: Sequence[ClassValues], inside: str, places: Places) -> Iterator[Diagnostic]:
-    """Every class against the nearest that is to rank below it."""
+def _out_of_order(
+    decided: Sequence[ClassValues], fixed: Mapping[str, TaskWish], inside: str, places: Places
+) -> Iterator[Diagnostic]:
+    """Every class against those that are to rank below it, unless the manifest's own checks tell of the pair."""
     for upper in decided:
-        below = [one for one in decided if one.criticality < upper.criticality]
-        wrong = [one for one in below if one.thread_priority >= upper.thread_priority]
+        wrong = [
+            one
+            for one in decided
+            if one.criticality < upper.criticality
+            and one.thread_priority >= upper.thread_priority
+            and not (_is_fixed(upper, fixed) and _is_fixed(one, fixed))
+        ]
         if wrong:
             worst = max(wrong, key=lambda one: (one.criticality, one.thread_priority, one.name))
             yield findings.CLASS_ORDER.at(
-                places.key("tasks", upper.name),
+                places.key("components", upper.user),
                 f"In {_where(inside)}, {upper.name} (criticality {upper.criticality}) runs at {upper.thread_priority}, "
                 f"not above {worst.name} (criticality {worst.criticality}) at {worst.thread_priority}.",
                 f"Category Medium has {LEVELS} levels and is the only one that orders: leave priorities open, "
@@ -118,29 +132,20 @@ def _out_of_order(decided: Sequence[ClassValues], inside: str, places: Places) -
             )
 
 
-def _shared(
-    by_weight: Sequence[Sequence[Component]], decided: Sequence[ClassValues], inside: str, places: Places
-) -> Iterator[Diagnostic]:
-    """A component that runs above a more critical one, because its class counts as its most critical user."""
-    everyone = [(user, values) for users, values in zip(by_weight, decided, strict=True) for user in users]
-    for user, values in everyone:
-        above = [
-            (other, its)
-            for other, its in everyone
-            if its is not values
-            and user.criticality < other.criticality < values.criticality
-            and its.thread_priority <= values.thread_priority
-        ]
-        if above:
-            other, its = max(above, key=lambda pair: (pair[0].criticality, pair[0].name))
-            yield findings.SHARED_CLASS.at(
-                places.value("components", user.name, "task"),
-                f"In {_where(inside)}, {user.name} (criticality {user.criticality}) shares {values.name} and runs at "
-                f"{values.thread_priority}, above {other.name} (criticality {other.criticality}) at "
-                f"{its.thread_priority}.",
-                f"Give {user.name} a class of its own.",
-                address=f"component/{user.name}",
-            )
+def _is_fixed(one: ClassValues, fixed: Mapping[str, TaskWish]) -> bool:
+    """Whether the manifest leaves nothing of its thread priority to us; of two such ones its own checks tell."""
+    wish = fixed.get(one.name.lower())
+    if wish is None:
+        return False
+    match wish.category:
+        case TaskCategory.HIGH:
+            return True
+        case TaskCategory.MEDIUM:
+            return wish.priority is not None
+        case TaskCategory.LOW:
+            return wish.background_priority is not None
+        case None:
+            return False
 
 
 def _where(inside: str) -> str:

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
+from rarms_iac.model.moves import BETWEEN
 from rarms_iac.model.names import NAME_PATTERN
 from rarms_iac.model.state import Mark
 
@@ -17,8 +18,10 @@ ID_DIGITS = 8
 """How much of a machine's id its mark repeats."""
 
 _NAME = NAME_PATTERN.removeprefix("^").removesuffix("$")
+_BETWEEN = re.escape(BETWEEN)
 _LINE = re.compile(
-    rf"rarms/1 (?P<application>{_NAME})/(?P<name>{_NAME}) vm=(?P<machine>[0-9a-f]{{8}}) set=(?P<set>[0-9a-f]{{12}})"
+    rf"rarms/1 (?P<application>{_NAME})/(?P<name>{_NAME}(?:{_BETWEEN})?) "
+    rf"vm=(?P<machine>[0-9a-f]{{8}}) set=(?P<set>[0-9a-f]{{12}})"
 )
 _LOOKS_LIKE_ONE = re.compile(r"\s*rarms/[0-9]")
 

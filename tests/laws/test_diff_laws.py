@@ -1,0 +1,169 @@
+"""Laws of the difference, over random systems and random hosts with strangers on them."""
+
+from dataclasses import replace
+
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from rarms_iac.diff.claims import claim_of
+from rarms_iac.diff.drift import DriftKind, drift
+from rarms_iac.diff.order import Ordered, Room
+from rarms_iac.model.capacity import foreign_claims, load_of, packs
+from rarms_iac.model.layout import Layout
+from rarms_iac.model.plan import Step, UndoLevel
+from rarms_iac.model.quantities import Bytes
+from rarms_iac.model.state import State
+from rarms_iac.model.system import System
+from tests.planning import Route, layout_of, route
+from tests.pure_host import PureHost
+from tests.strategies import Strangers, edits, empty_state, strangers, systems
+
+
+def applied(system: System, state: State) -> State:
+    """The host after a plan for this system was applied to it."""
+    host = PureHost(state, made=len(state.partitions))
+    host.walk(steps_of(route(system, state)))
+    return host.state
+
+
+def steps_of(one: Route) -> tuple[Step, ...]:
+    assert isinstance(one.ordered, Ordered), one.ordered
+    return one.ordered.steps
+
+
+def possible(system: System, state: State) -> None:
+    assume(isinstance(layout_of(system, state), Layout))
+
+
+def strangers_of(state: State) -> Strangers:
+    return Strangers(
+        tuple(one for one in state.partitions if one.mark is None),
+        tuple(one for one in state.tasks if one.record is None),
+    )
+
+
+@given(systems(), strangers())
+def test_after_its_plan_a_host_has_no_difference(system: System, others: Strangers) -> None:
+    start = empty_state(next(iter(system.hosts.values())), others)
+    possible(system, start)
+
+    end = applied(system, start)
+
+    again = route(system, end)
+    assert again.difference.changes == ()
+    assert steps_of(again) == ()
+    assert again.difference.findings == ()
+    assert strangers_of(end) == others
+
+
+@given(st.data(), strangers())
+def test_a_changed_manifest_is_reached_and_the_host_never_promises_more(data: st.DataObject, others: Strangers) -> None:
+    first = data.draw(systems())
+    host = next(iter(first.hosts.values()))
+    start = empty_state(host, others)
+    possible(first, start)
+    middle = applied(first, start)
+    second = data.draw(systems(host))
+    possible(second, middle)
+    plan = route(second, middle)
+
+    walker = PureHost(middle, made=50)
+    passed = walker.walk(steps_of(plan))
+
+    for state in passed:
+        never_more(state, middle, plan.room)
+    again = route(second, walker.state)
+    assert again.difference.changes == ()
+    assert set(again.difference.unused) == set(again.desired.unused)
+    assert strangers_of(walker.state) == others
+
+
+def never_more(state: State, start: State, room: Room) -> None:
+    before = [*foreign_claims(start, "robot"), *map(claim_of, start.of("robot").partitions)]
+    now = [*foreign_claims(state, "robot"), *map(claim_of, state.of("robot").partitions)]
+    most, load = load_of(before), load_of(now)
+    assert load.percent <= 100 * room.capacity.processors or load.percent <= most.percent
+    assert load.memory <= max(room.capacity.memory, most.memory)
+    assert packs(now, room.capacity.logical_processors) or not packs(before, room.capacity.logical_processors)
+
+
+@given(st.data(), systems())
+def test_a_step_and_its_full_undo_cancel(data: st.DataObject, system: System) -> None:
+    host = next(iter(system.hosts.values()))
+    start = empty_state(host)
+    possible(system, start)
+    middle = applied(system, start)
+    second = data.draw(systems(host))
+    possible(second, middle)
+
+    walker = PureHost(middle, made=50)
+    for step in steps_of(route(second, middle)):
+        before = walker.state
+        walker.take(step.operation, step, step.before, step.after)
+        if step.undo.level is UndoLevel.FULL and step.undo.operation is not None:
+            back = PureHost(walker.state, made=80)
+            back.take(step.undo.operation, step, step.after, step.before)
+            assert in_order(back.state) == in_order(before)
+
+
+def in_order(state: State) -> State:
+    return replace(
+        state,
+        partitions=tuple(sorted(state.partitions, key=lambda one: one.id)),
+        tasks=tuple(sorted(state.tasks, key=lambda one: (one.inside, one.name.lower()))),
+    )
+
+
+@given(systems(), strangers())
+def test_a_plan_taken_back_leaves_the_host_as_it_was(system: System, others: Strangers) -> None:
+    start = empty_state(next(iter(system.hosts.values())), others)
+    possible(system, start)
+    steps = steps_of(route(system, start))
+    walker = PureHost(start)
+    walker.walk(steps)
+
+    for step in reversed(steps):
+        if step.undo.operation is not None:
+            walker.take(step.undo.operation, step, step.after, step.before)
+
+    assert in_order(walker.state) == in_order(start)
+
+
+@given(st.data(), systems(), st.booleans(), st.booleans())
+def test_who_moved_is_told_apart(data: st.DataObject, system: System, by_hand: bool, in_manifest: bool) -> None:
+    host = next(iter(system.hosts.values()))
+    start = empty_state(host)
+    possible(system, start)
+    state = applied(system, start)
+    victim = data.draw(st.sampled_from(sorted(state.of("robot").partitions, key=lambda one: one.id)))
+    assert victim.mark is not None
+    name = victim.mark.name
+    wanted = system
+    if by_hand:
+        edited = replace(victim, settings=data.draw(edits(victim.settings)))
+        state = replace(state, partitions=tuple(edited if one.id == victim.id else one for one in state.partitions))
+    if in_manifest:
+        leader = system.partitions[name].components[0] if name in system.partitions else name
+        old = system.components[leader]
+        heavier = replace(old, memory=Bytes(old.memory + 2**20))
+        wanted = replace(system, components={**system.components, leader: heavier})
+    possible(wanted, state)
+
+    found = {one.address.partition: one.kind for one in drift(route(wanted, state).desired.state, state, "robot")}
+
+    kinds = {
+        (True, True): DriftKind.BOTH,
+        (True, False): DriftKind.HOST_CHANGED,
+        (False, True): DriftKind.NOT_APPLIED,
+    }
+    assert found == ({name: kinds[by_hand, in_manifest]} if by_hand or in_manifest else {})
+
+
+@given(st.data(), systems())
+def test_the_order_of_the_input_does_not_matter(data: st.DataObject, system: System) -> None:
+    start = empty_state(next(iter(system.hosts.values())))
+    possible(system, start)
+    names = data.draw(st.permutations(sorted(system.components)))
+    shuffled = replace(system, components={name: system.components[name] for name in names})
+
+    assert route(shuffled, start).ordered == route(system, start).ordered

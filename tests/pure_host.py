@@ -1,0 +1,170 @@
+"""A host of values only: what an operation makes of a state, written down a second time, independent of the steps."""
+
+from dataclasses import dataclass, field, replace
+
+from rarms_iac.diff.readings import readings
+from rarms_iac.model.operations import (
+    CreatePartition,
+    EraseMark,
+    EraseTaskRecord,
+    Operation,
+    RemovePartition,
+    RemoveTaskClass,
+    RenamePartition,
+    SetActions,
+    SetCpu,
+    SetMemory,
+    SetProcessors,
+    StartPartition,
+    StopPartition,
+    WriteMark,
+    WriteTaskClass,
+    WriteTaskRecord,
+)
+from rarms_iac.model.plan import Readings, Scope, Step
+from rarms_iac.model.state import (
+    Checkpoints,
+    Mark,
+    Partition,
+    PartitionSettings,
+    RunState,
+    StartAction,
+    State,
+    StopAction,
+    TaskClass,
+)
+
+
+@dataclass(slots=True)
+class PureHost:
+    """Walks steps over a state as apply does: read, compare, set, read again."""
+
+    state: State
+    scope: Scope = field(default_factory=lambda: Scope(application="robot", plan="abcdefabcdef"))
+    made: int = 0
+
+    def walk(self, steps: tuple[Step, ...]) -> list[State]:
+        """The state after each step; a step whose guard does not hold is a failed assertion."""
+        passed = []
+        for step in steps:
+            self.take(step.operation, step, step.before, step.after)
+            passed.append(self.state)
+        return passed
+
+    def take(self, operation: Operation, step: Step, before: Readings, after: Readings) -> None:
+        live = readings(self.state, step.address, self.scope)
+        assert {**live, **before} == dict(live), f"{step.address} {step.title}: {live} is not {before}"
+        self.perform(operation)
+        live = readings(self.state, step.address, self.scope)
+        assert {**live, **after} == dict(live), f"{step.address} {step.title}: {live} did not become {after}"
+
+    def perform(self, operation: Operation) -> None:
+        match operation:
+            case CreatePartition():
+                self._create(operation)
+            case WriteTaskClass() | RemoveTaskClass() | WriteTaskRecord() | EraseTaskRecord():
+                self._task(operation)
+            case RemovePartition():
+                gone = self._find(operation.partition, operation.machine)
+                self.state = replace(
+                    self.state,
+                    partitions=tuple(one for one in self.state.partitions if one.id != gone.id),
+                    tasks=tuple(one for one in self.state.tasks if one.machine != gone.id),
+                )
+            case _:
+                old = self._find(operation.partition, operation.machine)
+                self._put(_changed(old, operation))
+
+    def _find(self, name: str, machine: str) -> Partition:
+        pending = f"{name}.rarms-{self.scope.plan}"
+        found = [
+            one
+            for one in self.state.partitions
+            if (
+                one.id == machine
+                if machine
+                else (one.mark and one.mark.name == name and one.mark.application == self.scope.application)
+                or one.settings.name == pending
+            )
+        ]
+        assert len(found) == 1, f"{name!r} stands for {len(found)} machines"
+        return found[0]
+
+    def _create(self, operation: CreatePartition) -> None:
+        self.made += 1
+        settings = PartitionSettings(
+            name=f"{operation.partition}.rarms-{self.scope.plan}",
+            generation=operation.generation,
+            processors=1,
+            reserve=0,
+            limit=100,
+            weight=100,
+            memory=operation.memory,
+            dynamic_memory=False,
+            start_action=StartAction.START_IF_RUNNING,
+            stop_action=StopAction.SAVE,
+            checkpoints=Checkpoints.PRODUCTION,
+            running=False,
+        )
+        machine = Partition(settings=settings, id=f"{self.made:08x}-made")
+        self.state = replace(self.state, partitions=(*self.state.partitions, machine))
+
+    def _put(self, changed: Partition) -> None:
+        marks = [one.mark.name for one in self.state.partitions if one.mark and one.id != changed.id]
+        assert changed.mark is None or changed.mark.name not in marks, "a mark stands on two machines"
+        self.state = replace(
+            self.state,
+            partitions=tuple(changed if one.id == changed.id else one for one in self.state.partitions),
+            tasks=tuple(
+                replace(one, inside=changed.mark.name) if changed.mark and one.machine == changed.id else one
+                for one in self.state.tasks
+            ),
+        )
+
+    def _task(self, operation: WriteTaskClass | RemoveTaskClass | WriteTaskRecord | EraseTaskRecord) -> None:
+        machine = self._find(operation.inside, "").id if operation.inside else ""
+        key = (machine, operation.task.lower())
+        others = tuple(one for one in self.state.tasks if (one.machine, one.name.lower()) != key)
+        now = next(
+            (one for one in self.state.tasks if (one.machine, one.name.lower()) == key),
+            TaskClass(name=operation.task, inside=operation.inside, machine=machine),
+        )
+        match operation:
+            case WriteTaskClass(values=values):
+                now = replace(now, values=values)
+            case RemoveTaskClass():
+                now = replace(now, values={})
+            case WriteTaskRecord(record=record):
+                now = replace(now, record=record)
+            case EraseTaskRecord():
+                now = replace(now, record=None)
+        self.state = replace(self.state, tasks=(*others, now) if now.values or now.record else others)
+
+
+def _changed(old: Partition, operation: Operation) -> Partition:
+    settings = old.settings
+    match operation:
+        case RenamePartition(name=name):
+            return replace(old, settings=replace(settings, name=name))
+        case WriteMark(application=application, name=name, set=written):
+            return replace(old, mark=Mark(application=application, name=name, machine=old.id[:8], set=written))
+        case EraseMark():
+            return replace(old, mark=None)
+        case SetProcessors(processors=processors):
+            assert not settings.running, "processors change only while it is off"
+            return replace(old, settings=replace(settings, processors=processors))
+        case SetCpu(reserve=reserve, limit=limit, weight=weight):
+            assert reserve <= limit
+            return replace(old, settings=replace(settings, reserve=reserve, limit=limit, weight=weight))
+        case SetMemory(memory=memory, dynamic=dynamic):
+            assert dynamic == settings.dynamic_memory or not settings.running
+            return replace(old, settings=replace(settings, memory=memory, dynamic_memory=dynamic))
+        case SetActions(start=start, stop=stop, checkpoints=checkpoints):
+            actions = replace(settings, start_action=start, stop_action=stop, checkpoints=checkpoints)
+            return replace(old, settings=actions)
+        case StartPartition():
+            return replace(old, settings=replace(settings, running=True), state=RunState.RUNNING)
+        case StopPartition():
+            return replace(old, settings=replace(settings, running=False), state=RunState.OFF)
+        case _:
+            raise AssertionError(f"{operation} is of no machine that is there")

@@ -1,0 +1,166 @@
+"""Random systems and random hosts, with machines and task classes on them that are nobody's business."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+from hypothesis import strategies as st
+
+from rarms_iac.model.quantities import Percent, ShareOfHost
+from rarms_iac.model.state import (
+    Checkpoints,
+    HostFacts,
+    Partition,
+    PartitionSettings,
+    RegistryValue,
+    Rights,
+    RunState,
+    StartAction,
+    State,
+    StopAction,
+    TaskClass,
+    ValueKind,
+)
+from rarms_iac.model.system import (
+    Component,
+    CpuWish,
+    Host,
+    PartitionWish,
+    ProviderKind,
+    RunsOn,
+    SchedulerType,
+    StartMode,
+    System,
+)
+from tests.builders import a_component, a_host, a_partition, a_system
+
+NAMES = ("arm", "base", "camera", "door", "ears", "feet")
+FOREIGN_NAMES = ("backup", "domain-controller", "old-vision")
+TASKS = ("MotionControl", "Localization", "SpeechRecognition")
+MIB = 2**20
+
+
+def facts_for(host: Host, **changed: object) -> HostFacts:
+    """The facts of a machine that is as the manifest says: a server of today."""
+    return replace(
+        HostFacts(
+            name=host.name,
+            id=f"id-of-{host.name}",
+            provider=ProviderKind.SIMULATED,
+            computer_name=host.name,
+            os_build=26100,
+            client=False,
+            scheduler=SchedulerType.CLASSIC,
+            smt=False,
+            logical_processors=host.logical_processors,
+            memory=int(host.memory),
+            rights=Rights.PROVEN,
+        ),
+        **changed,  # type: ignore[arg-type]  # names of fields, said by tests
+    )
+
+
+@st.composite
+def components(draw: st.DrawFn, name: str, most: int) -> Component:
+    """A component that asks for at most so many per cent of its host, and 64 MiB to 512 MiB."""
+    base = a_component(
+        name,
+        criticality=draw(st.integers(1, 5)),
+        memory=f"{64 * draw(st.integers(1, 8))} MiB",
+        processors=draw(st.none() | st.integers(1, 2)),
+        task=draw(st.none() | st.sampled_from(TASKS)),
+    )
+    reserve = ShareOfHost(Percent(Fraction(draw(st.integers(0, most)))))
+    weight = draw(st.none() | st.integers(1, 500))
+    return replace(base, cpu=CpuWish(reserve=reserve, weight=weight))
+
+
+@st.composite
+def systems(draw: st.DrawFn, host: Host | None = None) -> System:
+    """A system of one host whose components fit it with some room for others."""
+    host = host or a_host(logical_processors=draw(st.integers(2, 4)), memory="8 GiB")
+    names = draw(st.lists(st.sampled_from(NAMES), unique=True, min_size=1, max_size=len(NAMES)))
+    most = 70 // len(names)
+    chosen = [draw(components(name, most)) for name in names]
+    if draw(st.booleans()):
+        chosen.append(a_component("watcher", runs_on=RunsOn.HOST, task=draw(st.sampled_from(TASKS)), criticality=9))
+    return a_system(hosts=[host], components=chosen, partitions=draw(wishes(tuple(names))))
+
+
+@st.composite
+def wishes(draw: st.DrawFn, names: tuple[str, ...]) -> list[PartitionWish]:
+    """Some partitions by hand: one of the first two together, or one that is started by hand."""
+    found = []
+    if len(names) > 2 and draw(st.booleans()):
+        found.append(a_partition(names[0], components=names[:2]))
+    if draw(st.booleans()):
+        found.append(a_partition(names[-1], start=StartMode.MANUAL) if not found or len(names) > 2 else found[0])
+    return list({one.name: one for one in found}.values())
+
+
+@dataclass(frozen=True, slots=True)
+class Strangers:
+    """What is on a host and not ours."""
+
+    partitions: tuple[Partition, ...]
+    tasks: tuple[TaskClass, ...]
+
+
+@st.composite
+def strangers(draw: st.DrawFn) -> Strangers:
+    """Up to three machines that hold little, and task classes as they are shipped, or an OEM's."""
+    machines = []
+    for at, name in enumerate(draw(st.lists(st.sampled_from(FOREIGN_NAMES), unique=True, max_size=3))):
+        running = draw(st.booleans())
+        settings = replace(some_settings(name), reserve=draw(st.integers(0, 9)), memory=256 * MIB, running=running)
+        state = RunState.RUNNING if running else RunState.OFF
+        machines.append(Partition(settings=settings, id=f"ffff000{at}-foreign", state=state))
+    tasks = [
+        TaskClass(name=name, values={"Priority": number(draw(st.integers(1, 8)))})
+        for name in draw(st.lists(st.sampled_from(["Games", "Audio", "OEM Thing"]), unique=True))
+    ]
+    return Strangers(tuple(machines), tuple(tasks))
+
+
+def some_settings(name: str) -> PartitionSettings:
+    """Settings of a machine that somebody made by hand."""
+    return PartitionSettings(
+        name=name,
+        generation=2,
+        processors=1,
+        reserve=0,
+        limit=100,
+        weight=100,
+        memory=512 * MIB,
+        dynamic_memory=False,
+        start_action=StartAction.NOTHING,
+        stop_action=StopAction.SAVE,
+        checkpoints=Checkpoints.PRODUCTION,
+        running=False,
+    )
+
+
+def number(data: int) -> RegistryValue:
+    return RegistryValue(kind=ValueKind.DWORD, data=data)
+
+
+def empty_state(host: Host, others: Strangers | None = None) -> State:
+    """A host that rarms has never seen."""
+    others = others or Strangers((), ())
+    return State(facts=facts_for(host), partitions=others.partitions, tasks=others.tasks)
+
+
+@st.composite
+def edits(draw: st.DrawFn, settings: PartitionSettings) -> PartitionSettings:
+    """The settings after somebody changed one of them by hand, to something else."""
+    changes: Mapping[str, st.SearchStrategy[object]] = {
+        "reserve": st.integers(0, 9),
+        "weight": st.integers(1, 500),
+        "memory": st.integers(1, 8).map(lambda one: one * 64 * MIB),
+        "processors": st.integers(1, 2),
+        "stop_action": st.sampled_from(StopAction),
+        "checkpoints": st.sampled_from(Checkpoints),
+    }
+    name = draw(st.sampled_from(sorted(changes)))
+    value = draw(changes[name].filter(lambda one: one != getattr(settings, name)))
+    return replace(settings, **{name: value})  # type: ignore[arg-type]  # name and value belong together
