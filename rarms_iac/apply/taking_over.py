@@ -1,0 +1,62 @@
+"""`rarms import` and `rarms release`: a mark comes or goes, and nothing else changes (DESIGN section 4)."""
+
+from dataclasses import replace
+
+from rarms_iac.model.changes import Address, Adopt, Reason, Release
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
+from rarms_iac.model.spelling import suggestion
+from rarms_iac.model.state import Mark, Partition, State
+from rarms_iac.storage.sets import set_of_settings
+
+NO_SUCH_MACHINE = Finding(code="RARMS195", severity=Severity.ERROR, summary="No machine on the host has this id")
+TAKEN = Finding(code="RARMS196", severity=Severity.ERROR, summary="The machine or the partition is taken already")
+NOT_OURS = Finding(code="RARMS197", severity=Severity.ERROR, summary="This partition is not ours to release")
+
+
+def adoption(state: State, application: str, name: str, machine: str, place: Place | None) -> Adopt | Diagnostic:
+    """The change that makes the machine of this id the manifest's partition; its settings stay.
+
+    The mark says what the machine has now, so that the next plan tells what the manifest wants of it.
+    """
+    address = f"partition/{name}"
+    before = next((one for one in state.partitions if one.id.lower() == machine.lower()), None)
+    if before is None:
+        known = ", ".join(f"{one.settings.name} {one.id}" for one in state.partitions) or "it has no machines"
+        return NO_SUCH_MACHINE.at(
+            place, f"{state.facts.name} has no machine {machine}: {known}.", "Give one of these ids.", address=address
+        )
+    if before.mark is not None:
+        says = f"Machine {machine} is partition {before.mark.name!r} of application {before.mark.application!r}."
+        return TAKEN.at(place, says, "Release it there first: `rarms release`.", address=address)
+    holder = next((one for one in state.of(application).partitions if one.mark and one.mark.name == name), None)
+    if holder is not None:
+        says = f"Partition {name!r} is machine {holder.id} already."
+        return TAKEN.at(place, says, f"Release that one first: `rarms release {name}`.", address=address)
+    mark = Mark(application=application, name=name, machine=before.id[:8], set=set_of_settings(before.settings))
+    return Adopt(
+        address=Address(partition=name, machine=before.id),
+        before=before,
+        after=replace(before, mark=mark),
+        reason=Reason(says="rarms import", place=place),
+    )
+
+
+def releasing(state: State, application: str, name: str, place: Place | None) -> Release | Diagnostic:
+    """The change that takes our mark off this partition; the machine and its settings stay."""
+    ours: dict[str, Partition] = {one.mark.name: one for one in state.of(application).partitions if one.mark}
+    before = ours.get(name)
+    if before is None:
+        known = ", ".join(sorted(ours)) or "none"
+        return NOT_OURS.at(
+            place,
+            f"On {state.facts.name} no partition {name!r} carries a mark of {application!r}; these do: {known}."
+            f"{suggestion(name, ours)}",
+            "Give one of these names.",
+            address=f"partition/{name}",
+        )
+    return Release(
+        address=Address(partition=name, machine=before.id),
+        before=before,
+        after=replace(before, mark=None),
+        reason=Reason(says="rarms release", place=place),
+    )
