@@ -4,20 +4,19 @@ Observed states come from live hosts or from snapshots; nothing here knows which
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import date
 
 from rarms_iac import __version__
-from rarms_iac.apply.taking_over import adoption, release
-from rarms_iac.apply.targets import targeted
-from rarms_iac.apply.wanted import HostWish, wishes_for
+from rarms_iac.apply.taking_over import adoption, releasing
+from rarms_iac.apply.targets import targeted, without_change
+from rarms_iac.apply.wanted import HostWish, Wanted, nothing_wanted, wanted
 from rarms_iac.diff.compare import Difference, compare
-from rarms_iac.diff.disruption import Surroundings
-from rarms_iac.diff.hold_back import hold_back
+from rarms_iac.diff.holding import hold_back
 from rarms_iac.diff.moved import part_digests
-from rarms_iac.diff.order import Cycle, Planned, order, room_of
-from rarms_iac.diff.steps import steps_for
-from rarms_iac.model.changes import Change
+from rarms_iac.diff.order import Cycle, order
+from rarms_iac.diff.steps import Planned, steps_for
+from rarms_iac.model.changes import Adopt, Release
 from rarms_iac.model.diagnostics import Diagnostic, Places, has_errors, in_order
 from rarms_iac.model.plan import HostPlan, Plan, Purpose
 from rarms_iac.model.state import State
@@ -73,18 +72,28 @@ def prepare(request: Request, observed: Mapping[str, State]) -> Prepared:
 
     Same input, same plan, to the byte.
     """
-    wishes, found = wishes_for(request.system, observed, request.places, request.purpose, request.limit)
-    hosts: list[HostPlan] = []
-    for name in sorted(request.hosts or observed):
-        wish = wishes.get(name)
-        if wish is not None:
-            host_plan, told = _host_plan(request, wish)
-            hosts.append(host_plan)
-            found = (*found, *told)
+    wishes = _wanted(request, observed)
+    found = list(wishes.findings)
+    parts: list[HostPlan] = []
+    addresses: list[str] = []
+    for name, wish in wishes.hosts.items():
+        if name in (request.hosts or observed):
+            part = _host_plan(request, wish)
+            parts.append(part.plan)
+            addresses += part.addresses
+            found += part.findings
+    found += without_change(addresses, request.targets)
     kept, accepted = request.judge(in_order(found))
-    if has_errors(kept):
-        return Prepared(plan=None, findings=kept, accepted=accepted)
-    return Prepared(plan=_plan(request, tuple(hosts), kept, accepted), findings=kept, accepted=accepted)
+    plan = None if has_errors(kept) else _plan(request, tuple(parts), kept, accepted)
+    return Prepared(plan=plan, findings=kept, accepted=accepted)
+
+
+def _wanted(request: Request, observed: Mapping[str, State]) -> Wanted:
+    match request.purpose:
+        case Purpose.APPLY:
+            return wanted(request.system, observed, request.places, request.limit)
+        case Purpose.DESTROY | Purpose.IMPORT | Purpose.RELEASE:
+            return nothing_wanted(request.system, observed, request.places)
 
 
 def _plan(
@@ -107,26 +116,53 @@ def _plan(
     )
 
 
-def _host_plan(request: Request, wish: HostWish) -> tuple[HostPlan, tuple[Diagnostic, ...]]:
-    """One host's part, and what was found on the way. Where no order of steps exists, it has none."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Part:
+    """One host's part of the plan, where changes were possible, and what was found on the way."""
+
+    plan: HostPlan
+    addresses: tuple[str, ...]
+    findings: tuple[Diagnostic, ...]
+
+
+def _host_plan(request: Request, wish: HostWish) -> _Part:
     application = request.system.application.name
     difference = _difference(request, wish)
-    changes, missing = targeted(difference.changes, request.targets)
-    allowed, held_back = hold_back(changes, request.limit, wish.observed, application, wish.capacity, wish.around)
-    planned = tuple(Planned(change=change, steps=steps_for(change, wish.around)) for change in allowed)
-    ordered = order(planned, _room(request, wish))
-    cycle = (ordered.finding,) if isinstance(ordered, Cycle) else ()
-    host_plan = HostPlan(
+    held = hold_back(targeted(difference.changes, request.targets), wish.room)
+    planned = tuple(Planned(change=change, steps=steps_for(change, wish.around)) for change in held.kept)
+    ordered = order(planned, wish.room)
+    steps, cycle = ((), (ordered.finding,)) if isinstance(ordered, Cycle) else (ordered.steps, ())
+    plan = HostPlan(
         host=request.system.hosts[wish.name],
         facts=wish.observed.facts,
         state_path=request.state_paths.get(wish.name, ""),
         serial=wish.observed.serials.get(application, 0),
         digests=part_digests(wish.observed, application),
-        changes=tuple(allowed),
-        steps=() if isinstance(ordered, Cycle) else ordered.steps,
-        held_back=tuple(held_back),
+        changes=held.kept,
+        steps=steps,
+        held_back=held.held,
         unused=difference.unused,
         unchanged=difference.unchanged,
         scripts={},
     )
-    return host_plan, (*difference.findings, *missing, *cycle)
+    addresses = tuple(str(change.address) for change in difference.changes)
+    return _Part(plan=plan, addresses=addresses, findings=(*difference.findings, *cycle))
+
+
+def _difference(request: Request, wish: HostWish) -> Difference:
+    """What has to change on the host, for this purpose."""
+    application = request.system.application.name
+    place = request.places.key("partitions", request.partition)
+    match request.purpose:
+        case Purpose.APPLY | Purpose.DESTROY:
+            return compare(wish.desired, wish.observed, application, wish.around, wish.wishes)
+        case Purpose.IMPORT:
+            return _only(adoption(wish.observed, application, request.partition, request.machine, place))
+        case Purpose.RELEASE:
+            return _only(releasing(wish.observed, application, request.partition, place))
+
+
+def _only(found: Adopt | Release | Diagnostic) -> Difference:
+    if isinstance(found, Diagnostic):
+        return Difference(changes=(), unchanged=0, unused=(), findings=(found,))
+    return Difference(changes=(found,), unchanged=0, unused=(), findings=())

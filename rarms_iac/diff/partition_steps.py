@@ -99,7 +99,10 @@ def create_partition(address: Address, after: Partition, reason: Reason, around:
         "last, so that a machine of this name is always whole",
     )
     if wanted.running:
-        yield replace(_start(machine), undo=Undo(level=UndoLevel.FULL, operation=StopPartition(partition=name)))
+        start = _start(machine)
+        back = Undo(level=UndoLevel.FULL, operation=StopPartition(partition=name))
+        # What a new machine is made with is the host's affair, but it is off: to that its undo brings it back.
+        yield replace(start, before={**start.before, "running": False}, undo=back)
 
 
 def _made(address: Address, wanted: PartitionSettings, making: Making, reason: Reason) -> Step:

@@ -1,0 +1,108 @@
+"""What each observed host is to look like, and all that the difference has to know beside it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from rarms_iac.diff.compare import Wishes
+from rarms_iac.diff.disruption import Surroundings
+from rarms_iac.diff.order import Room, room_of
+from rarms_iac.model.capacity import capacity_of, foreign_claims
+from rarms_iac.model.diagnostics import Diagnostic, Places
+from rarms_iac.model.layout import Layout
+from rarms_iac.model.state import State
+from rarms_iac.model.system import Disruption, SimulatedHost, System
+from rarms_iac.planner.desired import desired_state
+from rarms_iac.planner.layout import plan_layout
+from rarms_iac.planner.problem import host_view
+from rarms_iac.planner.reservations import FixedReservations
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostWish:
+    """One host: what is there, what is wanted, and the rules between the two."""
+
+    name: str
+    observed: State
+    desired: State
+    wishes: Wishes
+    around: Surroundings
+    room: Room
+    unused: frozenset[str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wanted:
+    """All observed hosts, by name; none of them where no layout exists."""
+
+    layout: Layout | None
+    hosts: Mapping[str, HostWish]
+    findings: tuple[Diagnostic, ...]
+
+
+def wanted(system: System, observed: Mapping[str, State], places: Places, limit: Disruption) -> Wanted:
+    """The layout that the manifest asks for, host by host."""
+    views = {name: host_view(state, system.application.name) for name, state in sorted(observed.items())}
+    planning = plan_layout(system, FixedReservations(), views, places, max_disruption=limit)
+    if not isinstance(planning.answer, Layout):
+        return Wanted(layout=None, hosts={}, findings=planning.findings)
+    hosts: dict[str, HostWish] = {}
+    found = planning.findings
+    for name, state in sorted(observed.items()):
+        desired = desired_state(system, planning.answer, state, places)
+        found = (*found, *desired.findings)
+        wishes = Wishes(
+            moved=system.moved,
+            protected=desired.protected,
+            replaceable=desired.replaceable,
+            unused=desired.unused,
+            places=places,
+        )
+        around = replace(_around(system, state), making=desired.making, criticality=desired.criticality)
+        hosts[name] = _wish(system, state, desired.state, wishes, around, limit)
+    return Wanted(layout=planning.answer, hosts=hosts, findings=found)
+
+
+def nothing_wanted(system: System, observed: Mapping[str, State], places: Places) -> Wanted:
+    """Every observed host without anything of this application: what `rarms destroy` wants."""
+    protected = frozenset(name for name, wish in system.partitions.items() if wish.protect)
+    hosts = {
+        name: _wish(
+            system,
+            state,
+            replace(state, partitions=(), tasks=()),
+            Wishes(protected=protected, places=places),
+            _around(system, state),
+            Disruption.REMOVAL,
+        )
+        for name, state in sorted(observed.items())
+    }
+    return Wanted(layout=None, hosts=hosts, findings=())
+
+
+def _wish(
+    system: System, observed: State, desired: State, wishes: Wishes, around: Surroundings, limit: Disruption
+) -> HostWish:
+    application, name = system.application.name, observed.facts.name
+    room = room_of(
+        observed,
+        application,
+        capacity_of(system.hosts[name], observed.facts),
+        foreign_claims(observed, application),
+        criticality=around.criticality,
+        max_disruption=limit,
+    )
+    return HostWish(
+        name=name,
+        observed=observed,
+        desired=desired,
+        wishes=wishes,
+        around=around,
+        room=room,
+        unused=wishes.unused,
+    )
+
+
+def _around(system: System, observed: State) -> Surroundings:
+    settings = system.hosts[observed.facts.name].settings
+    guest_build = settings.guest_windows_build if isinstance(settings, SimulatedHost) else 0
+    return Surroundings(facts=observed.facts, guest_build=guest_build)
