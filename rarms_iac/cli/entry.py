@@ -2,6 +2,7 @@
 
 import traceback
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import click
 
@@ -12,6 +13,9 @@ from rarms_iac.cli.problems import Halted, bug, system_refused
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.terminal import Terminal, this_terminal
 from rarms_iac.model.diagnostics import Diagnostic
+
+if TYPE_CHECKING:
+    from rarms_iac.views.diagnostics import Sources
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -40,7 +44,7 @@ def guarded(
         return ExitCode.USAGE
     except Halted as halted:
         _trace(terminal)
-        return _tell(terminal, halted.code, halted.diagnostics)
+        return _tell(terminal, halted.code, halted.diagnostics, halted.sources)
     except (Interrupted, KeyboardInterrupt) as interrupt:
         code = interrupt.code if isinstance(interrupt, Interrupted) else ExitCode.INTERRUPTED
         terminal.talk(f"\nrarms was {code.name.lower()}. {GO_ON}")
@@ -70,10 +74,12 @@ def usage_text(error: click.UsageError) -> str:
     return f"{usage}{error.format_message()}\n`{path} --help` lists what it takes."
 
 
-def _tell(terminal: Terminal, code: ExitCode, diagnostics: Sequence[Diagnostic]) -> ExitCode:
+def _tell(
+    terminal: Terminal, code: ExitCode, diagnostics: Sequence[Diagnostic], sources: "Sources | None" = None
+) -> ExitCode:
     from rarms_iac.cli.telling import tell
 
-    tell(terminal, diagnostics)
+    tell(terminal, diagnostics, sources)
     return code
 
 

@@ -59,6 +59,19 @@ class RunOptions:
     lock_timeout_ms: int = 0
 
 
+def manifest_option(function: F) -> F:
+    """`--manifest` alone as `manifest: str`."""
+    return click.option(
+        "-f",
+        "--manifest",
+        metavar="PATH",
+        default=DEFAULT_MANIFEST,
+        envvar="RARMS_MANIFEST",
+        help="The manifest: a file, or the folder of a rarms.yaml. RARMS_MANIFEST says it too. "
+        "[default: rarms.yaml here]",
+    )(function)
+
+
 def manifest_options(function: F) -> F:
     """`--manifest`, `--overlay`, `--today` as one `source: ManifestOptions`."""
 
@@ -69,15 +82,7 @@ def manifest_options(function: F) -> F:
     return _with(
         function,
         gathered,
-        click.option(
-            "-f",
-            "--manifest",
-            metavar="PATH",
-            default=DEFAULT_MANIFEST,
-            envvar="RARMS_MANIFEST",
-            help="The manifest: a file, or the folder of a rarms.yaml. RARMS_MANIFEST says it too. "
-            "[default: rarms.yaml here]",
-        ),
+        manifest_option,
         click.option(
             "--overlay", metavar="FILE", multiple=True, help="A file laid over the manifest; repeatable, later wins."
         ),

@@ -4,9 +4,11 @@ from collections.abc import Sequence
 
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.views.diagnostics import Sources
 
-NOT_WRITTEN = Finding(code="RARMS196", severity=Severity.ERROR, summary="A file could not be written")
-SYSTEM_REFUSED = Finding(code="RARMS197", severity=Severity.ERROR, summary="The operating system refused something")
+IN_THE_WAY = Finding(code="RARMS176", severity=Severity.ERROR, summary="A file is in the way")
+NOT_WRITTEN = Finding(code="RARMS177", severity=Severity.ERROR, summary="A file could not be written")
+SYSTEM_REFUSED = Finding(code="RARMS178", severity=Severity.ERROR, summary="The operating system refused something")
 OUT_OF_REACH = Finding(code="RARMS198", severity=Severity.ERROR, summary="This host cannot be reached by this version")
 BUG = Finding(code="RARMS199", severity=Severity.ERROR, summary="This is a bug in rarms")
 
@@ -14,10 +16,11 @@ BUG = Finding(code="RARMS199", severity=Severity.ERROR, summary="This is a bug i
 class Halted(Exception):
     """The command ends here, for these reasons and with this exit code."""
 
-    def __init__(self, code: ExitCode, diagnostics: Sequence[Diagnostic]) -> None:
+    def __init__(self, code: ExitCode, diagnostics: Sequence[Diagnostic], sources: Sources | None = None) -> None:
         super().__init__("; ".join(one.summary for one in diagnostics))
         self.code = code
         self.diagnostics = tuple(diagnostics)
+        self.sources = sources or {}
 
 
 def bug(error: BaseException) -> Diagnostic:
@@ -37,6 +40,13 @@ def system_refused(error: OSError) -> Diagnostic:
         None,
         f"{where}{error.strerror or error}.",
         "Look at the path, its rights and the space on its disk; --debug shows where it happened.",
+    )
+
+
+def in_the_way(path: str) -> Diagnostic:
+    """What is to be written anew exists already."""
+    return IN_THE_WAY.at(
+        None, f"{path} exists already, and stays as it is.", "Name another folder, or move that file away first."
     )
 
 

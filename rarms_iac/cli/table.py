@@ -5,6 +5,11 @@ from types import MappingProxyType
 
 COMMANDS: Mapping[str, str] = MappingProxyType(
     {
+        "init": "Write a commented manifest to start from.",
+        "validate": "Check manifests; needs no host.",
+        "fmt": "Write manifests in their canonical form, comments kept.",
+        "explain": "Explain a finding.",
+        "schema": "Print a JSON Schema.",
         "completion": "Print a completion script for a shell.",
         "version": "Show the version of rarms and of what it stands on.",
     }

@@ -1,13 +1,13 @@
 """Findings on standard error, for every command but `validate`, whose data they are."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from rarms_iac.cli.terminal import Terminal
 from rarms_iac.model.diagnostics import Diagnostic, in_order
-from rarms_iac.views.diagnostics import OutputFormat, render
+from rarms_iac.views.diagnostics import OutputFormat, Sources, render
 
 
-def tell(terminal: Terminal, diagnostics: Sequence[Diagnostic], sources: Mapping[str, str] | None = None) -> None:
+def tell(terminal: Terminal, diagnostics: Sequence[Diagnostic], sources: Sources | None = None) -> None:
     """Say these findings in text, in order; nothing where there are none."""
     if not diagnostics:
         return

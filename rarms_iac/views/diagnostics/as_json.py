@@ -6,7 +6,7 @@ from typing import Any
 
 from rarms_iac.model.diagnostics import Diagnostic, Place, Severity
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = "rarms-output/1"
 
 
 def as_json(diagnostics: Sequence[Diagnostic], *, accepted: Sequence[Diagnostic] = ()) -> str:
@@ -18,6 +18,7 @@ def findings_document(diagnostics: Sequence[Diagnostic], *, accepted: Sequence[D
     """The document as plain values; other commands put it into theirs."""
     return {
         "format_version": FORMAT_VERSION,
+        "kind": "findings",
         "findings": [_finding(one) for one in diagnostics],
         "accepted": [_finding(one) for one in accepted],
         "counts": {f"{severity.value}s": sum(one.severity is severity for one in diagnostics) for severity in Severity},

@@ -1,0 +1,45 @@
+"""`rarms init`: a first manifest, with comments that say what else there is."""
+
+from pathlib import Path
+
+import click
+
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.files import write_file
+from rarms_iac.cli.options import json_option
+from rarms_iac.cli.problems import Halted, in_the_way
+from rarms_iac.cli.session import Session, rarms_command
+from rarms_iac.manifest.load import DEFAULT_NAME
+from rarms_iac.model.names import is_name
+from rarms_iac.storage.shipped import shipped
+from rarms_iac.views.as_json import as_json as to_json
+from rarms_iac.views.output import WrittenOutput
+
+NAME_IN_TEMPLATE = "my-application"
+
+
+@rarms_command("init")
+@click.argument("folder", default=".")
+@click.option("--name", help="The application's name. [default: my-application]")
+@json_option
+def command(session: Session, *, folder: str, name: str | None, as_json: bool) -> ExitCode:
+    """Write a commented rarms.yaml into FOLDER (default: here) that validates and plans as it is.
+
+    It describes two components on a simulated host, which needs nothing installed. A manifest that is there already
+    stays.
+    """
+    if name is not None and not is_name(name):
+        raise click.UsageError(
+            f"{name!r} cannot be an application's name: small letters, digits and hyphens, 63 at most.",
+            click.get_current_context(),
+        )
+    path = Path(folder) / DEFAULT_NAME
+    if path.exists() or path.is_symlink():
+        raise Halted(ExitCode.FAILED, [in_the_way(path.as_posix())])
+    text = shipped(f"templates/init/{DEFAULT_NAME}").read_text(encoding="utf-8")
+    write_file(str(path), text.replace(NAME_IN_TEMPLATE, name or NAME_IN_TEMPLATE).encode())
+    if as_json:
+        session.terminal.data(to_json(WrittenOutput(files=(path.as_posix(),))))
+    else:
+        session.terminal.talk(f"Wrote {path.as_posix()}. Edit it, then: rarms validate, rarms plan, rarms apply.")
+    return ExitCode.DONE

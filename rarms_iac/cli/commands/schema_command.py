@@ -1,0 +1,20 @@
+"""`rarms schema`: the JSON Schemas, for editors and programs."""
+
+import click
+
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.session import Session, rarms_command
+from rarms_iac.storage.shipped import shipped
+
+SCHEMAS = ("manifest", "output")
+
+
+@rarms_command("schema")
+@click.argument("name", type=click.Choice(SCHEMAS), default="manifest", metavar="[manifest|output]")
+def command(session: Session, *, name: str) -> ExitCode:
+    """Print a JSON Schema: of the manifest, or of what --json prints.
+
+    An editor that knows the manifest's schema completes keys and shows what each is for.
+    """
+    session.terminal.data(shipped(f"schemas/{name}.json").read_text(encoding="utf-8"))
+    return ExitCode.DONE

@@ -1,0 +1,197 @@
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from tests.unit.cli.running import rarms
+from tests.unit.views.test_json import check
+
+
+@pytest.fixture
+def here(tmp_path: Path) -> Path:
+    """A folder with a manifest that `init` wrote."""
+    assert rarms("init", str(tmp_path)).code == 0
+    return tmp_path
+
+
+def spoil(here: Path) -> None:
+    """A misspelt key in the manifest."""
+    file = here / "rarms.yaml"
+    file.write_text(file.read_text(encoding="utf-8").replace("criticality: 20", "criticalty: 20"), encoding="utf-8")
+
+
+def test_init_writes_a_manifest_that_validates_is_formatted_and_has_the_name(tmp_path: Path) -> None:
+    answer = rarms("init", str(tmp_path), "--name", "robot-7")
+
+    assert answer.code == 0
+    assert "rarms validate" in answer.err
+    assert "name: robot-7" in (tmp_path / "rarms.yaml").read_text(encoding="utf-8")
+    assert rarms("validate", str(tmp_path)).code == 0
+    assert rarms("fmt", "--check", str(tmp_path)).code == 0
+
+
+def test_init_overwrites_nothing(here: Path) -> None:
+    before = (here / "rarms.yaml").read_bytes()
+
+    answer = rarms("init", str(here))
+
+    assert answer.code == 1
+    assert "error[RARMS176]" in answer.err
+    assert (here / "rarms.yaml").read_bytes() == before
+
+
+def test_init_refuses_what_cannot_be_a_name(tmp_path: Path) -> None:
+    assert rarms("init", str(tmp_path), "--name", "My Robot").code == 64
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_init_into_a_folder_that_is_not_there_says_so(tmp_path: Path) -> None:
+    answer = rarms("init", str(tmp_path / "missing"))
+
+    assert answer.code == 1
+    assert "error[RARMS177]" in answer.err
+
+
+def test_validate_tells_errors_as_data_with_exit_code_2(here: Path) -> None:
+    spoil(here)
+
+    answer = rarms("validate", "-f", str(here))
+
+    assert answer.code == 2
+    assert answer.err == ""
+    assert "criticalty" in answer.out
+    assert "^" in answer.out
+    assert "Did you mean" in answer.out
+
+
+def test_validate_reads_standard_input(here: Path) -> None:
+    text = (here / "rarms.yaml").read_text(encoding="utf-8")
+
+    assert rarms("validate", "-", stdin=text).code == 0
+    assert rarms("validate", "-", stdin="").code == 2
+
+
+def test_validate_writes_several_forms_in_one_run(here: Path) -> None:
+    spoil(here)
+    sarif = here / "out.sarif"
+
+    answer = rarms("validate", str(here), "--output", "github", "--output", f"sarif={sarif}")
+
+    assert answer.code == 2
+    assert answer.out.startswith("::error ")
+    assert json.loads(sarif.read_text(encoding="utf-8"))["version"] == "2.1.0"
+
+
+def test_validate_for_programs_is_as_the_schema_says(here: Path) -> None:
+    spoil(here)
+
+    answer = rarms("validate", str(here), "--json")
+
+    check(answer.out)
+    assert json.loads(answer.out)["counts"]["errors"] >= 1
+
+
+def test_no_manifest_here_names_init(tmp_path: Path) -> None:
+    answer = rarms("validate", "-f", str(tmp_path / "rarms.yaml"))
+
+    assert answer.code == 2
+    assert "rarms init" in answer.out
+
+
+def test_a_folder_without_a_manifest_is_told_like_a_missing_manifest(tmp_path: Path) -> None:
+    assert "rarms init" in rarms("validate", str(tmp_path)).out
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may read everything")
+def test_a_file_without_rights_is_a_finding(here: Path) -> None:
+    (here / "rarms.yaml").chmod(0)
+
+    assert "does not let rarms read" in rarms("validate", str(here)).out
+
+
+def test_fmt_writes_the_canonical_form_once(here: Path) -> None:
+    file = here / "rarms.yaml"
+    canonical = file.read_bytes()
+    file.write_bytes(canonical.replace(b"criticality: 20", b"criticality:     20"))
+
+    check_only = rarms("fmt", "--check", str(here))
+    shown = rarms("fmt", "--diff", str(here))
+    done = rarms("fmt", str(here))
+
+    assert (check_only.code, shown.code, done.code) == (2, 0, 0)
+    assert "would be formatted" in check_only.err
+    assert "+    criticality: 20" in shown.out
+    assert file.read_bytes() == canonical
+    assert rarms("fmt", "--check", str(here)).code == 0
+
+
+def test_fmt_of_standard_input_goes_to_standard_output(here: Path) -> None:
+    text = (here / "rarms.yaml").read_text(encoding="utf-8")
+
+    assert rarms("fmt", "-", stdin=text).out == text
+
+
+def test_fmt_takes_a_byte_order_mark_and_crlf_away(here: Path) -> None:
+    file = here / "rarms.yaml"
+    canonical = file.read_bytes()
+    file.write_bytes(b"\xef\xbb\xbf" + canonical.replace(b"\n", b"\r\n"))
+
+    assert rarms("fmt", str(here)).code == 0
+    assert file.read_bytes() == canonical
+
+
+def test_fmt_of_what_is_no_manifest_changes_nothing_and_says_why(here: Path) -> None:
+    good, bad = here / "rarms.yaml", here / "bad.yaml"
+    good.write_bytes(good.read_bytes() + b"\n\n\n")
+    before = good.read_bytes()
+    bad.write_text("a: [", encoding="utf-8")
+
+    answer = rarms("fmt", str(good), str(bad))
+
+    assert answer.code == 4
+    assert "bad.yaml:" in answer.err
+    assert good.read_bytes() == before
+
+
+def test_fmt_keeps_a_files_rights_and_a_link(here: Path) -> None:
+    if os.name == "nt":
+        pytest.skip("rights and links are another matter on Windows")
+    file, link = here / "rarms.yaml", here / "link.yaml"
+    file.write_bytes(file.read_bytes() + b"\n\n")
+    file.chmod(0o600)
+    link.symlink_to(file)
+
+    assert rarms("fmt", str(link)).code == 0
+    assert link.is_symlink()
+    assert file.stat().st_mode & 0o777 == 0o600
+
+
+def test_fmt_for_programs(here: Path) -> None:
+    answer = rarms("fmt", "--check", "--json", str(here))
+
+    check(answer.out)
+    assert json.loads(answer.out)["files"][0]["changed"] is False
+
+
+@pytest.mark.parametrize("name", ["manifest", "output"])
+def test_schema_prints_what_is_shipped(name: str) -> None:
+    assert json.loads(rarms("schema", name).out)["$schema"].startswith("https://json-schema.org/")
+
+
+def test_explain_shows_a_findings_page_whatever_its_case() -> None:
+    answer = rarms("explain", "rarms199")
+
+    assert answer.lines[0] == "RARMS199: This is a bug in rarms"
+    check(rarms("explain", "RARMS199", "--json").out)
+
+
+def test_explain_of_a_finding_that_does_not_exist_offers_the_nearest() -> None:
+    answer = rarms("explain", "RARMS1999")
+
+    assert answer.code == 64
+    assert "Did you mean" in answer.err
+
+
+def test_the_version_for_programs() -> None:
+    check(rarms("version", "--json").out)
