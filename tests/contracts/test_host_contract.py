@@ -16,7 +16,7 @@ import pytest
 
 from rarms_iac.diff.readings import NOTHING, readings
 from rarms_iac.model.changes import Address
-from rarms_iac.model.journal import Closing, RunClosed, RunKind, RunStarted, StepRecorded, StepStatus
+from rarms_iac.model.journal import Closing, RunClosed, StepRecorded, StepStatus
 from rarms_iac.model.operations import (
     CreatePartition,
     EraseMark,
@@ -35,7 +35,7 @@ from rarms_iac.model.operations import (
     WriteTaskClass,
     WriteTaskRecord,
 )
-from rarms_iac.model.plan import Claim, HostPlan, Scope, Step, Undo, UndoLevel
+from rarms_iac.model.plan import Scope
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.state import (
     Checkpoints,
@@ -43,15 +43,15 @@ from rarms_iac.model.state import (
     Rights,
     RunState,
     StartAction,
-    State,
     StopAction,
     TaskRecord,
     ValueKind,
 )
-from rarms_iac.model.system import Disruption, Fault, FaultEffect, Host, SchedulerType, SimulatedHost
+from rarms_iac.model.system import Fault, FaultEffect, Host, SchedulerType, SimulatedHost
 from rarms_iac.providers.interface import Failed, HostDamaged, HostLocked, Refused, StepwiseHost
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from tests import builders
+from tests.contracts.runs import a_run
 
 MIB = 2**20
 SCOPE = Scope(application="robot", plan="0123456789ab")
@@ -604,47 +604,6 @@ def test_a_late_answer_comes_after_the_deed(tmp_path: Path) -> None:
 
 
 # Lock and journal
-
-
-def a_step(number: int) -> Step:
-    return Step(
-        address=VISION,
-        title=f"step {number}",
-        operation=SetCpu(partition="vision", reserve=number, limit=100, weight=100),
-        before={"reserve": number + 1, "exists": True},
-        after={"reserve": number},
-        undo=Undo(level=UndoLevel.FULL, operation=StopPartition(partition="vision")),
-        disruption=Disruption.LIVE,
-        claim_before=Claim(),
-        claim_after=Claim(processors=2, reserve=number, memory=MIB),
-        comment="why",
-    )
-
-
-def a_run(state: State, serial: int = 1) -> RunStarted:
-    steps = tuple(a_step(number) for number in range(3))
-    host_plan = HostPlan(
-        host=builders.a_host(),
-        facts=state.facts,
-        state_path=".rarms/hosts/onboard.json",
-        serial=serial - 1,
-        digests={"facts": "0" * 12},
-        changes=(),
-        steps=steps,
-        held_back=(),
-        unused=(),
-        unchanged=0,
-        scripts={},
-    )
-    return RunStarted(
-        run=RunKind.APPLY,
-        plan="0123456789ab",
-        application="robot",
-        started_by="ann@lab",
-        host_plan=host_plan,
-        steps=steps,
-        serials={"robot": serial},
-    )
 
 
 def test_a_journal_reads_back_as_written(room: Room) -> None:
