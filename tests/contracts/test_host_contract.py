@@ -49,6 +49,7 @@ from rarms_iac.model.state import (
 )
 from rarms_iac.model.system import Fault, FaultEffect, Host, SchedulerType, SimulatedHost
 from rarms_iac.providers.interface import Failed, HostDamaged, HostLocked, Refused, StepwiseHost
+from rarms_iac.providers.simulated.content import empty
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from tests import builders
 from tests.contracts.runs import a_run
@@ -460,6 +461,7 @@ def test_a_running_machine_does_not_grow_beyond_the_host(room: Room) -> None:
         (SetProcessors(partition="vision", processors=0), "has 1 to 240 virtual processors"),
         (SetProcessors(partition="vision", processors=241), "has 1 to 240 virtual processors"),
         (SetMemory(partition="vision", memory=0), "a machine needs memory"),
+        (SetMemory(partition="vision", memory=MIB + 1), "memory counts in whole MiB, and 1048577 B is none"),
         (RenamePartition(partition="vision", name=""), "a machine's name has 1 to 100 characters"),
         (CreatePartition(partition="x", generation=3, memory=MIB), "there is no generation 3"),
         (RemoveTaskClass(task="Nothing", inside=""), "there is no task class Nothing"),
@@ -769,6 +771,37 @@ def test_a_torn_last_record_never_happened(tmp_path: Path) -> None:
     again = host.journal()
     assert again is not None
     assert [record.status for record in again.steps] == [StepStatus.UNCHANGED]
+
+
+def test_what_cannot_be_written_is_told(tmp_path: Path) -> None:
+    (tmp_path / ".rarms").write_bytes(b"a file where the folder should be")
+    host = simulated(tmp_path)
+
+    with pytest.raises(Failed, match="cannot be written"):
+        host.save(empty("onboard"))
+    with pytest.raises(Failed, match="cannot be written"), host.lock("ann@lab"):
+        pytest.fail("held in a folder that is none")
+    with pytest.raises(Failed, match="cannot be written"):
+        host.record(StepRecorded(number=0, status=StepStatus.BEGUN))
+
+
+def test_an_error_of_the_caller_passes_through_the_lock(tmp_path: Path) -> None:
+    host = simulated(tmp_path)
+
+    with pytest.raises(FileNotFoundError), host.lock("ann@lab"):
+        raise FileNotFoundError
+
+    with host.lock("bob@lab"):
+        pass
+
+
+def test_an_overcommitted_host_still_lets_a_machine_shrink(tmp_path: Path) -> None:
+    do(simulated(tmp_path), *making("vision", memory=3072 * MIB), start())
+    shrunk = SimulatedHostProvider(builders.a_host(memory="1 GiB"), tmp_path / ".rarms/hosts/onboard.json")
+
+    do(shrunk, SetMemory(partition="vision", memory=2048 * MIB))
+
+    assert shrunk.read(VISION, SCOPE)["memory"] == 2048 * MIB
 
 
 def test_all_of_it_is_kept_out_of_git(tmp_path: Path) -> None:

@@ -26,6 +26,9 @@ LONGEST_NAME = 100
 MOST_PROCESSORS = {1: 64, 2: 240}
 """Virtual processors by generation (FACTS 2)."""
 
+MEBIBYTE = 2**20
+"""What a machine's memory is counted in (FACTS 1.3)."""
+
 SERVER_2016, WINDOWS_10 = 14393, 10240
 """Builds from which static memory changes while the machine runs: of a server and of a client (FACTS 3)."""
 
@@ -49,6 +52,8 @@ def out_of_range(settings: PartitionSettings) -> str:
         return f"generation {settings.generation} has 1 to {most} virtual processors, not {settings.processors}"
     if settings.memory < 1:
         return "a machine needs memory"
+    if settings.memory % MEBIBYTE:
+        return f"memory counts in whole MiB, and {show_bytes(settings.memory)} is none"
     return _cpu_out_of_range(settings.reserve, settings.limit, settings.weight)
 
 
@@ -132,7 +137,8 @@ def _refuse_memory(
     if settings.dynamic_memory:
         return _refuse_running(machine, "the startup memory of a dynamic machine")
     if machine.state is RunState.RUNNING and _resizes_while_running(facts, guest_build):
-        return _refuse_lack_of_memory(wanted, machine, content, facts)
+        grows = wanted.memory > settings.memory
+        return _refuse_lack_of_memory(wanted, machine, content, facts) if grows else None
     return _refuse_running(machine, "its memory")
 
 

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -85,12 +85,11 @@ class SimulatedHostProvider:
     @contextmanager
     def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
         """As the interface says."""
-        make_room(self._lock_path)
-        try:
-            with hold(self._lock_path, owner, timeout_ms):
-                yield
-        except Locked as locked:
-            raise HostLocked(self.name, locked.owner) from None
+        with ExitStack() as held:
+            with self._telling_failure(self._lock_path):
+                make_room(self._lock_path)
+                held.enter_context(hold(self._lock_path, owner, timeout_ms))
+            yield
 
     def read(self, address: Address, scope: Scope) -> Readings:
         """As the interface says."""
@@ -126,14 +125,16 @@ class SimulatedHostProvider:
 
     def start_run(self, started: RunStarted) -> None:
         """As the interface says; also removes what killed writers left behind."""
-        make_room(self._journal_path)
-        for path in (self._path, self._journal_path):
-            remove_leftovers(path)
-        start_journal(self._journal_path, started)
+        with self._telling_failure(self._journal_path):
+            make_room(self._journal_path)
+            for path in (self._path, self._journal_path):
+                remove_leftovers(path)
+            start_journal(self._journal_path, started)
 
     def record(self, record: JournalRecord) -> None:
         """As the interface says."""
-        append_record(self._journal_path, record)
+        with self._telling_failure(self._journal_path):
+            append_record(self._journal_path, record)
 
     def load(self) -> Content:
         """What is on the host; an empty machine where there is no file.
@@ -150,7 +151,7 @@ class SimulatedHostProvider:
             return self._known[1]
 
     def save(self, content: Content) -> None:
-        """Have this on the host, in one replacement of its file; tests make machines of others with it.
+        """Have this on the host, in one replacement of its file. Not for rarms: tests make machines of others with it.
 
         Raises:
             Failed: the file cannot be written; what was there before still is.
@@ -239,6 +240,15 @@ class SimulatedHostProvider:
             raise HostDamaged(self.name, f"{path.name} is damaged: {problem}", advice) from None
         except OSError as problem:
             raise HostDamaged(self.name, f"{path.name} cannot be read: {problem}", advice) from None
+
+    @contextmanager
+    def _telling_failure(self, path: Path) -> Iterator[None]:
+        try:
+            yield
+        except Locked as locked:
+            raise HostLocked(self.name, locked.owner) from None
+        except OSError as problem:
+            raise Failed(self.name, f"{path} cannot be written: {problem}", "make room, or mend its rights") from None
 
 
 def _struck(content: Content, fault: str) -> Content:

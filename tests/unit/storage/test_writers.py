@@ -1,6 +1,7 @@
 """The two writers: whole or not at all, and torn records."""
 
 import json
+import threading
 from pathlib import Path
 
 import pytest
@@ -39,6 +40,18 @@ def test_a_crash_while_replacing_leaves_the_old_or_the_new_content(tmp_path: Pat
     assert path.read_bytes() == (b"new content" if (at, when) == (3, When.AFTER) or at == 4 else b"old content")
     remove_leftovers(path)
     assert [one.name for one in tmp_path.iterdir()] == ["state.json"]
+
+
+def test_a_reader_that_has_the_file_open_delays_a_replace_and_does_not_break_it(tmp_path: Path) -> None:
+    path = tmp_path / "state.json"
+    replace(path, b"old")
+    with path.open("rb") as reader:
+        closing = threading.Timer(0.2, reader.close)  # on Windows an open file cannot be replaced
+        closing.start()
+        replace(path, b"new")
+        closing.join()
+
+    assert path.read_bytes() == b"new"
 
 
 def test_a_replace_that_fails_leaves_nothing_beside_the_file(tmp_path: Path) -> None:
