@@ -18,10 +18,24 @@ def unified(text: str) -> str:
 
 def build_tree(text: str) -> Collection:
     """The document in `text`, as `unified` leaves it: one mapping that `reading.read_text` had nothing against."""
+    return _Builder(text, _events(text)).root()
+
+
+def comments_in(text: str, start: int, end: int) -> list[str]:
+    """The comments that begin between two places of such a text, those behind `|` and `>` included."""
+    events = _events(text)
+    found = [(one.start, one.text) for one in _comments_between(text, events)]
+    for event in events:
+        if getattr(event, "style", None) in {"|", ">"}:
+            at = event.start_mark.index
+            found += [(at, header[1]) for header in [_HEADER_COMMENT.match(text, at, event.end_mark.index)] if header]
+    return [comment.rstrip() for at, comment in sorted(found) if start <= at < end]
+
+
+def _events(text: str) -> list[Any]:
     from yaml._yaml import CParser
 
-    events = list(iter(CParser(text).get_event, None))
-    return _Builder(text, events).root()
+    return list(iter(CParser(text).get_event, None))
 
 
 @dataclass(slots=True)

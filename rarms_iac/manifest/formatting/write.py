@@ -1,5 +1,6 @@
 """Tree -> canonical text."""
 
+import sys
 from dataclasses import dataclass
 
 from rarms_iac.manifest.formatting.scalars import block_lines, one_line
@@ -37,6 +38,24 @@ def write_tree(root: Collection, source: str, shape: Shape = MANIFEST) -> str:
         return _text([Line("{}"), *_comment_lines(root.tail, 0)])
     _keep_header(root, shape)
     return _text(_Writer(source).collection(root, shape, 0, sections=True))
+
+
+def write_entry(entry: Entry, shape: Shape, indent: int) -> list[str]:
+    """The lines of one new entry of a block whose shape is `shape`."""
+    part = _Writer("").entry(entry, shape, indent, sections=False)
+    return _text([*_comment_lines(part.above, indent), *part.lines]).splitlines()
+
+
+def write_flow(node: Node, shape: Shape) -> str:
+    """The value on one line, however long, as it stands inside a flow collection."""
+    written = _inline(node, shape, sys.maxsize)
+    assert written is not None, "a new value has no comments and is all flow"
+    return written
+
+
+def write_key(key: str, *, flow: bool) -> str:
+    """A key with its colon."""
+    return _key(Scalar(key, "'", 0, 0), flow=flow)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,109 @@
+"""An edit does what it says to the values, and nothing to the comments."""
+
+from typing import Any
+
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from rarms_iac.manifest.edit import remove_value, rename, set_value
+from rarms_iac.manifest.fmt import format_text
+from rarms_iac.manifest.reading import read_text
+from rarms_iac.model.diagnostics import has_errors
+from tests.badly_written import comments, manifests
+
+_PLAIN = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(-999, 999),
+    st.sampled_from(
+        ["no", "88 ms", "a: b", "", "x", "7", "it's", "- x", "two\nlines", "# no comment", "{x", "long " * 40]
+    ),
+)
+_VALUES = st.recursive(
+    _PLAIN,
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(["a", "7", "x y", "no"]), inner, max_size=3)
+    ),
+    max_leaves=5,
+)
+
+
+def _values(text: str) -> Any:
+    tree = read_text(text.encode(), "rarms.yaml", "")
+    assume(not has_errors(tree.diagnostics) and isinstance(tree.value, dict))
+    return tree.value
+
+
+def _paths(value: Any) -> list[tuple[str, ...]]:
+    if not isinstance(value, dict):
+        return []
+    return [(key, *rest) for key, inner in value.items() for rest in [(), *_paths(inner)]]
+
+
+def _with(value: Any, path: tuple[str, ...], new: Any) -> Any:
+    if not path:
+        return new
+    return {**value, path[0]: _with(value.get(path[0]) or {}, path[1:], new)}
+
+
+def _without(value: dict[str, Any], path: tuple[str, ...]) -> dict[str, Any]:
+    if len(path) == 1:
+        return {key: inner for key, inner in value.items() if key != path[0]}
+    return {**value, path[0]: _without(value[path[0]], path[1:])}
+
+
+@given(text=manifests(), data=st.data(), new=_VALUES, canonical=st.booleans())
+def test_setting_a_value_changes_it_alone_and_keeps_every_comment(
+    text: str, data: st.DataObject, new: Any, canonical: bool
+) -> None:
+    before = _values(text)
+    if canonical:
+        text = format_text(text, "rarms.yaml")
+        before = _values(text)
+    path = data.draw(st.sampled_from(_paths(before)))
+
+    after = set_value(text, path, new)
+
+    assert _values(after) == _with(before, path, new)
+    assert comments(after) == comments(text)
+    assert not canonical or format_text(after, "rarms.yaml") == after
+
+
+@given(text=manifests(), data=st.data(), new=_VALUES)
+def test_adding_a_key_adds_it_alone_and_keeps_every_comment(text: str, data: st.DataObject, new: Any) -> None:
+    before = _values(text)
+    maps = [path for path in [(), *_paths(before)] if isinstance(_at(before, path), dict)]
+    path = (*data.draw(st.sampled_from(maps)), *data.draw(st.sampled_from([("new",), ("new", "newer"), ("limit",)])))
+    assume(path not in _paths(before))
+
+    after = set_value(text, path, new)
+
+    assert _values(after) == _with(before, path, new)
+    assert comments(after) == comments(text)
+
+
+@given(text=manifests(), data=st.data())
+def test_removing_a_key_removes_it_alone(text: str, data: st.DataObject) -> None:
+    before = _values(text)
+    path = data.draw(st.sampled_from(_paths(before)))
+
+    assert _values(remove_value(text, path)) == _without(before, path)
+
+
+@given(text=manifests(), data=st.data())
+def test_renaming_keeps_everything_else_in_its_order(text: str, data: st.DataObject) -> None:
+    before = _values(text)
+    path = data.draw(st.sampled_from(_paths(before)))
+
+    after = rename(text, path, "new: name")
+
+    parent = _at(before, path[:-1])
+    renamed = {("new: name" if key == path[-1] else key): value for key, value in parent.items()}
+    assert _values(after) == _with(before, path[:-1], renamed)
+    assert comments(after) == comments(text)
+
+
+def _at(value: Any, path: tuple[str, ...]) -> Any:
+    for key in path:
+        value = value[key]
+    return value
