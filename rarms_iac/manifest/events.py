@@ -173,7 +173,7 @@ class _Pass:
     def not_kept(self, event: ScalarEvent, problem: NotKept) -> None:
         if not self.often_said("not kept"):
             place = place_at(event.start_mark, self.file, len(event.value))
-            advice = "Write a smaller number, or put it into quotes if it is a text."
+            advice = "Write a number that can be kept, or put it into quotes if it is a text."
             self.read.problems.append(NOT_KEPT.at(place, f"The number cannot be kept: {problem}.", advice))
 
     def escape(self, event: ScalarEvent) -> None:
@@ -220,7 +220,10 @@ def place_at(mark: Any, file: str, length: int = 1) -> Place:
 
 def _syntax(problem: YAMLError, data: bytes, file: str) -> Diagnostic:
     mark = getattr(problem, "problem_mark", None) or getattr(problem, "context_mark", None)
-    detail, advice = said_plainly(str(getattr(problem, "problem", "")), str(getattr(problem, "context", "") or ""))
+    said = str(getattr(problem, "problem", ""))
+    if mark is not None and data.decode("utf-8")[mark.index : mark.index + 1] == "\t":
+        said = "found a tab character"
+    detail, advice = said_plainly(said, str(getattr(problem, "context", "") or ""))
     # The parser puts what is missing at the end onto a line of its own, which may not exist.
     end = place_of(data, len(data.rstrip()), file)
     place = end if mark is None or mark.line + 1 > end.line else place_at(mark, file)

@@ -138,7 +138,7 @@ def _one_of(known: tuple[str, ...]) -> str:
 def _quantity(case: Case) -> Diagnostic:
     units: tuple[str, ...] = case.facts["units"]
     fit, also = ", ".join(units), case.facts["also"]
-    example = " or ".join([*case.facts["examples"], *([also] if also else [])])
+    example = " or ".join(case.facts["examples"]) + (f", or the word {also}" if also else "")
     advice = f"Write a number with one of the units {fit}, as in {example}."
     match case.value:
         case bool() | None | dict() | list():
@@ -224,7 +224,7 @@ def _exactly_one(case: Case) -> Diagnostic:
     names, written = case.facts["names"], case.facts["written"]
     if not written:
         return MISSING_KEY.at(
-            case.place, f"{case.name} needs one of the keys {' and '.join(names)}.", f"Write {_one_of(names)}."
+            case.place, f"{case.name} needs one of the keys {_one_of(names)}.", f"Write {_one_of(names)}."
         )
     return NOT_TOGETHER.at(
         case.places.key(*case.path, written[-1]),

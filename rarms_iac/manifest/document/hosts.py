@@ -2,15 +2,13 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, model_validator
-from pydantic_core import InitErrorDetails, PydanticCustomError, ValidationError
+from pydantic import ConfigDict, Field
 
 from rarms_iac.manifest.document.base import Block, Maybe, needed, optional
 from rarms_iac.manifest.document.quantities import Amount, Memory, PositiveMemory, Time
+from rarms_iac.manifest.document.rules import BLOCK_OF
 from rarms_iac.manifest.document.texts import Filled, Name, Operation, SliceName, SshTarget, by_name
 from rarms_iac.model.system import FaultEffect, ProviderKind, SchedulerType
-
-_BLOCKS = {ProviderKind.HYPERV: "hyperv", ProviderKind.LINUX: "linux", ProviderKind.SIMULATED: "simulated"}
 
 
 def _only_its_own_block() -> dict[str, Any]:
@@ -20,7 +18,7 @@ def _only_its_own_block() -> dict[str, Any]:
         says: dict[str, Any] = {"properties": {"provider": {"const": kind.value}}}
         if kind is not ProviderKind.SIMULATED:
             says["required"] = ["provider"]
-        others = [block for other, block in _BLOCKS.items() if other is not kind]
+        others = [block for other, block in BLOCK_OF.items() if other is not kind]
         return {"if": says, "then": {"not": {"anyOf": [{"required": [block]} for block in others]}}}
 
     return {"allOf": [rule(kind) for kind in ProviderKind]}
@@ -102,24 +100,3 @@ class HostBlock(Block):
     hyperv: Maybe[HypervHostBlock] = optional("Settings of a host with `provider: hyperv`.")
     linux: Maybe[LinuxBlock] = optional("Settings of a host with `provider: linux`.")
     simulated: Maybe[SimulatedBlock] = optional("Settings of a host with `provider: simulated`.")
-
-    @model_validator(mode="after")
-    def _has_no_foreign_block(self) -> "HostBlock":
-        foreign = [
-            block for kind, block in _BLOCKS.items() if kind is not self.provider and block in self.model_fields_set
-        ]
-        if foreign:
-            raise ValidationError.from_exception_data(
-                "host",
-                [
-                    InitErrorDetails(
-                        type=PydanticCustomError(
-                            "rarms_foreign_block", "foreign block", {"block": block, "provider": self.provider.value}
-                        ),
-                        loc=(block,),
-                        input=None,
-                    )
-                    for block in foreign
-                ],
-            )
-        return self

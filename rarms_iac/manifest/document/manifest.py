@@ -1,8 +1,8 @@
 """The whole document."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, ModelWrapValidatorHandler, ValidationError, model_validator
 
 from rarms_iac.manifest.document.base import Block, KeysLike, Maybe, needed, optional
 from rarms_iac.manifest.document.components import ComponentBlock
@@ -10,6 +10,7 @@ from rarms_iac.manifest.document.hosts import HostBlock
 from rarms_iac.manifest.document.interference import InterferenceBlock
 from rarms_iac.manifest.document.partitions import PartitionBlock
 from rarms_iac.manifest.document.policy import PolicyBlock, TaskBlock
+from rarms_iac.manifest.document.rules import broken_rules, with_rules
 from rarms_iac.manifest.document.texts import Name, TaskName, by_name
 from rarms_iac.model.names import TASK_PATTERN
 
@@ -47,3 +48,15 @@ class ManifestDocument(Block):
     moved: Maybe[Annotated[dict[Name, Name], by_name]] = optional(
         "Partitions that got another name: old name to new name, so that they are renamed and not replaced."
     )
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _keeps_the_rules(cls, value: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        broken = broken_rules(value)
+        try:
+            made = handler(value)
+        except ValidationError as problem:
+            raise with_rules(problem, broken) from None
+        if broken:
+            raise ValidationError.from_exception_data(cls.__name__, broken)
+        return made

@@ -2,10 +2,9 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import ConfigDict, Discriminator, Field, Tag
 
 from rarms_iac.manifest.document.base import Block, KeysLike, Maybe, exactly_one, needed, optional
-from rarms_iac.manifest.document.errors_of_blocks import needs_exactly_one, together_error
 from rarms_iac.manifest.document.quantities import PositiveTime, Time
 from rarms_iac.manifest.document.texts import VARIABLE_PATTERN, CallTarget, Filled, Variable
 
@@ -20,10 +19,6 @@ class UntilBlock(Block):
 
     samples: Maybe[Annotated[int, Field(ge=1, le=10_000_000)]] = optional("After so many samples.")
     elapsed: Maybe[PositiveTime] = optional("After so long: `20 s`.")
-
-    @model_validator(mode="after")
-    def _one(self) -> "UntilBlock":
-        return needs_exactly_one(self, "samples", "elapsed")
 
 
 class StopBlock(Block):
@@ -97,12 +92,6 @@ class SamplesBlock(Block):
     success: Maybe[FieldBlock] = optional("Where it stands whether the job succeeded (1 or 0, true or false).")
     count: Maybe[FieldBlock] = optional("Where it stands how much was done (frames, bytes); throughput counts it.")
 
-    @model_validator(mode="after")
-    def _pattern(self) -> "SamplesBlock":
-        if (self.source == "pattern") != (self.pattern is not None):
-            raise together_error("pattern", "from: pattern", missing=self.pattern is None)
-        return self
-
 
 class RunBlock(Block):
     """How a component is started, fed, watched and ended."""
@@ -132,7 +121,3 @@ class RunBlock(Block):
     failures: int = optional(
         "How many failed samples a setting may have before it ends without a verdict.", 0, ge=0, le=1_000_000
     )
-
-    @model_validator(mode="after")
-    def _one(self) -> "RunBlock":
-        return needs_exactly_one(self, "command", "call")

@@ -33,7 +33,7 @@ FORMS: dict[str, tuple[str, str]] = {
         "Such names have letters, digits and underscores, and do not start with a digit.",
     ),
     CALL_PATTERN: ("a function", "Write module:function, as in components.path_planning:plan."),
-    SSH_PATTERN: ("where ssh connects to", "Write user@host, or a name of your ssh configuration."),
+    SSH_PATTERN: ("an address for ssh", "Write user@host, or a name of your ssh configuration."),
     SLICE_PATTERN: (
         "the name of a control group",
         "Such names have small letters, digits, hyphens and underscores, and start with a letter or digit.",

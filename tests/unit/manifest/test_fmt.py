@@ -129,7 +129,7 @@ def test_line_ends_and_byte_order_mark_go() -> None:
 @pytest.mark.parametrize(
     ("text", "place"),
     [
-        ("a: [", "rarms.yaml:2:1"),
+        ("a: [", "rarms.yaml:1:5"),
         ("a: &x 1", "rarms.yaml:1:4"),
         ("a: *x", "rarms.yaml:1:4"),
         ("a: !!str 1", "rarms.yaml:1:4"),

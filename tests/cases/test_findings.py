@@ -1,0 +1,19 @@
+"""Manifests with something wrong, and exactly what is told of them."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.cases.findings_of import case_folders, findings_of
+
+
+@pytest.mark.parametrize("folder", case_folders(), ids=lambda folder: folder.name)
+def test_a_case_tells_what_it_should(folder: Path) -> None:
+    expected = (folder / "expected.txt").read_text(encoding="utf-8")
+
+    assert findings_of(folder) == expected
+
+
+@pytest.mark.parametrize("folder", case_folders(), ids=lambda folder: folder.name)
+def test_a_case_says_why_it_is_there(folder: Path) -> None:
+    assert (folder / "WHY").read_text(encoding="utf-8").strip()
