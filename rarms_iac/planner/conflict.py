@@ -6,7 +6,6 @@ from fractions import Fraction
 
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places
 from rarms_iac.model.layout import Cause, Infeasible
-from rarms_iac.model.measuring import UNMEASURED
 from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import plain, show_bytes, show_percent, show_processors
 from rarms_iac.planner import findings
@@ -164,7 +163,7 @@ def told(answer: Infeasible, problem: Problem, places: Places) -> Iterator[Diagn
 
 def _advice(cause: Cause, ways: Sequence[str]) -> str:
     usual: Mapping[str, str] = {
-        UNMEASURED.code: "Fix it with `cpu: { reserve: ... }`, or measure it first.",
+        findings.UNMEASURED.code: "Fix it with `cpu: { reserve: ... }`, or measure it first.",
         findings.PARALLELISM.code: "Give the partition or the component more `processors`, or lower the reserve.",
         findings.TOO_WIDE.code: "Lower `processors`, or name a larger host.",
         findings.COMPANY.code: "Change `partitions`, or take the rule out.",

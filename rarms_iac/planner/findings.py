@@ -1,11 +1,11 @@
 """Kinds of problems that planning finds (RARMS014, RARMS100, RARMS120-139)."""
 
 from rarms_iac.model.diagnostics import Finding, Severity
-from rarms_iac.model.measuring import UNMEASURED
 
 _ERROR, _WARNING = Severity.ERROR, Severity.WARNING
 
 RESERVATIONS = Finding(code="RARMS014", severity=_ERROR, summary="Reservations exceed the platform")
+UNMEASURED = Finding(code="RARMS100", severity=_ERROR, summary="A measured reserve without a data log")
 MEMORY = Finding(code="RARMS120", severity=_ERROR, summary="Memory exceeds the platform")
 PACKING = Finding(code="RARMS121", severity=_ERROR, summary="Virtual processors do not fit the logical ones")
 PLACEMENT = Finding(code="RARMS122", severity=_ERROR, summary="No placement on the hosts was found")
@@ -17,7 +17,7 @@ BETTER_ELSEWHERE = Finding(
     code="RARMS127", severity=Severity.NOTE, summary="A partition would be better off on another host"
 )
 CLASS_ORDER = Finding(
-    code="RARMS128", severity=_ERROR, summary="Task classes cannot express the order of criticalities"
+    code="RARMS128", severity=_WARNING, summary="Task classes cannot express the order of criticalities"
 )
 KINDS = {
     one.code: one for one in (RESERVATIONS, UNMEASURED, MEMORY, PACKING, PLACEMENT, PARALLELISM, TOO_WIDE, COMPANY)

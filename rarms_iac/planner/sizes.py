@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from rarms_iac.model.layout import Cause, Making, PlacedPartition
-from rarms_iac.model.measuring import UNMEASURED
 from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import (
     Bytes,
@@ -49,7 +48,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> Sized | C
     if isinstance(wanted, NotMeasured):
         names = ", ".join(wanted.components)
         says = f"the reservation of {names} on platform {host.platform} is to be measured, and no data log has it"
-        return Cause(what=f"component/{wanted.components[0]}", says=says, code=UNMEASURED.code)
+        return Cause(what=f"component/{wanted.components[0]}", says=says, code=findings.UNMEASURED.code)
     processors = _processors(group, host)
     reserve = per_virtual_processor(wanted, processors)
     if reserve > 100:
