@@ -153,7 +153,7 @@ def told(answer: Infeasible, problem: Problem, places: Places) -> Iterator[Diagn
     for cause in answer.causes:
         finding = findings.KINDS[cause.code]
         advice = _advice(cause, ways)
-        says = cause.says if cause.says.endswith(".") else f"{cause.says[0].upper()}{cause.says[1:]}."
+        says = cause.says
         if not answer.proven and cause.code == findings.PLACEMENT.code:
             says += (
                 f" It is not proven that there is none: more than {EXACT_UP_TO} partitions are not searched exactly."

@@ -84,12 +84,12 @@ def company(groups: Iterable[Group], system: System) -> Iterator[Cause]:
         )
         for other in component.apart:
             if other in others:
-                yield _company(name, f"{name} must be apart from {other}, and both are in partition {home}")
+                yield _company(name, f"{name} must be apart from {other}, and both are in partition {home}.")
         if component.dedicated and others:
-            yield _company(name, f"{name} is dedicated, and shares partition {home} with {', '.join(others)}")
+            yield _company(name, f"{name} is dedicated, and shares partition {home} with {', '.join(others)}.")
         for other in component.together:
             if where.get(other, home) != home:
-                yield _company(name, f"{name} must be together with {other}, which is in partition {where[other]}")
+                yield _company(name, f"{name} must be together with {other}, which is in partition {where[other]}.")
 
 
 def _company(name: str, says: str) -> Cause:

@@ -6,6 +6,7 @@ not fail because others took its place.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.layout import Infeasible, Layout
@@ -16,6 +17,7 @@ from rarms_iac.planner.conflict import explained, told
 from rarms_iac.planner.problem import HostView, Problem, by_name, problem_of, solve
 from rarms_iac.planner.relaxations import Trial
 from rarms_iac.planner.reservations import ReservationSource
+from rarms_iac.planner.search import cost
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,16 +84,14 @@ def _smaller(system: System, views: Mapping[str, HostView], places: Places) -> I
 def _moves(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:
     """What would reserve less elsewhere and stays because it is there: told, not done."""
     for one in answer.partitions:
-        sizes = problem.sized[one.name]
         if problem.now.get(one.name) != one.host:
             continue
-        best = min(sizes.values(), key=lambda other: (other.cost, other.placed.host))
-        gain = one.processors * one.reserve - best.cost
-        if gain > 0:
+        best, host = min((cost(claim), host) for host, claim in problem.claims[one.name].items())
+        if best < one.processors * one.reserve:
             yield findings.BETTER_ELSEWHERE.at(
                 places.key("partitions", one.name),
-                f"{one.name} stays on {one.host}; on {best.placed.host} it would reserve "
-                f"{show_processors(best.placed.reserved)} instead of {show_processors(one.reserved)}.",
+                f"{one.name} stays on {one.host}; on {host} it would reserve "
+                f"{show_processors(Fraction(best, 100))} instead of {show_processors(one.reserved)}.",
                 "Allow `--max-disruption removal` if it may be made anew there.",
                 address=f"partition/{one.name}",
             )

@@ -1,6 +1,6 @@
 """What the search is given, made of manifest and hosts; and its answer, turned into a layout."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from rarms_iac.model.capacity import capacity_of, foreign_claims
@@ -39,7 +39,8 @@ class Problem:
 
     system: System
     groups: tuple[Group, ...]
-    sized: Mapping[str, Mapping[str, Sized]]  # by partition, then host: where it may run
+    reservations: ReservationSource
+    claims: Mapping[str, Mapping[str, Claim]]  # by partition, then host: where it may run
     blocked: Mapping[str, tuple[Cause, ...]]  # by partition: why a host that it may run on cannot take it
     contradictions: tuple[Cause, ...]
     items: tuple[Item, ...]
@@ -53,19 +54,19 @@ def problem_of(
     """The problem that the search is given."""
     groups = groups_of(system)
     now = {name: host for host in sorted(views, reverse=True) for name in views[host].present}
-    sized: dict[str, dict[str, Sized]] = {}
+    kinds = _kinds(system, reservations)
+    claims: dict[str, Mapping[str, Claim]] = {}
     blocked: dict[str, tuple[Cause, ...]] = {}
     for group in groups:
-        answers = {host.name: size(group, host, reservations) for host in _allowed(group, system)}
-        sized[group.name] = {name: one for name, one in answers.items() if isinstance(one, Sized)}
-        blocked[group.name] = tuple(one for one in answers.values() if isinstance(one, Cause))
+        claims[group.name], blocked[group.name] = _claims(group, system, kinds, reservations)
     return Problem(
         system=system,
         groups=groups,
-        sized=sized,
+        reservations=reservations,
+        claims=claims,
         blocked=blocked,
         contradictions=tuple(company(groups, system)),
-        items=tuple(_item(group, sized[group.name], now.get(group.name, ""), may_move=may_move) for group in groups),
+        items=tuple(_item(group, claims[group.name], now.get(group.name, ""), may_move=may_move) for group in groups),
         bins=tuple(_bin(host, views.get(host.name, HostView())) for host in by_name(system.hosts)),
         now=now,
     )
@@ -76,18 +77,40 @@ def by_name(hosts: Mapping[str, Host]) -> Iterable[Host]:
     return (hosts[name] for name in sorted(hosts))
 
 
-def _allowed(group: Group, system: System) -> Iterator[Host]:
-    """The hosts that every member may run on."""
+def _kinds(system: System, reservations: ReservationSource) -> Mapping[str, tuple[Host, ...]]:
+    """Hosts that cannot be told apart by what a partition gets on them, by the name of the first."""
+    kinds: dict[str, list[Host]] = {}
+    first: dict[object, str] = {}
     for host in by_name(system.hosts):
-        if all(one.hosts is None or host.name in one.hosts for one in group.members):
-            yield host
+        alike = first.setdefault((host.logical_processors, reservations.depends_on(host)), host.name)
+        kinds.setdefault(alike, []).append(host)
+    return {name: tuple(hosts) for name, hosts in kinds.items()}
 
 
-def _item(group: Group, sized: Mapping[str, Sized], now: str, *, may_move: bool) -> Item:
-    stays = now in sized and not may_move
+def _claims(
+    group: Group, system: System, kinds: Mapping[str, tuple[Host, ...]], reservations: ReservationSource
+) -> tuple[Mapping[str, Claim], tuple[Cause, ...]]:
+    """What the group would claim on each host that all its members may run on, or why it cannot be there."""
+    limits = [one.hosts for one in group.members if one.hosts is not None]
+    found: dict[str, Claim] = {}
+    causes: list[Cause] = []
+    for first, hosts in kinds.items():
+        allowed = [host.name for host in hosts if all(host.name in names for names in limits)]
+        if not allowed:
+            continue
+        answer = size(group, system.hosts[first], reservations)
+        if isinstance(answer, Cause):
+            causes.append(answer)
+        else:
+            found.update(dict.fromkeys(allowed, answer.claim))
+    return dict(sorted(found.items())), tuple(causes)
+
+
+def _item(group: Group, claims: Mapping[str, Claim], now: str, *, may_move: bool) -> Item:
+    stays = now in claims and not may_move
     return Item(
         name=group.name,
-        claims={host: one.claim for host, one in sized.items() if not stays or host == now},
+        claims={now: claims[now]} if stays else claims,
         now=now,
     )
 
@@ -100,10 +123,10 @@ def solve(problem: Problem) -> Layout | Infeasible:
     """The best placement, or that there is none, with the causes that need no search."""
     causes = [*problem.contradictions]
     for group in problem.groups:
-        if not problem.sized[group.name]:
+        if not problem.claims[group.name]:
             nowhere = Cause(
                 what=f"partition/{group.name}",
-                says="its components name no host in common",
+                says=f"The components of {group.name} name no host in common.",
                 code=findings.PLACEMENT.code,
             )
             causes += problem.blocked[group.name] or (nowhere,)
@@ -119,7 +142,12 @@ def solve(problem: Problem) -> Layout | Infeasible:
 
 def _placed(problem: Problem, found: Found) -> tuple[PlacedPartition, ...]:
     assert found.hosts is not None
-    placed = [problem.sized[name][host].placed for name, host in found.hosts.items()]
+    groups = {one.name: one for one in problem.groups}
+    placed = []
+    for name, host in found.hosts.items():
+        answer = size(groups[name], problem.system.hosts[host], problem.reservations)
+        assert isinstance(answer, Sized), "a partition is only placed where it can be"
+        placed.append(answer.placed)
     return tuple(sorted(placed, key=lambda one: (one.host, one.name)))
 
 
@@ -134,6 +162,6 @@ def _on_hosts(system: System) -> tuple[tuple[tuple[str, str], ...], list[Cause]]
         if hosts:
             found += [(component.name, host) for host in hosts]
         else:
-            says = "it runs on a host and names none"
+            says = f"{component.name} runs on a host, and there is none for it."
             homeless.append(Cause(what=f"component/{component.name}", says=says, code=findings.PLACEMENT.code))
     return tuple(sorted(found)), homeless

@@ -66,7 +66,7 @@ def _lower(problem: Problem, conflict: Sequence[str], trial: Trial) -> Iterator[
     )
     for group in groups[:OFFERED]:
         for component in reversed(group.members):
-            lowered = _lowered(component, next(iter(problem.sized[group.name].values())).placed.host, trial)
+            lowered = _lowered(component, next(iter(problem.claims[group.name])), trial)
             if lowered is not None:
                 yield lowered
                 break

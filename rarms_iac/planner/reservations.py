@@ -1,5 +1,6 @@
 """Where a reservation comes from: the manifest now, a data log or an experiment later (DESIGN section 2)."""
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Protocol
@@ -20,6 +21,10 @@ class ReservationSource(Protocol):
 
     def reservation(self, members: tuple[Component, ...], host: Host) -> CpuAmount | NotMeasured:
         """The reservation with which every APT of the members holds. Quick; the same question has the same answer."""
+        ...
+
+    def depends_on(self, host: Host) -> Hashable:
+        """What of a host the answers depend on: hosts for which this is equal have the same answers."""
         ...
 
 
@@ -43,3 +48,7 @@ class FixedReservations:
                 case amount:
                     total += in_processors(amount, host.logical_processors)
         return NotMeasured(components=tuple(unknown)) if unknown else ProcessorTime(LogicalProcessors(total))
+
+    def depends_on(self, host: Host) -> Hashable:
+        """A share of a host is of its logical processors; nothing else matters."""
+        return host.logical_processors

@@ -36,29 +36,24 @@ class Sized:
         one = self.placed
         return Claim(processors=one.processors, reserve=one.reserve, memory=one.memory)
 
-    @property
-    def cost(self) -> int:
-        """Its reservation in per cent of one logical processor."""
-        return self.placed.processors * self.placed.reserve
-
 
 def size(group: Group, host: Host, reservations: ReservationSource) -> Sized | Cause:
     """The partition on this host, or why it cannot be there whatever else is."""
     wanted = _reserve(group, host, reservations)
     if isinstance(wanted, NotMeasured):
         names = ", ".join(wanted.components)
-        says = f"the reservation of {names} on platform {host.platform} is to be measured, and no data log has it"
+        says = f"The reservation of {names} on platform {host.platform} is to be measured, and no data log has it."
         return Cause(what=f"component/{wanted.components[0]}", says=says, code=findings.UNMEASURED.code)
     processors = _processors(group, host)
     reserve = per_virtual_processor(wanted, processors)
     if reserve > 100:
         says = (
-            f"{show_processors(wanted)} cannot be used by {_count(processors)}: "
-            f"it needs at least {-(-wanted.numerator // wanted.denominator)}"
+            f"{group.name} reserves {show_processors(wanted)}, and {_count(processors)} cannot use that: "
+            f"it needs at least {-(-wanted.numerator // wanted.denominator)}."
         )
         return Cause(what=f"partition/{group.name}", says=says, code=findings.PARALLELISM.code)
     if reserve and processors > host.logical_processors:
-        says = f"its {_count(processors)} are more than the {host.logical_processors} logical ones of {host.name}"
+        says = f"The {_count(processors)} of {group.name} are more than the {host.logical_processors} of {host.name}."
         return Cause(what=f"partition/{group.name}", says=says, code=findings.TOO_WIDE.code)
     limit = max(reserve, _limit(group, host, processors))
     memory = sum(one.memory for one in group.members) if group.wish.memory is None else group.wish.memory
