@@ -1,0 +1,105 @@
+"""Overlays: what merges, what replaces, what is removed, and who said it."""
+
+import os
+from datetime import date
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.manifest.load import Loaded, load, no_checks
+from rarms_iac.manifest.overlays import moved_path
+from rarms_iac.model.system import AtMost, Command, Component, Elapsed, Run
+from tests.unit.manifest.test_load import SMALL, loaded, write
+
+
+def vision(read: Loaded) -> Component:
+    assert read.system is not None, read.diagnostics
+    return read.system.components["vision"]
+
+
+def run(read: Loaded) -> Run:
+    found = vision(read).run
+    assert found is not None
+    return found
+
+
+def test_maps_merge(tmp_path: Path) -> None:
+    read = loaded(tmp_path, SMALL, "components: {vision: {memory: 1 GiB}, speech: {criticality: 3}}\n")
+
+    assert (vision(read).memory, vision(read).criticality) == (2**30, 40)
+    assert read.system is not None
+    assert list(read.system.components) == ["vision", "speech"]
+
+
+def test_the_later_overlay_wins(tmp_path: Path) -> None:
+    first, second = (f"components: {{vision: {{criticality: {number}}}}}\n" for number in (1, 2))
+
+    assert vision(loaded(tmp_path, SMALL, first, second)).criticality == 2
+
+
+def test_a_list_replaces_a_list(tmp_path: Path) -> None:
+    read = loaded(tmp_path, SMALL, "components: {vision: {run: {command: [other]}}}\n")
+
+    assert run(read).start == Command(words=("other",))
+
+
+def test_null_removes(tmp_path: Path) -> None:
+    read = loaded(tmp_path, SMALL, "components: {vision: {apt: null}, nobody: null}\npolicy: null\n")
+
+    assert vision(read).apt == {}
+
+
+def test_null_removes_inside_what_the_manifest_does_not_have(tmp_path: Path) -> None:
+    read = loaded(tmp_path, SMALL, "policy: {interference: null, headroom: none}\n")
+
+    assert read.system is not None
+    assert (read.system.policy.interference, read.system.policy.headroom) == ("busy-loop", "none")
+
+
+@pytest.mark.parametrize("overlay", ["run: {until: {elapsed: 3 s}}", "apt: {mean_response_time: {at_most: 7 ms}}"])
+def test_what_only_makes_sense_together_is_replaced_as_a_whole(tmp_path: Path, overlay: str) -> None:
+    base = SMALL.replace("[python3, vision.py]", "[x], until: {samples: 3}")
+
+    read = loaded(tmp_path, base, f"components: {{vision: {{{overlay}}}}}\n")
+
+    if "until" in overlay:
+        assert run(read).until == Elapsed(time=run(read).until.time)  # type: ignore[union-attr]  # it is one
+    else:
+        assert vision(read).apt == {"mean_response_time": AtMost(value=vision(read).apt["mean_response_time"].value)}
+        assert vision(read).apt["mean_response_time"].value == 7
+
+
+def test_a_place_is_in_the_file_that_said_it(tmp_path: Path) -> None:
+    read = loaded(tmp_path, SMALL, "components:\n  vision: {memory: 1 GiB}\n")
+
+    assert Path(read.places.value("components", "vision", "memory").file).name == "overlay-0.yaml"
+    assert Path(read.places.value("components", "vision", "criticality").file).name == "rarms.yaml"
+    assert read.places.key("components", "vision", "memory").line == 2
+
+
+def test_paths_are_relative_to_the_file_that_says_them(tmp_path: Path) -> None:
+    (tmp_path / "cells" / "tools").mkdir(parents=True)
+    (tmp_path / "cells" / "tools" / "x.py").touch()
+    says = "{command: [python3, tools/x.py, ./new.py, -v, tools/none.py], files: ['*.bin'], folder: work}"
+    overlay = write(tmp_path, f"components: {{vision: {{run: {says}}}}}\n", "cells/one.yaml")
+
+    read = load(write(tmp_path, SMALL), [overlay], today=date(2026, 1, 1), checks=no_checks)
+
+    assert run(read).start == Command(words=("python3", "cells/tools/x.py", "cells/new.py", "-v", "tools/none.py"))
+    assert (run(read).files, run(read).folder) == (("cells/*.bin",), "cells/work")
+
+
+@pytest.mark.parametrize("path", ["/opt/x", "C:\\x"])
+def test_an_absolute_path_stays(path: str) -> None:
+    assert moved_path(path, "a", "b") == path
+
+
+def test_a_path_may_lie_above() -> None:
+    assert moved_path("x", "cells", os.path.join("robots", "one")) == "../../cells/x"  # noqa: PTH118 - the caller's form
+
+
+def test_an_overlay_that_cannot_be_read_is_told(tmp_path: Path) -> None:
+    read = load(write(tmp_path, SMALL), [str(tmp_path / "none.yaml")], today=date(2026, 1, 1), checks=no_checks)
+
+    assert read.system is None
+    assert [one.code for one in read.diagnostics] == ["RARMS001"]
