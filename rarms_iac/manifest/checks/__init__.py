@@ -1,7 +1,9 @@
 """What can be told from the manifest alone: one check a file, each with its finding (DESIGN section 9)."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import date
+from functools import partial
+from pathlib import Path
 
 from rarms_iac.manifest.acceptance import FINDINGS as ABOUT_ACCEPTANCES
 from rarms_iac.manifest.acceptance import check_acceptances
@@ -21,10 +23,8 @@ from rarms_iac.manifest.checks import (
     more_processors_than_host,
     moved_from_existing,
     moved_in_a_circle,
-    moved_onto_one,
     no_common_host,
     no_components,
-    no_hosts,
     no_sample_in_time,
     nothing_kept_for_host,
     nothing_to_run,
@@ -59,7 +59,7 @@ from rarms_iac.manifest.checks.measured_without_log import DataLogs, LogsInFolde
 from rarms_iac.model.diagnostics import Diagnostic, Places, in_order
 from rarms_iac.model.system import System
 
-__all__ = ["CHECKS", "LOOKED_FOR", "DataLogs", "LogsInFolder", "run_checks"]
+__all__ = ["CHECKS", "LOOKED_FOR", "DataLogs", "LogsInFolder", "checks_beside", "run_checks"]
 
 CHECKS = (
     apart_in_one_partition,
@@ -76,10 +76,8 @@ CHECKS = (
     more_processors_than_host,
     moved_from_existing,
     moved_in_a_circle,
-    moved_onto_one,
     no_common_host,
     no_components,
-    no_hosts,
     no_sample_in_time,
     nothing_kept_for_host,
     nothing_to_run,
@@ -136,3 +134,8 @@ def run_checks(system: System, places: Places, today: date, *, logs: DataLogs | 
         yield from check_acceptances(system.policy, places, today)
 
     return in_order(tuple(told()))
+
+
+def checks_beside(folder: Path) -> Callable[[System, Places, date], tuple[Diagnostic, ...]]:
+    """`run_checks` for a manifest in that folder, whose data logs lie in `measurements/` beside it."""
+    return partial(run_checks, logs=LogsInFolder(folder / "measurements"))

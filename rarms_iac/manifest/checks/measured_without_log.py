@@ -51,5 +51,6 @@ def check(system: System, places: Places, logs: DataLogs) -> Iterator[Diagnostic
 
 
 def needs_a_log(component: Component) -> bool:
-    """Whether the reserve is said to be measured."""
-    return component.cpu.reserve is Measured.MEASURED
+    """Whether the reserve is said to be measured and can be; else RARMS077 or RARMS079 tells of it."""
+    can_be = bool(component.apt) and (component.run is not None or component.simulation is not None)
+    return component.cpu.reserve is Measured.MEASURED and can_be

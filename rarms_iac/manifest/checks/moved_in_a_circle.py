@@ -16,9 +16,10 @@ def check(system: System, places: Places) -> Iterator[Diagnostic]:
             seen.append(following)
         if following == old:
             path = " -> ".join([*seen, old])
+            why = "it would stay where it is" if len(seen) == 1 else "every plan would move them on again"
             yield FINDING.at(
                 places.key("moved", old),
-                f"{path}: the partition ends where it began.",
-                "Write one line a partition, from the name it has on the host to the name it is to have.",
+                f"{path}: {why}.",
+                "Let each line lead from a name that is no longer wanted to one that is.",
                 address=f"partition/{old}",
             )

@@ -16,8 +16,10 @@ def check(system: System, places: Places) -> Iterator[Diagnostic]:
     for section, name, cpu, hosts in wishes(system):
         wish = system.components[name] if section == "components" else system.partitions[name]
         count = wish.processors
+        if count is None:
+            continue
         reserves = [reserve for host in hosts if (reserve := fixed_reserve(cpu, host)) is not None]
-        if count is not None and reserves and min(reserves) > count:
+        if reserves and min(reserves) > count:
             yield FINDING.at(
                 places.value(section, name, "cpu", "reserve"),
                 f'"{name}" reserves {show_processors(min(reserves))}, and {_processors(count)} can be guaranteed '

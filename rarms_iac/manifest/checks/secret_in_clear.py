@@ -10,18 +10,11 @@ FINDING = Finding(code="RARMS090", severity=Severity.ERROR, summary="A secret st
 
 
 def check(system: System, places: Places) -> Iterator[Diagnostic]:
-    """Tells of credentials and connections that hold a secret themselves."""
-    for host in system.hosts.values():
-        if host.connect is not None and _holds_password(host.connect.ssh):
-            place = places.value("hosts", host.name, "connect", "ssh")
-            yield _told(place, f'"{host.name}"', f"host/{host.name}", "Use a key, or an agent, of ssh.")
+    """Tells of credentials that do not look like the name of one."""
     for partition in system.partitions.values():
         here = ("partitions", partition.name, "guest")
         guest = partition.guest
         where = f"partition/{partition.name}"
-        if guest.connect is not None and _holds_password(guest.connect.ssh):
-            place = places.value(*here, "connect", "ssh")
-            yield _told(place, f'"{partition.name}"', where, "Use a key, or an agent, of ssh.")
         if guest.credential is not None and not is_reference(guest.credential):
             advice = "Write the name under which it is kept: letters, digits and . _ / - only, as in `robot/guest`."
             yield _told(places.value(*here, "credential"), f'"{partition.name}"', where, advice)
@@ -34,11 +27,6 @@ _KEY = re.compile(r"(?=.*[a-z])(?=.*[A-Z])(?=.*[0-9])[A-Za-z0-9_-]{16,}")
 def is_reference(text: str) -> bool:
     """Whether it may be the name of a credential: no sign that only passwords have, and not as mixed as a key."""
     return _REFERENCE.fullmatch(text) is not None and _KEY.fullmatch(text) is None
-
-
-def _holds_password(target: str) -> bool:
-    user, at, _host = target.rpartition("@")
-    return bool(at) and ":" in user
 
 
 def _told(place: Place, of: str, where: str, advice: str) -> Diagnostic:

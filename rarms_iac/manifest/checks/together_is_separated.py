@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from rarms_iac.manifest.checks.common import entry_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity
-from rarms_iac.model.system import System
+from rarms_iac.model.system import Component, RunsOn, System
 
 FINDING = Finding(
     code="RARMS052", severity=Severity.ERROR, summary="Components that belong together are in different partitions"
@@ -17,7 +17,11 @@ def check(system: System, places: Places) -> Iterator[Diagnostic]:
     for component in system.components.values():
         for number, other in enumerate(component.together):
             here, there = entry.get(component.name), entry.get(other)
-            if other in system.components and here != there:
+            if (
+                here != there
+                and other in system.components
+                and _both_in_partitions(component, system.components[other])
+            ):
                 yield FINDING.at(
                     places.value("components", component.name, "together", number),
                     f'"{component.name}" belongs together with "{other}", but {_where(component.name, here)}, '
@@ -25,6 +29,11 @@ def check(system: System, places: Places) -> Iterator[Diagnostic]:
                     "List both in one partition, or remove the wish.",
                     address=f"component/{component.name}",
                 )
+
+
+def _both_in_partitions(one: Component, other: Component) -> bool:
+    """Whether neither runs on the host: that is RARMS046's to tell."""
+    return one.runs_on is other.runs_on is RunsOn.PARTITION
 
 
 def _where(name: str, partition: str | None) -> str:

@@ -21,7 +21,7 @@ def check(system: System, places: Places) -> Iterator[Diagnostic]:
             if theirs is not None and own is not None and theirs != own:
                 yield FINDING.at(
                     places.value("partitions", partition.name, "cpu", key),
-                    f'"{partition.name}" and its only component "{inside[0].name}" fix a different {key}.',
+                    f'The partition "{partition.name}" and its only component fix a different {key}.',
                     "Remove one of the two.",
                     address=f"partition/{partition.name}",
                     related=(

@@ -7,16 +7,22 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity
 from rarms_iac.model.spelling import suggestion
 from rarms_iac.model.system import System
 
+MOST_SUGGESTIONS = 20
+"""Names for which a near one is looked for: a file full of wrong names is told of at once all the same."""
+
 FINDING = Finding(code="RARMS042", severity=Severity.ERROR, summary="A name that nothing has")
 
 
 def check(system: System, places: Places) -> Iterator[Diagnostic]:
     """Tells of every host, component, partition or interference that is named and does not exist."""
+    told = 0
     for path, name, kind, known in _references(system):
         if name not in known:
+            told += 1
+            meant = suggestion(name, known) if told <= MOST_SUGGESTIONS else ""
             yield FINDING.at(
                 places.value(*path),
-                f'There is no {kind} "{name}".{suggestion(name, known)}',
+                f'There is no {kind} "{name}".{meant}',
                 f"Correct the name, or add the {kind}.",
                 address=_address(path),
             )
@@ -37,7 +43,8 @@ def _references(system: System) -> Iterator[tuple[tuple[str | int, ...], str, st
     if system.moved:
         partitions = partition_names(system)
         for old, new in system.moved.items():
-            yield ("moved", old), new, "partition", partitions
+            if new != old and system.moved.get(new) != old:  # else RARMS080 tells of it
+                yield ("moved", old), new, "partition", partitions
 
 
 def _listed(

@@ -15,7 +15,7 @@ def check(system: System, places: Places) -> Iterator[Diagnostic]:
         if name.lower() not in used:
             yield FINDING.at(
                 places.key("tasks", name),
-                f"No component says `task: {name}`; rarms writes the class all the same.",
+                f"No component says `task: {name}`: nothing would run in it.",
                 "Name it at a component, or remove it.",
                 address=f"task/{name}",
             )

@@ -56,9 +56,11 @@ def excerpt(line: str, place: Place, width: int) -> Excerpt:
 
 
 def _cut(before: str, under: str, after: str, width: int) -> Excerpt:
+    """Shortened where it is too long: the end first, for the key stands at the start."""
     under = _fitting(under, width // 2)
     room = width - columns(under) - 2 * len(ELLIPSIS)
-    start = before if columns(before) <= room // 2 else ELLIPSIS + _fitting(before[::-1], room // 2)[::-1]
+    fits = columns(before) <= room + len(ELLIPSIS)
+    start = before if fits else ELLIPSIS + _fitting(before[::-1], room * 2 // 3)[::-1]
     rest = width - columns(start) - columns(under)
     end = after if columns(after) <= rest else _fitting(after, rest - len(ELLIPSIS)) + ELLIPSIS
     return Excerpt(line=(start + under + end).rstrip(), before=columns(start), carets=max(columns(under), 1))

@@ -268,14 +268,12 @@ def test_a_credential_is_the_name_of_one(text: str, reference: bool) -> None:
 
 def test_secrets_do_not_stand_in_the_manifest() -> None:
     guest = Guest(credential="Tr0ub4dor&3")
-    host = a_host(connect=Connect(ssh="robot:secret@onboard"))
     written = a_run(environment={"CAMERA_PASSWORD": "opensesame", "CAMERA": "front"})
     taken = a_run(environment={"CAMERA_PASSWORD": FromEnvironment(name="CAMERA_PASSWORD")})
 
     assert found(a_system(partitions=[a_partition("vision", guest=guest)])) == [
         ("RARMS090", "partitions.vision.guest.credential")
     ]
-    assert ("RARMS090", "hosts.onboard.connect.ssh") in found(a_system(hosts=[host]))
     assert found(with_run(written)) == [("RARMS091", "components.vision.run.environment.CAMERA_PASSWORD")]
     assert found(with_run(taken)) == []
 
