@@ -7,6 +7,8 @@ import contextlib
 from datetime import date
 from pathlib import Path
 
+from rarms_iac.manifest.acceptance import apply_acceptances
+from rarms_iac.manifest.checks import LOOKED_FOR, checks_beside
 from rarms_iac.manifest.load import load
 from rarms_iac.views.diagnostics import OutputFormat, render
 
@@ -22,8 +24,13 @@ def findings_of(folder: Path) -> str:
     """What `rarms validate` tells in that folder."""
     with contextlib.chdir(folder):
         overlays = sorted(path.as_posix() for path in Path().rglob("*.yaml") if path.as_posix() != "rarms.yaml")
-        loaded = load("rarms.yaml", overlays, today=TODAY)
-    return render(OutputFormat.TEXT, loaded.diagnostics, loaded.sources)
+        loaded = load("rarms.yaml", overlays, today=TODAY, checks=checks_beside(Path()))
+    if loaded.system is None:
+        return render(OutputFormat.TEXT, loaded.diagnostics, loaded.sources)
+    kept, accepted = apply_acceptances(
+        loaded.diagnostics, loaded.system.policy, loaded.places, TODAY, looked_for=LOOKED_FOR
+    )
+    return render(OutputFormat.TEXT, kept, loaded.sources, accepted=accepted)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.manifest.checks import CHECKS
 from tests.cases.findings_of import case_folders, findings_of
 
 
@@ -17,3 +18,9 @@ def test_a_case_tells_what_it_should(folder: Path) -> None:
 @pytest.mark.parametrize("folder", case_folders(), ids=lambda folder: folder.name)
 def test_a_case_says_why_it_is_there(folder: Path) -> None:
     assert (folder / "WHY").read_text(encoding="utf-8").strip()
+
+
+def test_every_check_has_a_case() -> None:
+    told = "".join((folder / "expected.txt").read_text(encoding="utf-8") for folder in case_folders())
+
+    assert [check.FINDING.code for check in CHECKS if f"[{check.FINDING.code}]" not in told] == []
