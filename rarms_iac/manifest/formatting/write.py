@@ -48,9 +48,16 @@ def write_entry(entry: Entry, shape: Shape, indent: int) -> list[str]:
 
 def write_flow(node: Node, shape: Shape) -> str:
     """The value on one line, however long, as it stands inside a flow collection."""
-    written = _inline(node, shape, sys.maxsize)
+    written = _inline(_all_flow(node), shape, sys.maxsize)
     assert written is not None, "a new value has no comments and is all flow"
     return written
+
+
+def _all_flow(node: Node) -> Node:
+    if isinstance(node, Scalar):
+        return node
+    entries = [Entry(entry.key, _all_flow(entry.value), []) for entry in node.entries]
+    return Collection(node.is_mapping, True, node.column, node.start, node.end, entries)
 
 
 def write_key(key: str, *, flow: bool) -> str:

@@ -1,0 +1,22 @@
+"""The manifest that `rarms init` writes."""
+
+import re
+
+from rarms_iac.manifest.edit import set_value
+from rarms_iac.model.names import WINDOWS_DEVICES
+from rarms_iac.storage.shipped import shipped
+
+_LONGEST = 63
+_WITHOUT_A_NAME = "my-application"
+
+
+def initial_manifest(name: str) -> str:
+    """A commented manifest of an application of this name, which validates and plans on a simulated host."""
+    template = shipped("templates/init/rarms.yaml").read_text(encoding="utf-8")
+    return set_value(template, ("application", "name"), name)
+
+
+def name_from(folder: str) -> str:
+    """The name of a folder as an application may be called: `My Robot (2)` -> `my-robot-2`."""
+    name = re.sub(r"[^a-z0-9]+", "-", folder.lower()).strip("-")[:_LONGEST].strip("-")
+    return _WITHOUT_A_NAME if name == "" or name in WINDOWS_DEVICES else name

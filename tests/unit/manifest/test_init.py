@@ -1,0 +1,40 @@
+"""What `rarms init` writes."""
+
+from datetime import date
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rarms_iac.manifest.checks import run_checks
+from rarms_iac.manifest.fmt import format_text
+from rarms_iac.manifest.init import initial_manifest, name_from
+from rarms_iac.manifest.load import load
+from rarms_iac.model.names import is_name
+
+
+def test_the_first_manifest_is_valid_and_canonical_and_has_nothing_to_complain_about(tmp_path: Path) -> None:
+    text = initial_manifest("conveyor")
+    (tmp_path / "rarms.yaml").write_text(text, encoding="utf-8", newline="\n")
+
+    loaded = load(str(tmp_path / "rarms.yaml"), today=date(2026, 11, 21), checks=run_checks)
+
+    assert loaded.diagnostics == ()
+    assert loaded.system is not None
+    assert loaded.system.application.name == "conveyor"
+    assert format_text(text, "rarms.yaml") == text
+    assert text.count("#") > 10
+
+
+@pytest.mark.parametrize(
+    ("folder", "name"),
+    [("robot", "robot"), ("My Robot (2)", "my-robot-2"), ("...", "my-application"), ("NUL", "my-application")],
+)
+def test_a_folder_gives_its_name(folder: str, name: str) -> None:
+    assert name_from(folder) == name
+
+
+@given(st.text())
+def test_any_folder_gives_a_name_that_may_be(folder: str) -> None:
+    assert is_name(name_from(folder))

@@ -1,0 +1,102 @@
+"""The manifest's reference says what the format is."""
+
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+
+from rarms_iac.manifest.fmt import format_text
+from rarms_iac.manifest.formatting.shape import MANIFEST, Shape
+from rarms_iac.manifest.json_schema import manifest_schema
+from rarms_iac.manifest.reading import read_text
+from rarms_iac.manifest.reference import examples, reference_markdown
+
+_NAMED = {"HostBlock", "ComponentBlock", "PartitionBlock", "TaskBlock", "AcceptanceBlock"}
+_NAMED |= {"BusyLoopBlock", "BrowserBlock", "CommandLoadBlock"}
+
+
+def test_the_page_is_the_generated_one() -> None:
+    page = Path(__file__).parents[3] / "docs" / "manifest.md"
+
+    assert page.read_text(encoding="utf-8") == reference_markdown()
+
+
+def test_every_block_and_key_has_its_place_on_the_page() -> None:
+    page = reference_markdown()
+
+    for block in _blocks().values():
+        assert all(f"| `{key}` |" in page for key in block["properties"])
+        assert block["description"] in page
+
+
+@pytest.mark.parametrize("name", examples())
+def test_every_example_is_valid_and_canonical(name: str) -> None:
+    text = examples()[name]
+    value: Any = read_text(text.encode(), "example", "").value
+    if name != "ManifestDocument":
+        value = next(iter(value.values()))
+    document = manifest_schema()
+    schema = document if name == "ManifestDocument" else document["$defs"].get(name)
+    if name == "apt":
+        schema = document["$defs"]["ComponentBlock"]["properties"]["apt"]
+
+    for one in value.values() if name in _NAMED else [value]:
+        jsonschema.validate(one, {**schema, "$defs": document["$defs"]})
+    assert format_text(text, "example") == text
+
+
+def test_the_formatter_knows_exactly_the_keys_that_there_are() -> None:
+    document = manifest_schema()
+
+    assert _shape_keys(MANIFEST) == _schema_keys(document, document)
+
+
+def test_the_formatter_knows_exactly_the_quantities_that_there_are() -> None:
+    document = manifest_schema()
+
+    assert _quantities(MANIFEST) == _schema_quantities(document, document)
+
+
+def _blocks() -> dict[str, Any]:
+    return {name: one for name, one in manifest_schema()["$defs"].items() if "properties" in one}
+
+
+def _shape_keys(shape: Shape, path: str = "") -> set[str]:
+    inner = [(f"{path}.{key}", one) for key, one in shape.keys.items()]
+    if shape.each:
+        inner.append((f"{path}.*", shape.each))
+    return {there for there, _ in inner if there[-1] != "*"}.union(*(_shape_keys(one, there) for there, one in inner))
+
+
+def _quantities(shape: Shape, path: str = "") -> set[str]:
+    inner = [(f"{path}.{key}", one) for key, one in shape.keys.items()]
+    if shape.each:
+        inner.append((f"{path}.*", shape.each))
+    return ({path} if shape.is_quantity else set()).union(*(_quantities(one, there) for there, one in inner))
+
+
+def _inside(schema: Any, document: Any, path: str) -> list[tuple[str, Any]]:
+    """Paths and schemas right below a schema; performance indexes count as names."""
+    inner: list[tuple[str, Any]] = []
+    for one in [schema, *schema.get("oneOf", ()), *schema.get("anyOf", ())]:
+        there = document["$defs"].get(one.get("$ref", "").removeprefix("#/$defs/"), one)
+        indexes = "patternProperties" in there
+        for key, value in there.get("properties", {}).items():
+            inner.append((f"{path}.{'*' if indexes else key}", value))
+        if isinstance(below := there.get("additionalProperties"), dict):
+            inner.append((f"{path}.*", below))
+        if there is not one and there.get("oneOf") and "properties" not in there:
+            inner += _inside(there, document, path)
+    return inner
+
+
+def _schema_keys(schema: Any, document: Any, path: str = "") -> set[str]:
+    inner = _inside(schema, document, path)
+    keys = {there for there, _ in inner if there[-1] != "*"}
+    return keys.union(*(_schema_keys(one, document, there) for there, one in inner))
+
+
+def _schema_quantities(schema: Any, document: Any, path: str = "") -> set[str]:
+    here = {path} if any("examples" in one for one in [schema, *schema.get("anyOf", ())]) else set()
+    return here.union(*(_schema_quantities(one, document, there) for there, one in _inside(schema, document, path)))
