@@ -1,0 +1,147 @@
+"""Every example in manifests/ is what it shows: valid, canonical, and runnable where it says that it runs."""
+
+import json
+import subprocess
+import sys
+from datetime import date
+from typing import Any
+
+import jsonschema
+import pytest
+
+from rarms_iac.manifest.checks import run_checks
+from rarms_iac.manifest.fmt import format_text
+from rarms_iac.manifest.json_schema import manifest_schema
+from rarms_iac.manifest.load import Loaded, load
+from rarms_iac.manifest.reading import read_text
+from rarms_iac.model.diagnostics import Severity
+from rarms_iac.model.quantities import ProcessorTime, ShareOfHost
+from rarms_iac.storage.shipped import shipped
+
+MANIFESTS = shipped("manifests")
+EXAMPLES = sorted(path.parent.name for path in MANIFESTS.glob("*/rarms.yaml"))
+TEXTS = sorted(path.relative_to(MANIFESTS).as_posix() for path in MANIFESTS.glob("*/*.yaml"))
+ROBOT = MANIFESTS / "delivery-robot"
+TODAY = date(2026, 11, 21)
+
+
+def loaded(example: str, *overlays: str) -> Loaded:
+    folder = MANIFESTS / example
+    return load(
+        str(folder / "rarms.yaml"), [str(folder / overlay) for overlay in overlays], today=TODAY, checks=run_checks
+    )
+
+
+def test_the_examples_that_were_promised_are_there() -> None:
+    assert {"delivery-robot", "two-hosts", "fleet", "hyperv-cell", "partitions"} <= set(EXAMPLES)
+    index = (MANIFESTS / "README.md").read_text(encoding="utf-8")
+    assert all(f"({example}/rarms.yaml)" in index for example in EXAMPLES)
+
+
+@pytest.mark.parametrize(
+    ("example", "overlays"),
+    [*((example, ()) for example in EXAMPLES), ("fleet", ("robot-1.yaml",)), ("fleet", ("robot-7.yaml",))],
+)
+def test_an_example_has_nothing_to_complain_about(example: str, overlays: tuple[str, ...]) -> None:
+    result = loaded(example, *overlays)
+
+    assert result.system is not None
+    assert [one for one in result.diagnostics if one.severity is not Severity.NOTE] == []
+
+
+@pytest.mark.parametrize("text", TEXTS)
+def test_an_example_is_canonical_and_says_what_it_shows(text: str) -> None:
+    written = (MANIFESTS / text).read_bytes().decode()
+
+    assert format_text(written, text) == written
+    assert written.startswith("# ")
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_an_example_is_valid_for_any_json_schema_library(example: str) -> None:
+    values = read_text((MANIFESTS / example / "rarms.yaml").read_bytes(), example, "").value
+
+    jsonschema.Draft202012Validator(manifest_schema()).validate(values)
+
+
+def test_the_robot_has_the_four_components_of_the_paper_and_their_fixed_reserves() -> None:
+    system = loaded("delivery-robot").system
+
+    assert system is not None
+    reserves = {name: one.cpu.reserve for name, one in system.components.items()}
+    assert {name: one.percent for name, one in reserves.items() if isinstance(one, ShareOfHost)} == {
+        "face-detection": 40,
+        "speech-recognition": 30,
+        "path-planning": 20,
+        "video-streaming": 10,
+    }
+    assert set(system.interference) >= {"busy-loop", "browsers"}
+
+
+def test_reserves_may_be_processors() -> None:
+    system = loaded("two-hosts").system
+
+    assert system is not None
+    assert isinstance(system.components["parcel-detection"].cpu.reserve, ProcessorTime)
+
+
+def test_overlays_change_what_they_say_and_nothing_else() -> None:
+    base, one, seven = (
+        loaded("fleet").system,
+        loaded("fleet", "robot-1.yaml").system,
+        loaded("fleet", "robot-7.yaml").system,
+    )
+
+    assert base is not None
+    assert one is not None
+    assert seven is not None
+    assert set(base.components) - set(one.components) == {"door-opening"}
+    assert set(seven.components) - set(base.components) == {"arm"}
+    assert (one.hosts["onboard"].logical_processors, seven.hosts["onboard"].logical_processors) == (2, 4)
+
+
+def _output(program: str, jobs: int) -> list[str]:
+    command = [sys.executable, "-B", f"components/{program}.py", str(jobs)]
+    done = subprocess.run(command, cwd=ROBOT, capture_output=True, text=True, encoding="utf-8", timeout=60, check=True)
+    return done.stdout.splitlines()
+
+
+def test_faces_are_found_where_they_are() -> None:
+    samples: list[Any] = [json.loads(line) for line in _output("face_detection", 3)]
+
+    assert [sample["found"] for sample in samples] == [True, True, True]
+    assert all(sample["response"] > 0 for sample in samples)
+
+
+def test_commands_are_understood_in_the_form_that_the_manifest_reads() -> None:
+    import re2
+
+    system = loaded("delivery-robot").system
+    assert system is not None
+    run = system.components["speech-recognition"].run
+    assert run is not None
+    found = [re2.search(run.samples.pattern, line) for line in _output("speech_recognition", 20)]
+
+    assert sum(one is not None and one["success"] == "1" for one in found) >= 19
+    assert all(one is not None and float(one["response"]) > 0 for one in found)
+
+
+def test_video_is_streamed_frame_by_frame() -> None:
+    frames: list[Any] = [json.loads(line) for line in _output("video_streaming", 3)]
+
+    assert [frame["frames"] for frame in frames] == [1, 1, 1]
+    assert all(0 < frame["bytes"] < 320 * 240 for frame in frames)
+
+
+def test_ways_are_planned_around_obstacles() -> None:
+    code = (
+        "from components.path_planning import SIZE, plan, shortest\n"
+        "goal = (SIZE - 1, SIZE - 1)\n"
+        "assert shortest(set(), (0, 0), goal) == 2 * (SIZE - 1) + 2, 'straight, one turn, straight'\n"
+        "assert shortest({(1, 0), (0, 1)}, (0, 0), goal) is None, 'walled in'\n"
+        "assert plan() > 2 * (SIZE - 1)\n"
+    )
+
+    done = subprocess.run([sys.executable, "-B", "-c", code], cwd=ROBOT, capture_output=True, text=True, timeout=60)
+
+    assert (done.returncode, done.stderr) == (0, "")
