@@ -1,0 +1,124 @@
+"""A process killed at any effect on the host's files, and the same apply again: the same end, and nothing is asked.
+
+The whole of a small apply in one process; `tests/system` does the same to the command.
+"""
+
+import shutil
+from contextlib import suppress
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.apply.execute import apply_plan, finish_unfinished
+from rarms_iac.apply.prepare import Request, prepare
+from rarms_iac.apply.reports import Ending, RunReport, SilentReporter
+from rarms_iac.apply.undo import undo
+from rarms_iac.model.diagnostics import Place
+from rarms_iac.model.plan import Plan
+from rarms_iac.model.state import Partition
+from rarms_iac.model.system import System
+from rarms_iac.providers.simulated.run import SimulatedHostProvider
+from rarms_iac.storage import disk
+from tests import builders
+from tests.crashing import Crash, CrashingDisk, When
+
+FIRST = builders.a_system(
+    hosts=[builders.a_host()],
+    components=[builders.a_component("vision", reserve="40 %"), builders.a_component("speech", reserve="30 %")],
+)
+SECOND = builders.a_system(
+    hosts=[builders.a_host()],
+    components=[
+        builders.a_component("vision", reserve="20 %", task="ObjectIdentification", memory="256 MiB"),
+        builders.a_component("driving", reserve="40 %", processors=1),
+    ],
+    tasks=[builders.a_task("ObjectIdentification")],
+)
+
+
+class Nowhere:
+    """Places in a manifest that nobody wrote."""
+
+    def value(self, *path: str | int) -> Place:
+        return Place(file="rarms.yaml", line=1, column=1, path=".".join(map(str, path)))
+
+    def key(self, *path: str | int) -> Place:
+        return self.value(*path)
+
+
+def a_host(folder: Path) -> SimulatedHostProvider:
+    return SimulatedHostProvider(builders.a_host(), folder / ".rarms" / "hosts" / "onboard.json")
+
+
+def a_plan(system: System, host: SimulatedHostProvider) -> Plan:
+    request = Request(
+        system=system, places=Nowhere(), manifest="rarms.yaml", manifest_digest="0" * 12, today=date(2026, 1, 1)
+    )
+    prepared = prepare(request, {host.name: host.observe()})
+    assert prepared.plan is not None, prepared.findings
+    return prepared.plan
+
+
+def apply_again(system: System, folder: Path) -> RunReport:
+    """What `rarms apply --auto-approve` does: finish what was begun and go no further, or plan and apply."""
+    host = a_host(folder)
+    with host.lock("ann@lab"):
+        finished = finish_unfinished([host], SilentReporter(), lambda: False)
+        if finished is not None:
+            return finished
+        return apply_plan(a_plan(system, host), {host.name: host}, "ann@lab", SilentReporter(), lambda: False)
+
+
+def settled(folder: Path) -> Path:
+    """A folder whose host has the first system applied."""
+    folder.mkdir()
+    assert apply_again(FIRST, folder).ending is Ending.DONE
+    return folder
+
+
+def as_left(host: SimulatedHostProvider) -> list[Partition]:
+    """The machines, without the ids and marks that are new with every machine."""
+    return [replace(one, id="", mark=None) for one in host.observe().partitions]
+
+
+def test_applied_twice_changes_nothing_and_undo_brings_all_back_but_the_serial(tmp_path: Path) -> None:
+    folder = settled(tmp_path / "host")
+    before = as_left(a_host(folder))
+
+    assert apply_again(SECOND, folder).ending is Ending.DONE
+    assert not a_plan(SECOND, a_host(folder)).has_changes
+    assert undo(a_host(folder), "ann@lab", SilentReporter(), lambda: False).ending is Ending.DONE
+
+    assert as_left(a_host(folder)) == before
+    assert dict(a_host(folder).observe().serials) == {"robot": 3}
+
+
+def go_on(folder: Path) -> None:
+    """Run the same command until it has nothing to do: once where the run was begun, twice where it was not."""
+    for _ in range(2):
+        journal = a_host(folder).journal()
+        unfinished = journal is not None and journal.unfinished
+        if unfinished or a_plan(SECOND, a_host(folder)).has_changes:
+            assert apply_again(SECOND, folder).ending is Ending.DONE
+
+
+@pytest.mark.parametrize("when", [When.HALF, When.AFTER])  # before an effect is after the one before it
+def test_a_killed_apply_run_again_reaches_the_same_end(tmp_path: Path, when: When) -> None:
+    undisturbed = settled(tmp_path / "undisturbed")
+    counting = CrashingDisk(0)
+    with disk.use(counting):
+        assert apply_again(SECOND, undisturbed).ending is Ending.DONE
+    end = a_host(undisturbed).observe()
+    assert len(counting.effects) > 50
+
+    start = settled(tmp_path / "start")
+    for at in range(1, len(counting.effects) + 1):
+        folder = tmp_path / str(at)
+        shutil.copytree(start, folder)
+        with disk.use(CrashingDisk(at, when)), suppress(Crash):
+            apply_again(SECOND, folder)
+        with disk.use(CrashingDisk(0)):
+            go_on(folder)
+        assert a_host(folder).observe() == end, counting.effects[at - 1]
