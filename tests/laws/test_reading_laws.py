@@ -1,0 +1,96 @@
+"""Whatever stands in a manifest: it is told in words with a place, and never raises."""
+
+import copy
+import json
+import random
+from datetime import date
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from rarms_iac.manifest.document.manifest import ManifestDocument
+from rarms_iac.manifest.errors import in_words
+from rarms_iac.manifest.load import load
+from rarms_iac.manifest.nodes import plain, read_nodes
+from rarms_iac.manifest.places import ManifestPlaces
+from rarms_iac.manifest.reading import read_text
+from rarms_iac.model.diagnostics import Severity
+from tests.effort import examples
+from tests.laws.test_schema_agrees import DOCUMENT, _mutate
+from tests.unit.manifest.examples import EVERYTHING
+
+SCRAPS = [
+    *"abc-:,?#&*!|>'\"%@`[]{}\n\t \\0",
+    "\n  ",
+    ": ",
+    "- ",
+    "---\n",
+    "...\n",
+    "<<: ",
+    "&a ",
+    "*a ",
+    "!x ",
+    "\\u202e",
+    "é",
+]
+YAML = st.lists(st.sampled_from(SCRAPS), max_size=40).map("".join)
+
+
+@settings(max_examples=examples(400))
+@given(st.one_of(YAML.map(str.encode), st.binary(max_size=60)))
+def test_any_bytes_are_read_or_told(data: bytes) -> None:
+    read = read_text(data, "rarms.yaml", ".")
+
+    errors = [one for one in read.diagnostics if one.severity is Severity.ERROR]
+    assert read.readable or errors
+    assert all(one.place and one.place.line >= 1 and one.place.column >= 1 for one in errors)
+    lines = list(read.source.lines)
+    assert all(one.place and one.place.line <= len(lines) for one in errors)
+
+
+@settings(max_examples=examples(400))
+@given(YAML)
+def test_positions_and_values_come_from_the_same_text(text: str) -> None:
+    read = read_text(text.encode(), "rarms.yaml", ".")
+
+    if read.readable:
+        assert plain(read_nodes(read.source)) == read.value
+
+
+@settings(max_examples=examples(200))
+@given(st.integers(min_value=0, max_value=2**32))
+def test_every_error_has_words_of_its_own(seed: int) -> None:
+    document = copy.deepcopy(DOCUMENT)
+    dice = random.Random(seed)
+    for _ in range(4):
+        _mutate(document, dice)
+    text = json.dumps(document, ensure_ascii=True)
+    read = read_text(text.encode(), "rarms.yaml", ".")
+    if not read.readable:
+        return
+
+    try:
+        ManifestDocument.model_validate(read.value)
+    except ValidationError as problem:
+        told = in_words(problem, read.value, ManifestPlaces(lambda: read_nodes(read.source)))
+        assert "RARMS029" not in {one.code for one in told}
+        assert all(one.place and one.place.file == "rarms.yaml" and one.detail and one.advice for one in told)
+        assert not any("rarms_" in one.detail or "Input should" in one.detail for one in told)
+
+
+@settings(max_examples=examples(100))
+@given(st.data())
+def test_a_manifest_with_a_line_lost_or_changed_never_raises(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    lines = EVERYTHING.splitlines()
+    at = data.draw(st.integers(min_value=0, max_value=len(lines) - 1))
+    lines[at : at + 1] = [data.draw(st.sampled_from(["", "  x", lines[at][1:], lines[at][:-1], lines[at] * 2, "\t"]))]
+    path = tmp_path_factory.getbasetemp() / "rarms.yaml"
+    path.write_text("\n".join(lines), encoding="utf-8", newline="\n")
+
+    loaded = load(str(path), today=date(2026, 1, 1))
+
+    assert loaded.system is not None or loaded.has_errors
