@@ -16,6 +16,10 @@ _TAGGED = (("interference", "*"), ("components", "*", "run", "arrival"), ("compo
 """Where pydantic puts the name of an alternative into the path; it is not in the text."""
 
 
+MOST = 1000
+"""Errors told of one document: who made more mends a generator, and would wait a minute for 400,000 of them."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
     """One error, and what the manifest says at its place."""
@@ -39,8 +43,11 @@ class Case:
 
 
 def in_words(problem: ValidationError, document: Any, places: Places) -> list[Diagnostic]:
-    """Every error of the document as a finding."""
-    return [_told(_case(error, document, places)) for error in problem.errors(include_url=False)]
+    """Every error of the document as a finding; of more than `MOST`, the first ones and how many follow."""
+    errors = problem.errors(include_url=False, include_input=False)
+    told = [_told(_case(error, document, places)) for error in errors[:MOST]]
+    more = len(errors) - len(told)
+    return [*told, structure.and_more(more, told[-1].place)] if more else told
 
 
 def _told(case: Case) -> Diagnostic:

@@ -10,7 +10,7 @@ from rarms_iac.manifest.document.texts import FORMS
 from rarms_iac.manifest.places import dotted
 from rarms_iac.manifest.shape import choices_at, described, keys_at
 from rarms_iac.manifest.suggestions import did_you_mean, nearest, nearest_unit
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
 from rarms_iac.model.indexes import INDEXES
 from rarms_iac.model.names import NAME_PATTERN, TASK_PATTERN
 
@@ -32,6 +32,8 @@ NOTHING_THERE = Finding(code="RARMS026", severity=Severity.ERROR, summary="Nothi
 WRONG_FORM = Finding(code="RARMS027", severity=Severity.ERROR, summary="A text in the wrong form")
 NO_SUCH_DAY = Finding(code="RARMS028", severity=Severity.ERROR, summary="A day that is not in the calendar")
 NOT_READ = Finding(code="RARMS029", severity=Severity.ERROR, summary="A value that cannot be read")
+
+AND_MORE = Finding(code="RARMS030", severity=Severity.ERROR, summary="More errors than are shown")
 
 _KINDS = {
     "string_type": "a text",
@@ -276,6 +278,11 @@ def _foreign_block(case: Case) -> Diagnostic:
 
 def _no_such_day(case: Case) -> Diagnostic:
     return NO_SUCH_DAY.at(case.place, f"{case.name} is {case.value}; there is no such day.", "Check month and day.")
+
+
+def and_more(number: int, after: Place | None) -> Diagnostic:
+    """Says how many errors follow the last one shown."""
+    return AND_MORE.at(after, f"{number:,} more errors follow.", "Mend those that are shown first.")
 
 
 def otherwise(case: Case) -> Diagnostic:

@@ -56,6 +56,8 @@ class ManifestDocument(Block):
         try:
             made = handler(value)
         except ValidationError as problem:
+            if not broken:
+                raise
             raise with_rules(problem, broken) from None
         if broken:
             raise ValidationError.from_exception_data(cls.__name__, broken)

@@ -67,3 +67,11 @@ def test_lines_of_the_sources_are_there_to_be_shown(tmp_path: Path) -> None:
     (lines,) = read.sources.values()
 
     assert lines[1] == "application: {name: robot}"
+
+
+def test_a_flood_of_errors_is_counted(tmp_path: Path) -> None:
+    flood = "".join(f"key-{number}: x\n" for number in range(1500))
+
+    codes = [one.code for one in loaded(tmp_path, SMALL + flood).diagnostics]
+
+    assert (len(codes), codes.count("RARMS015"), codes.count("RARMS030")) == (1001, 1000, 1)

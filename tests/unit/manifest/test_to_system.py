@@ -1,0 +1,179 @@
+"""What a manifest says arrives in the System, exact and whole."""
+
+from datetime import date
+from fractions import Fraction
+
+from rarms_iac.manifest.document.manifest import ManifestDocument
+from rarms_iac.manifest.reading import read_text
+from rarms_iac.manifest.to_system import to_system
+from rarms_iac.model import system as m
+from rarms_iac.model.quantities import Bytes, LogicalProcessors, Milliseconds, Percent, ProcessorTime, ShareOfHost
+from tests.unit.manifest.examples import EVERYTHING
+
+MIB = 2**20
+
+
+def ms(value: str) -> Milliseconds:
+    return Milliseconds(Fraction(value))
+
+
+def system_of(text: str) -> m.System:
+    return to_system(ManifestDocument.model_validate(read_text(text.encode(), "rarms.yaml", ".").value))
+
+
+SYSTEM = system_of(EVERYTHING)
+
+
+def test_hosts() -> None:
+    assert SYSTEM.hosts["onboard"] == m.Host(
+        name="onboard",
+        provider=m.ProviderKind.SIMULATED,
+        logical_processors=4,
+        memory=Bytes(8192 * MIB),
+        keep_for_host=m.KeepForHost(
+            processor=ProcessorTime(LogicalProcessors(Fraction(1, 2))), memory=Bytes(1024 * MIB)
+        ),
+        platform="atom",
+        connect=None,
+        settings=m.SimulatedHost(
+            windows_build=20348,
+            guest_windows_build=19045,
+            scheduler=m.SchedulerType.CORE,
+            smt=True,
+            faults={
+                "no-start": m.Fault(
+                    operation="start_partition",
+                    at="partition/vision",
+                    effect=m.FaultEffect.REFUSE,
+                    delay=ms("2000"),
+                    times=1,
+                )
+            },
+        ),
+    )
+    assert SYSTEM.hosts["server"].connect == m.Connect(ssh="operator@server", shell="powershell")
+    assert SYSTEM.hosts["server"].settings == m.HypervHost(
+        switch="robots", image="D:\\images\\base.vhdx", vm_path="D:\\machines"
+    )
+    assert SYSTEM.hosts["bench"].settings == m.LinuxHost(control_groups="v2")
+    assert SYSTEM.hosts["bench"].platform == "bench"
+
+
+def test_a_component() -> None:
+    assert SYSTEM.components["vision"] == m.Component(
+        name="vision",
+        criticality=40,
+        apt={
+            "mean_response_time": m.AtMost(value=Fraction(100)),
+            "p99.9_response_time": m.AtMost(value=Fraction(1000)),
+            "jitter": m.AtMost(value=Fraction(10)),
+            "success_rate": m.AtLeast(value=Fraction(95)),
+            "throughput": m.AtLeast(value=Fraction(24)),
+            "deadline_miss_rate": m.AtMost(value=Fraction(1)),
+        },
+        run=m.Run(
+            start=m.Command(words=("python3", "components/vision.py", "--fast")),
+            files=("components/models/*.bin",),
+            environment={"LEVEL": "3", "TOKEN": m.FromEnvironment(name="VISION_TOKEN")},
+            folder="work",
+            until=m.SampleCount(samples=200),
+            timeout=ms("30000"),
+            stop=m.Stop(signal="INT", grace=ms("2000")),
+            arrival=m.Periodic(period=ms("33")),
+            samples=m.Samples(
+                source="pattern",
+                pattern="^ok=(?P<ok>[01]) ms=(?P<ms>[0-9.]+) n=(?P<n>[0-9]+)",
+                response_time=m.Field(name="ms"),
+                success=m.Field(name="ok"),
+                count=m.Field(name="n"),
+            ),
+            deadline=ms("40"),
+            failures=2,
+        ),
+        memory=Bytes(512 * MIB),
+        processors=2,
+        cpu=m.CpuWish(
+            reserve=ProcessorTime(LogicalProcessors(Fraction(7, 5))),
+            limit=ShareOfHost(Percent(Fraction(80))),
+            weight=200,
+        ),
+        together=("speech",),
+        apart=("planning",),
+        dedicated=False,
+        task="ObjectIdentification",
+        hosts=("onboard", "server"),
+        runs_on=m.RunsOn.PARTITION,
+        interference="browsers",
+        simulation=m.Simulation(
+            work=ms("61.6"), blocked=ms("26.4"), varies=Percent(Fraction(5)), threads=2, success_within=ms("90")
+        ),
+    )
+
+
+def test_what_is_left_out_has_its_default() -> None:
+    planning, speech = SYSTEM.components["planning"], SYSTEM.components["speech"]
+
+    assert (planning.memory, planning.runs_on, planning.cpu) == (512 * MIB, m.RunsOn.HOST, m.CpuWish())
+    assert speech.run is not None
+    assert speech.run.start == m.Call(module="components.speech", function="listen")
+    assert (speech.run.until, speech.run.deadline) == (m.Elapsed(time=ms("60000")), None)
+    assert (speech.run.timeout, speech.run.stop) == (ms("60000"), m.Stop())
+    assert speech.cpu.reserve is m.Measured.MEASURED
+
+
+def test_the_deadline_of_a_periodic_job_is_its_period() -> None:
+    run = system_of(EVERYTHING.replace("      deadline: 40 ms\n", "")).components["vision"].run
+
+    assert run is not None
+    assert run.deadline == ms("33")
+
+
+def test_a_component_without_thresholds_reserves_nothing_unless_it_says_so() -> None:
+    text = EVERYTHING.replace("  planning: { criticality: 20, runs_on: host }", "  planning: { criticality: 20 }")
+
+    assert system_of(text).components["planning"].cpu.reserve is None
+
+
+def test_partitions() -> None:
+    assert SYSTEM.partitions["senses"] == m.PartitionWish(
+        name="senses",
+        components=("vision", "speech"),
+        processors=2,
+        memory=Bytes(2048 * MIB),
+        cpu=m.CpuWish(reserve=ShareOfHost(Percent(Fraction(60))), weight=100),
+        protect=True,
+        start=m.StartMode.MANUAL,
+        hyperv=m.HypervPartition(generation=1, switch="other", image="x.vhd", vm_path="y"),
+        guest=m.Guest(connect=m.Connect(ssh="robot@senses"), credential="senses-admin"),
+    )
+
+
+def test_a_partition_holds_the_component_of_its_name() -> None:
+    assert system_of(EVERYTHING + "").partitions["senses"].components == ("vision", "speech")
+    text = EVERYTHING.replace("    components: [vision, speech]\n", "")
+    assert system_of(text).partitions["senses"].components == ("senses",)
+
+
+def test_the_rest() -> None:
+    assert SYSTEM.interference == {
+        "busy-loop": m.BusyLoop(),
+        "busy": m.BusyLoop(threads=2),
+        "browsers": m.Browser(instances=5),
+        "disk": m.CommandLoad(command=("fio", "disk.fio"), instances=2),
+    }
+    assert SYSTEM.tasks == {
+        "ObjectIdentification": m.TaskWish(name="ObjectIdentification", category=m.TaskCategory.MEDIUM, priority=6),
+        "Pro Audio": m.TaskWish(
+            name="Pro Audio", category=m.TaskCategory.LOW, background_priority=3, replace_shipped=True
+        ),
+    }
+    accept = m.Acceptance(code="RARMS041", at=("partition/senses",), reason="Known.", until=date(2027, 1, 31))
+    assert SYSTEM.policy == m.Policy(
+        interference="busy",
+        minimise=m.Minimise.RESERVATION,
+        headroom=m.Headroom.EQUAL,
+        max_disruption=m.Disruption.PARTITION_STOP,
+        accept={"RARMS041": accept},
+    )
+    assert SYSTEM.moved == {"ears": "senses"}
+    assert SYSTEM.application == m.Application(name="cell-7", description="Says everything.")
