@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 GLOSSARY = Path(__file__).parents[2] / "docs" / "glossary.md"
-WORDS = """CoI|compound CoI|PI|APT|criticality|interfering load|partition|CR|LP|component|compute_minimum_cpu_reservation
+WORDS = """CoI|compound CoI|PI|APT|criticality|interfering load|partition|CR|LP|component
+compute_minimum_cpu_reservation
 combine_components|tune_performance_to_use_less_resource|manifest|desired|observed|resource|address|provider|action
 change|step|plan|drift|apply|journal|data log|configuration log|overlay|layout|disruption|mark|serial|setting|platform
 finding|diagnostic|acceptance|task class|reserve|limit|weight|snapshot|undo|lock|curve|RC SS|MMCSS"""
