@@ -1,11 +1,34 @@
 """Files that a user asks for: whole or not at all, and told about where they cannot be written."""
 
 import stat
+import sys
 from pathlib import Path
 
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.problems import Halted, not_written
+from rarms_iac.cli.problems import Halted, not_read, not_written
+from rarms_iac.model.diagnostics import Finding
 from rarms_iac.storage.replace import replace
+
+STANDARD_INPUT = "-"
+
+
+def read_file(path: str, limit: int, finding: Finding) -> bytes:
+    """The bytes of a regular file, or of standard input for `-`; one byte more than the limit shows that it is larger.
+
+    Raises:
+        Halted: it cannot be read; `finding` tells of what it was to be.
+    """
+    advice = f"Give the path of another file. `rarms explain {finding.code}` tells what it has to be."
+    if path == STANDARD_INPUT:
+        return sys.stdin.buffer.read(limit + 1)
+    try:
+        if not stat.S_ISREG(Path(path).stat().st_mode):
+            raise Halted(ExitCode.FAILED, [not_read(path, "it is not a regular file", advice)])
+        with Path(path).open("rb") as file:
+            return file.read(limit + 1)
+    except (OSError, ValueError) as error:
+        says = (error.strerror if isinstance(error, OSError) else "") or str(error)
+        raise Halted(ExitCode.FAILED, [not_read(path, says, advice)]) from error
 
 
 def write_file(path: str, data: bytes) -> None:

@@ -124,6 +124,16 @@ def host_or_snapshot_options(function: F) -> F:
     )
 
 
+def target_option(function: F) -> F:
+    """`--target` as `target: tuple[str, ...]`."""
+    return click.option(
+        "--target",
+        metavar="ADDRESS",
+        multiple=True,
+        help="Only this, as partition/vision or task/MotionControl; repeatable.",
+    )(function)
+
+
 def change_options(function: F) -> F:
     """`--target`, `--max-disruption` as one `limits: ChangeOptions`."""
 
@@ -134,12 +144,7 @@ def change_options(function: F) -> F:
     return _with(
         function,
         gathered,
-        click.option(
-            "--target",
-            metavar="ADDRESS",
-            multiple=True,
-            help="Only this, as partition/vision or task/MotionControl; repeatable.",
-        ),
+        target_option,
         click.option(
             "--max-disruption",
             type=click.Choice([one.value for one in Disruption]),

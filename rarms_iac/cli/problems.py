@@ -7,6 +7,8 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.views.diagnostics import Sources
 
 IN_THE_WAY = Finding(code="RARMS176", severity=Severity.ERROR, summary="A file is in the way")
+DECLINED = Finding(code="RARMS174", severity=Severity.NOTE, summary="Nothing was changed")
+NOT_READ = Finding(code="RARMS173", severity=Severity.ERROR, summary="A file could not be read")
 NOT_WRITTEN = Finding(code="RARMS177", severity=Severity.ERROR, summary="A file could not be written")
 SYSTEM_REFUSED = Finding(code="RARMS178", severity=Severity.ERROR, summary="The operating system refused something")
 OUT_OF_REACH = Finding(code="RARMS198", severity=Severity.ERROR, summary="This host cannot be reached by this version")
@@ -54,6 +56,20 @@ def not_written(path: str, error: OSError) -> Diagnostic:
     """A file that was asked for with an option."""
     return NOT_WRITTEN.at(
         None, f"{path}: {error.strerror or error}.", "Name a file in a folder that exists and that you may write to."
+    )
+
+
+def not_read(path: str, says: str, advice: str) -> Diagnostic:
+    """A file that was named as a plan or a snapshot."""
+    return NOT_READ.at(None, f"{path}: {says}.", advice)
+
+
+def declined() -> Diagnostic:
+    """The question was not answered with yes."""
+    return DECLINED.at(
+        None,
+        "The answer was not `yes`.",
+        "Run it again to be asked again; `rarms plan` shows the changes and asks nothing.",
     )
 
 

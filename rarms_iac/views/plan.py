@@ -1,6 +1,6 @@
 """A plan as a person reviews it: what changes, why, what it disturbs, and a last line that counts."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import assert_never
 
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Update
@@ -10,6 +10,7 @@ from rarms_iac.model.quantities import show_bytes, show_processors
 from rarms_iac.model.system import Disruption
 from rarms_iac.views.attributes import Attribute, attributes_of
 from rarms_iac.views.diagnostics.layout import columns, visible, wrap
+from rarms_iac.views.diagnostics.source import Sources
 from rarms_iac.views.diagnostics.text import as_text, counted
 from rarms_iac.views.totals import totals_lines
 
@@ -17,7 +18,7 @@ WIDTH = 80
 LEGEND = {"+": "create", "~": "change", "-/+": "replace", "-": "remove", ">": "adopt", "<": "release"}
 
 
-def plan_text(plan: Plan, *, sources: Mapping[str, str] | None = None, steps: bool = False, width: int = WIDTH) -> str:
+def plan_text(plan: Plan, *, sources: Sources | None = None, steps: bool = False, width: int = WIDTH) -> str:
     """The whole plan as text without colour, ending with a line end.
 
     Args:
@@ -258,5 +259,5 @@ def _steps(steps: Sequence[Step], width: int) -> Iterator[str]:
         yield from wrap(step.comment, width, " " * (digits + 4))
 
 
-def _findings(findings: Sequence[Diagnostic], sources: Mapping[str, str]) -> list[str]:
+def _findings(findings: Sequence[Diagnostic], sources: Sources) -> list[str]:
     return as_text(findings, sources).rstrip("\n").splitlines()

@@ -1,0 +1,136 @@
+"""Running a plan on live hosts: show, ask, hold, walk, and say how it ended."""
+
+import sys
+import time
+from collections.abc import Mapping
+
+import click
+
+from rarms_iac.apply.execute import apply_plan, finish_unfinished
+from rarms_iac.apply.reports import Ending, RunReport
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.files import write_file
+from rarms_iac.cli.hosts import Hosts, holding, owner, refuse_unfinished
+from rarms_iac.cli.options import RunOptions
+from rarms_iac.cli.planning import Wish, make_plan
+from rarms_iac.cli.problems import Halted, declined
+from rarms_iac.cli.session import Session
+from rarms_iac.cli.telling import tell
+from rarms_iac.model.plan import Plan
+from rarms_iac.planfile.sealing import write_plan
+from rarms_iac.providers.interface import StepwiseHost
+from rarms_iac.views.diagnostics import Sources
+from rarms_iac.views.plan import plan_text
+from rarms_iac.views.plan_colour import coloured_plan
+from rarms_iac.views.plan_json import plan_json
+from rarms_iac.views.progress import StepProgress
+from rarms_iac.views.run import run_json, run_text
+
+
+def reporter_of(session: Session) -> StepProgress:
+    """Progress on standard error."""
+    terminal = session.terminal
+    return StepProgress(terminal.status, time.monotonic, lively=terminal.lively, width=terminal.width)
+
+
+def shown_plan(session: Session, plan: Plan, sources: Sources | None = None, *, steps: bool = False) -> str:
+    """The plan's text as this terminal takes it."""
+    text = plan_text(plan, sources=sources, steps=steps, width=min(session.terminal.width, 100))
+    return coloured_plan(text) if session.terminal.colour else text
+
+
+def write_plan_file(session: Session, path: str, plan: Plan) -> None:
+    """Write the sealed plan and say how to use it.
+
+    Raises:
+        Halted: it cannot be written.
+    """
+    write_file(path, write_plan(plan))
+    session.terminal.talk(f"Wrote the plan to {path}. Apply it with: rarms apply {path}")
+
+
+def finish_first(session: Session, hosts: Hosts, how: RunOptions) -> RunReport | None:
+    """Finish what an earlier run left on the chosen hosts, asking nothing; None where nothing was left."""
+    live = tuple(hosts.open(name) for name in hosts.chosen)
+    with holding(live, how.lock_timeout_ms), session.interrupts.gently():
+        report = finish_unfinished(live, reporter_of(session), session.interrupts.should_stop)
+    if report is not None:
+        session.terminal.talk("That finished the run that was begun earlier. Nothing else was done: run again to plan.")
+    return report
+
+
+def plan_ask_apply(
+    session: Session, hosts: Hosts, wish: Wish, how: RunOptions, *, as_json: bool, out: str | None = None
+) -> ExitCode:
+    """Plan, then write the plan (`out`), or show it, ask, and do it."""
+    if out is not None:
+        refuse_unfinished(hosts)
+        return _only_written(session, make_plan(hosts, wish), out, hosts.opened.loaded.sources, as_json=as_json)
+    finished = finish_first(session, hosts, how)
+    if finished is not None:
+        return ended(session, finished, as_json=as_json)
+    if not (how.auto_approve or session.terminal.answers):
+        raise click.UsageError(
+            "There is no terminal to ask at. Give --auto-approve, or write a plan with --out FILE, have it reviewed, "
+            "and run `rarms apply FILE`.",
+            click.get_current_context(),
+        )
+    plan = make_plan(hosts, wish)
+    text = shown_plan(session, plan, hosts.opened.loaded.sources)
+    if as_json:
+        session.terminal.talk(text.rstrip("\n"))
+    else:
+        session.terminal.data(text)
+    if not any(part.steps for part in plan.hosts):
+        return ended(session, RunReport(ending=Ending.NOTHING), as_json=as_json, quiet=True)
+    if not how.auto_approve:
+        ask(session, "Do this?")
+    live = {part.host.name: hosts.open(part.host.name) for part in plan.hosts}
+    return ended(session, run(session, plan, live, how), as_json=as_json)
+
+
+def run(session: Session, plan: Plan, live: Mapping[str, StepwiseHost], how: RunOptions) -> RunReport:
+    """Do what the plan says on these hosts; the first signal stops after the running step."""
+    with holding(tuple(live.values()), how.lock_timeout_ms), session.interrupts.gently():
+        return apply_plan(plan, live, owner(), reporter_of(session), session.interrupts.should_stop)
+
+
+def ask(session: Session, question: str) -> None:
+    """Go on only after a yes.
+
+    Raises:
+        Halted: the answer was another.
+    """
+    session.terminal.flush()
+    session.terminal.status(f"\n{question} Only `yes` does it: ")
+    if sys.stdin.readline().strip() != "yes":
+        raise Halted(ExitCode.REFUSED, [declined()])
+
+
+def ended(session: Session, report: RunReport, *, as_json: bool, quiet: bool = False) -> ExitCode:
+    """Say how a run ended, and give its exit code."""
+    tell(session.terminal, report.diagnostics)
+    if as_json:
+        session.terminal.data(run_json(report))
+    elif not quiet:
+        session.terminal.talk(run_text(report).rstrip("\n"))
+    return code_of(session, report.ending)
+
+
+def code_of(session: Session, ending: Ending) -> ExitCode:
+    """The exit code of a run that ended so."""
+    match ending:
+        case Ending.DONE | Ending.NOTHING:
+            return ExitCode.DONE
+        case Ending.REFUSED:
+            return ExitCode.REFUSED
+        case Ending.FAILED:
+            return ExitCode.FAILED
+        case Ending.INTERRUPTED:
+            return session.interrupts.asked or ExitCode.INTERRUPTED
+
+
+def _only_written(session: Session, plan: Plan, out: str, sources: Sources, *, as_json: bool) -> ExitCode:
+    session.terminal.data(plan_json(plan) if as_json else shown_plan(session, plan, sources))
+    write_plan_file(session, out, plan)
+    return ExitCode.FOUND if plan.has_changes else ExitCode.DONE

@@ -1,0 +1,50 @@
+"""`rarms destroy`: remove what rarms made."""
+
+import click
+
+from rarms_iac.cli.applying import plan_ask_apply
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.hosts import hosts_of
+from rarms_iac.cli.manifests import system_of
+from rarms_iac.cli.options import (
+    ChangeOptions,
+    HostOptions,
+    ManifestOptions,
+    RunOptions,
+    host_options,
+    json_option,
+    manifest_options,
+    run_options,
+    target_option,
+)
+from rarms_iac.cli.planning import Wish
+from rarms_iac.cli.session import Session, rarms_command
+from rarms_iac.model.plan import Purpose
+
+
+@rarms_command("destroy")
+@manifest_options
+@host_options
+@target_option
+@run_options
+@click.option("--out", metavar="FILE", help="Only write the plan, sealed, for `rarms apply FILE`.")
+@json_option
+def command(
+    session: Session,
+    *,
+    source: ManifestOptions,
+    where: HostOptions,
+    target: tuple[str, ...],
+    how: RunOptions,
+    out: str | None,
+    as_json: bool,
+) -> ExitCode:
+    """Remove everything that carries this application's mark: plan, show, ask, and do it.
+
+    Disks are kept, task classes go back to what was there before, and nothing else is touched. A partition that says
+    `protect: true` makes this an error. --target removes one thing, also an unused partition.
+    """
+    system, opened = system_of(source)
+    hosts = hosts_of(system, opened, source, where)
+    wish = Wish(purpose=Purpose.DESTROY, limits=ChangeOptions(targets=target))
+    return plan_ask_apply(session, hosts, wish, how, as_json=as_json, out=out)

@@ -1,0 +1,65 @@
+"""`rarms drift`: who moved, the host or the manifest?"""
+
+from rarms_iac.apply.look import look
+from rarms_iac.apply.prepare import prepare
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.hosts import hosts_of, observed
+from rarms_iac.cli.manifests import system_of
+from rarms_iac.cli.options import (
+    ChangeOptions,
+    HostOptions,
+    ManifestOptions,
+    host_or_snapshot_options,
+    json_option,
+    manifest_options,
+)
+from rarms_iac.cli.planning import Wish, request_of
+from rarms_iac.cli.problems import Halted
+from rarms_iac.cli.session import Session, rarms_command
+from rarms_iac.diff.drift import DriftKind
+from rarms_iac.model.diagnostics import has_errors
+from rarms_iac.model.system import Disruption
+from rarms_iac.views.drift import HostDrift, drift_json, drift_text
+
+
+@rarms_command("drift")
+@manifest_options
+@host_or_snapshot_options
+@json_option
+def command(session: Session, *, source: ManifestOptions, where: HostOptions, as_json: bool) -> ExitCode:
+    """Tell what somebody changed on the hosts, and what is not applied yet. Only reads.
+
+    Exit code 2 where a host was changed, 5 where something is only not applied yet, 0 where there is neither.
+    """
+    system, opened = system_of(source)
+    hosts = hosts_of(system, opened, source, where)
+    states = observed(hosts)
+    limit = system.policy.max_disruption
+    found, problems = look(system, states, opened.loaded.places, limit)
+    if not found and has_errors(problems):
+        raise Halted(ExitCode.NO, problems, opened.loaded.sources)
+    # The changes say what differs, attribute by attribute; nothing is held back, so that all of them are there.
+    request = request_of(hosts, Wish(limits=ChangeOptions(max_disruption=Disruption.REMOVAL)))
+    plan = prepare(request, states).plan
+    changes = {
+        (part.host.name, change.address): change for part in (plan.hosts if plan else ()) for change in part.changes
+    }
+    shown = [
+        HostDrift(
+            facts=states[one.host].facts,
+            drifted=one.drifted,
+            changes={address: change for (host, address), change in changes.items() if host == one.host},
+        )
+        for one in found
+        if one.host in hosts.chosen
+    ]
+    name = system.application.name
+    session.terminal.data(drift_json(name, shown) if as_json else drift_text(shown))
+    return code_of([one.kind for host in shown for one in host.drifted])
+
+
+def code_of(kinds: list[DriftKind]) -> ExitCode:
+    """What the exit code says of these."""
+    if any(kind.is_of_the_host for kind in kinds):
+        return ExitCode.FOUND
+    return ExitCode.NOT_APPLIED if any(kind is not DriftKind.UNUSED for kind in kinds) else ExitCode.DONE

@@ -1,0 +1,37 @@
+"""`rarms graph`: hosts, partitions and components as a picture."""
+
+import click
+
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.manifests import system_of
+from rarms_iac.cli.options import ManifestOptions, json_option, manifest_options
+from rarms_iac.cli.problems import Halted
+from rarms_iac.cli.session import Session, rarms_command
+from rarms_iac.model.layout import Layout
+from rarms_iac.planner.layout import plan_layout
+from rarms_iac.planner.reservations import FixedReservations
+from rarms_iac.views.graph import GraphFormat, graph_json, graph_text, nodes_of
+
+
+@rarms_command("graph")
+@manifest_options
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice([one.value for one in GraphFormat]),
+    default=GraphFormat.MERMAID.value,
+    help="The language of the graph. [default: mermaid]",
+)
+@json_option
+def command(session: Session, *, source: ManifestOptions, form: str, as_json: bool) -> ExitCode:
+    """Draw which component runs in which partition on which host, as the manifest alone places them.
+
+    Needs no host. Mermaid is drawn by GitHub and GitLab; DOT by Graphviz: rarms graph --format dot | dot -Tsvg.
+    """
+    system, opened = system_of(source)
+    planning = plan_layout(system, FixedReservations(), {}, opened.loaded.places)
+    if not isinstance(planning.answer, Layout):
+        raise Halted(ExitCode.NO, planning.findings, opened.loaded.sources)
+    name, nodes = system.application.name, nodes_of(system, planning.answer)
+    session.terminal.data(graph_json(name, nodes) if as_json else graph_text(GraphFormat(form), name, nodes))
+    return ExitCode.DONE

@@ -1,0 +1,52 @@
+"""`rarms plan`: what would change, and why."""
+
+import click
+
+from rarms_iac.cli.applying import shown_plan, write_plan_file
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.hosts import hosts_of, refuse_unfinished
+from rarms_iac.cli.manifests import system_of
+from rarms_iac.cli.options import (
+    ChangeOptions,
+    HostOptions,
+    ManifestOptions,
+    change_options,
+    host_or_snapshot_options,
+    json_option,
+    manifest_options,
+)
+from rarms_iac.cli.planning import Wish, make_plan
+from rarms_iac.cli.session import Session, rarms_command
+from rarms_iac.views.plan_json import plan_json
+
+
+@rarms_command("plan")
+@manifest_options
+@host_or_snapshot_options
+@change_options
+@click.option("--out", metavar="FILE", help="Write the plan, sealed, for `rarms apply FILE`.")
+@click.option("--steps", is_flag=True, help="Show every step, in order.")
+@json_option
+def command(
+    session: Session,
+    *,
+    source: ManifestOptions,
+    where: HostOptions,
+    limits: ChangeOptions,
+    out: str | None,
+    steps: bool,
+    as_json: bool,
+) -> ExitCode:
+    """Show what would change on the hosts, and change nothing.
+
+    Exit code 2 where there are changes, 0 where the hosts are as the manifest wants them.
+    """
+    system, opened = system_of(source)
+    hosts = hosts_of(system, opened, source, where)
+    refuse_unfinished(hosts)
+    plan = make_plan(hosts, Wish(limits=limits))
+    shown = plan_json(plan) if as_json else shown_plan(session, plan, opened.loaded.sources, steps=steps)
+    session.terminal.data(shown)
+    if out is not None:
+        write_plan_file(session, out, plan)
+    return ExitCode.FOUND if plan.has_changes else ExitCode.DONE

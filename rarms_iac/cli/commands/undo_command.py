@@ -1,0 +1,80 @@
+"""`rarms undo`: take the last apply back."""
+
+from collections.abc import Sequence
+
+import click
+
+from rarms_iac.apply.undo import not_taken_back, steps_to_undo, undo
+from rarms_iac.cli.applying import ask, ended, reporter_of
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.commands.apply_command import worst
+from rarms_iac.cli.hosts import holding, hosts_of, owner, telling
+from rarms_iac.cli.manifests import system_of
+from rarms_iac.cli.options import (
+    HostOptions,
+    ManifestOptions,
+    RunOptions,
+    host_options,
+    json_option,
+    manifest_options,
+    run_options,
+)
+from rarms_iac.cli.session import Session, rarms_command
+from rarms_iac.cli.telling import tell
+from rarms_iac.model.journal import Journal, RunKind
+from rarms_iac.providers.interface import StepwiseHost
+from rarms_iac.views.undo import undo_text
+
+
+@rarms_command("undo")
+@manifest_options
+@host_options
+@run_options
+@json_option
+def command(
+    session: Session, *, source: ManifestOptions, where: HostOptions, how: RunOptions, as_json: bool
+) -> ExitCode:
+    """Take the last apply back, finished or not: its steps' undos, the last one first.
+
+    Shows what comes back and what cannot, and asks. Where hosts have different last applies, --host says which.
+    """
+    system, opened = system_of(source)
+    hosts = hosts_of(system, opened, source, where)
+    live = [hosts.open(name) for name in hosts.chosen]
+    with telling():
+        journals = [(host, host.journal()) for host in live]
+    meant = last_applies(journals) or journals[:1]
+    if len({journal.started.plan for _, journal in meant if journal is not None}) > 1:
+        raise click.UsageError(
+            f"The hosts have different last applies. Choose with --host: {', '.join(host.name for host, _ in meant)}.",
+            click.get_current_context(),
+        )
+    if not how.auto_approve and any(journal is not None and can_be_undone(journal) for _, journal in meant):
+        _show_and_ask(session, meant)
+    taken = tuple(host for host, _ in meant)
+    with holding(taken, how.lock_timeout_ms), session.interrupts.gently():
+        reports = [undo(host, owner(), reporter_of(session), session.interrupts.should_stop) for host in taken]
+    return ended(session, worst(reports), as_json=as_json)
+
+
+Found = Sequence[tuple[StepwiseHost, Journal | None]]
+
+
+def last_applies(journals: Found) -> Found:
+    """The hosts on which there is something to take back, or to go on with."""
+    return [(host, journal) for host, journal in journals if journal is not None and can_be_undone(journal)]
+
+
+def can_be_undone(journal: Journal) -> bool:
+    """Whether the last run was an apply, or an undo that was interrupted."""
+    return journal.started.run is RunKind.APPLY or journal.unfinished
+
+
+def _show_and_ask(session: Session, meant: Found) -> None:
+    if not session.terminal.answers:
+        raise click.UsageError("There is no terminal to ask at. Give --auto-approve.", click.get_current_context())
+    for host, journal in meant:
+        if journal is not None:
+            session.terminal.talk(undo_text(host.name, journal.started, [step for _, step in steps_to_undo(journal)]))
+            tell(session.terminal, not_taken_back(host.name, journal))
+    ask(session, "Take this back?")

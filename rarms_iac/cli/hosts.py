@@ -1,0 +1,182 @@
+"""The hosts that a command is about: chosen, opened, and looked at, live or in a snapshot."""
+
+import getpass
+import os
+import platform
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import click
+
+from rarms_iac.apply import refusals
+from rarms_iac.apply.walk import held
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.files import read_file
+from rarms_iac.cli.manifests import Opened
+from rarms_iac.cli.options import HostOptions, ManifestOptions
+from rarms_iac.cli.problems import Halted
+from rarms_iac.cli.wiring import open_host, state_path
+from rarms_iac.model.spelling import suggestion
+from rarms_iac.model.state import State
+from rarms_iac.model.system import System
+from rarms_iac.planfile.snapshot import MAX_BYTES, SnapshotUnreadable, read_snapshot
+from rarms_iac.providers.interface import HostError, HostLocked, StepwiseHost
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hosts:
+    """What the manifest says, and which of its hosts are meant."""
+
+    system: System
+    opened: Opened
+    source: ManifestOptions
+    where: HostOptions
+
+    @property
+    def chosen(self) -> tuple[str, ...]:
+        """The names of the hosts that are meant, sorted."""
+        return tuple(sorted(self.where.hosts or self.system.hosts))
+
+    @property
+    def folder(self) -> str:
+        """The manifest's folder."""
+        return self.opened.loaded.folder
+
+    def state_path(self, host: str) -> str:
+        """Where a simulated host's file lies, relative to the folder."""
+        return state_path(host, self.folder, self.source.overlays)
+
+    def open(self, host: str) -> StepwiseHost:
+        """The live host.
+
+        Raises:
+            Halted: this version cannot reach it.
+        """
+        return open_host(self.system.hosts[host], self.folder, self.state_path(host))
+
+
+def hosts_of(system: System, opened: Opened, source: ManifestOptions, where: HostOptions) -> Hosts:
+    """The hosts that the options choose.
+
+    Raises:
+        click.UsageError: one of them is not in the manifest.
+    """
+    snapshots = {one.host for one in where.snapshots if one.host}
+    for name in (*where.hosts, *sorted(snapshots)):
+        if name not in system.hosts:
+            raise click.UsageError(
+                f"The manifest has no host {name!r}.{suggestion(name, tuple(system.hosts))} "
+                f"It has: {', '.join(sorted(system.hosts)) or 'none'}.",
+                click.get_current_context(),
+            )
+    return Hosts(system=system, opened=opened, source=source, where=where)
+
+
+def observed(hosts: Hosts) -> Mapping[str, State]:
+    """What every host looks like; those that are not chosen help the planner where they can be reached.
+
+    Raises:
+        Halted: a chosen host cannot be reached or read, or a snapshot is none.
+    """
+    snapshots = _snapshots(hosts)
+    states: dict[str, State] = {}
+    for name in sorted(hosts.system.hosts):
+        try:
+            states[name] = snapshots[name] if name in snapshots else observe(hosts.open(name))
+        except Halted:
+            if name in hosts.chosen:
+                raise
+    return states
+
+
+def observe(host: StepwiseHost) -> State:
+    """What a live host looks like.
+
+    Raises:
+        Halted: it cannot be read.
+    """
+    with telling():
+        return host.observe()
+
+
+def refuse_unfinished(hosts: Hosts) -> None:
+    """A plan that is made while a run is unfinished could never be applied.
+
+    Raises:
+        Halted: a chosen live host has an unfinished run (exit 3).
+    """
+    snapshots = {one.host for one in hosts.where.snapshots}
+    if "" in snapshots:
+        return
+    for name in hosts.chosen:
+        if name not in snapshots:
+            with telling():
+                journal = hosts.open(name).journal()
+            if journal is not None and journal.unfinished:
+                raise Halted(ExitCode.REFUSED, [refusals.unfinished(name, journal)])
+
+
+@contextmanager
+def telling() -> Iterator[None]:
+    """Inside, what goes wrong at a host ends the command with a finding."""
+    try:
+        yield
+    except HostLocked as error:
+        raise Halted(ExitCode.REFUSED, [refusals.locked(error)]) from error
+    except HostError as error:
+        raise Halted(ExitCode.FAILED, [refusals.host_failed(error)]) from error
+
+
+@contextmanager
+def holding(hosts: tuple[StepwiseHost, ...], timeout_ms: int) -> Iterator[None]:
+    """Hold all these hosts.
+
+    Raises:
+        Halted: another run holds one of them (exit 3).
+    """
+    with telling(), held(hosts, owner(), timeout_ms):
+        yield
+
+
+def owner() -> str:
+    """Who runs this, for people who find a host held: `user@computer, process 123`."""
+    try:
+        user = getpass.getuser()
+    except (OSError, KeyError, ImportError):
+        user = "somebody"
+    return f"{user}@{platform.node() or 'this computer'}, process {os.getpid()}"
+
+
+def _snapshots(hosts: Hosts) -> Mapping[str, State]:
+    states: dict[str, State] = {}
+    for one in hosts.where.snapshots:
+        data = read_file(one.file, MAX_BYTES, SnapshotUnreadable.finding)
+        try:
+            state = read_snapshot(data)
+        except SnapshotUnreadable as error:
+            raise _no_snapshot(one.file, error.says) from error
+        name = one.host or _host_of(state, hosts, one.file)
+        if name in states:
+            raise _no_snapshot(one.file, f"{name} has another one already")
+        states[name] = replace(state, facts=replace(state.facts, name=name))
+    return states
+
+
+def _host_of(state: State, hosts: Hosts, file: str) -> str:
+    """The host that a snapshot without a name stands for: the one it was taken of, or the only one."""
+    if state.facts.name in hosts.system.hosts:
+        return state.facts.name
+    if len(hosts.chosen) == 1:
+        return hosts.chosen[0]
+    raise _no_snapshot(file, f"it was taken of {state.facts.name!r}, which the manifest does not have")
+
+
+def _no_snapshot(file: str, says: str) -> Halted:
+    finding = SnapshotUnreadable.finding.at(
+        None,
+        f"{file}: {says}.",
+        "Make one with `rarms snapshot --host NAME --out FILE`, and name its host where there are several: "
+        "`--snapshot NAME=FILE`.",
+    )
+    return Halted(ExitCode.FAILED, [finding])

@@ -1,0 +1,79 @@
+"""Making a plan from what the options say: the manifest, the hosts or their snapshots, and the policy."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rarms_iac.apply.prepare import Judge, Prepared, Request, prepare
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.hosts import Hosts, observed
+from rarms_iac.cli.options import ChangeOptions
+from rarms_iac.cli.problems import Halted
+from rarms_iac.diff.findings import NOT_AT_REST
+from rarms_iac.manifest.acceptance import apply_acceptances
+from rarms_iac.manifest.checks import LOOKED_FOR
+from rarms_iac.model.diagnostics import Diagnostic, Severity, in_order
+from rarms_iac.model.plan import Plan, Purpose
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wish:
+    """What a plan is wanted for."""
+
+    purpose: Purpose = Purpose.APPLY
+    limits: ChangeOptions = ChangeOptions()
+    partition: str = ""
+    machine: str = ""
+
+
+def make_plan(hosts: Hosts, wish: Wish) -> Plan:
+    """The plan that brings the chosen hosts where they are wanted.
+
+    Raises:
+        Halted: a host cannot be read (1), is busy (3), or the manifest's wish cannot be met (4).
+    """
+    states = observed(hosts)
+    prepared = prepare(request_of(hosts, wish), states)
+    if prepared.plan is None:
+        raise Halted(_code_of(prepared), prepared.findings, hosts.opened.loaded.sources)
+    return prepared.plan
+
+
+def request_of(hosts: Hosts, wish: Wish) -> Request:
+    """The same as the planner wants to hear it."""
+    return Request(
+        system=hosts.system,
+        places=hosts.opened.loaded.places,
+        manifest=hosts.source.manifest,
+        manifest_digest=hosts.opened.loaded.digest,
+        today=hosts.source.today,
+        purpose=wish.purpose,
+        max_disruption=wish.limits.max_disruption,
+        hosts=hosts.chosen,
+        targets=wish.limits.targets,
+        partition=wish.partition,
+        machine=wish.machine,
+        state_paths={name: hosts.state_path(name) for name in hosts.system.hosts},
+        judge=judge_of(hosts, wish),
+    )
+
+
+def judge_of(hosts: Hosts, wish: Wish) -> Judge:
+    """Adds what the manifest itself is told, and takes out what its policy accepts.
+
+    An acceptance that silenced nothing is only told of where everything was looked at.
+    """
+    whole = wish.purpose is Purpose.APPLY and not (hosts.where.hosts or wish.limits.targets)
+    looked_for = None if whole else LOOKED_FOR
+
+    def judge(found: Sequence[Diagnostic]) -> tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]:
+        everything = in_order(tuple(dict.fromkeys((*hosts.opened.loaded.diagnostics, *found))))
+        policy, places = hosts.system.policy, hosts.opened.loaded.places
+        return apply_acceptances(everything, policy, places, hosts.source.today, looked_for=looked_for)
+
+    return judge
+
+
+def _code_of(prepared: Prepared) -> ExitCode:
+    """A host that is merely busy may be asked again; everything else is a no."""
+    codes = {one.code for one in prepared.findings if one.severity is Severity.ERROR}
+    return ExitCode.REFUSED if codes == {NOT_AT_REST.code} else ExitCode.NO

@@ -1,0 +1,53 @@
+"""The only module that names concrete providers."""
+
+import hashlib
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.problems import Halted, out_of_reach
+from rarms_iac.model.names import is_name
+from rarms_iac.model.system import Host, ProviderKind
+from rarms_iac.providers.interface import StepwiseHost
+
+HOSTS = ".rarms/hosts"
+
+
+def open_host(host: Host, folder: str, state_path: str) -> StepwiseHost:
+    """The host that this describes.
+
+    Args:
+        host: as the manifest or a plan says.
+        folder: the manifest's.
+        state_path: where a simulated host's file lies below it (`state_path`).
+
+    Raises:
+        Halted: this version cannot reach hosts of its provider.
+    """
+    match host.provider:
+        case ProviderKind.SIMULATED:
+            from rarms_iac.providers.simulated.run import SimulatedHostProvider
+
+            return SimulatedHostProvider(host, Path(folder) / state_path)
+        case ProviderKind.HYPERV | ProviderKind.LINUX:
+            raise Halted(ExitCode.FAILED, [out_of_reach(host.name, host.provider.value)])
+
+
+def state_path(host: str, folder: str, overlays: Sequence[str]) -> str:
+    """Where a simulated host's file lies: one for each host name and set of overlays, as each is a machine."""
+    if not overlays:
+        return f"{HOSTS}/{host}.json"
+    paths = [_below(overlay, folder) for overlay in overlays]
+    digest = hashlib.sha256("\n".join(paths).encode("utf-8", "backslashreplace")).hexdigest()[:8]
+    names = [Path(path).stem for path in paths]
+    readable = [name for name in names if is_name(name)]
+    return f"{HOSTS}/{'+'.join([*readable, digest])}/{host}.json"
+
+
+def _below(path: str, folder: str) -> str:
+    """The path as seen from the folder, so that it is the same from wherever rarms is started."""
+    try:
+        return Path(os.path.relpath(path, folder)).as_posix()
+    except ValueError:  # another drive
+        return Path(path).resolve().as_posix()

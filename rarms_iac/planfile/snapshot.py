@@ -1,0 +1,51 @@
+"""What a host looks like, as a file: `rarms plan --snapshot FILE` then needs no host (DESIGN section 4)."""
+
+import json
+from typing import ClassVar
+
+from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.state import State
+from rarms_iac.storage.codec import NotDecodable, decode, encode
+from rarms_iac.storage.digest import parse_json
+
+FORMAT = "rarms-snapshot/1"
+MAX_BYTES = 64 * 2**20
+UNREADABLE = Finding(code="RARMS175", severity=Severity.ERROR, summary="This is not a snapshot of a host")
+
+
+class SnapshotUnreadable(Exception):
+    """The file does not say what a host looks like; `says` tells why."""
+
+    finding: ClassVar[Finding] = UNREADABLE
+
+    def __init__(self, says: str) -> None:
+        super().__init__(says)
+        self.says = says
+
+
+def write_snapshot(state: State) -> bytes:
+    """The state as JSON that a person can read and git can compare."""
+    document = {"format_version": FORMAT, "state": encode(state)}
+    return (json.dumps(document, indent=1, ensure_ascii=False) + "\n").encode("utf-8", "backslashreplace")
+
+
+def read_snapshot(data: bytes) -> State:
+    """The state that a snapshot says.
+
+    Raises:
+        SnapshotUnreadable: it is no snapshot, or one of another version.
+    """
+    if len(data) > MAX_BYTES:
+        raise SnapshotUnreadable(f"it has more than {MAX_BYTES // 2**20} MiB")
+    try:
+        document = parse_json(data.decode("utf-8-sig"))
+    except ValueError as error:
+        raise SnapshotUnreadable(f"it is not JSON: {error}") from error
+    if not isinstance(document, dict) or "format_version" not in document:
+        raise SnapshotUnreadable("it has no `format_version`")
+    if document["format_version"] != FORMAT:
+        raise SnapshotUnreadable(f"it is of the format {document['format_version']!r}, and this rarms reads {FORMAT}")
+    try:
+        return decode(State, document.get("state"))
+    except NotDecodable as error:
+        raise SnapshotUnreadable(str(error)) from error

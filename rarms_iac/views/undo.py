@@ -1,0 +1,16 @@
+"""What an undo is going to do, before it is asked for."""
+
+from collections.abc import Sequence
+
+from rarms_iac.model.journal import RunStarted
+from rarms_iac.model.plan import Step, UndoLevel
+from rarms_iac.views.diagnostics.layout import visible
+
+LEVELS = {UndoLevel.FULL: "", UndoLevel.PARTIAL: "  (partly)", UndoLevel.NONE: "  (cannot be taken back)"}
+
+
+def undo_text(host: str, started: RunStarted, steps: Sequence[Step]) -> str:
+    """The steps in the order in which they are taken back."""
+    head = f"Taking back plan {started.plan} on {host}, begun by {visible(started.started_by, keep='')}:"
+    shown = [f"  {step.address}: {visible(step.title, keep='')}{LEVELS[step.undo.level]}" for step in steps]
+    return "\n".join([head, *(shown or ["  no step of it changed anything"])])
