@@ -82,6 +82,7 @@ NEEDS: dict[str, Need] = {
     "linux": Need(missing=lambda: "" if ON_LINUX else "this is not Linux", obtainable=_on_linux),
     "make": Need(missing=_program("make"), obtainable=_on_posix),
     "network": Need(missing=_no_package_index, obtainable=_on_posix),
+    "not-root": Need(missing=lambda: "root may do everything" if _is_root() else "", obtainable=lambda: not _is_root()),
     "posix": Need(missing=lambda: "this is Windows" if ON_WINDOWS else "", obtainable=_on_posix),
     "root": Need(missing=lambda: "" if _is_root() else "not run as root", obtainable=_is_root),
     "shared": Need(missing=lambda: "" if SHARED.is_dir() else f"{SHARED} is not here", obtainable=_never),

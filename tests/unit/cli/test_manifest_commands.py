@@ -1,5 +1,4 @@
 import json
-import os
 from pathlib import Path
 
 import pytest
@@ -103,7 +102,7 @@ def test_a_folder_without_a_manifest_is_told_like_a_missing_manifest(tmp_path: P
     assert "rarms init" in rarms("validate", str(tmp_path)).out
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may read everything")
+@pytest.mark.needs("posix", "not-root")
 def test_a_file_without_rights_is_a_finding(here: Path) -> None:
     (here / "rarms.yaml").chmod(0)
 
@@ -154,9 +153,8 @@ def test_fmt_of_what_is_no_manifest_changes_nothing_and_says_why(here: Path) -> 
     assert good.read_bytes() == before
 
 
+@pytest.mark.needs("posix")
 def test_fmt_keeps_a_files_rights_and_a_link(here: Path) -> None:
-    if os.name == "nt":
-        pytest.skip("rights and links are another matter on Windows")
     file, link = here / "rarms.yaml", here / "link.yaml"
     file.write_bytes(file.read_bytes() + b"\n\n")
     file.chmod(0o600)

@@ -46,7 +46,7 @@ def test_hostile_values_are_told_where_they_stand(tmp_path: Path, hostile: Hosti
     assert (hostile.code, hostile.line, hostile.column) in told(tmp_path / "rarms.yaml", hostile)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="needs the resource module of POSIX to read a process's memory")
+@pytest.mark.needs("posix")  # the resource module reads a process's memory
 @pytest.mark.parametrize("hostile", [*HOSTILE, *HOSTILE_VALUES], ids=lambda hostile: hostile.name)
 def test_hostile_input_needs_at_most_64_mib(tmp_path: Path, hostile: Hostile) -> None:
     path = tmp_path / "rarms.yaml"
@@ -84,7 +84,7 @@ def test_a_folder_is_not_opened(tmp_path: Path) -> None:
     assert [one.code for one in load(str(tmp_path), today=TODAY).diagnostics] == ["RARMS002"]
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no FIFO in its file system")
+@pytest.mark.needs("posix")
 def test_a_fifo_never_blocks(tmp_path: Path) -> None:
     path = tmp_path / "rarms.yaml"
     os.mkfifo(path)
