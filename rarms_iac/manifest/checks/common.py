@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 
 from rarms_iac.model.names import ROBOTIC_TASKS
-from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, in_processors
+from rarms_iac.model.quantities import LogicalProcessors, in_processors
 from rarms_iac.model.system import (
     Component,
     CpuWish,
@@ -103,11 +103,6 @@ def task_wish(system: System, name: str) -> TaskWish | None:
 def known_tasks(system: System) -> list[str]:
     """The classes that a component may name: the manifest's own and the robotic ones."""
     return [*system.tasks, *(name for name in ROBOTIC_TASKS if name not in system.tasks)]
-
-
-def is_fixed(reserve: CpuAmount | Measured | None) -> bool:
-    """Whether the manifest says how much it is."""
-    return reserve is not None and reserve is not Measured.MEASURED
 
 
 def fixed_reserve(cpu: CpuWish, host: Host) -> LogicalProcessors | None:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity
+from rarms_iac.model.indexes import SampleValue, find_index
 from rarms_iac.model.system import Call, Samples, System
 
 FINDING = Finding(
@@ -17,28 +18,32 @@ def check(system: System, places: Places) -> Iterator[Diagnostic]:
             continue  # there the runner itself sees when a job starts, ends and fails
         for index in one.apt:
             lacking = _lacking(index, one.run.samples)
-            if lacking:
+            if lacking is not None:
                 yield FINDING.at(
                     places.key("components", one.name, "apt", index),
                     f'The {index} of "{one.name}" is made of {_MADE_OF[lacking]}, and `run.samples` does not say '
                     "where a sample has it.",
-                    f"Add `{lacking}: {{ field: ... }}` to `run.samples`.",
+                    f"Add `{lacking.value}: {{ field: ... }}` to `run.samples`.",
                     address=f"component/{one.name}",
                 )
 
 
 _MADE_OF = {
-    "response_time": "response times",
-    "success": "whether each job succeeded",
-    "count": "how much was done",
+    SampleValue.RESPONSE_TIME: "response times",
+    SampleValue.SUCCESS: "whether each job succeeded",
+    SampleValue.COUNT: "how much was done",
 }
 
 
-def _lacking(index: str, samples: Samples) -> str | None:
-    """The field to add, or None."""
-    if index.endswith("response_time") or index in {"jitter", "deadline_miss_rate"}:
-        return "response_time" if samples.response_time is None else None
-    if index == "success_rate":
-        return "success" if samples.success is None else None
+def _lacking(name: str, samples: Samples) -> SampleValue | None:
+    """What is to be added for this index, or None."""
+    index = find_index(name)
+    if index is None:
+        return None
     nothing = samples.count is samples.success is samples.response_time is None
-    return "count" if index == "throughput" and nothing else None
+    lacks = {
+        SampleValue.RESPONSE_TIME: samples.response_time is None,
+        SampleValue.SUCCESS: samples.success is None,
+        SampleValue.COUNT: nothing,
+    }
+    return index.made_of if lacks[index.made_of] else None

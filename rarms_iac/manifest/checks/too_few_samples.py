@@ -1,14 +1,11 @@
 """A percentile has samples on both sides of it."""
 
-import re
 from collections.abc import Iterator
-from fractions import Fraction
 from math import ceil
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Related, Severity
+from rarms_iac.model.indexes import percentile_of
 from rarms_iac.model.system import SampleCount, System
-
-_PERCENTILE = re.compile(r"p(?P<percent>[0-9]{1,2}([._][0-9]{1,3})?)_response_time")
 
 FINDING = Finding(code="RARMS074", severity=Severity.WARNING, summary="Too few samples for the percentile")
 
@@ -33,8 +30,5 @@ def check(system: System, places: Places) -> Iterator[Diagnostic]:
 
 def samples_needed(index: str) -> int | None:
     """How many samples it takes for one to lie above the percentile; None where the index is none."""
-    found = _PERCENTILE.fullmatch(index)
-    if found is None:
-        return None
-    above = 100 - Fraction(found["percent"].replace("_", "."))
-    return ceil(100 / above) if above > 0 else None
+    percentile = percentile_of(index)
+    return None if percentile is None else ceil(100 / (100 - percentile))

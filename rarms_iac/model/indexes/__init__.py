@@ -9,7 +9,7 @@ from rarms_iac.model.indexes import (
     success_rate,
     throughput,
 )
-from rarms_iac.model.indexes.interface import PerformanceIndex
+from rarms_iac.model.indexes.interface import PerformanceIndex, SampleValue
 from rarms_iac.model.indexes.percentile_response_time import PATTERN as PERCENTILE_PATTERN
 from rarms_iac.model.indexes.percentile_response_time import percentile_index, percentile_of
 
@@ -33,4 +33,12 @@ def find_index(name: str) -> PerformanceIndex | None:
     return INDEXES.get(name) or percentile_index(name)
 
 
-__all__ = ["INDEXES", "PERCENTILE_PATTERN", "PerformanceIndex", "find_index", "percentile_index", "percentile_of"]
+__all__ = [
+    "INDEXES",
+    "PERCENTILE_PATTERN",
+    "PerformanceIndex",
+    "SampleValue",
+    "find_index",
+    "percentile_index",
+    "percentile_of",
+]

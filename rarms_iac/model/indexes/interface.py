@@ -1,8 +1,17 @@
 """What every performance index says of itself."""
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 from rarms_iac.model.quantities import Unit
+
+
+class SampleValue(StrEnum):
+    """What an index needs of each sample, by the key of `run.samples` that says where it stands."""
+
+    RESPONSE_TIME = "response_time"
+    SUCCESS = "success"
+    COUNT = "count"  # or, where nothing is counted, that there was a sample at all
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -13,6 +22,7 @@ class PerformanceIndex:
     unit: Unit
     smaller_is_better: bool
     description: str
+    made_of: SampleValue = SampleValue.RESPONSE_TIME
 
     @property
     def direction(self) -> str:

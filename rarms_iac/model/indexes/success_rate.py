@@ -1,6 +1,6 @@
 """The share of jobs that succeed."""
 
-from rarms_iac.model.indexes.interface import PerformanceIndex
+from rarms_iac.model.indexes.interface import PerformanceIndex, SampleValue
 from rarms_iac.model.quantities import Unit
 
 INDEX = PerformanceIndex(
@@ -8,4 +8,5 @@ INDEX = PerformanceIndex(
     unit=Unit.SHARE,
     smaller_is_better=False,
     description="The share of jobs that succeeded.",
+    made_of=SampleValue.SUCCESS,
 )

@@ -1,6 +1,6 @@
 """How much is done in a time."""
 
-from rarms_iac.model.indexes.interface import PerformanceIndex
+from rarms_iac.model.indexes.interface import PerformanceIndex, SampleValue
 from rarms_iac.model.quantities import Unit
 
 INDEX = PerformanceIndex(
@@ -8,4 +8,5 @@ INDEX = PerformanceIndex(
     unit=Unit.RATE,
     smaller_is_better=False,
     description="Successful jobs (or what they count) over the elapsed time.",
+    made_of=SampleValue.COUNT,
 )

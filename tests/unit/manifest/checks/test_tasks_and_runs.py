@@ -196,7 +196,13 @@ def test_a_miss_rate_needs_a_deadline() -> None:
 
 @pytest.mark.parametrize(
     ("index", "needed"),
-    [("p95_response_time", 20), ("p99_response_time", 100), ("p50_response_time", 2), ("mean_response_time", None)],
+    [
+        ("p95_response_time", 20),
+        ("p99_response_time", 100),
+        ("p50_response_time", 2),
+        ("p99.9_response_time", 1000),
+        ("mean_response_time", None),
+    ],
 )
 def test_samples_that_a_percentile_needs(index: str, needed: int | None) -> None:
     assert samples_needed(index) == needed
