@@ -96,9 +96,9 @@ def _strays(host: StepwiseHost, started: RunStarted, scope: Scope) -> Iterator[D
     state = host.observe()
     expected: dict[Address, dict[str, Reading]] = {}
     for step in started.steps:
-        if step.after.get("exists") is False:
-            expected[step.address] = {}
-        expected.setdefault(step.address, {}).update(step.after)
+        # A machine that is made anew has the address of the one that went, but not its id: the last address counts.
+        before = expected.pop(step.address, {})
+        expected[step.address] = {**({} if step.after.get("exists") is False else before), **step.after}
     for address, wanted in sorted(expected.items()):
         live = readings(state, address, scope)
         if not agrees(live, wanted):

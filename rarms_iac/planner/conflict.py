@@ -11,7 +11,7 @@ from rarms_iac.model.quantities import plain, show_bytes, show_percent, show_pro
 from rarms_iac.planner import findings
 from rarms_iac.planner.problem import Problem
 from rarms_iac.planner.relaxations import Trial, relaxations
-from rarms_iac.planner.search import EXACT_UP_TO, Bin, Item, cost, free_in, place
+from rarms_iac.planner.search import Bin, Item, cost, free_in, place
 
 FILTERED_UP_TO = 12
 """Partitions of which a smallest conflicting set is searched, one removal after the other."""
@@ -155,9 +155,7 @@ def told(answer: Infeasible, problem: Problem, places: Places) -> Iterator[Diagn
         advice = _advice(cause, ways)
         says = cause.says
         if not answer.proven and cause.code == findings.PLACEMENT.code:
-            says += (
-                f" It is not proven that there is none: more than {EXACT_UP_TO} partitions are not searched exactly."
-            )
+            says += " It is not proven that there is none: the search gave up before it had tried everything."
         yield finding.at(_place(cause, problem, places), says, advice, address=cause.what)
 
 

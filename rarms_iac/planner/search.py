@@ -120,8 +120,9 @@ class _Search:
     ) -> bool:
         """Whether the search may end: nothing can be better than what was found, or it gave up."""
         if at == len(self.items):
-            self.best, self.value = dict(hosts), value
-            return value == (self.rest[0][0], 0)
+            if self.value is None or value < self.value:
+                self.best, self.value = dict(hosts), value
+            return self.value == (self.rest[0][0], 0)
         if self._hopeless(at, value, free):
             return False
         item = self.items[at]

@@ -1,0 +1,128 @@
+"""Laws of the planner: a layout fits and loses nobody; where there is none, none exists."""
+
+from fractions import Fraction
+from itertools import product
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rarms_iac.model.capacity import Capacity, fits
+from rarms_iac.model.layout import Infeasible, Layout
+from rarms_iac.model.plan import Claim
+from rarms_iac.model.quantities import Bytes, LogicalProcessors
+from rarms_iac.planner.classes import classes_of
+from rarms_iac.planner.layout import plan_layout
+from rarms_iac.planner.problem import HostView
+from rarms_iac.planner.reservations import FixedReservations
+from rarms_iac.planner.search import Bin, Item, cost, place
+from tests.builders import a_component, a_host, a_system
+from tests.planning import PLACES
+
+SIZES = st.integers(0, 100)
+MEMORY = 1000
+
+
+@st.composite
+def problems(draw: st.DrawFn) -> tuple[tuple[Item, ...], tuple[Bin, ...]]:
+    """Up to five partitions on up to three hosts, each with claims of its own on each."""
+    bins = tuple(
+        Bin(
+            name=f"host{at}",
+            capacity=Capacity(
+                logical_processors=lps,
+                processors=LogicalProcessors(Fraction(lps)),
+                memory=Bytes(MEMORY),
+            ),
+            taken=tuple(draw(st.lists(st.builds(claim, SIZES, st.integers(0, 400)), max_size=1))),
+        )
+        for at, lps in enumerate(draw(st.lists(st.integers(1, 2), min_size=1, max_size=3)))
+    )
+    items = []
+    for at in range(draw(st.integers(1, 5))):
+        names = draw(st.lists(st.sampled_from([one.name for one in bins]), unique=True, min_size=1))
+        claims = {name: claim(draw(SIZES), draw(st.integers(0, 600))) for name in sorted(names)}
+        items.append(Item(name=f"part{at}", claims=claims, now=draw(st.sampled_from(["", bins[0].name]))))
+    return tuple(items), bins
+
+
+def claim(reserve: int, memory: int) -> Claim:
+    return Claim(processors=1, reserve=reserve, memory=memory)
+
+
+def possible(items: tuple[Item, ...], bins: tuple[Bin, ...]) -> list[tuple[int, int, tuple[str, ...]]]:
+    """The value of every placement that fits, by trying all of them."""
+    found = []
+    for way in product(*(one.claims for one in items)):
+        there = {one.name: list(one.taken) for one in bins}
+        for item, host in zip(items, way, strict=True):
+            there[host].append(item.claims[host])
+        if all(fits(one.capacity, there[one.name]) for one in bins):
+            total = sum(cost(item.claims[host]) for item, host in zip(items, way, strict=True))
+            moves = sum(bool(item.now) and item.now != host for item, host in zip(items, way, strict=True))
+            found.append((total, moves, way))
+    return found
+
+
+@given(problems())
+def test_the_search_finds_the_best_of_all_placements(problem: tuple[tuple[Item, ...], tuple[Bin, ...]]) -> None:
+    items, bins = problem
+
+    found = place(items, bins)
+
+    every = possible(items, bins)
+    assert found.proven
+    if not every:
+        assert found.hosts is None
+    else:
+        assert found.hosts is not None
+        assert tuple(found.hosts[one.name] for one in items) == min(every)[2]
+
+
+@given(st.lists(st.tuples(st.integers(0, 90), st.integers(1, 20)), min_size=1, max_size=6), st.integers(1, 3))
+def test_a_layout_fits_and_loses_nobody_and_a_misfit_says_why(wanted: list[tuple[int, int]], number: int) -> None:
+    hosts = [a_host(f"host{at}", memory="2 GiB") for at in range(number)]
+    components = [
+        a_component(f"part{at}", reserve=f"{share} %", memory=f"{64 * memory} MiB")
+        for at, (share, memory) in enumerate(wanted)
+    ]
+    system = a_system(hosts=hosts, components=components)
+
+    planning = plan_layout(system, FixedReservations(), {}, PLACES)
+
+    match planning.answer:
+        case Layout(partitions=partitions):
+            assert sorted(name for one in partitions for name in one.components) == sorted(system.components)
+            for host in hosts:
+                here = [one for one in partitions if one.host == host.name]
+                assert sum(one.reserved for one in here) <= host.logical_processors
+                assert sum(one.memory for one in here) <= host.memory
+        case Infeasible(conflict=conflict, causes=causes):
+            assert causes
+            assert planning.findings
+            only = {name: one for name, one in system.components.items() if name in conflict}
+            again = plan_layout(a_system(hosts=hosts, components=only.values()), FixedReservations(), {}, PLACES)
+            assert isinstance(again.answer, Infeasible), "what is said to conflict does"
+
+
+@given(st.lists(st.tuples(st.integers(1, 9), st.sampled_from("ABCDEFGH")), max_size=8))
+def test_threads_of_more_critical_classes_run_higher(users: list[tuple[int, str]]) -> None:
+    components = [
+        a_component(f"c{at}", criticality=criticality, task=name) for at, (criticality, name) in enumerate(users)
+    ]
+
+    found = classes_of(components, {}, "", PLACES)
+
+    assert found.findings == ()
+    assert {one.name for one in found.classes} == {name for _, name in users}
+    for one in found.classes:
+        for other in found.classes:
+            if one.criticality > other.criticality:
+                assert one.thread_priority > other.thread_priority
+
+
+def test_a_view_that_is_empty_is_no_view() -> None:
+    system = a_system()
+
+    assert plan_layout(system, FixedReservations(), {}, PLACES) == plan_layout(
+        system, FixedReservations(), {"onboard": HostView()}, PLACES
+    )

@@ -1,0 +1,57 @@
+from fractions import Fraction
+from itertools import product
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rarms_iac.model.capacity import Capacity, capacity_of, fits, packs
+from rarms_iac.model.plan import Claim
+from rarms_iac.model.quantities import Bytes, LogicalProcessors
+from tests.builders import a_host
+from tests.strategies import facts_for
+
+
+def claim(reserve: int, processors: int = 1, memory: int = 0) -> Claim:
+    return Claim(processors=processors, reserve=reserve, memory=memory)
+
+
+def test_a_virtual_processor_needs_its_whole_reserve_on_one_logical_one() -> None:
+    assert not packs([claim(60), claim(60), claim(60)], 2)
+    assert packs([claim(60), claim(60), claim(40, 2)], 2)
+
+
+def test_a_packing_that_first_fit_misses_is_found() -> None:
+    assert packs([claim(size) for size in (44, 43, 39, 37, 19, 18)], 2)
+
+
+def test_a_reserve_on_more_processors_than_there_are_does_not_hold() -> None:
+    assert not packs([claim(1, 3)], 2)
+    assert packs([claim(0, 3)], 2)
+
+
+def test_what_is_kept_for_the_host_counts_against_the_sum() -> None:
+    room = Capacity(logical_processors=2, processors=LogicalProcessors(Fraction(3, 2)), memory=Bytes(100))
+
+    assert fits(room, [claim(75, 2, 100)])
+    assert not fits(room, [claim(76, 2, 100)])
+    assert not fits(room, [claim(75, 2, 101)])
+
+
+def test_the_smaller_of_manifest_and_fact_counts() -> None:
+    host = a_host(logical_processors=4, memory="4 GiB", keep_processor="25 %", keep_memory="1 GiB")
+
+    found = capacity_of(host, facts_for(host, logical_processors=2))
+
+    assert found == Capacity(logical_processors=2, processors=LogicalProcessors(Fraction(1)), memory=Bytes(3 * 2**30))
+    assert capacity_of(host, None).processors == 3
+
+
+@given(st.lists(st.integers(1, 100), max_size=6), st.integers(1, 3))
+def test_packing_agrees_with_trying_every_way(sizes: list[int], processors: int) -> None:
+    ways = product(range(processors), repeat=len(sizes))
+    possible = any(
+        all(sum(s for s, at in zip(sizes, way, strict=True) if at == one) <= 100 for one in range(processors))
+        for way in ways
+    )
+
+    assert packs([claim(size) for size in sizes], processors) is possible

@@ -1,0 +1,278 @@
+from dataclasses import replace
+from fractions import Fraction
+
+import pytest
+
+from rarms_iac.model.layout import Infeasible, Layout
+from rarms_iac.model.state import Partition, RunState
+from rarms_iac.model.system import CpuWish, Disruption, HypervHost, ProviderKind, RunsOn, System
+from rarms_iac.planner.layout import Planning, plan_layout
+from rarms_iac.planner.problem import HostView, host_view
+from rarms_iac.planner.reservations import FixedReservations
+from tests.builders import a_component, a_cpu, a_host, a_partition, a_system, at_most, codes, the_delivery_robot
+from tests.planning import PLACES
+from tests.strategies import MIB, Strangers, empty_state, facts_for, some_settings
+
+
+def planned(system: System, views: dict[str, HostView] | None = None, limit: Disruption | None = None) -> Planning:
+    return plan_layout(system, FixedReservations(), views or {}, PLACES, max_disruption=limit)
+
+
+def layout(system: System, views: dict[str, HostView] | None = None, limit: Disruption | None = None) -> Layout:
+    answer = planned(system, views, limit).answer
+    assert isinstance(answer, Layout), answer
+    return answer
+
+
+def misfit(system: System, views: dict[str, HostView] | None = None) -> tuple[Infeasible, list[str]]:
+    found = planned(system, views)
+    assert isinstance(found.answer, Infeasible)
+    return found.answer, [one.code for one in found.findings]
+
+
+def test_the_delivery_robot_gets_what_it_fixes() -> None:
+    found = layout(the_delivery_robot())
+
+    assert {one.name: (one.reserve, one.limit, one.weight) for one in found.partitions} == {
+        "face-detection": (40, 100, 100),
+        "speech-recognition": (30, 100, 100),
+        "path-planning": (20, 60, 100),
+        "video-streaming": (10, 100, 100),
+    }
+    assert found.proven
+
+
+def test_a_reserve_is_rounded_up_to_whole_per_cent_and_the_loss_is_told() -> None:
+    (one,) = layout(a_system(components=[a_component(reserve="0.25 LP", processors=2)])).partitions
+
+    assert (one.reserve, one.reserved) == (13, Fraction(26, 100))
+    assert one.reason == "12.5 % of onboard for vision: 13 % of each of its 2 virtual processors, rounded up by 0.01 LP"
+
+
+def test_a_partition_by_hand_has_the_sum_of_its_members_unless_it_says_otherwise() -> None:
+    members = [
+        a_component("vision", reserve="30 %", limit="50 %", memory="512 MiB", criticality=2),
+        a_component("speech", reserve="20 %", limit="40 %", memory="256 MiB", criticality=3, weight=300),
+    ]
+    both = a_partition("media", components=["vision", "speech"])
+
+    (one,) = layout(a_system(components=members, partitions=[both])).partitions
+    assert (one.name, one.components, one.criticality) == ("media", ("speech", "vision"), 3)
+    assert (one.reserve, one.limit, one.weight, one.memory) == (50, 90, 300, 768 * MIB)
+
+    own = replace(both, cpu=a_cpu(reserve="45 %", limit="60 %", weight=50), memory=members[0].memory)
+    (one,) = layout(a_system(components=members, partitions=[own])).partitions
+    assert (one.reserve, one.limit, one.weight, one.memory) == (45, 60, 50, 512 * MIB)
+
+
+def test_a_limit_left_open_by_one_member_is_open() -> None:
+    members = [a_component("vision", limit="50 %"), a_component("speech")]
+
+    (one,) = layout(
+        a_system(components=members, partitions=[a_partition("media", components=["vision", "speech"])])
+    ).partitions
+
+    assert one.limit == 100
+
+
+def test_components_that_must_be_together_share_a_partition_of_the_most_critical() -> None:
+    members = [
+        a_component("vision", criticality=1, together=["speech"]),
+        a_component("speech", criticality=2),
+        a_component("path", criticality=3),
+    ]
+
+    found = layout(a_system(components=members))
+
+    assert {one.name: one.components for one in found.partitions} == {"path": ("path",), "speech": ("speech", "vision")}
+
+
+@pytest.mark.parametrize(
+    "components",
+    [
+        [a_component("vision", apart=["speech"]), a_component("speech")],
+        [a_component("vision", dedicated=True), a_component("speech")],
+        [a_component("vision", together=["path"]), a_component("speech"), a_component("path")],
+    ],
+)
+def test_partitions_that_break_a_rule_are_no_layout(components: list) -> None:  # type: ignore[type-arg]  # of components
+    system = a_system(components=components, partitions=[a_partition("media", components=["vision", "speech"])])
+
+    assert misfit(system)[1] == ["RARMS125"]
+
+
+def test_reservations_that_exceed_the_platform_are_told_with_ways_out_that_fit() -> None:
+    system = a_system(
+        components=[
+            a_component("fdp", reserve="70 %", criticality=3),
+            a_component("srp", reserve="30 %", criticality=2),
+            a_component("ppp", reserve="20 %", criticality=1),
+        ]
+    )
+
+    found = planned(system).findings
+
+    assert [(one.code, one.place.path if one.place else "") for one in found] == [
+        ("RARMS014", "hosts.onboard.logical_processors")
+    ]
+    assert found[0].detail == "fdp 70 %, srp 30 % and ppp 20 % need 120 % of the two logical processors."
+    assert "srp reserves 10 % instead of 30 %" in found[0].advice
+    lowered = replace(system.components["srp"], cpu=a_cpu(reserve="10 %"))
+    assert layout(replace(system, components={**system.components, "srp": lowered})).proven
+
+
+def test_more_processors_are_only_offered_where_they_help() -> None:
+    in_lps = a_system(components=[a_component("fdp", reserve="1.4 LP"), a_component("srp", reserve="0.8 LP")])
+    in_shares = a_system(components=[a_component("fdp", reserve="70 %"), a_component("srp", reserve="40 %")])
+
+    assert "one more logical processor on onboard" in planned(in_lps).findings[0].advice
+    assert "more logical processor" not in planned(in_shares).findings[0].advice
+
+
+def test_what_is_kept_for_the_host_and_what_strangers_hold_is_not_promised() -> None:
+    system = a_system(
+        hosts=[a_host(keep_processor="10 %", keep_memory="1 GiB")], components=[a_component(reserve="60 %")]
+    )
+    holder = Partition(
+        settings=replace(some_settings("stranger"), processors=2, reserve=40, memory=1024 * MIB, running=True),
+        id="ffff",
+        state=RunState.RUNNING,
+    )
+    host = system.hosts["onboard"]
+    assert layout(system).proven
+
+    def with_stranger(stranger: Partition) -> dict[str, HostView]:
+        return {"onboard": host_view(empty_state(host, Strangers((stranger,), ())), "robot")}
+
+    found = planned(system, with_stranger(holder))
+    assert codes(found.findings) == ["RARMS014"]
+    assert "10 % kept for the host and 40 % taken by machines that are not ours" in found.findings[0].detail
+    asleep = replace(holder, settings=replace(holder.settings, running=False), state=RunState.OFF)
+    assert layout(system, with_stranger(asleep)).proven
+
+
+def test_memory_that_is_not_there_is_told_with_how_much_more_would_do() -> None:
+    system = a_system(hosts=[a_host(memory="1 GiB")], components=[a_component(memory="1536 MiB")])
+
+    found = planned(system).findings
+
+    assert codes(found) == ["RARMS120"]
+    assert found[0].detail == "vision 1536 MiB needs 1536 MiB; onboard has 1 GiB to promise."
+    assert "512 MiB more memory on onboard" in found[0].advice
+
+
+def test_virtual_processors_are_not_split_over_logical_ones() -> None:
+    three = a_system(components=[a_component(name, reserve="0.6 LP", processors=1) for name in "abc"])
+
+    answer, found = misfit(three)
+
+    assert found == ["RARMS121"]
+    assert answer.conflict == ("a", "b", "c")
+    assert answer.proven
+
+
+def test_what_one_host_cannot_hold_is_spread_over_several() -> None:
+    hosts = [a_host("front"), a_host("rear")]
+    system = a_system(hosts=hosts, components=[a_component(name, reserve="50 %") for name in "abcd"])
+
+    found = layout(system)
+
+    assert [(one.name, one.host) for one in found.partitions] == [
+        ("a", "front"),
+        ("b", "front"),
+        ("c", "rear"),
+        ("d", "rear"),
+    ]
+    assert found.proven
+    assert misfit(a_system(hosts=hosts, components=[a_component(name, reserve="60 %") for name in "abc"]))[1] == [
+        "RARMS122"
+    ]
+
+
+def test_the_least_reservation_in_all_decides_where_hosts_differ() -> None:
+    hosts = [a_host("large", logical_processors=8), a_host("small", logical_processors=2)]
+
+    (one,) = layout(a_system(hosts=hosts, components=[a_component(reserve="20 %")])).partitions
+
+    assert one.host == "small"
+
+
+def test_a_partition_stays_where_it_is_unless_removal_is_allowed_and_the_gain_is_told() -> None:
+    hosts = [a_host("large", logical_processors=8), a_host("small", logical_processors=2)]
+    system = a_system(hosts=hosts, components=[a_component(reserve="20 %")])
+    views = {"large": HostView(facts=facts_for(hosts[0]), present=frozenset(["vision"]))}
+
+    assert layout(system, views).partitions[0].host == "large"
+    assert codes(planned(system, views).findings) == ["RARMS127"]
+    assert layout(system, views, Disruption.REMOVAL).partitions[0].host == "small"
+
+
+def test_a_host_that_is_smaller_than_the_manifest_says_is_planned_as_it_is() -> None:
+    host = a_host(logical_processors=4)
+    views = {"onboard": HostView(facts=facts_for(host, logical_processors=2))}
+
+    found = planned(a_system(hosts=[host], components=[a_component(reserve="0.5 LP", processors=2)]), views)
+
+    assert isinstance(found.answer, Layout)
+    assert codes(found.findings) == ["RARMS126"]
+
+
+def test_only_hosts_that_every_member_may_run_on_are_taken() -> None:
+    hosts = [a_host("front"), a_host("rear")]
+    system = a_system(hosts=hosts, components=[a_component(hosts=["rear"])])
+
+    assert layout(system).partitions[0].host == "rear"
+
+
+def test_what_is_to_be_measured_has_no_layout_yet_and_no_apt_means_no_reservation() -> None:
+    apt = {"mean_response_time": at_most(100)}
+
+    assert misfit(a_system(components=[a_component(reserve="measured")]))[1] == ["RARMS100"]
+    assert misfit(a_system(components=[a_component(reserve=None, apt=apt)]))[1] == ["RARMS100"]
+    assert layout(a_system(components=[a_component(reserve=None)])).partitions[0].reserve == 0
+
+
+def test_more_than_its_processors_can_use_and_more_processors_than_the_host_has() -> None:
+    assert misfit(a_system(components=[a_component(reserve="1.4 LP", processors=1)]))[1] == ["RARMS123"]
+    assert misfit(a_system(components=[a_component(reserve="40 %", processors=4)]))[1] == ["RARMS124"]
+
+
+def test_a_component_of_the_host_has_no_partition() -> None:
+    found = layout(a_system(components=[a_component("watcher", runs_on=RunsOn.HOST)]))
+
+    assert (found.partitions, found.on_hosts) == ((), (("watcher", "onboard"),))
+
+
+def test_hyperv_settings_come_from_the_partition_or_else_from_the_host() -> None:
+    host = a_host(provider=ProviderKind.HYPERV, settings=HypervHost(switch="lan", image="base.vhdx", generation=1))
+
+    (one,) = layout(a_system(hosts=[host])).partitions
+
+    assert (one.generation, one.making.switch, one.making.image) == (1, "lan", "base.vhdx")
+
+
+def test_a_thousand_components_are_placed_and_none_is_lost() -> None:
+    hosts = [a_host(f"h{number}", logical_processors=16, memory="64 GiB") for number in range(20)]
+    system = a_system(
+        hosts=hosts,
+        components=[a_component(f"c{at}", reserve=f"0.{5 + at % 20:02} LP", memory="256 MiB") for at in range(1000)],
+    )
+
+    found = layout(system)
+
+    assert {one.name for one in found.partitions} == set(system.components)
+
+
+def test_nothing_changes_with_the_order_of_hosts_and_components() -> None:
+    hosts = [a_host("front"), a_host("rear", logical_processors=4)]
+    parts = [a_component(name, reserve="25 %") for name in "abcdef"]
+
+    assert layout(a_system(hosts=hosts, components=parts)) == layout(
+        a_system(hosts=hosts[::-1], components=parts[::-1])
+    )
+
+
+def test_an_open_reserve_of_a_partition_is_its_members() -> None:
+    by_hand = replace(a_partition(), cpu=CpuWish(reserve=None))
+
+    assert layout(a_system(partitions=[by_hand])).partitions[0].reserve == 20
