@@ -4,18 +4,26 @@ import json
 import subprocess
 import sys
 from datetime import date
+from pathlib import Path
 from typing import Any
 
 import jsonschema
 import pytest
 
+from rarms_iac.apply.execute import apply_plan
+from rarms_iac.apply.prepare import Request, prepare
+from rarms_iac.apply.reports import Ending, SilentReporter
+from rarms_iac.apply.walk import held
 from rarms_iac.manifest.checks import run_checks
 from rarms_iac.manifest.fmt import format_text
 from rarms_iac.manifest.json_schema import manifest_schema
 from rarms_iac.manifest.load import Loaded, load
 from rarms_iac.manifest.reading import read_text
 from rarms_iac.model.diagnostics import Severity
+from rarms_iac.model.plan import Plan
 from rarms_iac.model.quantities import ProcessorTime, ShareOfHost
+from rarms_iac.model.state import RunState
+from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.storage.shipped import shipped
 
 MANIFESTS = shipped("manifests")
@@ -98,6 +106,57 @@ def test_overlays_change_what_they_say_and_nothing_else() -> None:
     assert set(base.components) - set(one.components) == {"door-opening"}
     assert set(seven.components) - set(base.components) == {"arm"}
     assert (one.hosts["onboard"].logical_processors, seven.hosts["onboard"].logical_processors) == (2, 4)
+
+
+def _plan(result: Loaded, hosts: dict[str, SimulatedHostProvider]) -> Plan:
+    assert result.system is not None
+    request = Request(
+        system=result.system,
+        places=result.places,
+        manifest="rarms.yaml",
+        manifest_digest=result.digest,
+        today=TODAY,
+    )
+    prepared = prepare(request, {name: host.observe() for name, host in hosts.items()})
+    assert prepared.plan is not None, prepared.findings
+    assert [one for one in prepared.findings if one.severity is Severity.ERROR] == []
+    return prepared.plan
+
+
+@pytest.mark.parametrize(
+    ("example", "overlays"),
+    [
+        *((example, ()) for example in EXAMPLES if example != "hyperv-cell"),
+        ("fleet", ("robot-1.yaml",)),
+        ("fleet", ("robot-7.yaml",)),
+    ],
+)
+def test_an_example_is_planned_and_applied_and_then_nothing_is_left_to_do(
+    example: str, overlays: tuple[str, ...], tmp_path: Path
+) -> None:
+    result = loaded(example, *overlays)
+    assert result.system is not None
+    hosts = {name: SimulatedHostProvider(host, tmp_path / f"{name}.json") for name, host in result.system.hosts.items()}
+    plan = _plan(result, hosts)
+    assert any(part.steps for part in plan.hosts)
+
+    with held(tuple(hosts.values()), "ann@lab", 0):
+        report = apply_plan(plan, hosts, "ann@lab", SilentReporter(), lambda: False)
+
+    assert (report.ending, report.diagnostics) == (Ending.DONE, ())
+    assert [part.steps for part in _plan(result, hosts).hosts] == [() for _ in hosts]
+
+
+def test_the_protected_the_manual_and_the_shared_partition_are_there(tmp_path: Path) -> None:
+    result = loaded("partitions")
+    assert result.system is not None
+    host = SimulatedHostProvider(result.system.hosts["kiosk"], tmp_path / "kiosk.json")
+
+    with held((host,), "ann@lab", 0):
+        apply_plan(_plan(result, {"kiosk": host}), {"kiosk": host}, "ann@lab", SilentReporter(), lambda: False)
+
+    running = {one.settings.name: one.state for one in host.observe().partitions}
+    assert running == {"voice": RunState.RUNNING, "payment": RunState.RUNNING, "maintenance": RunState.OFF}
 
 
 def _output(program: str, jobs: int) -> list[str]:
