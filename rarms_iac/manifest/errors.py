@@ -2,11 +2,15 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 from pydantic import ValidationError
 
 from rarms_iac.manifest import structure
+from rarms_iac.manifest.document.manifest import ManifestDocument
+from rarms_iac.manifest.document.rules import TOO_MANY_TO_LIST
+from rarms_iac.manifest.json_schema import manifest_schema
 from rarms_iac.manifest.places import dotted
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places
 
@@ -44,10 +48,41 @@ class Case:
 
 def in_words(problem: ValidationError, document: Any, places: Places) -> list[Diagnostic]:
     """Every error of the document as a finding; of more than `MOST`, the first ones and how many follow."""
-    errors = problem.errors(include_url=False, include_input=False)
+    number = problem.error_count()
+    errors = _listable(problem, document).errors(include_url=False, include_input=False)
     told = [_told(_case(error, document, places)) for error in errors[:MOST]]
-    more = len(errors) - len(told)
+    more = number - len(told)
     return [*told, structure.and_more(more, told[-1].place)] if more else told
+
+
+def _listable(problem: ValidationError, document: Any) -> ValidationError:
+    """The errors of the document's first parts, where the whole has too many to be listed."""
+    for most in (1000, 100, 10):
+        if problem.error_count() <= TOO_MANY_TO_LIST:
+            break
+        try:
+            ManifestDocument.model_validate(_first(document, most))
+        except ValidationError as fewer:
+            problem = fewer
+        else:
+            break  # they all come later
+    return problem
+
+
+def _first(value: Any, most: int) -> Any:
+    """The first entries of every map and list; keys that are fields stay, so that none is missing."""
+    if isinstance(value, dict):
+        kept = (key for number, key in enumerate(value) if number < most or key in _fields())
+        return {key: _first(value[key], most) for key in kept}
+    if isinstance(value, list):
+        return [_first(item, most) for item in value[:most]]
+    return value
+
+
+@cache
+def _fields() -> frozenset[str]:
+    blocks = (manifest_schema(), *manifest_schema()["$defs"].values())
+    return frozenset(name for block in blocks for name in block.get("properties", {}))
 
 
 def _told(case: Case) -> Diagnostic:

@@ -10,7 +10,7 @@ from rarms_iac.manifest.document.hosts import HostBlock
 from rarms_iac.manifest.document.interference import InterferenceBlock
 from rarms_iac.manifest.document.partitions import PartitionBlock
 from rarms_iac.manifest.document.policy import PolicyBlock, TaskBlock
-from rarms_iac.manifest.document.rules import broken_rules, with_rules
+from rarms_iac.manifest.document.rules import TOO_MANY_TO_LIST, broken_rules, with_rules
 from rarms_iac.manifest.document.texts import Name, TaskName, by_name
 from rarms_iac.model.names import TASK_PATTERN
 
@@ -56,7 +56,7 @@ class ManifestDocument(Block):
         try:
             made = handler(value)
         except ValidationError as problem:
-            if not broken:
+            if not broken or problem.error_count() > TOO_MANY_TO_LIST:
                 raise
             raise with_rules(problem, broken) from None
         if broken:

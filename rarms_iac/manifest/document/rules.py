@@ -14,6 +14,9 @@ from rarms_iac.model.system import ProviderKind
 Broken = tuple[tuple[str, ...], str, dict[str, Any]]
 """Path, kind of error and its facts; `manifest/structure.py` puts them into words."""
 
+TOO_MANY_TO_LIST = 5000
+"""pydantic finds 400,000 errors in half a second, and needs ten more and 500 MB to list them."""
+
 BLOCK_OF = {ProviderKind.HYPERV: "hyperv", ProviderKind.LINUX: "linux", ProviderKind.SIMULATED: "simulated"}
 
 

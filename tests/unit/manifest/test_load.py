@@ -75,3 +75,13 @@ def test_a_flood_of_errors_is_counted(tmp_path: Path) -> None:
     codes = [one.code for one in loaded(tmp_path, SMALL + flood).diagnostics]
 
     assert (len(codes), codes.count("RARMS015"), codes.count("RARMS030")) == (1001, 1000, 1)
+
+
+def test_a_flood_that_cannot_be_listed_is_counted_too(tmp_path: Path) -> None:
+    flood = "".join(f"  C{number}: x\n" for number in range(50_000))
+
+    read = loaded(tmp_path, SMALL + flood)
+
+    assert len(read.diagnostics) == 1001
+    assert "99,000 more errors" in read.diagnostics[-1].detail
+    assert "RARMS016" not in {one.code for one in read.diagnostics}
