@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import jsonschema
 import pytest
 
 from rarms_iac.manifest.json_schema import as_text, manifest_schema
+from rarms_iac.manifest.load import load, no_checks
 from rarms_iac.manifest.reading import read_text
 from tests.unit.manifest.examples import EVERYTHING
 
@@ -69,3 +71,31 @@ def _keys(value: Any) -> Iterator[str]:
     if isinstance(value, list):
         for inner in value:
             yield from _keys(inner)
+
+
+EXAMPLES = sorted((SCHEMAS.parent / "manifests").glob("*/rarms.yaml"))
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.parent.name)
+def test_every_example_fits(path: Path) -> None:
+    read = read_text(path.read_bytes(), "rarms.yaml", str(path.parent))
+
+    jsonschema.Draft202012Validator(manifest_schema()).validate(read.value)
+    assert load(str(path), today=date(2026, 1, 1), checks=no_checks).system is not None
+
+
+INVALID = sorted((SCHEMAS.parent / "tests" / "cases" / "findings").glob("*/rarms.yaml"))
+BEYOND = "RARMS028"  # JSON Schema cannot say which days there are
+
+
+@pytest.mark.parametrize("path", INVALID, ids=lambda path: path.parent.name)
+def test_a_case_that_can_be_read_is_judged_alike(path: Path) -> None:
+    read = read_text(path.read_bytes(), "rarms.yaml", str(path.parent))
+    told = load(str(path), today=date(2026, 1, 1), checks=no_checks).diagnostics
+    wrong = {one.code for one in told if "RARMS015" <= one.code <= "RARMS040"} - {BEYOND}
+
+    if read.readable and read.value is not None:
+        assert jsonschema.Draft202012Validator(manifest_schema()).is_valid(read.value) == (not wrong)
+    else:
+        assert told
+        assert not wrong
