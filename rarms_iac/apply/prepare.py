@@ -10,6 +10,7 @@ from datetime import date
 from rarms_iac import __version__
 from rarms_iac.apply.taking_over import adoption, releasing
 from rarms_iac.apply.targets import targeted, without_change
+from rarms_iac.apply.totals import totals_of
 from rarms_iac.apply.wanted import HostWish, Wanted, nothing_wanted, wanted
 from rarms_iac.diff.compare import Difference, compare
 from rarms_iac.diff.holding import hold_back
@@ -144,6 +145,7 @@ def _host_plan(request: Request, wish: HostWish) -> _Part:
         unused=difference.unused,
         unchanged=difference.unchanged,
         scripts={},
+        totals=totals_of(wish.observed, application, steps),
     )
     addresses = tuple(str(change.address) for change in difference.changes)
     return _Part(plan=plan, addresses=addresses, findings=(*difference.findings, *cycle))

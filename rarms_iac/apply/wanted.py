@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from rarms_iac.apply.where_asked import WhereAsked
 from rarms_iac.diff.compare import Wishes
 from rarms_iac.diff.disruption import Surroundings
 from rarms_iac.diff.order import Room, room_of
@@ -55,7 +56,7 @@ def wanted(system: System, observed: Mapping[str, State], places: Places, limit:
             protected=desired.protected,
             replaceable=desired.replaceable,
             unused=desired.unused,
-            places=places,
+            places=WhereAsked(system=system, places=places),
         )
         around = replace(_around(system, state), making=desired.making, criticality=desired.criticality)
         hosts[name] = _wish(system, state, desired.state, wishes, around, limit)

@@ -153,14 +153,22 @@ def _host(part: HostPlan, plan: Plan, width: int, *, steps: bool) -> Iterator[st
 
 
 def _change(change: Change, part: HostPlan, width: int) -> Iterator[str]:
-    sign = symbol(change)
-    note = disturbs(change)
-    yield f"  {sign} {change.address}" + (f", {note}" if note else "") + _at(change.reason.place)
+    note = _note_on(change, part)
+    head = f"  {symbol(change)} {change.address}" + (f", {note}" if note else "")
+    place = _at(change.reason.place)
+    yield from [head + place] if columns(head + place) <= width else [head, f"     {place}"]
     yield from wrap(change.reason.says, width, "      ")
     attributes = attributes_of(change, part.facts)
     if isinstance(change, Delete):
         attributes = tuple(one for one in attributes if one.name in _OF_THE_REMOVED)
     yield from _attributes(attributes, whole=isinstance(change, Create))
+
+
+def _note_on(change: Change, part: HostPlan) -> str:
+    """What the change disturbs here: the guest of a machine that is only being made starts with its task classes."""
+    inside = change.address.partition if change.address.task else ""
+    new = {one.address.partition for one in part.changes if isinstance(one, Create) and not one.address.task}
+    return "" if inside in new else disturbs(change)
 
 
 _OF_THE_REMOVED = ("processors", "reserve", "memory")
@@ -240,7 +248,7 @@ def _not_undone(part: HostPlan, width: int) -> Iterator[str]:
 def _disruption(part: HostPlan, width: int) -> Iterator[str]:
     by_kind: dict[str, list[str]] = {}
     for change in part.changes:
-        note = disturbs(change)
+        note = _note_on(change, part)
         if note:
             by_kind.setdefault(note, []).append(str(change.address))
     if by_kind:

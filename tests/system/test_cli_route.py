@@ -1,0 +1,353 @@
+"""The route of a user, command after command, each in this process; exit codes are those of DESIGN section 9."""
+
+import json
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.cli.hosts import Hosts, hosts_of
+from rarms_iac.cli.manifests import system_of
+from rarms_iac.cli.options import HostOptions, ManifestOptions
+from rarms_iac.model.journal import RunClosed
+from rarms_iac.providers.simulated.run import SimulatedHostProvider
+from tests.unit.cli.running import Ran, rarms
+from tests.unit.views.test_json import check
+
+
+class Robot:
+    """A folder with a manifest of two partitions on a simulated host, and the commands run on it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.manifest = folder / "rarms.yaml"
+        assert rarms("init", str(folder)).code == 0
+
+    def run(self, *words: str, stdin: str = "") -> Ran:
+        """The command with this manifest."""
+        return rarms(words[0], "-f", str(self.manifest), *words[1:], stdin=stdin)
+
+    def applied(self) -> "Robot":
+        """The same, its manifest applied."""
+        assert self.run("apply", "--auto-approve").code == 0
+        return self
+
+    def edit(self, old: str, new: str) -> None:
+        """Change the manifest."""
+        text = self.manifest.read_text(encoding="utf-8")
+        assert old in text
+        self.manifest.write_text(text.replace(old, new), encoding="utf-8", newline="\n")
+
+    def planned(self, *words: str) -> str:
+        """A plan file made now."""
+        path = str(self.folder / "robot.plan")
+        assert self.run("plan", "--out", path, *words).code in {0, 2}
+        return path
+
+    def hosts(self) -> Hosts:
+        """The hosts as the commands see them."""
+        source = ManifestOptions(manifest=str(self.manifest), today=date(2026, 11, 21))
+        return hosts_of(*system_of(source), source, HostOptions())
+
+    def host(self) -> SimulatedHostProvider:
+        """The live host."""
+        host = self.hosts().open("here")
+        assert isinstance(host, SimulatedHostProvider)
+        return host
+
+    def somebody_sets_a_reserve(self, name: str, reserve: int) -> None:
+        """Change the host behind rarms' back."""
+        host = self.host()
+        content = host.load()
+        machines = {
+            key: replace(one, settings=replace(one.settings, reserve=reserve)) if one.settings.name == name else one
+            for key, one in content.machines.items()
+        }
+        host.save(replace(content, machines=machines))
+
+    def fails_at(self, operation: str) -> None:
+        """Ask the host to fail this operation, once."""
+        self.edit(
+            "provider: simulated",
+            "provider: simulated\n    simulated: "
+            f'{{ faults: {{ broken: {{ operation: {operation}, at: "*", effect: refuse, times: 1 }} }} }}\n    #',
+        )
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Robot:
+    """A fresh one."""
+    return Robot(tmp_path)
+
+
+def test_plan_shows_changes_apply_makes_them_and_the_next_plan_is_empty(robot: Robot) -> None:
+    planned = robot.run("plan")
+    applied = robot.run("apply", "--auto-approve")
+    again = robot.run("plan")
+
+    assert (planned.code, applied.code, again.code) == (2, 0, 0)
+    assert planned.lines[-1] == "Plan: 2 to add, 0 to change, 0 to remove."
+    assert "complete" in applied.err
+    assert again.out == "No changes. The host is as the manifest wants it.\n"
+
+
+def test_a_plan_points_at_the_line_that_asks(robot: Robot) -> None:
+    line = robot.manifest.read_text(encoding="utf-8").splitlines().index("  control:") + 1
+
+    assert any(f"rarms.yaml:{line})" in shown for shown in robot.run("plan").lines)
+
+
+def test_a_written_plan_is_shown_and_applied_once(robot: Robot) -> None:
+    plan = robot.planned()
+
+    shown = rarms("show", plan)
+    first = rarms("apply", plan)
+    second = rarms("apply", plan)
+
+    assert (shown.code, first.code, second.code) == (0, 0, 3)
+    assert shown.lines[-1] == "Plan: 2 to add, 0 to change, 0 to remove."
+    assert "error[RARMS181]" in second.err
+
+
+def test_a_plan_that_was_edited_is_refused(robot: Robot) -> None:
+    plan = Path(robot.planned())
+    plan.write_bytes(plan.read_bytes().replace(b'"reserve": 30', b'"reserve": 31'))
+
+    for command in ("show", "apply"):
+        answer = rarms(command, str(plan))
+        assert answer.code == 3
+        assert "error[RARMS180]" in answer.err
+
+
+def test_a_plan_is_refused_when_the_host_has_moved(robot: Robot) -> None:
+    robot.applied().edit("reserve: 30 %", "reserve: 35 %")
+    plan = robot.planned()
+    robot.somebody_sets_a_reserve("display", 11)
+
+    answer = rarms("apply", plan)
+
+    assert answer.code == 3
+    assert "error[RARMS182]" in answer.err
+
+
+def test_apply_without_a_terminal_wants_approval_and_changes_nothing(robot: Robot) -> None:
+    answer = robot.run("apply", stdin="yes\n")
+
+    assert answer.code == 64
+    assert "--auto-approve" in answer.err
+    assert robot.run("plan").code == 2
+
+
+def test_a_failed_step_says_so_and_apply_finishes_it(robot: Robot) -> None:
+    robot.fails_at("start_partition")
+
+    failed = robot.run("apply", "--auto-approve")
+    refused = robot.run("plan")
+    finished = robot.run("apply")
+
+    assert (failed.code, refused.code, finished.code) == (1, 3, 0)
+    assert "error[RARMS186]" in failed.err
+    assert "error[RARMS183]" in refused.err
+    assert "finished the run that was begun earlier" in finished.err
+    assert robot.run("plan").code == 0
+
+
+def test_another_plan_is_refused_while_a_run_is_unfinished(robot: Robot) -> None:
+    robot.fails_at("start_partition")
+    plan = robot.planned("--target", "partition/control")
+    assert robot.run("apply", "--auto-approve").code == 1
+
+    answer = rarms("apply", plan)
+
+    assert answer.code == 3
+    assert "error[RARMS183]" in answer.err
+
+
+def test_an_unfinished_run_can_be_abandoned(robot: Robot) -> None:
+    robot.fails_at("start_partition")
+    assert robot.run("apply", "--auto-approve").code == 1
+
+    assert robot.run("apply", "--abandon").code == 0
+    journal = robot.host().journal()
+    assert journal is not None
+    assert isinstance(journal.closed, RunClosed)
+
+
+def test_a_held_host_is_refused_with_the_name_of_who_holds_it(robot: Robot) -> None:
+    robot.applied().edit("reserve: 30 %", "reserve: 35 %")
+    with robot.host().lock("somebody@elsewhere"):
+        answer = robot.run("apply", "--auto-approve")
+
+    assert answer.code == 3
+    assert "somebody@elsewhere" in answer.err
+
+
+def test_drift_tells_a_changed_host_from_a_changed_manifest(robot: Robot) -> None:
+    robot.applied()
+    still = robot.run("drift")
+    robot.edit("reserve: 30 %", "reserve: 35 %")
+    not_applied = robot.run("drift")
+    robot.somebody_sets_a_reserve("display", 11)
+    changed = robot.run("drift")
+
+    assert (still.code, not_applied.code, changed.code) == (0, 5, 2)
+    assert "  partition/control: not applied yet" in not_applied.lines
+    assert "      reserve  30 % -> 35 %" in not_applied.lines
+    assert "  partition/display: changed on the host" in changed.lines
+
+
+def test_undo_takes_the_last_apply_back_once(robot: Robot) -> None:
+    robot.applied().edit("reserve: 30 %", "reserve: 35 %")
+    robot.applied()
+
+    undone = robot.run("undo", "--auto-approve")
+    again = robot.run("undo", "--auto-approve")
+
+    assert undone.code == 0
+    assert "note[RARMS192]" in again.err
+    assert "35 %" in robot.run("plan").out
+
+
+def test_destroy_removes_what_is_ours(robot: Robot) -> None:
+    answer = robot.applied().run("destroy", "--auto-approve")
+
+    assert answer.code == 0
+    assert answer.lines[-1] == "Plan: 0 to add, 0 to change, 2 to remove."
+    assert robot.host().observe().partitions == ()
+
+
+def test_destroy_with_out_writes_the_plan_and_changes_nothing(robot: Robot) -> None:
+    path = robot.folder / "destroy.plan"
+
+    answer = robot.applied().run("destroy", "--out", str(path))
+
+    assert answer.code == 2
+    assert path.is_file()
+    assert robot.run("plan").code == 0
+
+
+def test_a_released_partition_stays_and_is_taken_over_again(robot: Robot) -> None:
+    robot.applied()
+    assert robot.run("release", "control", "--auto-approve").code == 0
+    machine = next(one for one in robot.host().observe().partitions if one.settings.name == "control")
+    blocked = robot.run("plan")
+
+    taken = robot.run("import", "control", "--id", machine.id, "--auto-approve")
+
+    assert machine.mark is None
+    assert blocked.code == 4
+    assert f"rarms import control --id {machine.id}" in " ".join(blocked.err.split())
+    assert taken.code == 0
+    assert taken.lines[-1] == "Plan: 0 to add, 0 to change, 0 to remove, 1 to adopt."
+    assert robot.run("plan").code == 0
+
+
+def test_a_snapshot_plans_without_the_host(robot: Robot) -> None:
+    robot.applied()
+    snapshot = robot.folder / "here.json"
+    assert robot.run("snapshot", "--out", str(snapshot)).code == 0
+    robot.somebody_sets_a_reserve("display", 11)
+
+    assert robot.run("plan", "--snapshot", str(snapshot)).code == 0
+    assert robot.run("plan", "--snapshot", f"here={snapshot}").code == 0
+    assert robot.run("plan").code == 2
+    assert json.loads(robot.run("snapshot").out)["format_version"] == "rarms-snapshot/1"
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[" * 100_000, '{"format_version": "rarms-snapshot/9"}'])
+def test_what_is_no_snapshot_is_told(robot: Robot, text: str) -> None:
+    file = robot.folder / "not.json"
+    file.write_text(text, encoding="utf-8")
+
+    answer = robot.run("plan", "--snapshot", str(file))
+
+    assert answer.code == 1
+    assert "error[RARMS175]" in answer.err
+
+
+def test_a_manifest_with_errors_stops_every_command_but_validate(robot: Robot) -> None:
+    robot.edit("criticality: 20", "criticalty: 20")
+
+    for command in ("plan", "apply", "undo", "destroy", "drift", "snapshot", "graph"):
+        answer = robot.run(command)
+        assert answer.code == 4, command
+        assert "Did you mean" in answer.err
+    assert robot.run("validate").code == 2
+
+
+def test_what_does_not_fit_is_a_no(robot: Robot) -> None:
+    robot.edit("reserve: 30 %", "reserve: 95 %")
+
+    answer = robot.run("plan")
+
+    assert answer.code == 4
+    assert answer.out == ""
+
+
+def test_a_host_that_is_not_in_the_manifest_is_wrong_usage(robot: Robot) -> None:
+    answer = robot.run("plan", "--host", "hera")
+
+    assert answer.code == 64
+    assert 'Did you mean "here"?' in answer.err
+
+
+def test_a_provider_that_cannot_be_reached_is_told_honestly(robot: Robot) -> None:
+    robot.edit("provider: simulated", "provider: linux")
+
+    answer = robot.run("plan")
+
+    assert answer.code == 1
+    assert "error[RARMS198]" in answer.err
+
+
+def test_held_back_changes_are_changes_that_are_not_made(robot: Robot) -> None:
+    robot.applied().edit(
+        "memory: 512 MiB\n    cpu: { reserve: 30 %", "memory: 512 MiB\n    processors: 1\n    cpu: { reserve: 30 %"
+    )
+
+    answer = robot.run("plan", "--max-disruption", "live")
+
+    assert answer.code == 2
+    assert answer.lines[-1] == "No changes to make now; 1 held back."
+
+
+def test_overlays_have_hosts_of_their_own(robot: Robot) -> None:
+    overlay = robot.folder / "robot-7.yaml"
+    overlay.write_text("components: { control: { memory: 256 MiB } }\n", encoding="utf-8")
+
+    assert robot.applied().run("plan", "--overlay", str(overlay)).code == 2
+    assert robot.run("apply", "--overlay", str(overlay), "--auto-approve").code == 0
+    assert robot.run("plan", "--overlay", str(overlay)).code == 0
+    assert robot.run("plan").code == 0
+
+
+def test_every_json_answer_is_as_the_schema_says(robot: Robot) -> None:
+    plan = robot.planned()
+    answers = [
+        robot.run("plan", "--json"),
+        rarms("show", plan, "--json"),
+        rarms("apply", plan, "--json"),
+        robot.run("drift", "--json"),
+        robot.run("graph", "--json"),
+        robot.run("undo", "--auto-approve", "--json"),
+        robot.run("validate", "--json"),
+    ]
+
+    for answer in answers:
+        check(answer.out)
+    assert [json.loads(answer.out)["kind"] for answer in answers] == [
+        "plan",
+        "plan",
+        "run",
+        "drift",
+        "graph",
+        "run",
+        "findings",
+    ]
+
+
+def test_a_missing_plan_and_a_folder_are_told(robot: Robot) -> None:
+    assert "error[RARMS173]" in rarms("apply", str(robot.folder / "missing.plan")).err
+    assert rarms("apply", str(robot.folder)).code == 1
+    assert rarms("show", str(robot.manifest)).code == 3
