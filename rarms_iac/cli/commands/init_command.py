@@ -9,18 +9,16 @@ from rarms_iac.cli.files import write_file
 from rarms_iac.cli.options import json_option
 from rarms_iac.cli.problems import Halted, in_the_way
 from rarms_iac.cli.session import Session, rarms_command
+from rarms_iac.manifest.init import initial_manifest, name_from
 from rarms_iac.manifest.load import DEFAULT_NAME
 from rarms_iac.model.names import is_name
-from rarms_iac.storage.shipped import shipped
 from rarms_iac.views.as_json import as_json as to_json
 from rarms_iac.views.output import WrittenOutput
-
-NAME_IN_TEMPLATE = "my-application"
 
 
 @rarms_command("init")
 @click.argument("folder", default=".")
-@click.option("--name", help="The application's name. [default: my-application]")
+@click.option("--name", help="The application's name. [default: as the folder]")
 @json_option
 def command(session: Session, *, folder: str, name: str | None, as_json: bool) -> ExitCode:
     """Write a commented rarms.yaml into FOLDER (default: here) that validates and plans as it is.
@@ -36,8 +34,8 @@ def command(session: Session, *, folder: str, name: str | None, as_json: bool) -
     path = Path(folder) / DEFAULT_NAME
     if path.exists() or path.is_symlink():
         raise Halted(ExitCode.FAILED, [in_the_way(path.as_posix())])
-    text = shipped(f"templates/init/{DEFAULT_NAME}").read_text(encoding="utf-8")
-    write_file(str(path), text.replace(NAME_IN_TEMPLATE, name or NAME_IN_TEMPLATE).encode())
+    text = initial_manifest(name or name_from(path.resolve().parent.name))
+    write_file(str(path), text.encode())
     if as_json:
         session.terminal.data(to_json(WrittenOutput(files=(path.as_posix(),))))
     else:

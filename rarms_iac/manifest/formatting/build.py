@@ -1,6 +1,7 @@
 """Text -> tree. The parser forgets comments: they are what is left between its tokens, whose marks it tells."""
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import takewhile
 from typing import Any
@@ -18,24 +19,24 @@ def unified(text: str) -> str:
 
 def build_tree(text: str) -> Collection:
     """The document in `text`, as `unified` leaves it: one mapping that `reading.read_text` had nothing against."""
-    return _Builder(text, _events(text)).root()
+    return _Builder(text).root()
 
 
 def comments_in(text: str, start: int, end: int) -> list[str]:
     """The comments that begin between two places of such a text, those behind `|` and `>` included."""
-    events = _events(text)
-    found = [(one.start, one.text) for one in _comments_between(text, events)]
-    for event in events:
+    found = [(one.start, one.text) for one in _comments_between(text)]
+    for event in _events(text):
         if getattr(event, "style", None) in {"|", ">"}:
             at = event.start_mark.index
             found += [(at, header[1]) for header in [_HEADER_COMMENT.match(text, at, event.end_mark.index)] if header]
     return [comment.rstrip() for at, comment in sorted(found) if start <= at < end]
 
 
-def _events(text: str) -> list[Any]:
+def _events(text: str) -> Iterator[Any]:
+    """The parser's events, made anew each time: a list of them would keep the garbage collector busier than we are."""
     from yaml._yaml import CParser
 
-    return list(iter(CParser(text).get_event, None))
+    return iter(CParser(text).get_event, None)
 
 
 @dataclass(slots=True)
@@ -58,10 +59,9 @@ class _Open:
 class _Builder:
     """Walks the events once; comments found on the way wait until somebody takes them."""
 
-    def __init__(self, text: str, events: list[Any]) -> None:
+    def __init__(self, text: str) -> None:
         self.text = text
-        self.events = events
-        self.comments = _comments_between(text, events)
+        self.comments = _comments_between(text)
         self.next_comment = 0
         self.pending: list[_Comment] = []  # comments of their own lines, not yet anybody's
         self.seen = 0  # end of the last token or comment
@@ -73,7 +73,7 @@ class _Builder:
         """The whole document."""
         from yaml import CollectionEndEvent, MappingStartEvent, ScalarEvent, SequenceStartEvent
 
-        for event in self.events:
+        for event in _events(self.text):
             match event:
                 case ScalarEvent():
                     self._scalar(event)
@@ -185,21 +185,27 @@ class _Builder:
             self.seen = comment.start + len(comment.text)
 
 
-def _comments_between(text: str, events: list[Any]) -> list[_Comment]:
+def _comments_between(text: str) -> list[_Comment]:
     """Every `#` outside a scalar begins a comment."""
-    import yaml
-
     comments = []
     position = 0
-    scalars: list[Any] = [event for event in events if isinstance(event, yaml.ScalarEvent)]
-    spans: list[tuple[int, int]] = [(one.start_mark.index, one.end_mark.index) for one in scalars]
-    for start, end in [*spans, (len(text), len(text))]:
+    for start, end in [*_scalar_spans(text), (len(text), len(text))]:
         if start < position:
             continue  # an empty value, placed where its key ended
         if text.find("#", position, start) >= 0:
             comments += [_Comment(found.start(), found[0]) for found in _COMMENT.finditer(text, position, start)]
         position = end
     return comments
+
+
+def _scalar_spans(text: str) -> Iterator[tuple[int, int]]:
+    from yaml import ScalarEvent
+
+    for event in _events(text):
+        if type(event) is ScalarEvent:
+            start: Any = event.start_mark  # the parser always marks; its types do not say so
+            end: Any = event.end_mark
+            yield start.index, end.index
 
 
 def _trail(entry: Entry, comment: str) -> None:
