@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from datetime import date
 
 from rarms_iac import __version__
+from rarms_iac.apply.restarts import restarts
 from rarms_iac.apply.taking_over import adoption, releasing
 from rarms_iac.apply.targets import targeted, without_change
 from rarms_iac.apply.totals import totals_of
@@ -148,7 +149,8 @@ def _host_plan(request: Request, wish: HostWish) -> _Part:
         totals=totals_of(wish.observed, application, steps),
     )
     addresses = tuple(str(change.address) for change in difference.changes)
-    return _Part(plan=plan, addresses=addresses, findings=(*difference.findings, *cycle))
+    stopped = tuple(restarts(held.kept)) if request.purpose is Purpose.APPLY else ()
+    return _Part(plan=plan, addresses=addresses, findings=(*difference.findings, *cycle, *stopped))
 
 
 def _difference(request: Request, wish: HostWish) -> Difference:
