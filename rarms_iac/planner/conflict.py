@@ -16,6 +16,9 @@ from rarms_iac.planner.search import Bin, Item, cost, free_in, place
 FILTERED_UP_TO = 12
 """Partitions of which a smallest conflicting set is searched, one removal after the other."""
 
+LISTED_UP_TO = 12
+"""Names in a sentence; more are counted."""
+
 _WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
 
@@ -140,6 +143,8 @@ def _processors(host: Bin) -> str:
 
 
 def _listed(words: Sequence[str]) -> str:
+    if len(words) > LISTED_UP_TO:
+        return f"{', '.join(words[:LISTED_UP_TO])} and {len(words) - LISTED_UP_TO} others"
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 

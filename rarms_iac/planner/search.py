@@ -50,6 +50,8 @@ def place(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
         return Found(hosts=None, proven=True)
     if _too_much(ordered, bins):
         return Found(hosts=None, proven=True)
+    if all(len(one.claims) == 1 for one in ordered):
+        return _only_way(ordered, bins)
     if len(ordered) <= EXACT_UP_TO:
         search = _Search(items=ordered, bins={one.name: one for one in bins})
         search.run()
@@ -59,6 +61,17 @@ def place(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
     if quick is None:
         return Found(hosts=None, proven=False)
     return Found(hosts=quick, proven=_value(ordered, quick) == _bound(ordered))
+
+
+def _only_way(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
+    """Where each partition has one host, there is nothing to search, only to check."""
+    hosts = {item.name: next(iter(item.claims)) for item in items}
+    there: dict[str, list[Claim]] = {one.name: list(one.taken) for one in bins}
+    for item in items:
+        there[hosts[item.name]].append(item.claims[hosts[item.name]])
+    used = set(hosts.values())
+    good = all(fits(one.capacity, there[one.name]) for one in bins if one.name in used)
+    return Found(hosts=hosts if good else None, proven=True)
 
 
 def cost(claim: Claim) -> int:
@@ -154,33 +167,53 @@ class _Search:
 
 
 def _first_fit(items: Sequence[Item], bins: Sequence[Bin]) -> dict[str, str] | None:
-    """Largest first, each where it is or costs least and has room; virtual processors are checked host by host."""
-    hosts = _spread(items, bins, careful=False)
-    if hosts is not None and _all_pack(items, bins, hosts):
-        return hosts
-    return _spread(items, bins, careful=True)
-
-
-def _spread(items: Sequence[Item], bins: Sequence[Bin], *, careful: bool) -> dict[str, str] | None:
-    by_name = {one.name: one for one in bins}
-    free = {one.name: free_in(one) for one in bins}
-    there: dict[str, list[Claim]] = {one.name: list(one.taken) for one in bins}
+    """Largest first, each where it is or costs least and has room; every virtual processor gets its place at once."""
+    rooms = {one.name: _Room(one) for one in bins}
     hosts: dict[str, str] = {}
     for item in sorted(items, key=_largest_first):
         for name in _preferred(item):
-            claim = item.claims[name]
-            left = Load(percent=free[name].percent - cost(claim), memory=free[name].memory - claim.memory)
-            if left.percent < 0 or left.memory < 0:
-                continue
-            if careful and not fits(by_name[name].capacity, [*there[name], claim]):
-                continue
-            free[name] = left
-            there[name].append(claim)
-            hosts[item.name] = name
-            break
+            if rooms[name].take(item.claims[name]):
+                hosts[item.name] = name
+                break
         else:
             return None
     return hosts
+
+
+class _Room:
+    """What is left of a host while partitions are put onto it; what was placed is not moved any more."""
+
+    def __init__(self, one: Bin) -> None:
+        self.left = free_in(one)
+        self.lanes = [WHOLE] * one.capacity.logical_processors
+        for claim in sorted(one.taken, key=lambda taken: -taken.reserve):
+            self._lay(claim)
+
+    def take(self, claim: Claim) -> bool:
+        """Whether it has room for the claim, which then is taken."""
+        left = Load(percent=self.left.percent - cost(claim), memory=self.left.memory - claim.memory)
+        if left.percent < 0 or left.memory < 0 or not self._lay(claim):
+            return False
+        self.left = left
+        return True
+
+    def _lay(self, claim: Claim) -> bool:
+        """Each virtual processor onto the first logical one that has so much left, on different ones first."""
+        if not claim.reserve:
+            return True
+        if claim.processors > len(self.lanes):
+            return False
+        lanes = list(self.lanes)
+        waiting = claim.processors
+        while waiting:
+            chosen = [at for at, free in enumerate(lanes) if free >= claim.reserve][:waiting]
+            if not chosen:
+                return False
+            for at in chosen:
+                lanes[at] -= claim.reserve
+            waiting -= len(chosen)
+        self.lanes = lanes
+        return True
 
 
 def _largest_first(item: Item) -> tuple[int, int, str]:
@@ -193,10 +226,3 @@ def _largest_first(item: Item) -> tuple[int, int, str]:
 
 def _preferred(item: Item) -> list[str]:
     return sorted(item.claims, key=lambda name: (cost(item.claims[name]), name != item.now, name))
-
-
-def _all_pack(items: Sequence[Item], bins: Sequence[Bin], hosts: Mapping[str, str]) -> bool:
-    there: dict[str, list[Claim]] = {one.name: list(one.taken) for one in bins}
-    for item in items:
-        there[hosts[item.name]].append(item.claims[hosts[item.name]])
-    return all(fits(one.capacity, there[one.name]) for one in bins)

@@ -1,0 +1,206 @@
+"""How the difference and its text grow with the number of components, on one host and over a fleet.
+
+Every partition has another weight than on the host, so that each is a change with steps.
+"""
+
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from datetime import date
+from fractions import Fraction
+
+from benchmarks.timing import Figure, interleaved, median_ratio, report, seconds
+from rarms_iac.apply.prepare import Prepared, Request, prepare
+from rarms_iac.apply.wanted import HostWish, wanted
+from rarms_iac.diff.compare import compare
+from rarms_iac.diff.holding import hold_back
+from rarms_iac.diff.order import Ordered, order
+from rarms_iac.diff.steps import planned
+from rarms_iac.model.diagnostics import Place
+from rarms_iac.model.layout import Layout
+from rarms_iac.model.plan import Plan
+from rarms_iac.model.quantities import Bytes, LogicalProcessors, ProcessorTime
+from rarms_iac.model.state import HostFacts, Rights, State
+from rarms_iac.model.system import (
+    Application,
+    Component,
+    CpuWish,
+    Disruption,
+    Host,
+    KeepForHost,
+    Policy,
+    ProviderKind,
+    RunsOn,
+    SchedulerType,
+    SimulatedHost,
+    System,
+)
+from rarms_iac.planner.layout import plan_layout
+from rarms_iac.planner.reservations import FixedReservations
+from rarms_iac.views.plan import plan_text
+
+SMALL, LARGE = 1_000, 4_000
+GOAL = 5.0
+PLANNED_IN_MS = 200
+NO_CHANGES_IN_S = 1.0
+ROUNDS = 3
+
+
+class NoPlaces:
+    """Places of a system that was never text."""
+
+    def value(self, *path: str | int) -> Place:
+        return Place(file="rarms.yaml", line=1, column=1, path=".".join(map(str, path)))
+
+    def key(self, *path: str | int) -> Place:
+        return self.value(*path)
+
+
+def component(number: int, weight: int) -> Component:
+    return Component(
+        name=f"part-{number:04}",
+        criticality=number % 97,
+        apt={},
+        run=None,
+        memory=Bytes((64 + number % 4 * 64) << 20),
+        processors=1,
+        cpu=CpuWish(reserve=ProcessorTime(LogicalProcessors(Fraction(1 + number % 3, 100))), weight=weight),
+        together=(),
+        apart=(),
+        dedicated=False,
+        task=None,
+        hosts=None,
+        runs_on=RunsOn.PARTITION,
+        interference=None,
+        simulation=None,
+    )
+
+
+def system(components: int, hosts: int, weight: int) -> System:
+    """So many components on so many hosts, with this weight."""
+    names = [f"cell-{number:04}" for number in range(hosts)]
+    return System(
+        application=Application(name="fleet"),
+        hosts={name: host(name, components // hosts) for name in names},
+        components={one.name: one for one in (component(number, weight) for number in range(components))},
+        partitions={},
+        interference={},
+        tasks={},
+        policy=Policy(),
+        moved={},
+    )
+
+
+def host(name: str, components: int) -> Host:
+    return Host(
+        name=name,
+        provider=ProviderKind.SIMULATED,
+        logical_processors=max(8, components // 40),
+        memory=Bytes(components << 30),
+        keep_for_host=KeepForHost(),
+        platform="cell",
+        connect=None,
+        settings=SimulatedHost(),
+    )
+
+
+def empty(one: Host) -> State:
+    return State(
+        facts=HostFacts(
+            name=one.name,
+            id=f"id-{one.name}",
+            provider=one.provider,
+            computer_name=one.name,
+            os_build=26100,
+            client=False,
+            scheduler=SchedulerType.CLASSIC,
+            smt=False,
+            logical_processors=one.logical_processors,
+            memory=int(one.memory),
+            rights=Rights.PROVEN,
+        )
+    )
+
+
+def applied(wanted_system: System) -> dict[str, State]:
+    """The hosts as they are when all of it was applied."""
+    nothing = {name: empty(one) for name, one in wanted_system.hosts.items()}
+    wishes = wanted(wanted_system, nothing, NoPlaces(), Disruption.HOST_RESTART)
+    return {name: with_ids(wish.desired) for name, wish in wishes.hosts.items()}
+
+
+def with_ids(desired: State) -> State:
+    made = []
+    for number, one in enumerate(desired.partitions):
+        machine = f"{number:08x}-made"
+        assert one.mark is not None
+        made.append(replace(one, id=machine, mark=replace(one.mark, machine=machine[:8])))
+    return replace(desired, partitions=tuple(made))
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A fleet as it is, and a plan for the manifest that wants something else."""
+
+    wishes: Mapping[str, HostWish]
+    plan: Plan
+
+    def difference_and_text(self) -> None:
+        """What the goal is about: the difference of every host, in order, and the whole plan as text."""
+        for wish in self.wishes.values():
+            found = compare(wish.desired, wish.observed, "fleet", wish.around, wish.wishes)
+            held = hold_back(found.changes, wish.room)
+            if not isinstance(order(planned(held.kept, wish.around), wish.room), Ordered):
+                raise TypeError("a fleet with room to spare has an order")
+        if "to change" not in plan_text(self.plan):
+            raise ValueError("the plan's text does not count its changes")
+
+
+def case(components: int, hosts: int) -> Case:
+    observed = applied(system(components, hosts, weight=100))
+    heavier = system(components, hosts, weight=200)
+    wishes = wanted(heavier, observed, NoPlaces(), Disruption.HOST_RESTART)
+    made = prepare(request(heavier), observed)
+    if made.plan is None:
+        raise ValueError(f"no plan: {made.findings[:3]}")
+    return Case(wishes=wishes.hosts, plan=made.plan)
+
+
+def request(wanted_system: System) -> Request:
+    return Request(
+        system=wanted_system,
+        places=NoPlaces(),
+        manifest="rarms.yaml",
+        manifest_digest="0" * 64,
+        today=date(2026, 1, 1),
+    )
+
+
+def growth(name: str, hosts: Mapping[int, int]) -> Figure:
+    small, large = (case(number, hosts[number]) for number in (SMALL, LARGE))
+    times = interleaved({"small": small.difference_and_text, "large": large.difference_and_text}, rounds=ROUNDS)
+    return Figure(name=name, value=median_ratio(times["large"], times["small"]), at_most=GOAL)
+
+
+def figures() -> Iterator[Figure]:
+    yield growth("difference and text, 4,000 to 1,000 components on one host", {SMALL: 1, LARGE: 1})
+    yield growth("difference and text, 4,000 to 1,000 components, 50 a host", {SMALL: SMALL // 50, LARGE: LARGE // 50})
+    fleet = system(SMALL, 20, weight=100)
+    layouts: list[object] = []
+    took = min(
+        seconds(lambda: layouts.append(plan_layout(fleet, FixedReservations(), {}, NoPlaces()).answer))
+        for _ in range(ROUNDS)
+    )
+    if not all(isinstance(one, Layout) for one in layouts):
+        raise TypeError("the fleet has a layout")
+    yield Figure(name="layout of 1,000 components on 20 hosts", value=1000 * took, unit="ms", at_most=PLANNED_IN_MS)
+    observed = applied(fleet)
+    plans: list[Prepared] = []
+    took = min(seconds(lambda: plans.append(prepare(request(fleet), observed))) for _ in range(ROUNDS))
+    if any(one.plan is None or one.plan.has_changes for one in plans):
+        raise ValueError("a fleet that was applied has no changes")
+    yield Figure(name="plan without changes for 1,000 components", value=took, unit="s", at_most=NO_CHANGES_IN_S)
+
+
+if __name__ == "__main__":
+    sys.exit(report(list(figures())))
