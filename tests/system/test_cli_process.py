@@ -1,0 +1,92 @@
+"""What only a process of its own can show: signals, pipes, encodings, and that completion needs no Python."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.unit.cli.running import rarms
+
+RARMS = [sys.executable, "-m", "rarms_iac.cli.main"]
+
+
+def run(*words: str, **environment: str) -> "subprocess.CompletedProcess[bytes]":
+    """The command as a process."""
+    return subprocess.run([*RARMS, *words], capture_output=True, env={**os.environ, **environment}, timeout=60)
+
+
+@pytest.fixture
+def manifest(tmp_path: Path) -> Path:
+    """A manifest that `init` wrote."""
+    assert rarms("init", str(tmp_path)).code == 0
+    return tmp_path / "rarms.yaml"
+
+
+def test_an_ascii_stream_never_breaks_a_command(tmp_path: Path) -> None:
+    name = tmp_path / "Prüfung.yaml"
+
+    answer = run("validate", str(name), PYTHONIOENCODING="ascii", PYTHONUTF8="0")
+
+    assert answer.returncode == 2
+    assert b"Pr\\xfcfung.yaml" in answer.stdout
+    assert b"Traceback" not in answer.stderr
+
+
+def test_output_ends_its_lines_alike_on_every_system(manifest: Path) -> None:
+    assert b"\r" not in run("plan", "-f", str(manifest)).stdout
+
+
+def test_a_pipe_gets_no_colour(manifest: Path) -> None:
+    assert b"\x1b" not in run("plan", "-f", str(manifest), NO_COLOR="").stdout
+
+
+@pytest.mark.needs("posix", "bash")
+def test_a_reader_who_has_seen_enough_changes_no_exit_code(manifest: Path) -> None:
+    words = " ".join(f"'{word}'" for word in [*RARMS, "plan", "-f", str(manifest)])
+    script = f"{words} | head -n 1; echo ${{PIPESTATUS[0]}}"
+
+    answer = subprocess.run(["bash", "-c", script], capture_output=True, text=True, timeout=60)
+
+    assert answer.stdout.splitlines()[-1] == "2"
+    assert answer.stderr == ""
+
+
+@pytest.mark.needs("linux")
+def test_a_full_disk_is_told_without_a_trace(manifest: Path) -> None:
+    with Path("/dev/full").open("wb") as full:
+        answer = subprocess.run([*RARMS, "plan", "-f", str(manifest)], stdout=full, stderr=subprocess.PIPE, timeout=60)
+
+    assert answer.returncode == 1
+    assert answer.stderr.startswith(b"error[RARMS178]")
+    assert b"Exception ignored" not in answer.stderr
+
+
+@pytest.mark.needs("posix")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_stops_after_the_running_step_and_apply_finishes(
+    manifest: Path, number: signal.Signals, code: int
+) -> None:
+    late = '{ faults: { slow: { operation: set_cpu, at: "*", effect: late, delay: 1 s, times: 1 } } }'
+    text = manifest.read_text(encoding="utf-8")
+    manifest.write_text(
+        text.replace("provider: simulated", f"provider: simulated\n    simulated: {late}\n    #"), encoding="utf-8"
+    )
+    words = [*RARMS, "apply", "-f", str(manifest), "--auto-approve"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        journal = manifest.parent / ".rarms" / "hosts" / "here.journal.jsonl"
+        deadline = time.monotonic() + 30
+        while not (journal.is_file() and journal.read_bytes().count(b"\n") >= 6) and time.monotonic() < deadline:
+            time.sleep(0.01)
+        process.send_signal(number)
+        _, said = process.communicate(timeout=60)
+
+    assert process.returncode == code, said.decode()
+    assert b"Stopped after the running step." in said
+    assert b"rarms undo" in said
+    assert b"Traceback" not in said
+    assert rarms("apply", "-f", str(manifest)).code == 0
+    assert rarms("plan", "-f", str(manifest)).code == 0
