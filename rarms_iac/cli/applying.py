@@ -49,12 +49,11 @@ def write_plan_file(session: Session, path: str, plan: Plan) -> None:
     session.terminal.talk(f"Wrote the plan to {path}. Apply it with: rarms apply {path}")
 
 
-def finish_first(session: Session, hosts: Hosts, how: RunOptions) -> RunReport | None:
-    """Finish what an earlier run left on the chosen hosts, asking nothing; None where nothing was left."""
-    live = tuple(hosts.open(name) for name in hosts.chosen)
+def finish_first(session: Session, live: tuple[StepwiseHost, ...], how: RunOptions) -> RunReport | None:
+    """Finish what an earlier run left on these hosts, asking nothing; None where nothing was left."""
     with holding(live, how.lock_timeout_ms), session.interrupts.gently():
         report = finish_unfinished(live, reporter_of(session), session.interrupts.should_stop)
-    if report is not None:
+    if report is not None and report.ending is Ending.DONE:
         session.terminal.talk("That finished the run that was begun earlier. Nothing else was done: run again to plan.")
     return report
 
@@ -66,7 +65,7 @@ def plan_ask_apply(
     if out is not None:
         refuse_unfinished(hosts)
         return _only_written(session, make_plan(hosts, wish), out, hosts.opened.loaded.sources, as_json=as_json)
-    finished = finish_first(session, hosts, how)
+    finished = finish_first(session, tuple(hosts.open(name) for name in hosts.chosen), how)
     if finished is not None:
         return ended(session, finished, as_json=as_json)
     if not (how.auto_approve or session.terminal.answers):

@@ -10,6 +10,8 @@ from rarms_iac.cli.problems import Halted, out_of_reach
 from rarms_iac.model.names import is_name
 from rarms_iac.model.system import Host, ProviderKind
 from rarms_iac.providers.interface import StepwiseHost
+from rarms_iac.storage.append import Damaged
+from rarms_iac.storage.codec import NotDecodable
 
 HOSTS = ".rarms/hosts"
 
@@ -43,6 +45,22 @@ def state_path(host: str, folder: str, overlays: Sequence[str]) -> str:
     names = [Path(path).stem for path in paths]
     readable = [name for name in names if is_name(name)]
     return f"{HOSTS}/{'+'.join([*readable, digest])}/{host}.json"
+
+
+def unfinished_beside(folder: str) -> tuple[StepwiseHost, ...]:
+    """The simulated hosts below this folder with an unfinished run: their journals say all that is needed of them."""
+    from rarms_iac.providers.simulated.journal import read_journal
+
+    found: list[StepwiseHost] = []
+    for path in sorted((Path(folder) / HOSTS).rglob("*.journal.jsonl")):
+        try:
+            journal = read_journal(path)
+        except (Damaged, NotDecodable, OSError):
+            continue  # it says nothing; whoever names the host is told of the damage
+        if journal is not None and journal.unfinished:
+            part = journal.started.host_plan
+            found.append(open_host(part.host, folder, part.state_path))
+    return tuple(found)
 
 
 def _below(path: str, folder: str) -> str:

@@ -12,6 +12,7 @@ from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.options import HostOptions, ManifestOptions
 from rarms_iac.model.journal import RunClosed
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
+from rarms_iac.storage.shipped import shipped
 from tests.unit.cli.running import Ran, rarms
 from tests.unit.views.test_json import check
 
@@ -151,6 +152,54 @@ def test_a_failed_step_says_so_and_apply_finishes_it(robot: Robot) -> None:
     assert "error[RARMS183]" in refused.err
     assert "finished the run that was begun earlier" in finished.err
     assert robot.run("plan").code == 0
+
+
+def test_what_was_begun_is_finished_also_when_the_manifest_has_errors_by_now(robot: Robot) -> None:
+    robot.fails_at("start_partition")
+    assert robot.run("apply", "--auto-approve").code == 1
+    robot.edit("criticality: 20", "criticalty: 20")
+
+    finished = robot.run("apply")
+    nothing_begun = robot.run("apply")
+
+    assert (finished.code, nothing_begun.code) == (0, 4)
+    robot.edit("criticalty: 20", "criticality: 20")
+    assert robot.run("plan").code == 0
+
+
+def test_a_plan_takes_no_wishes_beside_it(robot: Robot) -> None:
+    answer = rarms("apply", robot.planned(), "--target", "partition/control")
+
+    assert answer.code == 64
+    assert "the whole instruction" in answer.err
+
+
+def test_a_plan_made_elsewhere_is_applied_beside_the_manifest_that_is_named(robot: Robot, tmp_path: Path) -> None:
+    here = robot.planned()
+    other = tmp_path / "other"
+    other.mkdir()
+    twin = Robot(other)
+
+    assert twin.run("apply", here).code == 0
+    assert twin.run("plan").code == 0
+    assert robot.run("plan").code == 2
+
+
+def test_two_hosts_are_planned_applied_and_undone_together(tmp_path: Path) -> None:
+    source = shipped("manifests/two-hosts/rarms.yaml").read_bytes()
+    manifest = tmp_path / "rarms.yaml"
+    manifest.write_bytes(source)
+
+    def run(*words: str) -> Ran:
+        return rarms(words[0], "-f", str(manifest), *words[1:])
+
+    assert run("plan").code == 2
+    assert run("apply", "--auto-approve").code == 0
+    assert run("plan").code == 0
+    assert run("snapshot").code == 64
+    assert run("snapshot", "--out", str(tmp_path)).code == 0
+    assert run("undo", "--auto-approve").code == 0
+    assert run("plan").code == 2
 
 
 def test_another_plan_is_refused_while_a_run_is_unfinished(robot: Robot) -> None:

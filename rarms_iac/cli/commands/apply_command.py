@@ -1,12 +1,15 @@
 """`rarms apply`: do what a plan says, finish what was begun, or plan, ask and do it."""
 
+from pathlib import Path
+
 import click
+from click.core import ParameterSource
 
 from rarms_iac.apply.reports import Ending, RunReport
 from rarms_iac.apply.undo import abandon
-from rarms_iac.cli.applying import ended, plan_ask_apply, run
+from rarms_iac.cli.applying import ended, finish_first, plan_ask_apply, run
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.hosts import holding, hosts_of
+from rarms_iac.cli.hosts import Hosts, holding, hosts_of
 from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.options import (
     ChangeOptions,
@@ -21,8 +24,11 @@ from rarms_iac.cli.options import (
 )
 from rarms_iac.cli.planning import Wish
 from rarms_iac.cli.plans import folder_of, read_plan_file
+from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.cli.wiring import open_host
+from rarms_iac.cli.wiring import open_host, unfinished_beside
+from rarms_iac.manifest.load import manifest_path
+from rarms_iac.providers.interface import StepwiseHost
 
 
 @rarms_command("apply")
@@ -49,25 +55,66 @@ def command(
     A run that was interrupted is finished first, and nothing else is done then. PLAN is refused where it was edited
     or used, or where a host has moved since it was made. Ctrl-C stops after the running step.
     """
-    if plan_file is not None and abandoning:
-        raise click.UsageError(
-            "--abandon closes whatever is unfinished: it takes no PLAN.", click.get_current_context()
-        )
     if plan_file is not None:
-        return _apply_file(session, plan_file, how, as_json=as_json)
-    system, opened = system_of(source)
-    hosts = hosts_of(system, opened, source, where)
+        _refuse_beside_a_plan(abandoning or where.hosts or limits.targets or limits.max_disruption)
+        return _apply_file(session, plan_file, source, how, as_json=as_json)
+    hosts = _hosts(source, where)
+    if isinstance(hosts, Halted):
+        return _finish_without_manifest(session, hosts, source, how, abandoning=abandoning, as_json=as_json)
     if not abandoning:
         return plan_ask_apply(session, hosts, Wish(limits=limits), how, as_json=as_json)
     live = tuple(hosts.open(name) for name in hosts.chosen)
+    return _abandon(session, live, how, as_json=as_json)
+
+
+def _refuse_beside_a_plan(given: object) -> None:
+    if given:
+        raise click.UsageError(
+            "A PLAN is the whole instruction: it takes no --host, --target, --max-disruption or --abandon.",
+            click.get_current_context(),
+        )
+
+
+def _hosts(source: ManifestOptions, where: HostOptions) -> Hosts | Halted:
+    """The hosts of the manifest, or why it does not tell them."""
+    try:
+        system, opened = system_of(source)
+    except Halted as halted:
+        return halted
+    return hosts_of(system, opened, source, where)
+
+
+def _abandon(session: Session, live: tuple[StepwiseHost, ...], how: RunOptions, *, as_json: bool) -> ExitCode:
     with holding(live, how.lock_timeout_ms):
         reports = [abandon(host) for host in live]
     return ended(session, worst(reports), as_json=as_json)
 
 
-def _apply_file(session: Session, plan_file: str, how: RunOptions, *, as_json: bool) -> ExitCode:
+def _finish_without_manifest(
+    session: Session, halted: Halted, source: ManifestOptions, how: RunOptions, *, abandoning: bool, as_json: bool
+) -> ExitCode:
+    """What was begun is finished from its journal, also when the manifest has errors by now.
+
+    Raises:
+        Halted: nothing was begun; the manifest's errors are told.
+    """
+    live = unfinished_beside(str(Path(manifest_path(source.manifest)).parent))
+    if not live:
+        raise halted
+    if abandoning:
+        return _abandon(session, live, how, as_json=as_json)
+    report = finish_first(session, live, how)
+    if report is None:
+        raise halted
+    return ended(session, report, as_json=as_json)
+
+
+def _apply_file(
+    session: Session, plan_file: str, source: ManifestOptions, how: RunOptions, *, as_json: bool
+) -> ExitCode:
     plan = read_plan_file(plan_file)
-    folder = folder_of(plan)
+    given = click.get_current_context().get_parameter_source("manifest") is not ParameterSource.DEFAULT
+    folder = str(Path(manifest_path(source.manifest)).parent) if given else folder_of(plan)
     live = {part.host.name: open_host(part.host, folder, part.state_path) for part in plan.hosts}
     return ended(session, run(session, plan, live, how), as_json=as_json)
 

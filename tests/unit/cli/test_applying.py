@@ -1,0 +1,62 @@
+import io
+import sys
+
+import pytest
+
+from rarms_iac.apply.reports import Ending
+from rarms_iac.cli.applying import ask, code_of
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.problems import Halted
+from rarms_iac.cli.session import Session
+from rarms_iac.cli.terminal import Terminal
+
+
+def a_session() -> Session:
+    return Session(terminal=Terminal(out=io.StringIO(), err=io.StringIO(), answers=True))
+
+
+def answered(text: str) -> Session:
+    """A session in which the question was answered so."""
+    session = a_session()
+    before, sys.stdin = sys.stdin, io.StringIO(text)
+    try:
+        ask(session, "Do this?")
+    finally:
+        sys.stdin = before
+    return session
+
+
+def test_only_a_yes_goes_on() -> None:
+    session = answered("yes\n")
+
+    assert isinstance(session.terminal.err, io.StringIO)
+    assert session.terminal.err.getvalue() == "\nDo this? Only `yes` does it: "
+
+
+@pytest.mark.parametrize("text", ["no\n", "y\n", "", "YES\n"])
+def test_every_other_answer_is_a_no(text: str) -> None:
+    with pytest.raises(Halted) as refused:
+        answered(text)
+
+    assert refused.value.code is ExitCode.REFUSED
+
+
+@pytest.mark.parametrize(
+    ("ending", "code"),
+    [
+        (Ending.DONE, ExitCode.DONE),
+        (Ending.NOTHING, ExitCode.DONE),
+        (Ending.REFUSED, ExitCode.REFUSED),
+        (Ending.FAILED, ExitCode.FAILED),
+        (Ending.INTERRUPTED, ExitCode.INTERRUPTED),
+    ],
+)
+def test_how_a_run_ended_is_its_exit_code(ending: Ending, code: ExitCode) -> None:
+    assert code_of(a_session(), ending) is code
+
+
+def test_a_terminated_run_says_which_signal_it_was() -> None:
+    session = a_session()
+    session.interrupts.asked = ExitCode.TERMINATED
+
+    assert code_of(session, Ending.INTERRUPTED) is ExitCode.TERMINATED
