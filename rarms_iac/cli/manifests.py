@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
+from pathlib import Path
 
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import ManifestOptions
 from rarms_iac.cli.problems import Halted
 from rarms_iac.manifest.acceptance import apply_acceptances
-from rarms_iac.manifest.checks import LOOKED_FOR, run_checks
+from rarms_iac.manifest.checks import LOOKED_FOR, checks_beside, run_checks
 from rarms_iac.manifest.load import Loaded, load, manifest_path
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.system import System
@@ -28,9 +29,14 @@ class Opened:
         return has_errors(self.findings)
 
 
-def open_manifest(path: str, overlays: Sequence[str], today: date) -> Opened:
-    """Read and check it; whatever is wrong is among the findings."""
-    loaded = load(manifest_path(path), tuple(overlays), today=today, checks=run_checks)
+def open_manifest(path: str, overlays: Sequence[str], today: date, *, planning: bool = True) -> Opened:
+    """Read and check it; whatever is wrong is among the findings.
+
+    Who does not plan is warned of reserves that are not measured yet; else that is for the planner to tell.
+    """
+    named = manifest_path(path)
+    checks = run_checks if planning else checks_beside(Path(named).parent)
+    loaded = load(named, tuple(overlays), today=today, checks=checks)
     if loaded.system is None:
         return Opened(loaded=loaded, findings=loaded.diagnostics, accepted=())
     kept, accepted = apply_acceptances(

@@ -23,7 +23,9 @@ def command(
     FILE is a manifest, the folder of one, or - for standard input; without, it is the one that --manifest names.
     No host is asked. Errors end with exit code 2; warnings and notes do not.
     """
-    opened = [open_manifest(file, source.overlays, source.today) for file in files or (source.manifest,)]
+    opened = [
+        open_manifest(file, source.overlays, source.today, planning=False) for file in files or (source.manifest,)
+    ]
     for output in outputs:
         text = told(output.format, opened)
         if output.path is not None:
