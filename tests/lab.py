@@ -1,0 +1,107 @@
+"""A laboratory: a system, its simulated hosts in a folder, and the route from one to the other as the commands take it."""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from datetime import date
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from rarms_iac.apply.execute import apply_plan, finish_unfinished
+from rarms_iac.apply.prepare import Prepared, Request, prepare
+from rarms_iac.apply.reports import RunReport, SilentReporter
+from rarms_iac.apply.undo import undo
+from rarms_iac.model.operations import CreatePartition, RenamePartition, SetCpu, StartPartition
+from rarms_iac.model.plan import Plan, Scope
+from rarms_iac.model.state import State
+from rarms_iac.model.system import System
+from rarms_iac.providers.simulated.run import SimulatedHostProvider
+from tests.builders import PathPlaces
+from tests.strategies import Strangers
+
+TODAY = date(2026, 11, 21)
+SOMEBODY = Scope(application="somebody", plan="by-hand")
+
+
+def never() -> bool:
+    return False
+
+
+@dataclass
+class Countdown:
+    """Asks for the end after so many looks."""
+
+    left: int
+
+    def __call__(self) -> bool:
+        self.left -= 1
+        return self.left < 0
+
+
+@dataclass(frozen=True)
+class Lab:
+    """Each call opens the hosts anew, as a new process would."""
+
+    system: System
+    folder: Path
+
+    @property
+    def hosts(self) -> dict[str, SimulatedHostProvider]:
+        return {
+            name: SimulatedHostProvider(host, self.folder / f"{name}.json") for name, host in self.system.hosts.items()
+        }
+
+    def wanting(self, system: System) -> "Lab":
+        """The same hosts under another manifest."""
+        return replace(self, system=system)
+
+    def observe(self) -> dict[str, State]:
+        return {name: host.observe() for name, host in self.hosts.items()}
+
+    def prepare(self, **asked: object) -> Prepared:
+        request = Request(
+            system=self.system, places=PathPlaces(), manifest="rarms.yaml", manifest_digest="0", today=TODAY
+        )
+        return prepare(replace(request, **asked), self.observe())  # type: ignore[arg-type]  # fields, said by tests
+
+    def plan(self, **asked: object) -> Plan:
+        prepared = self.prepare(**asked)
+        assert prepared.plan is not None, prepared.findings
+        return prepared.plan
+
+    def apply(self, plan: Plan, should_stop: Callable[[], bool] = never) -> RunReport:
+        return apply_plan(plan, self.hosts, "a test", SilentReporter(), should_stop)
+
+    def finish(self) -> RunReport | None:
+        return finish_unfinished(list(self.hosts.values()), SilentReporter(), never)
+
+    def undo(self, should_stop: Callable[[], bool] = never) -> list[RunReport]:
+        return [undo(host, "a test", SilentReporter(), should_stop) for host in self.hosts.values()]
+
+    def steps_left(self) -> int:
+        return sum(len(host.steps) for host in self.plan().hosts)
+
+    def add(self, others: Strangers) -> None:
+        """Put machines of somebody else on the first host, by hand."""
+        host = next(iter(self.hosts.values()))
+        for one in others.partitions:
+            settings, name = one.settings, one.settings.name
+            create = CreatePartition(partition=name, generation=settings.generation, memory=settings.memory)
+            host.execute(create, SOMEBODY)
+            cpu = SetCpu(partition=name, reserve=settings.reserve, limit=settings.limit, weight=settings.weight)
+            host.execute(cpu, SOMEBODY)
+            if settings.running:
+                host.execute(StartPartition(partition=name), SOMEBODY)
+            host.execute(RenamePartition(partition=name, name=name), SOMEBODY)
+
+
+@contextmanager
+def a_lab(system: System) -> Iterator[Lab]:
+    """A laboratory in a folder that goes away, also for properties, which run many times in one test."""
+    with TemporaryDirectory() as folder:
+        yield Lab(system, Path(folder))
+
+
+def without_serials(states: Mapping[str, State]) -> dict[str, State]:
+    """What an undo brings back: everything but the count of applies."""
+    return {name: replace(state, serials={}) for name, state in states.items()}

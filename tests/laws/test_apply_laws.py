@@ -1,0 +1,107 @@
+"""Laws of the whole route, on simulated hosts: plan, apply, plan again; stop anywhere, go on; take everything back."""
+
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+
+from rarms_iac.apply.reports import Ending
+from rarms_iac.model.state import Partition, State
+from rarms_iac.model.system import System
+from rarms_iac.planfile.sealing import read_plan, write_plan
+from tests.effort import examples
+from tests.lab import Countdown, Lab, a_lab, without_serials
+from tests.strategies import Strangers, strangers, systems
+
+FEW = settings(
+    max_examples=examples(25), deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much]
+)
+
+
+def unmanaged(lab: Lab) -> list[Partition]:
+    return [one for state in lab.observe().values() for one in state.partitions if one.mark is None]
+
+
+def shipped(states: dict[str, State]) -> list[object]:
+    return [task for state in states.values() for task in state.tasks if task.record is None and not task.inside]
+
+
+def possible(lab: Lab) -> None:
+    assume(lab.prepare().plan is not None)
+
+
+@FEW
+@given(systems(), strangers())
+def test_plan_apply_plan_again_is_empty_and_strangers_come_out_untouched(system: System, others: Strangers) -> None:
+    with a_lab(system) as lab:
+        lab.add(others)
+        possible(lab)
+        machines, tasks = unmanaged(lab), shipped(lab.observe())
+
+        report = lab.apply(lab.plan())
+
+        assert report.ending in {Ending.DONE, Ending.NOTHING}, report.diagnostics
+        assert lab.steps_left() == 0
+        assert unmanaged(lab) == machines
+        assert shipped(lab.observe()) == tasks
+
+
+@FEW
+@given(systems(), strangers(), st.integers(0, 60))
+def test_a_run_that_stopped_anywhere_is_finished_from_the_host_alone(
+    system: System, others: Strangers, stop: int
+) -> None:
+    with a_lab(system) as undisturbed, a_lab(system) as lab:
+        for one in (undisturbed, lab):
+            one.add(others)
+        possible(lab)
+        undisturbed.apply(undisturbed.plan())
+
+        first = lab.apply(lab.plan(), Countdown(stop))
+        second = lab.finish()
+
+        assert (second is None) == (first.ending is not Ending.INTERRUPTED)
+        assert second is None or second.ending is Ending.DONE
+        assert lab.observe() == undisturbed.observe()
+
+
+@FEW
+@given(st.data(), strangers(), st.integers(0, 60))
+def test_undo_brings_everything_back_but_the_serial(data: st.DataObject, others: Strangers, stop: int) -> None:
+    first = data.draw(systems())
+    with a_lab(first) as earlier:
+        earlier.add(others)
+        possible(earlier)
+        earlier.apply(earlier.plan())
+        lab = earlier.wanting(data.draw(systems(next(iter(first.hosts.values())))))
+        possible(lab)
+        before = lab.observe()
+        plan = lab.plan()
+        assume(any(host.steps for host in plan.hosts))
+
+        lab.apply(plan, Countdown(stop))
+        reports = lab.undo()
+
+        assert [report.ending for report in reports] == [Ending.DONE]
+        after = lab.observe()
+        assert ids_of(before) <= ids_of(after) or reports[0].diagnostics, "what cannot be brought back is told"
+        if not reports[0].diagnostics:
+            assert without_serials(after) == without_serials(before)
+        assert all(after[name].serials != before[name].serials for name in after)
+
+
+def ids_of(states: dict[str, State]) -> set[str]:
+    return {one.id for state in states.values() for one in state.partitions}
+
+
+@FEW
+@given(systems(), strangers())
+def test_plan_files_read_back_as_written_and_same_input_makes_same_bytes(system: System, others: Strangers) -> None:
+    with a_lab(system) as one, a_lab(system) as other:
+        for lab in (one, other):
+            lab.add(others)
+        possible(one)
+
+        data = write_plan(one.plan())
+
+        assert write_plan(other.plan()) == data
+        assert read_plan(data) == one.plan()
+        assert read_plan(data.replace(b"\n", b"\r\n")) == one.plan()

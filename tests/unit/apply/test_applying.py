@@ -1,0 +1,287 @@
+"""Applying a plan to simulated hosts: used once, only on what it saw, host by host, and finished by whoever comes."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+
+from rarms_iac.apply.reports import Ending
+from rarms_iac.apply.undo import abandon
+from rarms_iac.model.operations import SetCpu
+from rarms_iac.model.plan import Purpose, Scope
+from rarms_iac.model.system import Disruption, Fault, FaultEffect, PartitionWish, SimulatedHost
+from tests.builders import a_component, a_host, a_partition, a_system, codes
+from tests.lab import Countdown, Lab, a_lab, without_serials
+
+OURS = Scope(application="robot", plan="")
+VISION = a_component("vision", criticality=9, reserve="40 %", memory="512 MiB")
+SPEECH = a_component("speech", criticality=5, reserve="30 %", memory="512 MiB")
+
+
+def faulty(**faults: Fault) -> SimulatedHost:
+    return SimulatedHost(faults=faults)
+
+
+@pytest.fixture
+def lab() -> Iterator[Lab]:
+    with a_lab(a_system(hosts=[a_host("onboard")], components=[VISION, SPEECH])) as made:
+        yield made
+
+
+def with_reserve(lab: Lab, reserve: str) -> Lab:
+    vision = a_component("vision", criticality=9, reserve=reserve, memory="512 MiB")
+    return lab.wanting(a_system(hosts=[a_host("onboard")], components=[vision, SPEECH]))
+
+
+def somebody_sets_the_reserve(lab: Lab, reserve: int) -> None:
+    lab.hosts["onboard"].execute(SetCpu(partition="vision", reserve=reserve, limit=100, weight=100), OURS)
+
+
+def test_a_plan_is_used_once(lab: Lab) -> None:
+    plan = lab.plan()
+
+    assert lab.apply(plan).ending is Ending.DONE
+    again = lab.apply(plan)
+
+    assert again.ending is Ending.REFUSED
+    assert codes(again.diagnostics) == ["RARMS181"]
+
+
+def test_a_plan_that_another_run_overtook_is_refused(lab: Lab) -> None:
+    old = lab.plan()
+    lab.apply(with_reserve(lab, "20 %").plan())
+    lab.undo()
+
+    assert codes(lab.apply(old).diagnostics) == ["RARMS181"]
+
+
+def test_a_host_that_moved_is_refused_and_the_parts_are_named(lab: Lab) -> None:
+    lab.apply(lab.plan())
+    plan = with_reserve(lab, "20 %").plan()
+    somebody_sets_the_reserve(lab, 25)
+    before = lab.observe()
+
+    report = lab.apply(plan)
+
+    assert codes(report.diagnostics) == ["RARMS182"]
+    assert "partition/vision has changed" in report.diagnostics[0].detail
+    assert lab.observe() == before
+
+
+def test_another_plan_does_not_start_on_an_unfinished_run(lab: Lab) -> None:
+    lab.apply(lab.plan(), Countdown(5))
+
+    report = lab.apply(with_reserve(lab, "20 %").plan())
+
+    assert (report.ending, codes(report.diagnostics)) == (Ending.REFUSED, ["RARMS183"])
+
+
+def test_the_same_plan_finishes_its_own_run(lab: Lab) -> None:
+    plan = lab.plan()
+    assert lab.apply(plan, Countdown(5)).ending is Ending.INTERRUPTED
+
+    report = lab.apply(plan)
+
+    assert report.ending is Ending.DONE
+    assert report.hosts[0].resumed
+    assert lab.steps_left() == 0
+
+
+def test_an_abandoned_run_leaves_the_host_as_it_is_and_the_next_plan_takes_over(lab: Lab) -> None:
+    lab.apply(lab.plan(), Countdown(5))
+    before = lab.observe()
+
+    assert abandon(lab.hosts["onboard"]).ending is Ending.DONE
+    assert lab.observe() == before
+    assert abandon(lab.hosts["onboard"]).ending is Ending.NOTHING
+
+    assert lab.apply(lab.plan()).ending is Ending.DONE
+    assert lab.steps_left() == 0
+
+
+def test_a_setting_changed_in_the_middle_of_a_run_stops_it(lab: Lab) -> None:
+    lab.apply(lab.plan())
+    plan = with_reserve(lab, "20 %").plan()
+    lab.apply(plan, Countdown(0))
+    somebody_sets_the_reserve(lab, 25)
+
+    report = lab.finish()
+
+    assert report is not None
+    assert (report.ending, codes(report.diagnostics)) == (Ending.REFUSED, ["RARMS185"])
+    assert "reserve is 25, not 40" in report.diagnostics[0].detail
+
+
+def test_a_step_that_fails_after_doing_its_work_is_found_done_and_is_undone() -> None:
+    fault = Fault(operation="set_cpu", at="partition/vision", effect=FaultEffect.FAIL_AFTER, times=1)
+    system = a_system(hosts=[a_host("onboard", settings=faulty(once=fault))], components=[VISION])
+    with a_lab(system) as lab:
+        before = lab.observe()
+        failed = lab.apply(lab.plan())
+        assert (failed.ending, codes(failed.diagnostics)) == (Ending.FAILED, ["RARMS186"])
+
+        finished = lab.finish()
+
+        assert finished is not None
+        assert finished.ending is Ending.DONE
+        assert finished.hosts[0].unchanged == 0, "the step that had done its work counts as ours"
+        lab.undo()
+        assert without_serials(lab.observe()) == without_serials(before)
+
+
+def test_a_host_that_refuses_a_step_keeps_what_was_done_and_undo_takes_it_back() -> None:
+    fault = Fault(operation="start_partition", at="partition/speech", effect=FaultEffect.REFUSE)
+    system = a_system(hosts=[a_host("onboard", settings=faulty(always=fault))], components=[VISION, SPEECH])
+    with a_lab(system) as lab:
+        before = lab.observe()
+
+        report = lab.apply(lab.plan())
+
+        assert report.ending is Ending.FAILED
+        assert "partition/speech" in report.diagnostics[0].detail
+        assert [one.mark.name for one in lab.observe()["onboard"].partitions if one.mark] == ["speech", "vision"]
+        assert [one.ending for one in lab.undo()] == [Ending.DONE]
+        assert without_serials(lab.observe()) == without_serials(before)
+
+
+def test_a_failure_ends_the_run_before_the_next_host_and_the_plan_goes_on_there_later() -> None:
+    fault = Fault(operation="start_partition", at="partition/vision", effect=FaultEffect.REFUSE, times=1)
+    one = replace(VISION, hosts=("arm",))
+    other = replace(SPEECH, hosts=("base",))
+    hosts = [a_host("arm", settings=faulty(once=fault)), a_host("base")]
+    with a_lab(a_system(hosts=hosts, components=[one, other])) as lab:
+        plan = lab.plan()
+
+        assert [part.host for part in lab.apply(plan).hosts] == ["arm"]
+        assert lab.observe()["base"].partitions == ()
+
+        report = lab.apply(plan)
+
+        assert (report.ending, [part.host for part in report.hosts]) == (Ending.DONE, ["arm", "base"])
+        assert lab.steps_left() == 0
+        assert codes(lab.apply(plan).diagnostics) == ["RARMS181", "RARMS181"]
+
+
+def test_all_hosts_are_looked_at_before_the_first_step() -> None:
+    one, other = replace(VISION, hosts=("arm",)), replace(SPEECH, hosts=("base",))
+    hosts = [a_host("arm"), a_host("base")]
+    with a_lab(a_system(hosts=hosts, components=[one, other])) as lab:
+        lab.apply(lab.plan())
+        less = a_system(hosts=hosts, components=[replace(one, memory=one.memory * 2), replace(other, memory=2**28)])
+        plan = lab.wanting(less).plan()
+        lab.hosts["base"].execute(SetCpu(partition="speech", reserve=5, limit=100, weight=100), OURS)
+        before = lab.observe()
+
+        report = lab.apply(plan)
+
+        assert codes(report.diagnostics) == ["RARMS182"]
+        assert lab.observe() == before
+
+
+def test_undo_says_when_there_is_nothing_to_undo(lab: Lab) -> None:
+    (nothing,) = lab.undo()
+    assert (nothing.ending, codes(nothing.diagnostics)) == (Ending.NOTHING, ["RARMS192"])
+    lab.apply(lab.plan())
+    assert [one.ending for one in lab.undo()] == [Ending.DONE]
+
+    (again,) = lab.undo()
+
+    assert again.ending is Ending.NOTHING
+    assert "undo of plan" in again.diagnostics[0].detail
+
+
+def test_an_interrupted_undo_is_finished_by_the_next_one_and_by_apply(lab: Lab) -> None:
+    before = lab.observe()
+    lab.apply(lab.plan())
+    assert [one.ending for one in lab.undo(Countdown(3))] == [Ending.INTERRUPTED]
+
+    finished = lab.finish()
+
+    assert finished is not None
+    assert finished.ending is Ending.DONE
+    assert without_serials(lab.observe()) == without_serials(before)
+
+
+def test_destroy_leaves_nothing_of_ours(lab: Lab) -> None:
+    lab.apply(lab.plan())
+
+    report = lab.apply(lab.plan(purpose=Purpose.DESTROY))
+
+    assert report.ending is Ending.DONE
+    assert lab.observe()["onboard"].partitions == ()
+
+
+def test_destroy_of_a_target_leaves_the_rest(lab: Lab) -> None:
+    lab.apply(lab.plan())
+
+    lab.apply(lab.plan(purpose=Purpose.DESTROY, targets=("partition/speech",)))
+
+    assert [one.settings.name for one in lab.observe()["onboard"].partitions] == ["vision"]
+
+
+def test_what_is_protected_is_not_destroyed() -> None:
+    kept: list[PartitionWish] = [a_partition("vision", components=["vision"], protect=True)]
+    with a_lab(a_system(hosts=[a_host("onboard")], components=[VISION], partitions=kept)) as lab:
+        lab.apply(lab.plan())
+
+        prepared = lab.prepare(purpose=Purpose.DESTROY)
+
+        assert prepared.plan is None
+        assert codes(prepared.findings) == ["RARMS152"]
+
+
+def test_a_released_partition_goes_on_and_can_be_imported_again(lab: Lab) -> None:
+    lab.apply(lab.plan())
+    was = {one.settings.name: one for one in lab.observe()["onboard"].partitions}
+
+    lab.apply(lab.plan(purpose=Purpose.RELEASE, partition="vision"))
+
+    (vision,) = (one for one in lab.observe()["onboard"].partitions if one.settings.name == "vision")
+    assert (vision.mark, vision.settings) == (None, was["vision"].settings)
+    in_the_way = lab.prepare()
+    assert codes(in_the_way.findings) == ["RARMS150"]
+
+    lab.apply(lab.plan(purpose=Purpose.IMPORT, partition="vision", machine=vision.id))
+
+    assert lab.steps_left() == 0
+    assert lab.observe()["onboard"].partitions == tuple(was[name] for name in ("speech", "vision"))
+
+
+@pytest.mark.parametrize(
+    ("asked", "code"),
+    [
+        ({"purpose": Purpose.IMPORT, "partition": "vision", "machine": "no-such-id"}, "RARMS195"),
+        ({"purpose": Purpose.RELEASE, "partition": "visoin"}, "RARMS197"),
+        ({"targets": ("partition/visoin",)}, "RARMS194"),
+    ],
+)
+def test_what_cannot_be_meant_is_told(lab: Lab, asked: dict[str, object], code: str) -> None:
+    lab.apply(lab.plan())
+
+    prepared = lab.prepare(**asked)
+
+    assert prepared.plan is None
+    assert codes(prepared.findings) == [code]
+
+
+def test_a_machine_that_is_ours_already_is_not_imported(lab: Lab) -> None:
+    lab.apply(lab.plan())
+    machine = lab.observe()["onboard"].partitions[0].id
+
+    prepared = lab.prepare(purpose=Purpose.IMPORT, partition="ears", machine=machine)
+
+    assert codes(prepared.findings) == ["RARMS196"]
+
+
+def test_what_disturbs_too_much_is_held_back_and_the_rest_is_planned(lab: Lab) -> None:
+    lab.apply(lab.plan())
+    more = a_component("vision", criticality=9, reserve="40 %", memory="512 MiB", processors=1)
+    less = a_component("speech", criticality=5, reserve="10 %", memory="512 MiB")
+    wanted = lab.wanting(a_system(hosts=[a_host("onboard")], components=[more, less]))
+
+    plan = wanted.plan(max_disruption=Disruption.LIVE)
+
+    (part,) = plan.hosts
+    assert [str(one.change.address) for one in part.held_back] == ["partition/vision"]
+    assert {str(step.address) for step in part.steps} == {"partition/speech"}
+    assert plan.has_changes
