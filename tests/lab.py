@@ -1,4 +1,4 @@
-"""A laboratory: a system, its simulated hosts in a folder, and the route from one to the other as the commands take it."""
+"""A laboratory: a system, its simulated hosts in a folder, and the route between them as the commands take it."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager

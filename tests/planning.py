@@ -49,7 +49,6 @@ def route(system: System, observed: State, limit: Disruption = Disruption.REMOVA
         protected=desired.protected,
         replaceable=desired.replaceable,
         unused=desired.unused,
-        places=PLACES,
     )
     difference = compare(desired.state, observed, application, around, wishes)
     room = room_of(

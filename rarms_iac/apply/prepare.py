@@ -23,6 +23,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Places, has_errors, in_order
 from rarms_iac.model.plan import HostPlan, Plan, Purpose
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
+from rarms_iac.model.where import partition_place
 from rarms_iac.planfile.sealing import identified
 
 Judge = Callable[[Sequence[Diagnostic]], tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]]
@@ -156,7 +157,7 @@ def _host_plan(request: Request, wish: HostWish) -> _Part:
 def _difference(request: Request, wish: HostWish) -> Difference:
     """What has to change on the host, for this purpose."""
     application = request.system.application.name
-    place = request.places.key("partitions", request.partition)
+    place = partition_place(request.system, request.places, request.partition)
     match request.purpose:
         case Purpose.APPLY | Purpose.DESTROY:
             return compare(wish.desired, wish.observed, application, wish.around, wish.wishes)

@@ -1,18 +1,21 @@
 """What each observed host is to look like, and all that the difference has to know beside it."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from rarms_iac.apply.where_asked import WhereAsked
-from rarms_iac.diff.compare import Wishes
+from rarms_iac.diff.compare import Wishes, in_the_way
 from rarms_iac.diff.disruption import Surroundings
 from rarms_iac.diff.order import Room, room_of
 from rarms_iac.model.capacity import capacity_of, foreign_claims
-from rarms_iac.model.diagnostics import Diagnostic, Places
+from rarms_iac.model.changes import Address
+from rarms_iac.model.diagnostics import Diagnostic, Place, Places
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, SimulatedHost, System
+from rarms_iac.model.where import partition_place
+from rarms_iac.planner.classes import ClassValues
 from rarms_iac.planner.desired import desired_state
+from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.problem import host_view
 from rarms_iac.planner.reservations import FixedReservations
@@ -45,7 +48,8 @@ def wanted(system: System, observed: Mapping[str, State], places: Places, limit:
     views = {name: host_view(state, system.application.name) for name, state in sorted(observed.items())}
     planning = plan_layout(system, FixedReservations(), views, places, max_disruption=limit)
     if not isinstance(planning.answer, Layout):
-        return Wanted(layout=None, hosts={}, findings=planning.findings)
+        told = (*planning.findings, *_namesakes(system, observed, places))
+        return Wanted(layout=None, hosts={}, findings=told)
     hosts: dict[str, HostWish] = {}
     found = planning.findings
     for name, state in sorted(observed.items()):
@@ -56,11 +60,37 @@ def wanted(system: System, observed: Mapping[str, State], places: Places, limit:
             protected=desired.protected,
             replaceable=desired.replaceable,
             unused=desired.unused,
-            places=WhereAsked(system=system, places=places),
+            where=_where(system, places, desired.classes),
         )
         around = replace(_around(system, state), making=desired.making, criticality=desired.criticality)
         hosts[name] = _wish(system, state, desired.state, wishes, around, limit)
     return Wanted(layout=planning.answer, hosts=hosts, findings=found)
+
+
+def _namesakes(system: System, observed: Mapping[str, State], places: Places) -> Iterator[Diagnostic]:
+    """Machines of others called as our partitions: one of them may be what there is no room beside."""
+    names = {one.name for one in groups_of(system)}
+    for _, state in sorted(observed.items()):
+        for one in state.partitions:
+            is_ours = one.mark is not None and one.mark.application == system.application.name
+            if not is_ours and one.settings.name in names:
+                yield in_the_way(one, partition_place(system, places, one.settings.name))
+
+
+def _where(
+    system: System, places: Places, classes: Mapping[tuple[str, str], ClassValues]
+) -> Callable[[Address], Place | None]:
+    """Which line asks for what stands at an address: of a task class, the component that names it."""
+
+    def where(address: Address) -> Place | None:
+        if address.task:
+            values = classes.get((address.partition, address.task))
+            return places.value("components", values.user, "task") if values else None
+        if address.partition in system.moved:
+            return places.key("moved", address.partition)
+        return partition_place(system, places, address.partition)
+
+    return where
 
 
 def nothing_wanted(system: System, observed: Mapping[str, State], places: Places) -> Wanted:
@@ -71,7 +101,7 @@ def nothing_wanted(system: System, observed: Mapping[str, State], places: Places
             system,
             state,
             replace(state, partitions=(), tasks=()),
-            Wishes(protected=protected, places=places),
+            Wishes(protected=protected, where=_where(system, places, {})),
             _around(system, state),
             Disruption.REMOVAL,
         )

@@ -1,6 +1,6 @@
 """Desired x observed -> changes, touching nothing that carries no mark of this application (DESIGN section 4)."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from rarms_iac.diff import findings
@@ -14,10 +14,15 @@ from rarms_iac.diff.disruption import (
 )
 from rarms_iac.diff.moves import Ours, ours_of
 from rarms_iac.model.changes import Address, Change, Create, Delete, Reason, Update
-from rarms_iac.model.diagnostics import Diagnostic, Place, Places
+from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.names import is_shipped_task
 from rarms_iac.model.state import Facet, Partition, RunState, State, TaskClass
 from rarms_iac.model.system import Disruption
+
+
+def nowhere(_address: Address) -> Place | None:
+    """The place of what no manifest line asks for."""
+    return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +33,7 @@ class Wishes:
     protected: frozenset[str] = frozenset()  # partitions that must not be removed
     replaceable: frozenset[str] = frozenset()  # shipped task classes that may be replaced, in lower case
     unused: frozenset[str] = frozenset()  # partitions of ours that the manifest no longer wants: stopped, not removed
-    places: Places | None = None
+    where: Callable[[Address], Place | None] = nowhere  # the manifest line that asks for it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +57,7 @@ def compare(
     """
     wishes = wishes or Wishes()
     wanted = {one.settings.name: one for one in desired.partitions}
-    ours = ours_of(observed, application, wanted, wishes.moved, wishes.places)
+    ours = ours_of(observed, application, wanted, wishes.moved, wishes.where)
     parts = (
         _partitions(wanted, ours, observed, application, around, wishes),
         _tasks(desired, ours, observed, application, wishes),
@@ -85,7 +90,7 @@ def _partitions(
     wishes: Wishes,
 ) -> _Found:
     found = _Found()
-    in_the_way = list(_in_the_way(wanted, ours, observed, application, wishes.places))
+    in_the_way = list(_in_the_way(wanted, ours, observed, application, wishes))
     found.findings += [*ours.findings, *_foreign_marks(observed), *in_the_way]
     blocked = {one.address for one in in_the_way}
     for name in sorted({*wanted, *ours.machines}):
@@ -103,7 +108,7 @@ def _one_partition(
     wishes: Wishes,
 ) -> None:
     address = Address(partition=name, machine=before.id if before else "")
-    place = _place(wishes.places, name)
+    place = wishes.where(address)
     if before is None:
         assert after is not None
         found.changes.append(Create(address=address, after=after, reason=Reason(says="it is not there", place=place)))
@@ -127,7 +132,7 @@ def _one_partition(
 def _update(
     found: _Found, address: Address, before: Partition, after: Partition, around: Surroundings, wishes: Wishes
 ) -> None:
-    name, place = address.partition, _place(wishes.places, address.partition)
+    name, place = address.partition, wishes.where(address)
     disruption = disruption_of_update(before, after.settings, around)
     if disruption is Disruption.REMOVAL and name in wishes.protected:
         found.findings.append(_protected(name, "another generation means to make it again", place))
@@ -188,7 +193,7 @@ def _foreign_marks(observed: State) -> Iterable[Diagnostic]:
 
 
 def _in_the_way(
-    wanted: Mapping[str, Partition], ours: Ours, observed: State, application: str, places: Places | None
+    wanted: Mapping[str, Partition], ours: Ours, observed: State, application: str, wishes: Wishes
 ) -> Iterable[Diagnostic]:
     """Machines that are called as a partition is to be called and are not ours."""
     for one in observed.partitions:
@@ -199,13 +204,19 @@ def _in_the_way(
         holder = ours.machines.get(name)
         if holder is not None and holder.settings.name == name:
             continue  # ours is called so too: names need not be unique, and nothing has to be renamed
-        owner = f"belongs to application {one.mark.application!r}" if one.mark else "carries no mark of rarms"
-        yield findings.FOREIGN_AT_NAME.at(
-            _place(places, name),
-            f"The host has a machine {name!r} (id {one.id}) that {owner}.",
-            f"Run `rarms import {name} --id {one.id}` to take it over, or give the partition another name.",
-            address=f"partition/{name}",
-        )
+        yield in_the_way(one, wishes.where(Address(partition=name)))
+
+
+def in_the_way(one: Partition, place: Place | None) -> Diagnostic:
+    """A machine that is not ours and is called as a partition is to be called."""
+    name = one.settings.name
+    owner = f"belongs to application {one.mark.application!r}" if one.mark else "carries no mark of rarms"
+    return findings.FOREIGN_AT_NAME.at(
+        place,
+        f"The host has a machine {name!r} (id {one.id}) that {owner}.",
+        f"Run `rarms import {name} --id {one.id}` to take it over, or give the partition another name.",
+        address=f"partition/{name}",
+    )
 
 
 def _protected(name: str, says: str, place: Place | None) -> Diagnostic:
@@ -226,10 +237,6 @@ def _not_at_rest(address: Address, state: RunState, place: Place | None) -> Diag
         place, f"Partition {address.partition!r} is {state.value}; what has to change needs it off or running.", advice,
         address=str(address),
     )  # fmt: skip
-
-
-def _place(places: Places | None, name: str) -> Place | None:
-    return places.key("partitions", name) if places else None
 
 
 def _tasks(desired: State, ours: Ours, observed: State, application: str, wishes: Wishes) -> _Found:
@@ -273,7 +280,7 @@ def _one_task(
             )
         return
     address = _task_address(inside, after, before)
-    place = wishes.places.key("tasks", after.name) if wishes.places else None
+    place = wishes.where(address)
     if before is None or (not before.values and record is None):
         found.changes.append(
             Create(

@@ -1,10 +1,11 @@
 """Our machines by the name they are to have."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
 from rarms_iac.diff import findings
-from rarms_iac.model.diagnostics import Diagnostic, Places
+from rarms_iac.model.changes import Address
+from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.moves import renaming
 from rarms_iac.model.state import Partition, State
 
@@ -19,12 +20,18 @@ class Ours:
 
 
 def ours_of(
-    observed: State, application: str, wanted: Collection[str], moved: Mapping[str, str], places: Places | None
+    observed: State,
+    application: str,
+    wanted: Collection[str],
+    moved: Mapping[str, str],
+    where: Callable[[Address], Place | None],
 ) -> Ours:
     """What carries our mark, after the manifest's moves."""
     marked = {one.mark.name: one for one in observed.of(application).partitions if one.mark}
     names = renaming(marked, wanted, moved)
-    told = [_both_exist(name, moved[name], places) for name in names.impossible if name in moved]
+    told = [
+        _both_exist(name, moved[name], where(Address(partition=name))) for name in names.impossible if name in moved
+    ]
     return Ours(
         machines={names.new[name]: one for name, one in sorted(marked.items())},
         new_names=names.new,
@@ -32,9 +39,9 @@ def ours_of(
     )
 
 
-def _both_exist(old: str, new: str, places: Places | None) -> Diagnostic:
+def _both_exist(old: str, new: str, place: Place | None) -> Diagnostic:
     return findings.NOTHING_TO_MOVE.at(
-        places.key("moved", old) if places else None,
+        place,
         f"`moved` calls {old!r} now {new!r}, but the host has a partition of each name.",
         f"Remove one of them (`rarms destroy --target partition/{old}`), or take the line out of `moved`.",
         address=f"partition/{old}",

@@ -8,6 +8,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Place, Places
 from rarms_iac.model.layout import Cause, Infeasible
 from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import plain, show_bytes, show_percent, show_processors
+from rarms_iac.model.where import partition_place
 from rarms_iac.planner import findings
 from rarms_iac.planner.problem import Problem
 from rarms_iac.planner.relaxations import Trial, relaxations
@@ -186,9 +187,7 @@ def _place(cause: Cause, problem: Problem, places: Places) -> Place:
             return places.value("hosts", name, last)
         case "component":
             return places.key("components", name)
-        case "partition" if name in problem.system.partitions:
-            return places.key("partitions", name)
         case "partition":
-            return places.key("components", name)
+            return partition_place(problem.system, places, name)
         case _:
             return places.key("application")

@@ -9,6 +9,7 @@ from rarms_iac.apply.reports import Ending
 from rarms_iac.apply.undo import abandon
 from rarms_iac.model.operations import SetCpu
 from rarms_iac.model.plan import Purpose, Scope
+from rarms_iac.model.quantities import Bytes
 from rarms_iac.model.system import Disruption, Fault, FaultEffect, PartitionWish, SimulatedHost
 from tests.builders import a_component, a_host, a_partition, a_system, codes
 from tests.lab import Countdown, Lab, a_lab, without_serials
@@ -167,7 +168,9 @@ def test_all_hosts_are_looked_at_before_the_first_step() -> None:
     hosts = [a_host("arm"), a_host("base")]
     with a_lab(a_system(hosts=hosts, components=[one, other])) as lab:
         lab.apply(lab.plan())
-        less = a_system(hosts=hosts, components=[replace(one, memory=one.memory * 2), replace(other, memory=2**28)])
+        less = a_system(
+            hosts=hosts, components=[replace(one, memory=Bytes(one.memory * 2)), replace(other, memory=Bytes(2**28))]
+        )
         plan = lab.wanting(less).plan()
         lab.hosts["base"].execute(SetCpu(partition="speech", reserve=5, limit=100, weight=100), OURS)
         before = lab.observe()
@@ -239,7 +242,7 @@ def test_a_released_partition_goes_on_and_can_be_imported_again(lab: Lab) -> Non
     (vision,) = (one for one in lab.observe()["onboard"].partitions if one.settings.name == "vision")
     assert (vision.mark, vision.settings) == (None, was["vision"].settings)
     in_the_way = lab.prepare()
-    assert codes(in_the_way.findings) == ["RARMS150"]
+    assert codes(in_the_way.findings) == ["RARMS014", "RARMS150"], "there is no room beside it, and it is why"
 
     lab.apply(lab.plan(purpose=Purpose.IMPORT, partition="vision", machine=vision.id))
 

@@ -1,12 +1,12 @@
 from dataclasses import replace
 
 from rarms_iac.apply.totals import totals_of
-from rarms_iac.apply.where_asked import WhereAsked
 from rarms_iac.model.changes import Address
 from rarms_iac.model.plan import Claim, Step, Totals
 from rarms_iac.model.state import State
-from tests.builders import PathPlaces, a_partition, a_system, the_delivery_robot
+from tests.builders import a_component, a_partition, a_system, the_delivery_robot
 from tests.builders_plan import facts, partition, settings, step
+from tests.lab import a_lab
 
 
 def test_totals_are_what_is_promised_after_the_steps_with_strangers_apart() -> None:
@@ -37,18 +37,20 @@ def step_with(one: Step, claim: Claim) -> Step:
     return replace(one, claim_after=claim)
 
 
-def test_a_partition_without_an_entry_is_asked_for_by_its_component() -> None:
-    system = the_delivery_robot()
-    asked = WhereAsked(system=system, places=PathPlaces())
+def test_every_change_points_at_the_line_that_asks_for_it() -> None:
+    with a_lab(the_delivery_robot()) as lab:
+        (part,) = lab.plan().hosts
 
-    assert asked.key("partitions", "path-planning").path == "components.path-planning"
-    assert asked.key("tasks", "SpeechRecognition").path == "components.speech-recognition.task"
-    assert asked.key("hosts", "onboard").path == "hosts.onboard"
+    asked = {str(one.address): one.reason.place.path for one in part.changes if one.reason.place}
+
+    assert asked["partition/path-planning"] == "components.path-planning"
+    assert asked["partition/speech-recognition/task/SpeechRecognition"] == "components.speech-recognition.task"
 
 
-def test_a_partition_with_an_entry_is_asked_for_by_it() -> None:
-    asked = WhereAsked(system=a_system(partitions=[a_partition("vision")]), places=PathPlaces())
+def test_a_partition_with_an_entry_points_at_it() -> None:
+    with a_lab(
+        a_system(components=[a_component("eyes")], partitions=[a_partition("vision", components=["eyes"])])
+    ) as lab:
+        (part,) = lab.plan().hosts
 
-    assert asked.value("partitions", "vision").path == "partitions.vision"
-    assert asked.key("partitions", "former").path == "partitions.former"
-    assert asked.key("tasks", "Unknown").path == "tasks.Unknown"
+    assert [one.reason.place.path for one in part.changes if one.reason.place] == ["partitions.vision"]
