@@ -6,13 +6,13 @@ from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.storage.shipped import shipped
 
-SCHEMAS = ("manifest", "output")
+SCHEMAS = ("manifest", "plan", "snapshot", "output")
 
 
 @rarms_command("schema")
-@click.argument("name", type=click.Choice(SCHEMAS), default="manifest", metavar="[manifest|output]")
+@click.argument("name", type=click.Choice(SCHEMAS), default="manifest", metavar="[manifest|plan|snapshot|output]")
 def command(session: Session, *, name: str) -> ExitCode:
-    """Print a JSON Schema: of the manifest, or of what --json prints.
+    """Print a JSON Schema: of the manifest, a plan file, a snapshot, or what --json prints.
 
     An editor that knows the manifest's schema completes keys and shows what each is for.
     """

@@ -175,6 +175,7 @@ def test_fmt_of_what_is_no_manifest_changes_nothing_and_says_why(here: Path) -> 
 
 
 @pytest.mark.needs("posix")
+@pytest.mark.needs("posix")
 def test_fmt_keeps_a_files_rights_and_a_link(here: Path) -> None:
     file, link = here / "rarms.yaml", here / "link.yaml"
     file.write_bytes(file.read_bytes() + b"\n\n")
@@ -193,7 +194,7 @@ def test_fmt_for_programs(here: Path) -> None:
     assert json.loads(answer.out)["files"][0]["changed"] is False
 
 
-@pytest.mark.parametrize("name", ["manifest", "output"])
+@pytest.mark.parametrize("name", ["manifest", "plan", "snapshot", "output"])
 def test_schema_prints_what_is_shipped(name: str) -> None:
     assert json.loads(rarms("schema", name).out)["$schema"].startswith("https://json-schema.org/")
 
