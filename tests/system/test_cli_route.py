@@ -23,7 +23,7 @@ class Robot:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.manifest = folder / "rarms.yaml"
-        assert rarms("init", str(folder)).code == 0
+        assert rarms("init", str(folder), "--name", "robot").code == 0
 
     def run(self, *words: str, stdin: str = "") -> Ran:
         """The command with this manifest."""
