@@ -5,7 +5,7 @@ from typing import assert_never
 
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Update
 from rarms_iac.model.diagnostics import Diagnostic, Place
-from rarms_iac.model.plan import HostPlan, Plan, Purpose, Step, UndoLevel
+from rarms_iac.model.plan import HostPlan, Plan, Purpose, UndoLevel
 from rarms_iac.model.quantities import show_bytes, show_processors
 from rarms_iac.model.system import Disruption
 from rarms_iac.views.attributes import Attribute, attributes_of
@@ -148,7 +148,7 @@ def _host(part: HostPlan, plan: Plan, width: int, *, steps: bool) -> Iterator[st
     yield from _not_undone(part, width)
     yield from _disruption(part, width)
     if steps and part.steps:
-        yield from _steps(part.steps, width)
+        yield from _steps(part, width)
     yield from totals_lines(part)
 
 
@@ -258,13 +258,18 @@ def _disruption(part: HostPlan, width: int) -> Iterator[str]:
             yield from wrap(f"{note}: {', '.join(addresses)}", width, "    ")
 
 
-def _steps(steps: Sequence[Step], width: int) -> Iterator[str]:
+def _steps(part: HostPlan, width: int) -> Iterator[str]:
     yield ""
     yield "  Steps, in this order:"
-    digits = len(str(len(steps)))
-    for number, step in enumerate(steps, 1):
-        yield f"  {number:>{digits}}. {step.address}: {visible(step.title, keep='')}{_at(step.place)}"
-        yield from wrap(step.comment, width, " " * (digits + 4))
+    reasons = {change.address: change.reason.says for change in part.changes}
+    digits = len(str(len(part.steps)))
+    indent = " " * (digits + 4)
+    for number, step in enumerate(part.steps, 1):
+        head = wrap(f"{step.address}: {visible(step.title, keep='')}{_at(step.place)}", width, indent)
+        yield f"  {number:>{digits}}. {next(head).lstrip()}"
+        yield from head
+        # The change's own reason stands above, beside the change.
+        yield from wrap(step.comment.removeprefix(f"{reasons.get(step.address, '')}; "), width, indent)
 
 
 def _findings(findings: Sequence[Diagnostic], sources: Sources) -> list[str]:

@@ -17,6 +17,7 @@ from tests.builders_plan import (
     partition,
     plan,
     settings,
+    step,
     task,
     update,
 )
@@ -142,14 +143,29 @@ def test_a_reviewer_sees_what_else_matters(line: str) -> None:
 def test_steps_are_shown_on_request_in_their_order() -> None:
     shown = plan_text(a_rich_plan(), steps=True).splitlines()
 
-    assert "  1. partition/vision: reserve 70 -> 40 %  (rarms.yaml:31)" in shown
-    assert "  2. partition/old: remove the machine  (rarms.yaml:31)" in shown
-    assert "  1. partition/vision: reserve 70 -> 40 %  (rarms.yaml:31)" not in lines_of(a_rich_plan())
+    assert "  1. partition/vision: reserve 70 -> 40 % (rarms.yaml:31)" in shown
+    assert "  2. partition/old: remove the machine (rarms.yaml:31)" in shown
+    assert "  1. partition/vision: reserve 70 -> 40 % (rarms.yaml:31)" not in lines_of(a_rich_plan())
+
+
+def test_a_step_does_not_repeat_the_reason_of_its_change() -> None:
+    change = create(partition(), because("asked"))
+
+    shown = plan_text(
+        plan(host_plan(changes=[change], steps=[step(change.address, comment="asked; why here")])), steps=True
+    )
+
+    assert shown.count("asked") == 1
+    assert "     why here\n" in shown
 
 
 def test_nothing_is_wider_than_80_columns() -> None:
     long = replace(because("a reason with many words " * 12))
-    shown = plan_text(plan(host_plan(changes=[create(partition(), long)])), steps=True).splitlines()
+    change = create(partition(), long)
+    titled = step(
+        change.address, title="mark it as an-application/with-a-long-name, set 0123456789ab", comment="why " * 40
+    )
+    shown = plan_text(plan(host_plan(changes=[change], steps=[titled])), steps=True).splitlines()
 
     assert max(map(len, [*shown, *plan_text(a_rich_plan(), steps=True).splitlines()])) <= 80
 
