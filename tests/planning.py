@@ -49,6 +49,7 @@ def route(system: System, observed: State, limit: Disruption = Disruption.REMOVA
         protected=desired.protected,
         replaceable=desired.replaceable,
         unused=desired.unused,
+        where=lambda address: PLACES.key("partitions", address.partition),
     )
     difference = compare(desired.state, observed, application, around, wishes)
     room = room_of(

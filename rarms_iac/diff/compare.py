@@ -177,7 +177,7 @@ def _differs(before: Partition, after: Partition, around: Surroundings) -> str:
     if not differing:
         return "the mark does not say what was last written"
     stop = "; it has to stop for that" if stops(before, after.settings, around) and after.settings.running else ""
-    return f"{', '.join(differing)} differ{'s' if len(differing) == 1 else ''}{stop}"
+    return f"not as wanted: {', '.join(differing)}{stop}"
 
 
 def _foreign_marks(observed: State) -> Iterable[Diagnostic]:
@@ -252,7 +252,9 @@ def _tasks(desired: State, ours: Ours, observed: State, application: str, wishes
     }
     for key in sorted({*wanted, *there}):
         # A partition that goes takes its classes along; one that is merely kept is left as it is inside.
-        if not key[0] or key[0] in kept:
+        if key[0] and key[0] not in ours.machines and key in wanted and is_shipped_task(key[1]):
+            found.findings.append(_guest_first(wanted[key], wishes))
+        elif not key[0] or key[0] in kept:
             _one_task(found, there.get(key), wanted.get(key), application, wishes, inside=key[0])
     return found
 
@@ -308,6 +310,17 @@ def _one_task(
 
 def _task_address(inside: str, task: TaskClass, there: TaskClass | None = None) -> Address:
     return Address(partition=inside, task=task.name, machine=(there or task).machine)
+
+
+def _guest_first(task: TaskClass, wishes: Wishes) -> Diagnostic:
+    # What a guest ships with is kept, to be brought back; a guest that is not made yet cannot be read.
+    address = Address(partition=task.inside, task=task.name)
+    return findings.GUEST_FIRST.at(
+        wishes.where(address),
+        f"{task.inside} is made by this plan, and what {task.name} is there can only be read afterwards.",
+        "Apply this plan, then plan again: the next plan replaces the class.",
+        address=str(address),
+    )
 
 
 def _foreign_task(address: Address, before: TaskClass, place: Place | None) -> Diagnostic:

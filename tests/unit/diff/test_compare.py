@@ -19,7 +19,8 @@ def robot(**kinds: object) -> System:
 
 
 def applied(system: System, state: State | None = None) -> State:
-    host = PureHost(state or empty_state(HOST))
+    start = state or empty_state(HOST)
+    host = PureHost(start, made=len(start.partitions))
     found = route(system, host.state)
     host.walk(found.ordered.steps)  # type: ignore[union-attr]  # these tests have no cycles
     return host.state
@@ -238,3 +239,26 @@ def test_the_other_state_is_not_of_this_application() -> None:
 
     around = Surroundings(facts=state.facts)
     assert codes(compare(found.state, state, "other", around).findings) == ["RARMS150"]
+
+
+def test_a_shipped_class_of_a_guest_that_is_not_made_yet_waits_for_the_next_plan() -> None:
+    system = robot(components=[a_component(task="Games")], tasks=[a_task("Games", replace_shipped=True)])
+
+    first = difference(system, empty_state(HOST))
+    assert [str(one.address) for one in first.changes] == ["partition/vision"]
+    assert codes(first.findings) == ["RARMS157"]
+
+    made = applied(system)
+    guest = replace(shipped("Games"), inside="vision", machine=made.partitions[0].id)
+    second = difference(system, replace(made, tasks=(guest,)))
+    assert [str(one.address) for one in second.changes] == ["partition/vision/task/Games"]
+
+
+def test_a_partition_of_another_generation_is_made_again_as_wanted() -> None:
+    state = edited(applied(robot()), "vision", generation=1)
+
+    after = applied(robot(), state)
+
+    assert [(one.settings.name, one.settings.generation) for one in after.partitions] == [("vision", 2)]
+    assert after.partitions[0].id != state.partitions[0].id
+    assert difference(robot(), after).changes == ()
