@@ -1,0 +1,1 @@
+"""Generated PowerShell: literals, templates, and the inspection that every script passes (DESIGN section 6)."""

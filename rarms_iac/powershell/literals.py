@@ -1,0 +1,98 @@
+"""The one way by which a value enters a script: as a finished PowerShell literal (DESIGN section 6).
+
+Four forms, all of them pure ASCII on one line: `'text'` with its quotes doubled, a whole number, `$true` / `$false`,
+and `('' + 'text' + [char]0x2019 + ...)` over UTF-16 units for what is not printable ASCII. In pure ASCII only U+0027
+can end a single-quoted string: the four other characters that PowerShell takes for it (FACTS 10) never appear.
+"""
+
+from collections.abc import Sequence
+from itertools import groupby
+from struct import iter_unpack
+
+Scalar = bool | int | str
+Literal = str
+"""PowerShell text that is one literal."""
+
+LARGEST = 2**63 - 1
+"""Above it PowerShell reads a number as a decimal or a double."""
+
+MOST_PARTS = 1000
+"""PowerShell's compiler descends once for each `+`: so many are safe on its stack."""
+
+
+class NoLiteral(ValueError):
+    """The value has no literal; the facts say which and why."""
+
+    def __init__(self, value: object, says: str) -> None:
+        super().__init__(f"{_shown(value)} cannot be written into a script: {says}")
+        self.value = value
+        self.says = says
+
+
+def literal(value: Scalar) -> Literal:
+    """The literal that PowerShell reads back as exactly this value.
+
+    Raises:
+        NoLiteral: a negative or too large number, a lone surrogate, or more than `MOST_PARTS` runs of text.
+    """
+    match value:
+        case bool():
+            return "$true" if value else "$false"
+        case int():
+            return _number(value)
+        case str():
+            return _quoted(value) if _is_plain(value) else _joined(value)
+
+
+def literals(values: Sequence[Scalar]) -> Literal:
+    """An array of literals, also of one and of none: `@('a', 'b')`.
+
+    Raises:
+        NoLiteral: one of them has none.
+    """
+    return f"@({', '.join(map(literal, values))})"
+
+
+def _number(value: int) -> Literal:
+    if value < 0:
+        raise NoLiteral(value, "nothing that rarms writes is negative")
+    if value > LARGEST:
+        raise NoLiteral(value, f"PowerShell keeps whole numbers only up to {LARGEST}")
+    return str(value)
+
+
+def _is_plain(text: str) -> bool:
+    """Whether every character is printable ASCII."""
+    return text.isascii() and text.isprintable()
+
+
+def _quoted(text: str) -> Literal:
+    return "'" + text.replace("'", "''") + "'"
+
+
+def _joined(text: str) -> Literal:
+    """A sum that begins with text, so that every `+` joins and none adds."""
+    try:
+        units = [unit for (unit,) in iter_unpack("<H", text.encode("utf-16-le"))]
+    except UnicodeEncodeError as problem:
+        raise NoLiteral(text, f"character {problem.start} is half a surrogate pair, which is no text") from None
+    parts = ["''"]
+    for plain, run in groupby(units, key=_is_plain_unit):
+        parts.extend(_parts(plain, list(run)))
+    if len(parts) > MOST_PARTS:
+        raise NoLiteral(text, f"it has {len(parts)} parts that are not plain ASCII or lie between; {MOST_PARTS} may be")
+    return f"({' + '.join(parts)})"
+
+
+def _is_plain_unit(unit: int) -> bool:
+    return 0x20 <= unit <= 0x7E
+
+
+def _parts(plain: bool, units: list[int]) -> list[str]:
+    """A run of plain characters as one string, others as characters each."""
+    return [_quoted("".join(map(chr, units)))] if plain else [f"[char]0x{unit:04X}" for unit in units]
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

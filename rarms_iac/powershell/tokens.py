@@ -1,0 +1,184 @@
+"""A small reader of PowerShell's tokens that knows all its quote characters (FACTS 10).
+
+It finds string literals, comments and structure, and nothing else: it stands beside tree-sitter's grammar, which
+takes four of the five single-quote characters for ordinary ones. What it cannot read is `NotTokens`, never a guess.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+SINGLE_QUOTES = "'\u2018\u2019\u201a\u201b"
+DOUBLE_QUOTES = '"\u201c\u201d\u201e'
+NEWLINES = "\r\n"
+
+_SPACES = " \t\v\f\u0085\u00a0\u1680\u2000\u2001\u2002\u2003\u2004\u2005\u2006\u2007\u2008\u2009\u200a"
+_SPACES += "\u2028\u2029\u202f\u205f\u3000"
+_STRUCTURE = "(){}[];,|&"
+_ENDS_WORD = _SPACES + NEWLINES + _STRUCTURE + SINGLE_QUOTES + DOUBLE_QUOTES
+
+
+class NotTokens(ValueError):
+    """The text ends inside a string or a comment."""
+
+    def __init__(self, says: str, offset: int) -> None:
+        super().__init__(f"{says} that begins at character {offset} does not end")
+        self.says = says
+        self.offset = offset
+
+
+class TokenKind(StrEnum):
+    """What a token is; a word is anything between the others, e.g. a name, a number, an operator."""
+
+    STRING = "string"
+    EXPANDABLE = "expandable string"
+    COMMENT = "comment"
+    WORD = "word"
+    STRUCTURE = "structure"
+    NEWLINE = "newline"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Token:
+    """A token where it stands; of a single-quoted string `text` is what PowerShell makes of it."""
+
+    kind: TokenKind
+    offset: int
+    end: int
+    text: str
+
+
+def tokens(script: str) -> tuple[Token, ...]:
+    """All tokens but white space.
+
+    Raises:
+        NotTokens: a string or a comment does not end.
+    """
+    found: list[Token] = []
+    at = 0
+    while at < len(script):
+        if script[at] in _SPACES:
+            at += 1
+        elif script[at] == "`" and script[at + 1 : at + 2] in tuple(NEWLINES):
+            at += 3 if script[at + 1 : at + 3] == "\r\n" else 2
+        else:
+            found.append(_token(script, at))
+            at = found[-1].end
+    return tuple(found)
+
+
+def _token(script: str, at: int) -> Token:
+    character, two = script[at], script[at : at + 2]
+    if character in NEWLINES:
+        return _made(script, TokenKind.NEWLINE, at, at + (2 if two == "\r\n" else 1))
+    if character == "#":
+        return _made(script, TokenKind.COMMENT, at, _line_end(script, at))
+    if two == "<#":
+        return _made(script, TokenKind.COMMENT, at, _after(script, "#>", at, "a comment"))
+    if character == "@" and (here := _here_string(script, at)):
+        return here
+    if character in SINGLE_QUOTES:
+        return _verbatim(script, at)
+    if character in DOUBLE_QUOTES:
+        return _made(script, TokenKind.EXPANDABLE, at, _expandable_end(script, at))
+    if character in _STRUCTURE:
+        return _made(script, TokenKind.STRUCTURE, at, at + 1)
+    return _made(script, TokenKind.WORD, at, _word_end(script, at))
+
+
+def _made(script: str, kind: TokenKind, offset: int, end: int) -> Token:
+    return Token(kind=kind, offset=offset, end=end, text=script[offset:end])
+
+
+def _line_end(script: str, at: int) -> int:
+    while at < len(script) and script[at] not in NEWLINES:
+        at += 1
+    return at
+
+
+def _after(script: str, closing: str, at: int, says: str) -> int:
+    found = script.find(closing, at + 2)
+    if found < 0:
+        raise NotTokens(says, at)
+    return found + len(closing)
+
+
+def _verbatim(script: str, start: int) -> Token:
+    """A single-quoted string: any of the five closes it, two in a row are the second of them."""
+    text: list[str] = []
+    at = start + 1
+    while at < len(script):
+        if script[at] not in SINGLE_QUOTES:
+            text.append(script[at])
+            at += 1
+        elif script[at + 1 : at + 2] and script[at + 1] in SINGLE_QUOTES:
+            text.append(script[at + 1])
+            at += 2
+        else:
+            return Token(kind=TokenKind.STRING, offset=start, end=at + 1, text="".join(text))
+    raise NotTokens("a string", start)
+
+
+def _expandable_end(script: str, start: int) -> int:
+    """Behind a double-quoted string, with the `$( )` inside, which may hold strings of their own."""
+    at = start + 1
+    while at < len(script):
+        if script[at] == "`":
+            at += 2
+        elif script[at : at + 2] == "$(":
+            at = _closing(script, at + 2, start)
+        elif script[at] not in DOUBLE_QUOTES:
+            at += 1
+        elif script[at + 1 : at + 2] and script[at + 1] in DOUBLE_QUOTES:
+            at += 2
+        else:
+            return at + 1
+    raise NotTokens("a string", start)
+
+
+def _closing(script: str, at: int, start: int) -> int:
+    """Behind the `)` that belongs to a `$(` whose inside begins at `at`."""
+    depth = 1
+    while at < len(script):
+        if script[at] in _SPACES or script[at] == "`":
+            at += 2 if script[at] == "`" else 1
+            continue
+        token = _token(script, at)
+        at = token.end
+        if token.kind is TokenKind.STRUCTURE:
+            depth += {"(": 1, ")": -1}.get(token.text, 0)
+        if depth == 0:
+            return at
+    raise NotTokens("a string", start)
+
+
+def _here_string(script: str, start: int) -> Token | None:
+    """A here-string: its head ends the line, its foot begins one, and nothing inside is special."""
+    quotes = next((kind for kind in (SINGLE_QUOTES, DOUBLE_QUOTES) if script[start + 1 : start + 2] in tuple(kind)), "")
+    head = _line_end(script, start)
+    if not quotes or script[start + 2 : head].strip(_SPACES):
+        return None
+    body = head + (2 if script[head : head + 2] == "\r\n" else 1)
+    line = body
+    while line < len(script):
+        if script[line] in quotes and script[line + 1 : line + 2] == "@":
+            kind = TokenKind.STRING if quotes == SINGLE_QUOTES else TokenKind.EXPANDABLE
+            return Token(kind=kind, offset=start, end=line + 2, text=_without_last_newline(script[body:line]))
+        line = _line_end(script, line)
+        line += 2 if script[line : line + 2] == "\r\n" else 1
+    raise NotTokens("a here-string", start)
+
+
+def _without_last_newline(text: str) -> str:
+    return text.removesuffix("\n").removesuffix("\r") if text.endswith("\n") else text.removesuffix("\r")
+
+
+def _word_end(script: str, start: int) -> int:
+    at = start
+    while at < len(script) and script[at] not in _ENDS_WORD:
+        if script[at : at + 2] == "${":
+            at = _after(script, "}", at, "a variable's name")
+        elif script[at] == "`":
+            at += 2
+        else:
+            at += 1
+    return min(max(at, start + 1), len(script))

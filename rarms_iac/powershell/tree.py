@@ -1,0 +1,199 @@
+"""PowerShell's grammar as tree-sitter knows it, and the structure of a script without its literals.
+
+The grammar is blind to four of the five single-quote characters. So a tree counts only where our own tokens agree
+with it on where each string and comment begins and ends (`disagreement`).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+from rarms_iac.powershell.reading import NotALiteral, read_literal
+from rarms_iac.powershell.tokens import NotTokens, TokenKind, tokens
+
+if TYPE_CHECKING:
+    from tree_sitter import Node, Parser
+
+LITERAL = "literal"
+"""The label of a literal in a shape, whatever its form and value."""
+
+_FORMS = frozenset({"string_literal", "integer_literal", "parenthesized_expression", "array_expression", "variable"})
+_TEXTS = frozenset({"verbatim_string_characters", "verbatim_here_string_characters", "expandable_string_literal"})
+_TEXTS |= {"expandable_here_string_literal", "comment"}
+_SPACE = frozenset({"command_argument_sep", " "})
+
+
+class NotParsed(ValueError):
+    """The grammar finds an error, or the tokens disagree with it."""
+
+    def __init__(self, says: str, line: int) -> None:
+        super().__init__(f"line {line}: {says}")
+        self.says = says
+        self.line = line
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leaf:
+    """A place in a tree: how deep, what it is, and its text where that is not a literal."""
+
+    depth: int
+    label: str
+    text: str
+
+
+@cache
+def _parser() -> "Parser":
+    """Made once, and only when a script is looked at."""
+    from tree_sitter import Language, Parser
+    from tree_sitter_powershell import language
+
+    return Parser(Language(language()))
+
+
+def parse(script: str) -> "Node":
+    """The root of the tree; errors are nodes of it."""
+    return _parser().parse(script.encode("utf-8", "surrogatepass")).root_node
+
+
+def walk(root: "Node") -> Iterator["Node"]:
+    """The node and everything below it, in the order of the text."""
+    waiting = [root]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        waiting.extend(reversed(node.children))
+
+
+def text_of(node: "Node") -> str:
+    """What stands in the script there."""
+    return (node.text or b"").decode("utf-8", "surrogatepass")
+
+
+def line_of(node: "Node") -> int:
+    """The line on which it begins, from 1."""
+    return node.start_point.row + 1
+
+
+def errors(root: "Node") -> tuple["Node", ...]:
+    """The nodes that the grammar could not place, and those that it had to invent."""
+    return tuple(node for node in walk(root) if node.is_error or node.is_missing) if root.has_error else ()
+
+
+def literal_of(node: "Node") -> str | None:
+    """The text of a node that is one whole literal of `literals`, arrays of them included; None of any other."""
+    if node.type not in _FORMS:
+        return None
+    text = text_of(node)
+    if node.type == "array_expression":
+        return text if _is_array(node) else None
+    if node.type == "parenthesized_expression" and not text.startswith("(''"):
+        return None
+    try:
+        read_literal(text)
+    except (NotALiteral, NotTokens):
+        return None
+    return text
+
+
+def _is_array(node: "Node") -> bool:
+    """Whether `@(...)` holds nothing but literals and commas."""
+    inside = node.children[1:-1]
+    while len(inside) == 1 and inside[0].type not in _FORMS and inside[0].child_count == 1:
+        inside = inside[0].children
+    if len(inside) == 1 and inside[0].type == "array_literal_expression":
+        inside = inside[0].children
+    return all(one.type == "," or _is_element(one) for one in inside)
+
+
+def _is_element(node: "Node") -> bool:
+    while node.type not in _FORMS and node.child_count == 1:
+        node = node.children[0]
+    return node.type != "array_expression" and literal_of(node) is not None
+
+
+def shape(script: str) -> tuple[Leaf, ...]:
+    """The tree in the order of the text, in which every literal is one leaf without its text.
+
+    Raises:
+        NotParsed: the script has errors, or tokens and tree disagree.
+    """
+    root = sound(script)
+    found: list[Leaf] = []
+    waiting = [(0, root)]
+    while waiting:
+        depth, node = waiting.pop()
+        if node.type in _SPACE:
+            continue
+        literal = literal_of(node) is not None
+        ends = literal or node.child_count == 0
+        label = LITERAL if literal else node.type
+        text = "" if literal or not ends or node.type == "comment" else text_of(node)
+        found.append(Leaf(depth=depth, label=label, text=text))
+        if not ends:
+            waiting.extend((depth + 1, child) for child in reversed(node.children))
+    return tuple(found)
+
+
+def sound(script: str) -> "Node":
+    """The tree of a script that grammar and tokens both understand, and in the same way.
+
+    Raises:
+        NotParsed: they do not.
+    """
+    root = parse(script)
+    if wrong := errors(root):
+        raise NotParsed(f"PowerShell's grammar has no place for {text_of(wrong[0])[:40]!r}", line_of(wrong[0]))
+    if line := disagreement(script, root):
+        raise NotParsed("a string or a comment ends elsewhere than it seems", line)
+    return root
+
+
+def disagreement(script: str, root: "Node") -> int:
+    """The first line on which tokens and tree see different strings or comments; 0 where they agree."""
+    try:
+        seen = {(one.offset, one.end) for one in tokens(script) if one.kind in _TOKEN_TEXTS}
+    except NotTokens as no:
+        return _line_at(script, no.offset)
+    offset = _characters(script)
+    grown = {(offset(node.start_byte), offset(node.end_byte)) for node in walk(root) if node.type in _TEXTS}
+    return _line_at(script, min(seen ^ grown)[0]) if seen != grown else 0
+
+
+_TOKEN_TEXTS = frozenset({TokenKind.STRING, TokenKind.EXPANDABLE, TokenKind.COMMENT})
+
+
+def _characters(script: str) -> "Characters":
+    if script.isascii():
+        return Characters(of_byte=None)
+    of_byte: list[int] = []
+    for at, character in enumerate(script):
+        of_byte.extend([at] * len(character.encode("utf-8", "surrogatepass")))
+    return Characters(of_byte=(*of_byte, len(script)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Characters:
+    """Which character of a text a byte of its UTF-8 belongs to."""
+
+    of_byte: tuple[int, ...] | None  # None: pure ASCII
+
+    def __call__(self, byte: int) -> int:
+        """The number of the character, from 0."""
+        return byte if self.of_byte is None else self.of_byte[byte]
+
+
+def _line_at(script: str, offset: int) -> int:
+    return script.count("\n", 0, offset) + 1
+
+
+def same_structure(template_text: str, script_text: str) -> bool:
+    """Whether the script's tree is the template's tree, literals being leaves.
+
+    The template's text is what it renders to with harmless literals. A script that does not parse has none of its
+    structure.
+    """
+    try:
+        return shape(template_text) == shape(script_text)
+    except NotParsed:
+        return False
