@@ -1,0 +1,181 @@
+"""What is known of cmdlets: those of Hyper-V's module and of PowerShell itself, in 5.1 and in 7.
+
+The tables are facts, made once by `scripts/make-cmdlet-tables`. A script may use only what both versions have, under
+its whole name.
+"""
+
+import json
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+COMMON = frozenset(
+    [
+        *("Debug", "ErrorAction", "ErrorVariable", "InformationAction", "InformationVariable", "OutBuffer"),
+        *("OutVariable", "PipelineVariable", "Verbose", "WarningAction", "WarningVariable"),
+    ]
+)
+"""Parameters that every cmdlet takes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InSet:
+    """How a parameter takes part in one parameter set."""
+
+    mandatory: bool
+    positional: bool
+    from_pipeline: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """One parameter; `accepted` is empty where any value of its type will do."""
+
+    name: str
+    type: str
+    sets: Mapping[str, InSet]
+    aliases: tuple[str, ...]
+    accepted: tuple[str, ...]
+    in_7: bool
+
+    @property
+    def is_switch(self) -> bool:
+        """Whether it stands without a value."""
+        return self.type == "SwitchParameter"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cmdlet:
+    """One cmdlet, as Windows PowerShell 5.1 knows it and 7 confirms."""
+
+    name: str
+    module: str
+    should_process: bool
+    in_7: bool
+    parameters: Mapping[str, Parameter]
+
+    def parameter(self, name: str) -> Parameter | None:
+        """The parameter of exactly this name, whatever its case."""
+        return self.parameters.get(name.lower())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """Why a call would not bind, or not mean the same everywhere."""
+
+    says: str
+    advice: str
+
+
+@cache
+def _tables() -> Mapping[str, Cmdlet]:
+    text = (Path(__file__).parent / "tables/cmdlets.json").read_text(encoding="utf-8")
+    return {name.lower(): _cmdlet(name, facts) for name, facts in json.loads(text).items()}
+
+
+def _cmdlet(name: str, facts: Mapping[str, Any]) -> Cmdlet:
+    missing = frozenset(facts["not_in_7"])
+    parameters = {
+        key.lower(): Parameter(
+            name=key,
+            type=one["type"],
+            sets={group: _in_set(flags) for group, flags in one["sets"].items()},
+            aliases=tuple(one.get("aliases", ())),
+            accepted=tuple(one.get("values", ())),
+            in_7=key not in missing,
+        )
+        for key, one in facts["parameters"].items()
+    }
+    return Cmdlet(
+        name=name,
+        module=facts["module"],
+        should_process=facts["should_process"],
+        in_7=facts["in_7"],
+        parameters=parameters,
+    )
+
+
+def _in_set(flags: str) -> InSet:
+    return InSet(mandatory="m" in flags, positional="p" in flags, from_pipeline="v" in flags or "n" in flags)
+
+
+def cmdlet(name: str, module: str = "") -> Cmdlet | None:
+    """The cmdlet of this name (and module, where it is given), whatever their case; None where there is none."""
+    found = _tables().get(name.lower())
+    return found if found and (not module or found.module.lower() == module.lower()) else None
+
+
+def names() -> tuple[str, ...]:
+    """The names of all cmdlets of the tables, sorted."""
+    return tuple(sorted(one.name for one in _tables().values()))
+
+
+def in_both(name: str, module: str = "") -> bool:
+    """Whether 5.1 and 7 both have it."""
+    found = cmdlet(name, module)
+    return found is not None and found.in_7
+
+
+def problems_of_call(
+    called: Cmdlet, given: Collection[str], *, positional: int = 0, piped: bool = False
+) -> tuple[Problem, ...]:
+    """Why a call with these parameters would not bind in 5.1 and 7 alike; nothing where it does.
+
+    `given` are the names as written, `positional` the number of values without one, `piped` whether it takes input.
+    """
+    spelling = [problem for name in given for problem in _spelling(called, name)]
+    doubled = [name for name in {one.lower() for one in given} if [one.lower() for one in given].count(name) > 1]
+    if spelling or doubled:
+        return (*spelling, *(Problem(says=f"-{name} is given twice", advice="give it once") for name in doubled))
+    own = [one for name in given if (one := called.parameter(name))]
+    if positional:
+        return (Problem(says=f"{called.name} is given a value without a name", advice="name every parameter"),)
+    if any(_fits(called, group, own, piped) for group in _groups(called)):
+        return ()
+    written = ", ".join(f"-{one.name}" for one in own) or "no parameter"
+    return (
+        Problem(says=f"{called.name} has no parameter set for {written}", advice="see the cmdlet's parameter sets"),
+    )
+
+
+def _spelling(called: Cmdlet, name: str) -> Iterable[Problem]:
+    found = called.parameter(name)
+    if name in COMMON:
+        return
+    if found is None:
+        yield _unknown(called, name)
+    elif found.name != name:
+        yield Problem(says=f"-{name} is written -{found.name}", advice="write parameters as the cmdlet's page does")
+    elif not found.in_7:
+        yield Problem(says=f"-{name} of {called.name} does not exist in PowerShell 7", advice="do without it")
+
+
+def _unknown(called: Cmdlet, name: str) -> Problem:
+    """An alias, an abbreviation or a mistake: all three may mean another parameter in another version."""
+    low = name.lower()
+    aliased = [one.name for one in called.parameters.values() if low in {alias.lower() for alias in one.aliases}]
+    begun = [one.name for key, one in called.parameters.items() if key.startswith(low)]
+    if aliased:
+        return Problem(says=f"-{name} is an alias", advice=f"write -{aliased[0]}")
+    if begun:
+        return Problem(says=f"-{name} is an abbreviation", advice=f"write -{' or -'.join(sorted(begun))}")
+    return Problem(says=f"{called.name} has no parameter -{name}", advice="see the cmdlet's parameters")
+
+
+def _groups(called: Cmdlet) -> tuple[str, ...]:
+    named = {group for one in called.parameters.values() for group in one.sets}
+    return tuple(sorted(named)) or ("",)
+
+
+def _fits(called: Cmdlet, group: str, given: Collection[Parameter], piped: bool) -> bool:
+    """Whether the set takes all that is given and gets all that it must have."""
+    if any(group not in one.sets for one in given):
+        return False
+    missing = [
+        one.sets[group]
+        for one in called.parameters.values()
+        if group in one.sets and one.sets[group].mandatory and one not in given
+    ]
+    return all(piped and one.from_pipeline for one in missing)
