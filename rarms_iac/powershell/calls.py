@@ -1,0 +1,222 @@
+"""An operation as the calls of a `Set` block: cmdlets and the runtime's functions, with literals only.
+
+Most operations are one step of a script. Making a machine takes several calls, and a kill between two of them must
+be seen by the next run: so each of them is a step of its own, with what it changes as its guard.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import assert_never
+
+from rarms_iac.model.operations import (
+    CreatePartition,
+    EraseMark,
+    EraseTaskRecord,
+    Operation,
+    PartitionOperation,
+    RemovePartition,
+    RemoveTaskClass,
+    RenamePartition,
+    SetActions,
+    SetCpu,
+    SetMemory,
+    SetProcessors,
+    StartPartition,
+    StopPartition,
+    TaskOperation,
+    WriteMark,
+    WriteTaskClass,
+    WriteTaskRecord,
+)
+from rarms_iac.model.plan import Reading, Readings, Scope, Step
+from rarms_iac.model.state import StartAction, StopAction, ValueKind
+from rarms_iac.powershell.literals import Literal, literal
+from rarms_iac.storage.codec import encode
+from rarms_iac.storage.digest import canonical
+
+VALUE = "value:"
+"""Stands before a task class's value in readings."""
+
+_TYPES = {ValueKind.DWORD: "DWord", ValueKind.SZ: "String"}
+_START = {StartAction.NOTHING: "Nothing", StartAction.START_IF_RUNNING: "StartIfRunning", StartAction.START: "Start"}
+_STOP = {StopAction.TURN_OFF: "TurnOff", StopAction.SAVE: "Save", StopAction.SHUT_DOWN: "ShutDown"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """One guarded piece of a step: what is read, what is done, and what is read then."""
+
+    address: str
+    action: str
+    read: str
+    before: Readings
+    after: Readings
+    calls: tuple[str, ...]
+
+
+def parts_of(step: Step, scope: Scope) -> tuple[Part, ...]:
+    """The step as guarded pieces, in their order; one for everything but the making of a machine."""
+    match step.operation:
+        case CreatePartition() as making:
+            return _making(step, making, scope)
+        case operation:
+            return (_part(step, operation),)
+
+
+def _part(step: Step, operation: Operation) -> Part:
+    return Part(
+        address=str(step.address),
+        action=step.title,
+        read=_reader(step),
+        before=step.before,
+        after=step.after,
+        calls=_calls(step, operation),
+    )
+
+
+def call(name: str, **parameters: Literal) -> str:
+    """A call with named parameters; an empty value stands for a switch."""
+    return " ".join([name, *(f"-{key} {value}".rstrip() for key, value in parameters.items())])
+
+
+def _reader(step: Step) -> str:
+    at = step.address
+    if at.task:
+        return call("Read-TaskClass", Task=literal(at.task))
+    return call("Read-Partition", Name=literal(at.partition), **_machine(at.machine))
+
+
+def _machine(machine: str) -> dict[str, Literal]:
+    return {"Machine": literal(machine.lower())} if machine else {}
+
+
+def _calls(step: Step, operation: Operation) -> tuple[str, ...]:
+    match operation:
+        case WriteTaskClass() | RemoveTaskClass() | WriteTaskRecord() | EraseTaskRecord():
+            return _task_calls(step, operation)
+        case _:
+            return _partition_calls(operation)
+
+
+def _partition_calls(operation: PartitionOperation) -> tuple[str, ...]:
+    whose = {"Name": literal(operation.partition)}
+    if not isinstance(operation, CreatePartition):
+        whose |= _machine(operation.machine)
+    match operation:
+        case WriteMark(application=application, name=name, set=written):
+            own = {"Application": literal(application), "Partition": literal(name), "Digest": literal(written)}
+            return (call("Write-Mark", **whose, **own),)
+        case EraseMark():
+            return (call("Clear-Mark", **whose),)
+        case StopPartition(grace_ms=grace):
+            return (call("Invoke-PartitionStop", **whose, GraceMs=literal(grace)),)
+        case CreatePartition():
+            raise AssertionError("a machine is made in parts")
+        case _:
+            return ("$vm = " + call("Get-Machine", **whose), *_machine_calls(operation))
+
+
+def _machine_calls(
+    operation: RemovePartition | RenamePartition | SetProcessors | SetCpu | SetMemory | SetActions | StartPartition,
+) -> tuple[str, ...]:
+    vm = {"VM": "$vm"}
+    match operation:
+        case RemovePartition():
+            return (call("Hyper-V\\Remove-VM", **vm, Force=""),)
+        case RenamePartition(name=name):
+            return (call("Hyper-V\\Rename-VM", **vm, NewName=literal(name)),)
+        case SetProcessors(processors=count):
+            return (call("Hyper-V\\Set-VMProcessor", **vm, Count=literal(count)),)
+        case SetCpu(reserve=reserve, limit=limit, weight=weight):
+            values = {"Reserve": literal(reserve), "Maximum": literal(limit), "RelativeWeight": literal(weight)}
+            return (call("Hyper-V\\Set-VMProcessor", **vm, **values),)
+        case SetMemory(memory=memory, dynamic=dynamic):
+            values = {"DynamicMemoryEnabled": literal(dynamic), "StartupBytes": literal(memory)}
+            return (call("Hyper-V\\Set-VMMemory", **vm, **values),)
+        case SetActions(start=start, stop=stop, checkpoints=checkpoints):
+            values = {
+                "AutomaticStartAction": literal(_START[start]),
+                "AutomaticStopAction": literal(_STOP[stop]),
+                "CheckpointType": literal("".join(word.title() for word in checkpoints.value.split("_"))),
+            }
+            return (call("Hyper-V\\Set-VM", **vm, **values),)
+        case StartPartition():
+            return (call("Hyper-V\\Start-VM", **vm),)
+        case _:
+            assert_never(operation)
+
+
+def _task_calls(step: Step, operation: TaskOperation) -> tuple[str, ...]:
+    task = {"Task": literal(operation.task)}
+    match operation:
+        case WriteTaskClass(values=values):
+            unwanted = sorted(name.removeprefix(VALUE) for name in step.before if name.startswith(VALUE))
+            gone = [call("Clear-TaskValue", **task, Name=literal(name)) for name in unwanted if name not in values]
+            written = [
+                call(
+                    "Write-TaskValue",
+                    **task,
+                    Name=literal(name),
+                    Type=literal(_TYPES[one.kind]),
+                    Value=literal(one.data),
+                )
+                for name, one in sorted(values.items())
+            ]
+            return (*written, *gone)
+        case RemoveTaskClass():
+            return (call("Clear-TaskClass", **task),)
+        case WriteTaskRecord(record=record):
+            before = literal(canonical(_plain(record.before)))
+            own = {"Application": literal(record.application), "Digest": literal(record.set), "Before": before}
+            return (call("Write-TaskRecord", **task, **own),)
+        case EraseTaskRecord(application=application):
+            return (call("Clear-TaskRecord", **task, Application=literal(application)),)
+        case _:
+            assert_never(operation)
+
+
+def _plain(values: Mapping[str, object] | None) -> object:
+    return None if values is None else {name: encode(value) for name, value in values.items()}
+
+
+def _making(step: Step, making: CreatePartition, scope: Scope) -> tuple[Part, ...]:
+    """The machine, its disk, the disk in its place, and the network adapter that Hyper-V adds by itself gone."""
+    address, name = str(step.address), {"Name": literal(making.partition)}
+    read = _reader(step)
+    new = {
+        "Name": literal(scope.pending(making.partition)),
+        "Generation": literal(making.generation),
+        "MemoryStartupBytes": literal(making.memory),
+        "NoVHD": "",
+    }
+    new |= {"SwitchName": literal(making.switch)} if making.switch else {}
+    new |= {"Path": literal(making.vm_path)} if making.vm_path else {}
+    machine = "$vm = " + call("Get-Machine", **name)
+
+    def part(action: str, before: Mapping[str, Reading], after: Mapping[str, Reading], *calls: str) -> Part:
+        return Part(address=address, action=action, read=read, before=before, after=after, calls=calls)
+
+    made = [part(step.title, step.before, step.after, call("Hyper-V\\New-VM", **new))]
+    if not making.switch:
+        action = "take away the network adapter that every new machine gets"
+        remove = call("Hyper-V\\Remove-VMNetworkAdapter", VM="$vm")
+        made.append(part(action, {"exists": True, "adapters": 1}, {"exists": True, "adapters": 0}, machine, remove))
+    if making.image:
+        path = {"Folder": literal(making.vm_path), "File": literal(f"{making.partition}-{scope.plan}.vhdx")}
+        disk = "(" + call("Get-DiskPath", **path) + ")"
+        child = call("Hyper-V\\New-VHD", Path=disk, ParentPath=literal(making.image), Differencing="")
+        made.append(
+            Part(
+                address=f"{address}/disk",
+                action=f"make a disk that grows out of {making.image}",
+                read=call("Read-Disk", Path=disk),
+                before={"exists": False},
+                after={"exists": True},
+                calls=(child,),
+            )
+        )
+        attach = call("Hyper-V\\Add-VMHardDiskDrive", VM="$vm", Path=disk)
+        made.append(
+            part("attach the disk", {"exists": True, "disks": 0}, {"exists": True, "disks": 1}, machine, attach)
+        )
+    return tuple(made)

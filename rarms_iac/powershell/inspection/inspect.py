@@ -1,0 +1,64 @@
+"""Everything that a script must pass before it is shown or run."""
+
+from collections.abc import Iterator
+
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity, in_order
+from rarms_iac.powershell.inspection.commands import check_commands
+from rarms_iac.powershell.inspection.constructs import check_constructs
+from rarms_iac.powershell.inspection.layout import check_end, check_layout, split
+from rarms_iac.powershell.inspection.lists import ScriptKind
+from rarms_iac.powershell.inspection.names import check_names
+from rarms_iac.powershell.inspection.script import Script, functions_of
+from rarms_iac.powershell.inspection.steps import check_steps
+from rarms_iac.powershell.inspection.style import check_style
+from rarms_iac.powershell.tree import NotParsed, sound, walk
+
+BYTES = Finding(code="RARMS200", severity=Severity.ERROR, summary="A script is not pure ASCII with CRLF")
+PARSE = Finding(code="RARMS201", severity=Severity.ERROR, summary="A script cannot be read as PowerShell")
+
+LARGEST = 16 * 1024 * 1024
+"""Bytes of a script that is looked at; a plan of a thousand partitions makes a tenth of it."""
+
+
+def inspect(script: bytes, kind: ScriptKind, name: str = "script.ps1") -> tuple[Diagnostic, ...]:
+    """What is wrong with a script of this kind, in the order of its lines; nothing where it may be run."""
+    wrong = tuple(_check_bytes(script, name))
+    if wrong:
+        return wrong
+    text = script.decode("ascii")
+    try:
+        root = sound(text)
+    except NotParsed as no:
+        place = Place(file=name, line=no.line, column=1)
+        return (PARSE.at(place, no.says, "render the script again, or mend this line"),)
+    seen = Script(name=name, text=text, root=root, kind=kind, functions=functions_of(root), nodes=tuple(walk(root)))
+    return in_order(list(_check(seen)))
+
+
+def _check_bytes(script: bytes, name: str) -> Iterator[Diagnostic]:
+    if len(script) > LARGEST:
+        yield BYTES.at(Place(file=name, line=1, column=1), f"it has {len(script)} bytes", "split the plan")
+        return
+    *lines, rest = script.split(b"\n")
+    if rest or not lines:
+        yield BYTES.at(Place(file=name, line=len(lines) + 1, column=1), "the last line does not end", "write its CRLF")
+    for number, line in enumerate(lines, start=1):
+        place = Place(file=name, line=number, column=1)
+        if bad := [byte for byte in line.removesuffix(b"\r") if not 0x20 <= byte <= 0x7E]:
+            advice = "5.1 reads a script in the code page of its Windows: only ASCII is the same everywhere"
+            yield BYTES.at(place, f"a byte 0x{bad[0]:02x} is not printable ASCII", advice)
+        elif not line.endswith(b"\r"):
+            yield BYTES.at(place, "the line does not end with CR LF", "write it with CRLF, to its last line")
+
+
+def _check(script: Script) -> Iterator[Diagnostic]:
+    yield from check_constructs(script)
+    yield from check_commands(script)
+    yield from check_names(script)
+    yield from check_style(script)
+    if script.kind is ScriptKind.OBSERVE:
+        yield from check_end(script.name, script.text)
+    else:
+        parts = split(script.text)
+        yield from check_layout(script.name, parts)
+        yield from check_steps(script, parts.steps_line + 1)

@@ -1,0 +1,160 @@
+"""What scripts may be made of. Everything else is a finding, also what nobody thought of."""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+
+class ScriptKind(StrEnum):
+    """What a script is for; only the first two may change anything."""
+
+    APPLY = "apply"
+    UNDO = "undo"
+    OBSERVE = "observe"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lists:
+    """What one kind of script may use, beside its own functions and variables."""
+
+    constructs: frozenset[str]
+    qualified: frozenset[str]  # cmdlets of Hyper-V, with their module
+    plain: frozenset[str]  # cmdlets of PowerShell itself, without
+    types: frozenset[str]
+    members: frozenset[str]
+    operators: frozenset[str]
+    given_variables: frozenset[str]  # those that nobody assigns
+    set_variables: frozenset[str] = field(default_factory=frozenset)  # PowerShell's own that may be assigned
+    blocks: frozenset[str] = field(default_factory=frozenset)  # variables that may stand behind `&`
+
+
+def words(text: str) -> frozenset[str]:
+    """The words of a text, as a set that reads well and is easily compared."""
+    return frozenset(text.split())
+
+
+_LADDER = words(
+    """
+    additive_argument_expression additive_expression argument_expression argument_expression_list argument_list
+    array_expression array_literal_expression array_type_name bitwise_argument_expression bitwise_expression
+    cast_expression comparison_argument_expression comparison_expression comparison_operator element_access
+    expression_with_unary_operator format_argument_expression format_expression format_operator
+    invokation_expression logical_argument_expression logical_expression member_access member_name
+    multiplicative_argument_expression multiplicative_expression parenthesized_expression
+    range_argument_expression range_expression unary_expression
+    """
+)
+_READING = _LADDER | words(
+    """
+    program statement_list statement_block script_block script_block_body script_block_expression pipeline
+    pipeline_chain command command_name command_name_expr command_elements command_argument_sep command_parameter
+    command_invokation_operator path_command_name generic_token comment
+    assignment_expression assignement_operator left_assignment_expression variable simple_name
+    string_literal verbatim_string_characters integer_literal decimal_integer_literal hexadecimal_integer_literal
+    real_literal hash_literal_expression hash_literal_body hash_entry key_expression
+    type_literal type_spec type_name type_identifier
+    function_statement function_name param_block parameter_list script_parameter script_parameter_default
+    attribute attribute_arguments attribute_argument attribute_list attribute_name
+    if_statement else_clause elseif_clause elseif_clauses foreach_statement flow_control_statement
+    try_statement catch_clause catch_clauses catch_type_list
+    """
+)
+_CHANGING = _READING | words(
+    "finally_clause for_statement for_initializer for_condition for_iterator while_statement while_condition "
+    "post_increment_expression"
+)
+
+_READING_HYPERV = words(
+    "Get-VM Get-VMHost Get-VMHostNumaNode Get-VMProcessor Get-VMMemory Get-VMHardDiskDrive Get-VMNetworkAdapter "
+    "Get-VMSnapshot Get-VMSwitch"
+)
+_CHANGING_HYPERV = _READING_HYPERV | words(
+    "New-VM Set-VM Rename-VM Remove-VM Start-VM Stop-VM Set-VMProcessor Set-VMMemory New-VHD Add-VMHardDiskDrive "
+    "Remove-VMNetworkAdapter"
+)
+_READING_PLAIN = words(
+    "ConvertTo-Json Get-Acl Get-ChildItem Get-CimInstance Get-ExecutionPolicy Get-Item Get-Module Get-WinEvent "
+    "Join-Path Set-StrictMode Sort-Object Test-Path Where-Object"
+)
+_CHANGING_PLAIN = (_READING_PLAIN - words("Get-CimInstance Get-ExecutionPolicy")) | words(
+    "ConvertFrom-Json New-Item New-ItemProperty Remove-Item Remove-ItemProperty Start-Sleep Write-Information "
+    "Write-Verbose"
+)
+
+_READING_TYPES = words(
+    """
+    CmdletBinding bool byte byte[] char int long ordered regex scriptblock string string[] switch void
+    Console Environment IntPtr
+    System.IO.File System.Security.Principal.SecurityIdentifier System.Security.Principal.WindowsBuiltInRole
+    System.Security.Principal.WindowsIdentity System.Security.Principal.WindowsPrincipal
+    """
+)
+_CHANGING_TYPES = (_READING_TYPES - words("System.Security.Principal.WindowsBuiltInRole scriptblock")) | words(
+    """
+    Array DateTime System.BitConverter System.Collections.IDictionary System.IO.Directory System.IO.FileAccess
+    System.IO.FileMode System.IO.FileStream System.Security.Cryptography.SHA256 System.StringComparer
+    System.Text.Encoding System.Threading.AbandonedMutexException System.Threading.Mutex
+    """
+)
+
+_HYPERV_MEMBERS = words(
+    """
+    AutomaticStartAction AutomaticStartDelay AutomaticStopAction CheckpointType Count DynamicMemoryEnabled Generation
+    Id LogicalProcessorCount Maximum Minimum Name Notes Path RelativeWeight Reserve Startup State SwitchName Version
+    VirtualHardDiskPath
+    """
+)
+_READING_MEMBERS = _HYPERV_MEMBERS | words(
+    """
+    Administrator Category CategoryInfo CpuGroupId Exception FullName FullyQualifiedErrorId GetCurrent GetOwner
+    GetValue GetValueKind GetValueNames InstanceID IsActive IsInRole MachineName MemoryAvailable MemoryCapacity
+    MemoryTotal Message NodeId NumaSpanningEnabled NumberOfCores NumberOfLogicalProcessors Out PSChildName PSEdition
+    PSObject PSVersion Properties ReadAllText Replace Reservation Size ToLowerInvariant Value VirtualMachinePath
+    WriteLine new
+    """
+)
+_CHANGING_MEMBERS = _HYPERV_MEMBERS | words(
+    """
+    ASCII AcceptUnknown Action AddMilliseconds Address After Application Before Claim ComputeHash Computer Contains
+    Create CreateDirectory Dispose Exception Flush GetBytes GetOwner GetString GetValue GetValueKind GetValueNames
+    Guest Keys Length LogicalProcessors MachineName Memory Message Move Needs Number OpenOrCreate Ordinal Out
+    PSChildName PSObject Percent Plan Position Processors Properties Read ReadAllBytes ReadAllText ReleaseMutex
+    Replace Run Serial Set SetLength ShouldProcess Sort Substring ToLowerInvariant ToString Total Undo UndoDigest
+    Undoes UserName UtcNow Value WaitOne Write WriteAllText WriteLine closing exists kind new number plan record run
+    serials set status touched values
+    """
+)
+
+_READING_OPERATORS = words(", = += -band -ccontains -ceq -clike -cne -eq -f -ne -not -or -and + - * . :: |")
+_CHANGING_OPERATORS = _READING_OPERATORS | words(
+    "-= ++ -cmatch -cnotcontains -creplace -gt -join -le -lt -replace -split"
+)
+
+_GIVEN = words("$_ $args $true $false $null $env:OS $env:ProgramData")
+
+READING = Lists(
+    constructs=_READING,
+    qualified=_READING_HYPERV,
+    plain=_READING_PLAIN,
+    types=_READING_TYPES,
+    members=_READING_MEMBERS,
+    operators=_READING_OPERATORS,
+    given_variables=_GIVEN | {"$PSVersionTable"},
+    set_variables=frozenset({"$ErrorActionPreference"}),
+    blocks=frozenset({"$Read"}),
+)
+CHANGING = Lists(
+    constructs=_CHANGING,
+    qualified=_CHANGING_HYPERV,
+    plain=_CHANGING_PLAIN,
+    types=_CHANGING_TYPES,
+    members=_CHANGING_MEMBERS,
+    operators=_CHANGING_OPERATORS,
+    given_variables=_GIVEN | words("$Matches $PID $PSCmdlet $PSCommandPath $PSScriptRoot $WhatIfPreference"),
+    set_variables=words("$ErrorActionPreference $ConfirmPreference"),
+    blocks=words("$read $set"),
+)
+
+
+def lists_of(kind: ScriptKind) -> Lists:
+    """What scripts of this kind may use."""
+    return READING if kind is ScriptKind.OBSERVE else CHANGING

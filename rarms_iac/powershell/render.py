@@ -1,0 +1,243 @@
+"""A host's plan as scripts: what a reviewer reads, an operator can run, and `rarms apply` runs.
+
+One script an operating system: the host's own, and one for each guest whose task classes the plan writes.
+"""
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import floor
+
+from rarms_iac.model.journal import RunKind
+from rarms_iac.model.plan import Claim, HostPlan, Plan, Readings, Scope, Step
+from rarms_iac.model.quantities import in_processors
+from rarms_iac.powershell.calls import Part, parts_of
+from rarms_iac.powershell.environment import as_script, fill, read, runtime
+from rarms_iac.powershell.literals import Literal, literal, literals
+from rarms_iac.powershell.remarks import remark
+
+_HOST_REQUIRES = ("-Modules Hyper-V", "-RunAsAdministrator")
+_GUEST_REQUIRES = ("-RunAsAdministrator",)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Ready:
+    """A step as its template takes it: literals and remarks."""
+
+    number: Literal
+    address: Literal
+    action: Literal
+    needs: Literal
+    extra: tuple[tuple[str, Literal], ...]
+    read: str
+    before: str
+    after: str
+    calls: tuple[str, ...]
+    remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Numbered:
+    """A part with its place in the script; `undoes`: the number of the step of the apply script that it takes back."""
+
+    number: int
+    part: Part
+    step: Step
+    undoes: int | None
+
+
+def script_name(host_plan: HostPlan, inside: str = "", *, undo: bool = False) -> str:
+    """`onboard.ps1`, `onboard.guest.vision.ps1`, `onboard.undo.ps1`."""
+    guest = f".guest.{inside}" if inside else ""
+    return f"{host_plan.host.name}{guest}{'.undo' if undo else ''}.ps1"
+
+
+def insides(host_plan: HostPlan) -> tuple[str, ...]:
+    """The operating systems that a plan changes: empty for the host itself, then partitions by name."""
+    return tuple(sorted({_inside(step) for step in host_plan.steps} | {""}))
+
+
+def render_scripts(host_plan: HostPlan, plan: Plan) -> Mapping[str, bytes]:
+    """Every script of a host by its file name, undo scripts included.
+
+    Raises:
+        NoLiteral: a value cannot be written into a script.
+    """
+    made: dict[str, bytes] = {}
+    for inside in insides(host_plan):
+        made[script_name(host_plan, inside)] = render_apply(host_plan, plan, inside)
+        made[script_name(host_plan, inside, undo=True)] = render_undo(host_plan, plan, inside)
+    return made
+
+
+def render_apply(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_unknown_scheduler: bool = False) -> bytes:
+    """The script that does the plan's steps in one operating system: the host's own, or a partition's guest.
+
+    Raises:
+        NoLiteral: a value cannot be written into a script.
+    """
+    undo = render_undo(host_plan, plan, inside, accept_unknown_scheduler=accept_unknown_scheduler)
+    steps = [
+        _Numbered(number=number, part=part, step=step, undoes=None)
+        for number, (part, step) in enumerate(_forward(host_plan, plan, inside))
+    ]
+    run = {
+        "undo": literal(script_name(host_plan, inside, undo=True)),
+        "undo_digest": literal(hashlib.sha256(undo).hexdigest()),
+        "accept_unknown": literal(accept_unknown_scheduler),
+    }
+    return _fill("apply.ps1.j2", RunKind.APPLY, host_plan, plan, inside, steps, run)
+
+
+def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_unknown_scheduler: bool = False) -> bytes:
+    """The script that takes the same steps back, the last one first; it says what it cannot bring back.
+
+    Raises:
+        NoLiteral: a value cannot be written into a script.
+    """
+    first: dict[int, tuple[int, Step]] = {}  # of each step its first part: what comes after goes with it
+    for number, (_, step) in enumerate(_forward(host_plan, plan, inside)):
+        first.setdefault(id(step), (number, step))
+    steps: list[_Numbered] = []
+    for undoes, step in reversed(first.values()):
+        if step.undo.operation is None:
+            continue
+        back = _taken_back(step)
+        for part in parts_of(back, _scope(plan)):
+            steps.append(_Numbered(number=len(steps), part=part, step=back, undoes=undoes))
+    run = {"undo": literal(""), "undo_digest": literal(""), "accept_unknown": literal(accept_unknown_scheduler)}
+    return _fill("undo.ps1.j2", RunKind.UNDO, host_plan, plan, inside, steps, run)
+
+
+def render_observe() -> bytes:
+    """The read-only script that prints what a host looks like as one JSON document."""
+    return as_script(read("observe.ps1"))
+
+
+def _scope(plan: Plan) -> Scope:
+    return Scope(application=plan.application, plan=plan.id)
+
+
+def _inside(step: Step) -> str:
+    return step.address.partition if step.address.task else ""
+
+
+def _forward(host_plan: HostPlan, plan: Plan, inside: str) -> list[tuple[Part, Step]]:
+    chosen = [step for step in host_plan.steps if _inside(step) == inside]
+    return [(part, step) for step in chosen for part in parts_of(step, _scope(plan))]
+
+
+def _taken_back(step: Step) -> Step:
+    assert step.undo.operation is not None, "a step without an undo is not taken back"
+    return replace(
+        step,
+        title=f"undo: {step.title}",
+        operation=step.undo.operation,
+        before=step.after,
+        after=step.before,
+        claim_before=step.claim_after,
+        claim_after=step.claim_before,
+    )
+
+
+def _fill(
+    template: str,
+    kind: RunKind,
+    host_plan: HostPlan,
+    plan: Plan,
+    inside: str,
+    steps: Sequence[_Numbered],
+    more: Mapping[str, Literal],
+) -> bytes:
+    host, facts = host_plan.host, host_plan.facts
+    kept = in_processors(host.keep_for_host.processor, host.logical_processors)
+    run = {
+        "kind": literal(kind.value),
+        "plan": literal(plan.id),
+        "application": literal(plan.application),
+        "serial": literal(host_plan.serial),
+        "total": literal(len(steps)),
+        "guest": literal(bool(inside)),
+        "computer": literal("" if inside else facts.computer_name),
+        "logical_processors": literal(facts.logical_processors),
+        "percent": literal(max(0, floor(100 * (facts.logical_processors - kept)))),
+        "memory": literal(max(0, facts.memory - host.keep_for_host.memory)),
+        **more,
+    }
+    values = {
+        "requirements": _GUEST_REQUIRES if inside else _HOST_REQUIRES,
+        "header": _header(host_plan, plan, inside, steps),
+        "runtime": runtime(),
+        "run": run,
+        "steps": [_ready(one, len(steps)) for one in steps],
+    }
+    return fill(template, values)
+
+
+def _header(host_plan: HostPlan, plan: Plan, inside: str, steps: Sequence[_Numbered]) -> list[str]:
+    where = f"the guest of partition {inside}" if inside else "the host itself"
+    lines = {
+        "Application": f"{plan.application}, host {host_plan.host.name}: {where}",
+        "Plan": f"{plan.id}, manifest {plan.manifest_digest[:12]}, rarms {plan.rarms_version}",
+        "Steps": str(len(steps)),
+    }
+    lost = sorted({one.step.undo.says for one in steps if one.step.undo.says})
+    return [f"{name:<12} {remark(text)}" for name, text in lines.items()] + [
+        f"{'Not undone':<12} {remark(text)}" for text in lost
+    ]
+
+
+def _ready(one: _Numbered, total: int) -> _Ready:
+    part, step = one.part, one.step
+    return _Ready(
+        number=literal(one.number),
+        address=literal(part.address),
+        action=literal(_plain(part.action)),
+        needs=literals(_needs(part.address)),
+        extra=tuple(_extra(one)),
+        read=part.read,
+        before=_table(part.before),
+        after=_table(part.after),
+        calls=part.calls,
+        remarks=tuple(_remarks(one, total, step)),
+    )
+
+
+def _plain(text: str) -> str:
+    """A title on one line, whatever names it shows."""
+    return remark(text)
+
+
+def _needs(address: str) -> tuple[str, ...]:
+    """What a step builds on: what was done to the same thing before, and to the machine that it is inside of."""
+    parts = address.split("/")
+    return tuple("/".join(parts[:length]) for length in range(2, len(parts) + 1) if length != 3 or len(parts) == 3)
+
+
+def _extra(one: _Numbered) -> Iterable[tuple[str, Literal]]:
+    if one.undoes is not None:
+        yield "Undoes", literal(one.undoes)
+    claim = one.step.claim_after
+    if _grows(one.step.claim_before, claim):
+        fields = {"Processors": claim.processors, "Reserve": claim.reserve, "Memory": claim.memory}
+        yield "Claim", "@{ " + "; ".join(f"{name} = {literal(value)}" for name, value in fields.items()) + " }"
+
+
+def _grows(before: Claim, after: Claim) -> bool:
+    """Whether the host promises more of anything afterwards."""
+    more = after.processors * after.reserve > before.processors * before.reserve
+    return more or after.memory > before.memory or after.reserve > before.reserve
+
+
+def _table(readings: Readings) -> str:
+    return "; ".join(f"{literal(name)} = {literal(value)}" for name, value in sorted(readings.items()))
+
+
+def _remarks(one: _Numbered, total: int, step: Step) -> Iterable[str]:
+    yield f"{one.number + 1}/{total}  {remark(one.part.action)}"
+    if step.comment:
+        yield f"why: {remark(step.comment)}"
+    if step.place:
+        yield f"at:  {remark(str(step.place))}"
+    if step.undo.says:
+        yield f"undo: {remark(step.undo.says)}"

@@ -1,0 +1,178 @@
+#Requires -Version 5.1
+# rarms observe script: prints what this host looks like as one JSON document, and changes nothing.
+# It runs without elevation; every probe says whether its value was read, is absent, or was denied.
+[CmdletBinding()]
+param()
+
+Set-StrictMode -Version 3.0
+$ErrorActionPreference = 'Stop'
+
+function ConvertTo-AsciiJson {
+    # One line of JSON in pure ASCII; 5.1 and 7 leave different characters as they are.
+    param($Value)
+    $text = ConvertTo-Json -InputObject $Value -Depth 20 -Compress
+    [regex]::Replace($text, '[^\x20-\x7e]', { '\u{0:x4}' -f [int] [char] $args[0].Value })
+}
+
+function Read-Probe {
+    # A value with the word that it was read, or why there is none. -Many: always an array.
+    param([scriptblock] $Read, [switch] $Many)
+    try {
+        if ($Many) { return [ordered] @{ status = 'value'; value = @(& $Read) } }
+        [ordered] @{ status = 'value'; value = & $Read }
+    } catch {
+        $id = [string] $_.FullyQualifiedErrorId
+        $category = [string] $_.CategoryInfo.Category
+        $denied = @('PermissionDenied', 'SecurityError') -ccontains $category
+        $denied = $denied -or $id -clike 'AccessDenied*' -or $id -clike 'UnauthorizedAccess*' -or $id -clike '*0x80041003*'
+        $status = if ($denied) { 'denied' } else { 'absent' }
+        [ordered] @{ status = $status; error = $id; says = [string] $_.Exception.Message }
+    }
+}
+
+function Get-Setting {
+    # A property that older hosts lack, as text; nothing where it is missing.
+    param($Of, [string] $Name)
+    $found = $Of.PSObject.Properties[$Name]
+    if ($null -ne $found) { [string] $found.Value }
+}
+
+function Read-Machine {
+    param($Vm)
+    $cpu = Hyper-V\Get-VMProcessor -VM $Vm
+    $memory = Hyper-V\Get-VMMemory -VM $Vm
+    $disks = @(Hyper-V\Get-VMHardDiskDrive -VM $Vm)
+    $adapters = @(Hyper-V\Get-VMNetworkAdapter -VM $Vm)
+    [ordered] @{
+        id = ([string] $Vm.Id).ToLowerInvariant(); name = [string] $Vm.Name; state = [string] $Vm.State
+        generation = [long] $Vm.Generation; version = [string] $Vm.Version; notes = [string] $Vm.Notes
+        processors = [long] $cpu.Count; reserve = [long] $cpu.Reserve; limit = [long] $cpu.Maximum
+        weight = [long] $cpu.RelativeWeight; threads_per_core = [string] (Get-Setting -Of $cpu -Name 'HwThreadCountPerCore')
+        memory = [long] $memory.Startup; memory_minimum = [long] $memory.Minimum; memory_maximum = [long] $memory.Maximum
+        dynamic_memory = [bool] $memory.DynamicMemoryEnabled
+        start_action = [string] $Vm.AutomaticStartAction; start_delay = [long] $Vm.AutomaticStartDelay
+        stop_action = [string] $Vm.AutomaticStopAction
+        checkpoints = [string] $Vm.CheckpointType
+        automatic_checkpoints = [string] (Get-Setting -Of $Vm -Name 'AutomaticCheckpointsEnabled')
+        checkpoint_count = [long] @(Hyper-V\Get-VMSnapshot -VM $Vm).Count
+        clustered = [string] (Get-Setting -Of $Vm -Name 'IsClustered')
+        disks = @(foreach ($one in $disks) { [string] $one.Path })
+        adapters = @(foreach ($one in $adapters) { [ordered] @{ name = [string] $one.Name; switch = [string] $one.SwitchName } })
+    }
+}
+
+function Read-Key {
+    # The values of a registry key with their types; numbers without sign.
+    param([string] $Path)
+    $key = Get-Item -LiteralPath $Path
+    foreach ($name in $key.GetValueNames()) {
+        $data = $key.GetValue($name)
+        $kind = [string] $key.GetValueKind($name)
+        if ($kind -ceq 'DWord') { $data = [long] $data -band 4294967295 }
+        elseif ($kind -ceq 'QWord') { $data = [long] $data }
+        else { $data = [string] $data }
+        [ordered] @{ name = [string] $name; kind = $kind; data = $data }
+    }
+}
+
+function Read-Journal {
+    # What rarms keeps on this host, as it lies there, and whose it is.
+    $path = Join-Path -Path (Join-Path -Path $env:ProgramData -ChildPath 'rarms') -ChildPath 'journal.jsonl'
+    $item = Get-Item -LiteralPath $path
+    $owner = ''
+    if ($env:OS -ceq 'Windows_NT') {
+        $owner = (Get-Acl -LiteralPath $item.FullName).GetOwner([System.Security.Principal.SecurityIdentifier]).Value
+    }
+    [ordered] @{ owner = [string] $owner; text = [System.IO.File]::ReadAllText($item.FullName) }
+}
+
+$root = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion'
+$profile_ = $root + '\Multimedia\SystemProfile'
+$namespace = 'root/virtualization/v2'
+$document = [ordered] @{
+    format = 'rarms-observation/1'
+    computer = [Environment]::MachineName
+    powershell = Read-Probe -Read {
+        [ordered] @{ version = [string] $PSVersionTable.PSVersion; edition = [string] $PSVersionTable.PSEdition }
+    }
+    windows = Read-Probe -Read {
+        $key = Get-Item -LiteralPath $root
+        [ordered] @{
+            build = [long] $key.GetValue('CurrentBuildNumber'); installation = [string] $key.GetValue('InstallationType')
+            product = [string] $key.GetValue('ProductName'); bits = [long] (8 * [IntPtr]::Size)
+        }
+    }
+    machine_id = Read-Probe -Read { [string] (Get-Item -LiteralPath 'HKLM:\SOFTWARE\Microsoft\Cryptography').GetValue('MachineGuid') }
+    elevated = Read-Probe -Read {
+        $identity = [System.Security.Principal.WindowsIdentity]::GetCurrent()
+        $principal = [System.Security.Principal.WindowsPrincipal]::new($identity)
+        [bool] $principal.IsInRole([System.Security.Principal.WindowsBuiltInRole]::Administrator)
+    }
+    # A caller without rights sees no machines and no error; the host itself is an instance that is always there.
+    host_visible = Read-Probe -Read {
+        $all = @(Get-CimInstance -Namespace $namespace -ClassName Msvm_ComputerSystem)
+        [bool] @($all | Where-Object -FilterScript { [string] $_.Name -eq [Environment]::MachineName }).Count
+    }
+    module = Read-Probe -Many -Read {
+        foreach ($one in @(Get-Module -Name 'Hyper-V' -ListAvailable)) { [string] $one.Version }
+    }
+    scheduler = Read-Probe -Read {
+        $filter = @{ ProviderName = 'Microsoft-Windows-Hyper-V-Hypervisor'; ID = 2 }
+        [long] @(Get-WinEvent -FilterHashtable $filter -MaxEvents 1)[0].Properties[0].Value
+    }
+    hypervisor = Read-Probe -Read {
+        $vmHost = Hyper-V\Get-VMHost
+        [ordered] @{
+            name = [string] $vmHost.Name; logical_processors = [long] $vmHost.LogicalProcessorCount
+            memory = [long] $vmHost.MemoryCapacity; numa_spanning = [bool] $vmHost.NumaSpanningEnabled
+            machine_folder = [string] $vmHost.VirtualMachinePath; disk_folder = [string] $vmHost.VirtualHardDiskPath
+        }
+    }
+    processors = Read-Probe -Many -Read {
+        foreach ($one in @(Get-CimInstance -ClassName Win32_Processor)) {
+            [ordered] @{ name = [string] $one.Name; cores = [long] $one.NumberOfCores; logical = [long] $one.NumberOfLogicalProcessors }
+        }
+    }
+    numa = Read-Probe -Many -Read {
+        foreach ($one in @(Hyper-V\Get-VMHostNumaNode)) {
+            [ordered] @{ node = [long] $one.NodeId; memory_available = [long] $one.MemoryAvailable; memory = [long] $one.MemoryTotal }
+        }
+    }
+    switches = Read-Probe -Many -Read { foreach ($one in @(Hyper-V\Get-VMSwitch)) { [string] $one.Name } }
+    machines = Read-Probe -Many -Read { foreach ($vm in @(Hyper-V\Get-VM)) { Read-Machine -Vm $vm } }
+    cpu_groups = Read-Probe -Many -Read {
+        foreach ($one in @(Get-CimInstance -Namespace $namespace -ClassName Msvm_ProcessorSettingData)) {
+            [ordered] @{ instance = [string] $one.InstanceID; group = [string] $one.CpuGroupId; reservation = [long] $one.Reservation }
+        }
+    }
+    profile = Read-Probe -Many -Read { Read-Key -Path $profile_ }
+    tasks = Read-Probe -Many -Read {
+        foreach ($key in @(Get-ChildItem -LiteralPath ($profile_ + '\Tasks'))) {
+            [ordered] @{ name = [string] $key.PSChildName; values = @(Read-Key -Path ($profile_ + '\Tasks\' + $key.PSChildName)) }
+        }
+    }
+    records = Read-Probe -Many -Read {
+        foreach ($application in @(Get-ChildItem -LiteralPath 'HKLM:\SOFTWARE\rarms')) {
+            foreach ($task in @(Get-ChildItem -LiteralPath ('HKLM:\SOFTWARE\rarms\' + $application.PSChildName))) {
+                $path = 'HKLM:\SOFTWARE\rarms\{0}\{1}' -f $application.PSChildName, $task.PSChildName
+                [ordered] @{
+                    application = [string] $application.PSChildName; task = [string] $task.PSChildName
+                    values = @(Read-Key -Path $path)
+                }
+            }
+        }
+    }
+    journal = Read-Probe -Read { Read-Journal }
+    power_plan = Read-Probe -Many -Read {
+        foreach ($one in @(Get-CimInstance -Namespace 'root/cimv2/power' -ClassName Win32_PowerPlan)) {
+            if ($one.IsActive) { [string] $one.InstanceID }
+        }
+    }
+    pending_restart = Read-Probe -Read {
+        $reboot = 'HKLM:\SOFTWARE\Microsoft\Windows\CurrentVersion\Component Based Servicing\RebootPending'
+        [bool] (Test-Path -LiteralPath $reboot)
+    }
+    execution_policy = Read-Probe -Read { [string] (Get-ExecutionPolicy) }
+}
+[Console]::Out.WriteLine((ConvertTo-AsciiJson -Value $document))
+exit 0

@@ -1,0 +1,138 @@
+import hashlib
+import re
+from dataclasses import replace
+
+import pytest
+
+from rarms_iac.model.changes import Change
+from rarms_iac.powershell.environment import fill, runtime
+from rarms_iac.powershell.literals import NoLiteral
+from rarms_iac.powershell.render import render_apply, render_observe, render_scripts, render_undo, script_name
+from rarms_iac.powershell.tree import same_structure
+from tests import builders_plan as build
+from tests.unit.powershell.hostile import hostile_texts
+from tests.unit.powershell.plans import all_changes, marked, rendered_plan
+
+
+def steps_of(script: bytes) -> str:
+    """What follows the runtime, with LF."""
+    return script.decode("ascii").replace("\r\n", "\n").split("# --- end of the runtime")[1]
+
+
+def renamed(change: Change, name: str, says: str) -> Change:
+    """The same change of a machine with this name, for this reason: names of unmanaged machines may be anything."""
+    reason = build.because(says)
+    match change.kind:
+        case "adopt" | "release" | "create" | "update" | "delete":
+            return replace(change, reason=reason, address=replace(change.address, machine=name))
+        case _:
+            raise AssertionError(change.kind)
+
+
+def test_one_script_and_its_undo_for_each_operating_system() -> None:
+    scripts = render_scripts(*rendered_plan())
+
+    assert sorted(scripts) == [
+        "onboard.guest.speech.ps1",
+        "onboard.guest.speech.undo.ps1",
+        "onboard.ps1",
+        "onboard.undo.ps1",
+    ]
+    assert scripts == render_scripts(*rendered_plan())  # the same input, the same bytes
+
+
+def test_a_script_knows_its_undo_by_its_bytes() -> None:
+    on, plan = rendered_plan()
+
+    digest = hashlib.sha256(render_undo(on, plan)).hexdigest()
+
+    assert f"UndoDigest = '{digest}'" in steps_of(render_apply(on, plan))
+    assert f"Undo = '{script_name(on, undo=True)}'" in steps_of(render_apply(on, plan))
+
+
+def test_every_script_carries_the_same_runtime() -> None:
+    parts = {
+        script.decode("ascii").count(runtime().replace("\n", "\r\n"))
+        for script in render_scripts(*rendered_plan()).values()
+    }
+
+    assert parts == {1}
+
+
+def test_a_reserve_is_one_readable_call_under_its_reason() -> None:
+    (change, *_) = all_changes()
+
+    text = steps_of(render_apply(*rendered_plan([change])))
+
+    assert "    # 1/2  reserve 70 -> 40 %, weight 100 -> 200\n    # why: the manifest wants it;" in text
+    assert "    # at:  rarms.yaml:31:5\n" in text
+    assert "Before = @{ 'exists' = $true; 'limit' = 100; 'reserve' = 70; 'weight' = 100 }" in text
+    assert "            Hyper-V\\Set-VMProcessor -VM $vm -Reserve 40 -Maximum 100 -RelativeWeight 200\n" in text
+
+
+def test_making_a_machine_is_guarded_call_by_call() -> None:
+    new = build.create(marked(replace(build.partition(build.settings("planning")), id="")))
+
+    text = steps_of(render_apply(*rendered_plan([new])))
+
+    calls = re.findall(r"^            (?!\$vm)(\S+)", text, flags=re.MULTILINE)
+    assert calls == [
+        "Hyper-V\\New-VM",
+        "Hyper-V\\Remove-VMNetworkAdapter",
+        "Hyper-V\\New-VHD",
+        "Hyper-V\\Add-VMHardDiskDrive",
+        "Write-Mark",
+        "Hyper-V\\Set-VMProcessor",
+        "Hyper-V\\Set-VMProcessor",
+        "Hyper-V\\Set-VM",
+        "Hyper-V\\Rename-VM",
+        "Hyper-V\\Start-VM",
+    ]
+    assert "-Name 'planning.rarms-0123456789ab'" in text
+    assert text.count("Claim = @{ Processors = 2; Reserve = 40; Memory = 536870912 }") == 1
+
+
+def test_the_undo_goes_backwards_and_only_over_what_was_begun() -> None:
+    new = build.create(marked(replace(build.partition(build.settings("planning")), id="")))
+
+    text = steps_of(render_undo(*rendered_plan([new])))
+
+    calls = re.findall(r"^            (?!\$vm)(\S+)", text, flags=re.MULTILINE)
+    assert calls == ["Invoke-PartitionStop", "Hyper-V\\Remove-VM"]
+    assert re.findall(r"Undoes = (\d+)", text) == ["9", "0"]
+
+
+def test_a_task_class_is_written_value_by_value_with_types() -> None:
+    text = steps_of(render_apply(*rendered_plan()))
+
+    assert "Write-TaskValue -Task 'MotionControl' -Name 'Priority' -Type 'DWord' -Value 5\n" in text
+    assert "Write-TaskValue -Task 'MotionControl' -Name 'Scheduling Category' -Type 'String' -Value 'Medium'\n" in text
+    assert "Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest 'bbbbbbbbbbbb' -Before 'null'\n" in text
+
+
+def test_nothing_that_a_value_says_changes_the_structure() -> None:
+    harmless = all_changes()[5]
+    template = render_apply(*rendered_plan([renamed(harmless, "x", "y")])).decode("ascii")
+
+    for text in hostile_texts(40, seed=23):
+        named = renamed(harmless, f"a{text}", text or "because")
+        script = render_apply(*rendered_plan([named])).decode("ascii")
+        assert same_structure(template, script)
+
+
+def test_half_a_character_has_no_literal() -> None:
+    with pytest.raises(NoLiteral):
+        render_apply(*rendered_plan([renamed(all_changes()[5], "\ud800", "why")]))
+
+
+def test_a_template_that_asks_for_more_fails() -> None:
+    from jinja2 import UndefinedError
+
+    with pytest.raises(UndefinedError):
+        fill("apply.ps1.j2", {"requirements": [], "header": [], "runtime": ""})
+
+
+def test_the_observe_script_has_no_values() -> None:
+    assert render_observe() == render_observe()
+    assert b"#Requires -Version 5.1\r\n" in render_observe()
+    assert render_observe().count(b"#Requires") == 1
