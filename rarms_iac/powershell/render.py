@@ -158,7 +158,7 @@ def _fill(
         "serial": literal(host_plan.serial),
         "total": literal(len(steps)),
         "guest": literal(bool(inside)),
-        "computer": literal("" if inside else facts.computer_name),
+        "computer": literal(facts.computer_name),
         "logical_processors": literal(facts.logical_processors),
         "percent": literal(max(0, floor(100 * (facts.logical_processors - kept)))),
         "memory": literal(max(0, facts.memory - host.keep_for_host.memory)),

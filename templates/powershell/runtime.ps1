@@ -78,7 +78,7 @@ function Enter-Host {
         Exit-Refused -Address 'host' -Detail ('it is held by ' + $before)
     }
     if (-not $WhatIfPreference) {
-        [void] [System.IO.Directory]::CreateDirectory($script:Folder)
+        Protect-Folder
         [System.IO.File]::WriteAllText($owner, (Get-Operator))
     }
 }
@@ -92,6 +92,19 @@ function Exit-Host {
 
 function Get-Operator {
     '{0}@{1}, process {2}' -f [Environment]::UserName, [Environment]::MachineName, $PID
+}
+
+function Protect-Folder {
+    # Only Administrators and SYSTEM may write what a later run trusts.
+    if (-not (Test-Path -LiteralPath $script:Folder)) {
+        [void] [System.IO.Directory]::CreateDirectory($script:Folder)
+        if ($env:OS -ceq 'Windows_NT') {
+            $acl = Get-Acl -LiteralPath $script:Folder
+            $acl.SetSecurityDescriptorSddlForm('O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)')
+            Set-Acl -LiteralPath $script:Folder -AclObject $acl
+        }
+    }
+    Assert-Owner -Path $script:Folder
 }
 
 function Assert-Owner {
@@ -220,7 +233,7 @@ function Open-Run {
         if (-not $undone) { Exit-Refused -Address 'host' -Detail 'the last run here was not the one this undoes' }
     } elseif ($open) {
         Exit-Refused -Address 'host' -Detail ('plan {0} is unfinished here: finish or undo it' -f $last.plan)
-    } elseif ([long] $serials[$Definition.Application] -ne $Definition.Serial) {
+    } elseif (-not $Definition.Guest -and [long] $serials[$Definition.Application] -ne $Definition.Serial) {
         Exit-Refused -Address 'host' -Detail 'this plan was used, or another was applied since it was made'
     }
     $serials[$Definition.Application] = [long] $serials[$Definition.Application] + 1
@@ -230,9 +243,9 @@ function Open-Run {
 # Guards -------------------------------------------------------------------------------------
 
 function Assert-Guest {
-    # A guest is told apart by the person who starts the script there; it only must not be a Hyper-V host by mistake.
-    if (Get-Module -Name 'Hyper-V' -ListAvailable) {
-        Exit-Refused -Address 'host' -Detail 'this script is for the guest, and this Windows is a Hyper-V host'
+    # Which guest it is, is told by the person who starts the script there; it must not be the host by mistake.
+    if ([Environment]::MachineName -eq $script:Definition.Computer) {
+        Exit-Refused -Address 'host' -Detail 'this script is for a guest, and this is its host'
     }
 }
 
@@ -445,13 +458,13 @@ function Read-TaskClass {
         $key = Get-Item -LiteralPath $path
         [string[]] $names = @($key.GetValueNames())
         [Array]::Sort($names, [System.StringComparer]::Ordinal)
-        $live.values = $names -join ', '
+        $live['values'] = $names -join ', '
         foreach ($name in $names) {
             $kind = ([string] $key.GetValueKind($name)).ToLowerInvariant()
             $data = $key.GetValue($name)
             if ($kind -ceq 'dword') { $data = [long] $data -band 4294967295 }
             $live['value:' + $name] = '{0}:{1}' -f ($kind -creplace '^string$', 'sz'), $data
-            $live.exists = $true
+            $live['exists'] = $true
         }
     }
     if (Test-Path -LiteralPath $script:RecordRoot) {
@@ -460,8 +473,8 @@ function Read-TaskClass {
             if (-not (Test-Path -LiteralPath $path)) { continue }
             $set = [string] (Get-Item -LiteralPath $path).GetValue('set')
             if ($set) {
-                $live.record = [string] $application.PSChildName
-                $live.set = $set
+                $live['record'] = [string] $application.PSChildName
+                $live['set'] = $set
             }
         }
     }
@@ -525,7 +538,7 @@ function Compare-Reading {
 function Test-HalfDone {
     # A step that was begun and killed: every value is still the old one, absent as before, or already the new one.
     param([System.Collections.IDictionary] $Live, [System.Collections.IDictionary] $Step)
-    foreach ($name in @($Step.Before.Keys) + @($Step.After.Keys) + @($Live.Keys -clike 'value:*')) {
+    foreach ($name in @($Step.Before.Keys) + @($Step.After.Keys) + @(@($Live.Keys) -clike 'value:*')) {
         if ($name -ceq 'values') { continue }
         if (-not ($Step.Before.Contains($name) -or $Step.After.Contains($name))) { return $false }
         $old = $Step.Before.Contains($name) -and $Live.Contains($name) -and $Live[$name] -ceq $Step.Before[$name]
@@ -587,6 +600,7 @@ function Invoke-Step {
     }
     $ConfirmPreference = 'None'
     Add-StepRecord -Number $step.Number -Status 'begun'
+    if ($script:Json) { Write-RunEvent -Kind 'step' -Address $step.Address -Number $step.Number -Status 'begun' }
     [void] (& $set)
     $missed = @(Compare-Reading -Live (& $read) -Expected $step.After)
     if ($missed.Count) { throw ($step.Address + ': set, but the host still shows another value: ' + ($missed -join ', ')) }
@@ -618,7 +632,10 @@ function Complete-Run {
         $read = $script:Reader[$address]
         $live = & $read
         $missed = @(Compare-Reading -Live $live -Expected $script:Expected[$address])
-        if ($missed.Count) { Exit-Refused -Address $address -Detail ('is not as wanted: ' + ($missed -join ', ')) }
+        if (-not $missed.Count) { continue }
+        $detail = 'is not as wanted: ' + ($missed -join ', ')
+        if (-not $script:Ended) { throw ($address + ' ' + $detail) }
+        Exit-Refused -Address $address -Detail $detail
     }
     Write-RunEvent -Kind 'run' -Address 'host' -Status 'done'
 }

@@ -76,7 +76,7 @@ _READING_PLAIN = words(
     "Join-Path Set-StrictMode Sort-Object Test-Path Where-Object"
 )
 _CHANGING_PLAIN = (_READING_PLAIN - words("Get-CimInstance Get-ExecutionPolicy")) | words(
-    "ConvertFrom-Json New-Item New-ItemProperty Remove-Item Remove-ItemProperty Start-Sleep Write-Information "
+    "ConvertFrom-Json New-Item New-ItemProperty Remove-Item Remove-ItemProperty Set-Acl Start-Sleep Write-Information "
     "Write-Verbose"
 )
 
@@ -118,9 +118,10 @@ _CHANGING_MEMBERS = _HYPERV_MEMBERS | words(
     Create CreateDirectory Dispose Exception Flush GetBytes GetOwner GetString GetValue GetValueKind GetValueNames
     Guest Keys Length LogicalProcessors MachineName Memory Message Move Needs Number OpenOrCreate Ordinal Out
     PSChildName PSObject Percent Plan Position Processors Properties Read ReadAllBytes ReadAllText ReleaseMutex
-    Replace Run Serial Set SetLength ShouldProcess Sort Substring ToLowerInvariant ToString Total Undo UndoDigest
-    Undoes UserName UtcNow Value WaitOne Write WriteAllText WriteLine closing exists kind new number plan record run
-    serials set status touched values
+    Replace Run Serial Set SetLength
+    SetSecurityDescriptorSddlForm ShouldProcess Sort Substring ToLowerInvariant ToString Total Undo UndoDigest
+    Undoes UserName UtcNow Value WaitOne Write WriteAllText WriteLine closing kind new number plan record run
+    serials set status touched
     """
 )
 

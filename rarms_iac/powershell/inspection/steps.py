@@ -44,19 +44,20 @@ def check_steps(script: Script, first_line: int) -> Iterator[Diagnostic]:
         yield script.problem(STEP, at, "beside the one try block and exit 0 there is something else", _ADVICE)
         return
     block = next(node for node in after[0].children if node.type == "statement_block")
-    yield from _check_run(script, list(_statements(block)))
+    yield from _check_run(script, list(statements_of(block)))
 
 
-def _statements(block: "Node") -> Iterator["Node"]:
+def statements_of(block: "Node") -> Iterator["Node"]:
+    """The statements of a block, without remarks."""
     for child in block.children:
         if child.type in {"statement_list", "script_block_body", "script_block"}:
-            yield from _statements(child)
+            yield from statements_of(child)
         elif child.is_named and child.type != "comment":
             yield child
 
 
 def _check_run(script: Script, statements: list["Node"]) -> Iterator[Diagnostic]:
-    calls = [_only_call(one) for one in statements]
+    calls = [only_call(one) for one in statements]
     names = [one.name if one else "" for one in calls]
     if names != ["Open-Run", *["Invoke-Step"] * (len(names) - 2), "Complete-Run"]:
         yield script.problem(STEP, statements[0], "Open-Run, steps and Complete-Run are not all there is", _ADVICE)
@@ -72,7 +73,7 @@ def _check_run(script: Script, statements: list["Node"]) -> Iterator[Diagnostic]
             yield from _check_step(script, call.node, table)
 
 
-def _only_call(statement: "Node") -> Call | None:
+def only_call(statement: "Node") -> Call | None:
     """The call that a statement is, where it is nothing but one call."""
     node = statement
     while node.type in {"pipeline", "pipeline_chain"} and node.child_count == 1:
@@ -88,7 +89,7 @@ def _table(call: Call) -> Mapping[str, "Node"] | None:
 
 def entries(node: "Node") -> Mapping[str, "Node"] | None:
     """The entries of a table by name; None where the node is no table, or says a name twice."""
-    table = _inner(node)
+    table = inner(node)
     if table.type != "hash_literal_expression":
         return None
     found: dict[str, Node] = {}
@@ -102,7 +103,7 @@ def entries(node: "Node") -> Mapping[str, "Node"] | None:
     return found
 
 
-def _inner(node: "Node") -> "Node":
+def inner(node: "Node") -> "Node":
     """What a chain of only children ends in: a literal, a table, a block."""
     while literal_of(node) is None and node.child_count == 1:
         node = node.children[0]
@@ -116,7 +117,7 @@ def _check_literals(
         odd = ", ".join(sorted(needed ^ table.keys())) or "names"
         yield script.problem(STEP, node, f"the table lacks or adds {odd}", _ADVICE)
     for name, value in table.items():
-        if literal_of(_inner(value)) is None:
+        if literal_of(inner(value)) is None:
             yield script.problem(STEP, value, f"{name} is no literal", _ADVICE)
 
 
@@ -127,26 +128,26 @@ def _check_step(script: Script, node: "Node", table: Mapping[str, "Node"]) -> It
     if not table.keys() >= STEP_KEYS or not table.keys() <= STEP_KEYS | _STEP_OPTIONAL:
         yield script.problem(STEP, node, "the step lacks a part, or has one too many", _ADVICE)
     for name in sorted(_TABLES & table.keys()):
-        inner = entries(table[name])
-        if inner is None:
+        held = entries(table[name])
+        if held is None:
             yield script.problem(STEP, table[name], f"{name} is no table", _ADVICE)
         else:
-            yield from _check_literals(script, table[name], inner, frozenset(), frozenset(inner))
+            yield from _check_literals(script, table[name], held, frozenset(), frozenset(held))
     for name, check in (("Read", _check_read), ("Set", _check_set)):
         if name in table:
             yield from check(script, table[name])
 
 
 def _block(node: "Node") -> list["Node"] | None:
-    inner = _inner(node)
-    if inner.type != "script_block_expression":
+    block = inner(node)
+    if block.type != "script_block_expression":
         return None
-    return list(_statements(inner))
+    return list(statements_of(block))
 
 
 def _check_read(script: Script, node: "Node") -> Iterator[Diagnostic]:
     statements = _block(node) or []
-    call = _only_call(statements[0]) if len(statements) == 1 else None
+    call = only_call(statements[0]) if len(statements) == 1 else None
     if call is None or call.name not in _READERS or not _has_plain_values(call):
         yield script.problem(STEP, node, "Read does more than read", _ADVICE)
 
@@ -156,7 +157,7 @@ def _check_set(script: Script, node: "Node") -> Iterator[Diagnostic]:
     if not statements:
         yield script.problem(STEP, node, "Set does nothing, or is no block", _ADVICE)
     for statement in statements or []:
-        call = _only_call(statement)
+        call = only_call(statement)
         if call is None:
             if not _is_machine(statement):
                 yield script.problem(STEP, statement, "Set holds more than calls and $vm", _ADVICE)
@@ -183,11 +184,11 @@ def _has_plain_values(call: Call) -> bool:
 
 
 def _is_plain(node: "Node") -> bool:
-    inner = _inner(node)
-    if literal_of(inner) is not None or text_of(inner) == "$vm":
+    value = inner(node)
+    if literal_of(value) is not None or text_of(value) == "$vm":
         return True
-    if inner.type != "parenthesized_expression":
+    if value.type != "parenthesized_expression":
         return False
-    statements = [one for one in inner.children if one.is_named]
-    call = _only_call(statements[0]) if len(statements) == 1 else None
+    statements = [one for one in value.children if one.is_named]
+    call = only_call(statements[0]) if len(statements) == 1 else None
     return call is not None and call.name in _VALUES and _has_plain_values(call)

@@ -1,0 +1,73 @@
+import pytest
+
+from rarms_iac.model.plan import Scope
+from rarms_iac.powershell.calls import parts_of
+from rarms_iac.powershell.outline import Machine, ScriptCall, outline
+from rarms_iac.powershell.render import insides, render_apply, render_observe, render_scripts, render_undo
+from tests.unit.powershell.plans import rendered_plan
+
+
+def test_a_script_says_all_that_its_plan_says() -> None:
+    on, plan = rendered_plan()
+    scope = Scope(application=plan.application, plan=plan.id)
+
+    told = [step for inside in insides(on) for step in outline(render_apply(on, plan, inside)).steps]
+
+    parts = [part for step in on.steps for part in parts_of(step, scope)]
+    said = {(step.address, step.action, tuple(step.before.items()), tuple(step.after.items())) for step in told}
+    assert said == {
+        (part.address, part.action, tuple(sorted(part.before.items())), tuple(sorted(part.after.items())))
+        for part in parts
+    }
+    assert len(told) == len(parts)
+    assert all(step.address in step.needs for step in told)
+
+
+def test_a_set_block_is_read_call_by_call() -> None:
+    step = outline(render_apply(*rendered_plan())).steps[0]
+
+    assert step.read == ScriptCall(name="Read-Partition", parameters={"Name": "vision"})
+    assert step.calls == (
+        ScriptCall(name="Get-Machine", parameters={"Name": "vision"}, found=True),
+        ScriptCall(
+            name="Hyper-V\\Set-VMProcessor",
+            parameters={"VM": Machine(), "Reserve": 40, "Maximum": 100, "RelativeWeight": 200},
+        ),
+    )
+
+
+def test_what_a_function_makes_of_literals_is_a_call_inside() -> None:
+    steps = outline(render_apply(*rendered_plan())).steps
+    (child,) = (call for step in steps for call in step.calls if call.name == "Hyper-V\\New-VHD")
+
+    path = ScriptCall(name="Get-DiskPath", parameters={"Folder": "D:\\vms", "File": "planning-0123456789ab.vhdx"})
+    assert child.parameters == {"Path": path, "ParentPath": "D:\\images\\robot's.vhdx", "Differencing": True}
+
+
+def test_the_run_and_what_an_undo_takes_back() -> None:
+    on, plan = rendered_plan()
+    applied, undone = outline(render_apply(on, plan)), outline(render_undo(on, plan))
+
+    assert (applied.run["Run"], undone.run["Run"], applied.run["Serial"]) == ("apply", "undo", 3)
+    by_number = {step.number: step for step in applied.steps}
+    for step in undone.steps:
+        assert step.undoes is not None
+        assert (step.before, step.after) == (by_number[step.undoes].after, by_number[step.undoes].before)
+    undoes = [step.undoes for step in undone.steps if step.undoes is not None]
+    assert undoes == sorted(undoes, reverse=True)
+
+
+def test_names_of_the_outside_world_come_through_whole() -> None:
+    calls = [
+        call
+        for script in render_scripts(*rendered_plan()).values()
+        for step in outline(script).steps
+        for call in step.calls
+    ]
+
+    assert "lab \u2018net\u2019" in [call.parameters.get("SwitchName") for call in calls]
+
+
+def test_a_script_without_a_run_has_no_outline() -> None:
+    with pytest.raises(ValueError, match="Open-Run"):
+        outline(render_observe())
