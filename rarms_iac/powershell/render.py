@@ -70,13 +70,15 @@ def render_scripts(host_plan: HostPlan, plan: Plan) -> Mapping[str, bytes]:
     return made
 
 
-def render_apply(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_unknown_scheduler: bool = False) -> bytes:
+def render_apply(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_scheduler: bool = False) -> bytes:
     """The script that does the plan's steps in one operating system: the host's own, or a partition's guest.
+
+    With `accept_scheduler` it runs also under the root scheduler or an unknown one: the finding was accepted.
 
     Raises:
         NoLiteral: a value cannot be written into a script.
     """
-    undo = render_undo(host_plan, plan, inside, accept_unknown_scheduler=accept_unknown_scheduler)
+    undo = render_undo(host_plan, plan, inside, accept_scheduler=accept_scheduler)
     steps = [
         _Numbered(number=number, part=part, step=step, undoes=None)
         for number, (part, step) in enumerate(_forward(host_plan, plan, inside))
@@ -84,12 +86,12 @@ def render_apply(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_un
     run = {
         "undo": literal(script_name(host_plan, inside, undo=True)),
         "undo_digest": literal(hashlib.sha256(undo).hexdigest()),
-        "accept_unknown": literal(accept_unknown_scheduler),
+        "accept_scheduler": literal(accept_scheduler),
     }
     return _fill("apply.ps1.j2", RunKind.APPLY, host_plan, plan, inside, steps, run)
 
 
-def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_unknown_scheduler: bool = False) -> bytes:
+def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_scheduler: bool = False) -> bytes:
     """The script that takes the same steps back, the last one first; it says what it cannot bring back.
 
     Raises:
@@ -105,7 +107,7 @@ def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_unk
         back = _taken_back(step)
         for part in parts_of(back, _scope(plan)):
             steps.append(_Numbered(number=len(steps), part=part, step=back, undoes=undoes))
-    run = {"undo": literal(""), "undo_digest": literal(""), "accept_unknown": literal(accept_unknown_scheduler)}
+    run = {"undo": literal(""), "undo_digest": literal(""), "accept_scheduler": literal(accept_scheduler)}
     return _fill("undo.ps1.j2", RunKind.UNDO, host_plan, plan, inside, steps, run)
 
 

@@ -258,11 +258,12 @@ function Assert-Host {
     if ($vmHost.LogicalProcessorCount -ne $script:Definition.LogicalProcessors) {
         Exit-Refused -Address 'host' -Detail ('it has {0} logical processors now' -f $vmHost.LogicalProcessorCount)
     }
+    if ($script:Definition.AcceptScheduler) { return }
     $scheduler = Get-SchedulerType
     if ($scheduler -ceq 'root') {
         throw 'the hypervisor runs its root scheduler, under which reserve, limit and weight have no effect'
     }
-    if ($scheduler -ceq 'unknown' -and -not $script:Definition.AcceptUnknown) {
+    if ($scheduler -ceq 'unknown') {
         throw 'the scheduler type is not known (its event has left the log): restart the host, or accept the finding'
     }
 }

@@ -114,7 +114,7 @@ _READING_MEMBERS = _HYPERV_MEMBERS | words(
 )
 _CHANGING_MEMBERS = _HYPERV_MEMBERS | words(
     """
-    ASCII AcceptUnknown Action AddMilliseconds Address After Application Before Claim ComputeHash Computer Contains
+    ASCII AcceptScheduler Action AddMilliseconds Address After Application Before Claim ComputeHash Computer Contains
     Create CreateDirectory Dispose Exception Flush GetBytes GetOwner GetString GetValue GetValueKind GetValueNames
     Guest Keys Length LogicalProcessors MachineName Memory Message Move Needs Number OpenOrCreate Ordinal Out
     PSChildName PSObject Percent Plan Position Processors Properties Read ReadAllBytes ReadAllText ReleaseMutex

@@ -20,7 +20,7 @@ STEP = Finding(
 _ADVICE = "a step is a table of literals; its blocks hold calls of cmdlets and of the runtime's functions"
 
 RUN_KEYS = words("""
-    Run Plan Application Serial Total Undo UndoDigest Guest Computer LogicalProcessors Percent Memory AcceptUnknown
+    Run Plan Application Serial Total Undo UndoDigest Guest Computer LogicalProcessors Percent Memory AcceptScheduler
     """)
 STEP_KEYS = words("Number Address Action Needs Read Before After Set")
 _STEP_OPTIONAL = frozenset({"Undoes", "Claim"})
