@@ -454,7 +454,7 @@ function Read-TaskClass {
     # Values with their types, and our record: whose it is and what was last written.
     param([string] $Task)
     $live = @{ exists = $false; values = ''; record = ''; set = '' }
-    $path = Join-Path -Path $script:TaskRoot -ChildPath $Task
+    $path = '{0}\{1}' -f $script:TaskRoot, $Task
     if (Test-Path -LiteralPath $path) {
         $key = Get-Item -LiteralPath $path
         [string[]] $names = @($key.GetValueNames())
@@ -490,21 +490,21 @@ function Add-Key {
 
 function Write-TaskValue {
     param([string] $Task, [string] $Name, [string] $Type, $Value)
-    $path = Join-Path -Path $script:TaskRoot -ChildPath $Task
+    $path = '{0}\{1}' -f $script:TaskRoot, $Task
     Add-Key -Path $path
     [void] (New-ItemProperty -LiteralPath $path -Name $Name -PropertyType $Type -Value $Value -Force)
 }
 
 function Clear-TaskValue {
     param([string] $Task, [string] $Name)
-    $path = Join-Path -Path $script:TaskRoot -ChildPath $Task
+    $path = '{0}\{1}' -f $script:TaskRoot, $Task
     $key = Get-Item -LiteralPath $path
     if (@($key.GetValueNames()) -ccontains $Name) { Remove-ItemProperty -LiteralPath $path -Name $Name }
 }
 
 function Clear-TaskClass {
     param([string] $Task)
-    $path = Join-Path -Path $script:TaskRoot -ChildPath $Task
+    $path = '{0}\{1}' -f $script:TaskRoot, $Task
     if (Test-Path -LiteralPath $path) { Remove-Item -LiteralPath $path }
 }
 
