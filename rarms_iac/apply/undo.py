@@ -43,11 +43,26 @@ def abandon(host: StepwiseHost) -> RunReport:
 
 
 def steps_to_undo(journal: Journal) -> tuple[tuple[int, Step], ...]:
-    """The steps that the run may have done, with their numbers, the last one first."""
+    """The steps that the run may have done, with their numbers, the last one first.
+
+    What was done to a machine before it was removed went with it: only the removal itself is told.
+    """
     touched = journal.touched()
-    return tuple(
-        (number, step) for number, step in reversed(list(enumerate(journal.started.steps))) if number in touched
-    )
+    gone: set[str] = set()
+    steps: list[tuple[int, Step]] = []
+    for number, step in reversed(list(enumerate(journal.started.steps))):
+        if number not in touched or step.address.partition in gone:
+            continue
+        steps.append((number, step))
+        if is_removal(step):
+            gone.add(step.address.partition)
+    return tuple(steps)
+
+
+def is_removal(step: Step) -> bool:
+    """Whether a machine went with this step and does not come back."""
+    is_machine = bool(step.address.partition and not step.address.task)
+    return is_machine and step.undo.operation is None and step.after.get("exists") is False
 
 
 def not_taken_back(host: str, journal: Journal) -> tuple[Diagnostic, ...]:

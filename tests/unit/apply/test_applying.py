@@ -11,7 +11,7 @@ from rarms_iac.model.operations import SetCpu
 from rarms_iac.model.plan import Purpose, Scope
 from rarms_iac.model.quantities import Bytes
 from rarms_iac.model.system import Disruption, Fault, FaultEffect, PartitionWish, SimulatedHost
-from tests.builders import a_component, a_host, a_partition, a_system, codes
+from tests.builders import a_component, a_host, a_partition, a_system, codes, the_delivery_robot
 from tests.lab import Countdown, Lab, a_lab, without_serials
 
 OURS = Scope(application="robot", plan="")
@@ -212,6 +212,31 @@ def test_destroy_leaves_nothing_of_ours(lab: Lab) -> None:
 
     assert report.ending is Ending.DONE
     assert lab.observe()["onboard"].partitions == ()
+
+
+def test_undo_of_destroy_says_what_is_gone_and_blocks_nothing(lab: Lab) -> None:
+    lab.apply(lab.plan())
+    lab.apply(lab.plan(purpose=Purpose.DESTROY))
+
+    (report,) = lab.undo()
+
+    assert report.ending is Ending.DONE
+    assert sorted((one.code, one.address) for one in report.diagnostics) == [
+        ("RARMS193", "partition/speech"),
+        ("RARMS193", "partition/vision"),
+    ]
+    assert lab.apply(lab.plan()).ending is Ending.DONE, "the manifest can be applied again"
+
+
+def test_undo_of_destroy_passes_over_the_task_classes_that_went_with_a_machine() -> None:
+    with a_lab(the_delivery_robot()) as lab:
+        lab.apply(lab.plan())
+        lab.apply(lab.plan(purpose=Purpose.DESTROY))
+
+        (report,) = lab.undo()
+
+        assert report.ending is Ending.DONE
+        assert lab.observe()["onboard"].partitions == ()
 
 
 def test_destroy_of_a_target_leaves_the_rest(lab: Lab) -> None:
