@@ -147,7 +147,7 @@ def _host_plan(request: Request, wish: HostWish) -> _Part:
         unused=difference.unused,
         unchanged=difference.unchanged,
         scripts={},
-        totals=totals_of(wish.observed, application, steps),
+        totals=totals_of(wish.observed, application, held.kept, steps),
     )
     addresses = tuple(str(change.address) for change in difference.changes)
     stopped = tuple(restarts(held.kept)) if request.purpose is Purpose.APPLY else ()

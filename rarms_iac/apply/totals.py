@@ -3,13 +3,17 @@
 from collections.abc import Sequence
 
 from rarms_iac.diff.claims import claim_of
-from rarms_iac.model.capacity import foreign_claims, load_of
+from rarms_iac.model.capacity import claim_of_settings, foreign_claims, load_of
+from rarms_iac.model.changes import Adopt, Change, Release
 from rarms_iac.model.plan import Step, Totals
-from rarms_iac.model.state import State
+from rarms_iac.model.state import Partition, State
 
 
-def totals_of(observed: State, application: str, steps: Sequence[Step]) -> Totals:
-    """The promises to this application's partitions after these steps, and those to all others now."""
+def totals_of(observed: State, application: str, changes: Sequence[Change], steps: Sequence[Step]) -> Totals:
+    """The promises to this application's partitions after these steps, and those to all others then.
+
+    A machine that is taken over or let go of changes sides, and keeps what it has.
+    """
     ours = {one.mark.name: claim_of(one) for one in observed.of(application).partitions if one.mark}
     renamed: dict[str, str] = {one.id: one.mark.name for one in observed.of(application).partitions if one.mark}
     for step in steps:
@@ -17,5 +21,15 @@ def totals_of(observed: State, application: str, steps: Sequence[Step]) -> Total
         if address.partition and not address.task:
             ours.pop(renamed.get(address.machine, ""), None)
             ours[address.partition] = step.claim_after
-    mine, others = load_of(ours.values()), load_of(foreign_claims(observed, application))
-    return Totals(percent=mine.percent, memory=mine.memory, others_percent=others.percent, others_memory=others.memory)
+    others = list(foreign_claims(observed, application))
+    for change in changes:
+        match change:
+            case Adopt(before=Partition(claims_resources=True, settings=settings)):
+                others.remove(claim_of_settings(settings))
+            case Release(before=Partition() as before):
+                ours.pop(change.address.partition, None)
+                others += [claim_of_settings(before.settings)] if before.claims_resources else []
+            case _:
+                pass
+    mine, theirs = load_of(ours.values()), load_of(others)
+    return Totals(percent=mine.percent, memory=mine.memory, others_percent=theirs.percent, others_memory=theirs.memory)

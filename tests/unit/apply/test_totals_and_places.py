@@ -2,9 +2,9 @@ from dataclasses import replace
 
 from rarms_iac.apply.totals import totals_of
 from rarms_iac.model.changes import Address
-from rarms_iac.model.plan import Claim, Step, Totals
+from rarms_iac.model.plan import Claim, Purpose, Step, Totals
 from rarms_iac.model.state import State
-from tests.builders import a_component, a_partition, a_system, the_delivery_robot
+from tests.builders import a_component, a_host, a_partition, a_system, the_delivery_robot
 from tests.builders_plan import facts, partition, settings, step
 from tests.lab import a_lab
 
@@ -24,6 +24,7 @@ def test_totals_are_what_is_promised_after_the_steps_with_strangers_apart() -> N
     after = totals_of(
         observed,
         "robot",
+        (),
         [
             step_with(lowered, Claim(processors=2, reserve=30, memory=2**29)),
             step_with(removed, Claim()),
@@ -31,6 +32,20 @@ def test_totals_are_what_is_promised_after_the_steps_with_strangers_apart() -> N
     )
 
     assert after == Totals(percent=60, memory=2**29, others_percent=40, others_memory=2**29)
+
+
+def test_a_machine_that_changes_sides_is_counted_once() -> None:
+    with a_lab(a_system(hosts=[a_host("onboard")], components=[a_component("eyes", reserve="40 %")])) as lab:
+        lab.apply(lab.plan())
+        (eyes,) = lab.observe()["onboard"].partitions
+
+        release = lab.plan(purpose=Purpose.RELEASE, partition="eyes")
+        lab.apply(release)
+        taking_over = lab.plan(purpose=Purpose.IMPORT, partition="eyes", machine=eyes.id)
+
+    memory = eyes.settings.memory
+    assert release.hosts[0].totals == Totals(percent=0, memory=0, others_percent=80, others_memory=memory)
+    assert taking_over.hosts[0].totals == Totals(percent=80, memory=memory)
 
 
 def step_with(one: Step, claim: Claim) -> Step:
