@@ -20,8 +20,8 @@ def finish_unfinished(
     reports: list[RunReport] = []
     for host in hosts:
         try:
-            journal = host.journal()
-            if journal is None or not journal.unfinished:
+            journal = host.unfinished()
+            if journal is None:
                 continue
             reports.append(walk(host, journal, reporter, should_stop))
         except HostError as error:

@@ -33,8 +33,7 @@ def undo(host: StepwiseHost, owner: str, reporter: RunReporter, should_stop: Sho
 def abandon(host: StepwiseHost) -> RunReport:
     """Close an unfinished run; the host stays as it is. The host is held."""
     try:
-        journal = host.journal()
-        if journal is None or not journal.unfinished:
+        if host.unfinished() is None:
             return RunReport(ending=Ending.NOTHING)
         host.record(RunClosed(closing=Closing.ABANDONED))
     except HostError as error:

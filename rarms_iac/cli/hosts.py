@@ -112,8 +112,8 @@ def refuse_unfinished(hosts: Hosts) -> None:
     for name in hosts.chosen:
         if name not in snapshots:
             with telling():
-                journal = hosts.open(name).journal()
-            if journal is not None and journal.unfinished:
+                journal = hosts.open(name).unfinished()
+            if journal is not None:
                 raise Halted(ExitCode.REFUSED, [refusals.unfinished(name, journal)])
 
 

@@ -90,6 +90,14 @@ class StepwiseHost(Protocol):
         """
         ...
 
+    def unfinished(self) -> Journal | None:
+        """The run that is under way on this host, None where there is none; that answer is cheap.
+
+        Raises:
+            HostDamaged: a run may be under way, and its journal is damaged.
+        """
+        ...
+
     def start_run(self, started: RunStarted) -> None:
         """Replace the journal by one that begins with this record, in one write."""
         ...

@@ -97,6 +97,14 @@ def read_first(path: Path) -> dict[str, Json] | None:
     return None if text is None else _object(path, 0, text)
 
 
+def read_last(path: Path) -> dict[str, Json] | None:
+    """The last record alone, whatever stands before it; None where there is none or it is torn."""
+    size = path.stat().st_size if path.exists() else 0
+    _, line = _last_line(path, size)
+    text = _text_of(line[:-1]) if line.endswith(b"\n") else None
+    return None if text is None else _object(path, 0, text)
+
+
 def _checksum(text: bytes) -> bytes:
     return hashlib.sha256(text).hexdigest().encode("ascii")
 
@@ -121,6 +129,15 @@ def _object(path: Path, number: int, text: bytes) -> dict[str, Json]:
 
 def _sound_size(path: Path, size: int) -> int:
     """How many bytes the file has up to the end of its last whole record."""
+    begin, last = _last_line(path, size)
+    whole = last.endswith(b"\n") and _text_of(last[:-1]) is not None
+    return size if whole else begin
+
+
+def _last_line(path: Path, size: int) -> tuple[int, bytes]:
+    """Where the last line begins, and its bytes with the line end, if it has one; read from the end."""
+    if not size:
+        return 0, b""
     with path.open("rb") as file:
         start, tail = size, b""
         while start and b"\n" not in tail[:-1]:
@@ -129,6 +146,4 @@ def _sound_size(path: Path, size: int) -> int:
             file.seek(start, os.SEEK_SET)
             tail = file.read(length) + tail
     begin = tail[:-1].rfind(b"\n") + 1
-    last = tail[begin:]
-    whole = last.endswith(b"\n") and _text_of(last[:-1]) is not None
-    return size if whole else start + begin
+    return start + begin, tail[begin:]

@@ -137,9 +137,10 @@ def _host(part: HostPlan, plan: Plan, width: int, *, steps: bool) -> Iterator[st
         f"Host {part.host.name} ({facts.provider.value}, {show_processors(facts.logical_processors)}, "
         f"{show_bytes(facts.memory)})"
     )
+    new = _made_here(part)
     for change in part.changes:
         yield ""
-        yield from _change(change, part, width)
+        yield from _change(change, part, new, width)
     if part.unchanged:
         yield ""
         yield f"  {counted(part.unchanged, 'unchanged resource')} hidden."
@@ -152,8 +153,8 @@ def _host(part: HostPlan, plan: Plan, width: int, *, steps: bool) -> Iterator[st
     yield from totals_lines(part)
 
 
-def _change(change: Change, part: HostPlan, width: int) -> Iterator[str]:
-    note = _note_on(change, part)
+def _change(change: Change, part: HostPlan, new: frozenset[str], width: int) -> Iterator[str]:
+    note = _note_on(change, new)
     head = f"  {symbol(change)} {change.address}" + (f", {note}" if note else "")
     place = _at(change.reason.place)
     yield from [head + place] if columns(head + place) <= width else [head, f"     {place}"]
@@ -164,10 +165,14 @@ def _change(change: Change, part: HostPlan, width: int) -> Iterator[str]:
     yield from _attributes(attributes, whole=isinstance(change, Create))
 
 
-def _note_on(change: Change, part: HostPlan) -> str:
+def _made_here(part: HostPlan) -> frozenset[str]:
+    """The partitions that this plan makes."""
+    return frozenset(one.address.partition for one in part.changes if isinstance(one, Create) and not one.address.task)
+
+
+def _note_on(change: Change, new: frozenset[str]) -> str:
     """What the change disturbs here: the guest of a machine that is only being made starts with its task classes."""
     inside = change.address.partition if change.address.task else ""
-    new = {one.address.partition for one in part.changes if isinstance(one, Create) and not one.address.task}
     return "" if inside in new else disturbs(change)
 
 
@@ -247,8 +252,9 @@ def _not_undone(part: HostPlan, width: int) -> Iterator[str]:
 
 def _disruption(part: HostPlan, width: int) -> Iterator[str]:
     by_kind: dict[str, list[str]] = {}
+    new = _made_here(part)
     for change in part.changes:
-        note = _note_on(change, part)
+        note = _note_on(change, new)
         if note:
             by_kind.setdefault(note, []).append(str(change.address))
     if by_kind:

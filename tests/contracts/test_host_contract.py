@@ -773,6 +773,30 @@ def test_a_torn_last_record_never_happened(tmp_path: Path) -> None:
     assert [record.status for record in again.steps] == [StepStatus.UNCHANGED]
 
 
+def test_a_run_is_under_way_until_it_is_closed(tmp_path: Path) -> None:
+    host = simulated(tmp_path)
+    assert host.unfinished() is None
+
+    host.start_run(a_run(host.observe()))
+    assert host.unfinished() == host.journal()
+    host.record(StepRecorded(number=0, status=StepStatus.BEGUN))
+    assert host.unfinished() == host.journal()
+    host.record(RunClosed(closing=Closing.DONE))
+
+    assert host.unfinished() is None
+    assert host.journal() is not None
+
+
+def test_a_torn_end_closes_no_run(tmp_path: Path) -> None:
+    host = simulated(tmp_path)
+    host.start_run(a_run(host.observe()))
+    host.record(RunClosed(closing=Closing.DONE))
+    path = tmp_path / ".rarms/hosts/onboard.journal.jsonl"
+    path.write_bytes(path.read_bytes()[:-20])
+
+    assert host.unfinished() == host.journal()
+
+
 def test_what_cannot_be_written_is_told(tmp_path: Path) -> None:
     (tmp_path / ".rarms").write_bytes(b"a file where the folder should be")
     host = simulated(tmp_path)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import cast
 
 from rarms_iac.model.journal import Journal, JournalRecord, RunClosed, RunStarted, StepRecorded
-from rarms_iac.storage.append import Record, append, line_of, read_first, read_records
+from rarms_iac.storage.append import Record, append, line_of, read_first, read_last, read_records
 from rarms_iac.storage.codec import NotDecodable, decode_union, encode
 from rarms_iac.storage.replace import replace
 
@@ -19,6 +19,19 @@ def read_journal(path: Path) -> Journal | None:
     """
     records = [_decode(number, data) for number, data in enumerate(read_records(path))]
     return run_of(records) if records else None
+
+
+def read_unfinished(path: Path) -> Journal | None:
+    """The run that is under way, None where there is none: one that was closed is known by its last record alone.
+
+    Raises:
+        Damaged, NotDecodable: as `read_journal`, where the last record closes no run.
+    """
+    last = read_last(path)
+    if last is not None and last.get("kind") == "run_closed":
+        return None
+    journal = read_journal(path)
+    return journal if journal is not None and journal.unfinished else None
 
 
 def run_of(records: list[JournalRecord]) -> Journal:

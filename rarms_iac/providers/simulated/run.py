@@ -32,7 +32,13 @@ from rarms_iac.providers.simulated.change import (
     with_new_machine,
 )
 from rarms_iac.providers.simulated.content import Content, Machine, empty
-from rarms_iac.providers.simulated.journal import append_record, read_journal, read_serials, start_journal
+from rarms_iac.providers.simulated.journal import (
+    append_record,
+    read_journal,
+    read_serials,
+    read_unfinished,
+    start_journal,
+)
 from rarms_iac.providers.simulated.observe import fetch
 from rarms_iac.providers.simulated.parse import (
     description,
@@ -122,6 +128,11 @@ class SimulatedHostProvider:
         """As the interface says."""
         with self._telling_damage(self._journal_path):
             return read_journal(self._journal_path)
+
+    def unfinished(self) -> Journal | None:
+        """As the interface says."""
+        with self._telling_damage(self._journal_path):
+            return read_unfinished(self._journal_path)
 
     def start_run(self, started: RunStarted) -> None:
         """As the interface says; also removes what killed writers left behind."""

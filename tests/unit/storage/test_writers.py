@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.storage import disk
-from rarms_iac.storage.append import Damaged, Record, append, line_of, read_first, read_records
+from rarms_iac.storage.append import Damaged, Record, append, line_of, read_first, read_last, read_records
 from rarms_iac.storage.private import make_room
 from rarms_iac.storage.replace import remove_leftovers, replace
 from tests.crashing import Crash, CrashingDisk, When
@@ -76,6 +76,7 @@ def test_records_come_back_in_order(tmp_path: Path) -> None:
 
     assert list(read_records(journal)) == records
     assert read_first(journal) == records[0]
+    assert read_last(journal) == records[-1]
     assert len(journal.read_bytes().splitlines()) == 3
 
 
@@ -89,6 +90,7 @@ def test_length_and_checksum_are_fields_of_the_object() -> None:
 def test_no_file_has_no_records(tmp_path: Path) -> None:
     assert read_records(tmp_path / "journal.jsonl") == ()
     assert read_first(tmp_path / "journal.jsonl") is None
+    assert read_last(tmp_path / "journal.jsonl") is None
 
 
 def test_line_ends_of_git_on_windows_do_no_harm(tmp_path: Path) -> None:
@@ -112,6 +114,7 @@ def test_a_torn_last_record_is_dropped_and_its_place_taken(tmp_path: Path, paddi
     for size in [*range(len(whole) + 1, len(both), step), len(both) - 1]:
         journal.write_bytes(both[:size])
         assert read_records(journal) == ({"a": "x" * padding},)
+        assert read_last(journal) is None
         append(journal, {"c": 3})
         assert read_records(journal) == ({"a": "x" * padding}, {"c": 3})
 
