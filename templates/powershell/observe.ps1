@@ -24,7 +24,7 @@ function Read-Probe {
         $id = [string] $_.FullyQualifiedErrorId
         $category = [string] $_.CategoryInfo.Category
         $denied = @('PermissionDenied', 'SecurityError') -ccontains $category
-        $denied = $denied -or $id -clike 'AccessDenied*' -or $id -clike 'UnauthorizedAccess*' -or $id -clike '*0x80041003*'
+        $denied = $denied -or $id -clike 'AccessDenied*' -or $id -clike '*UnauthorizedAccess*' -or $id -clike '*0x80041003*'
         $status = if ($denied) { 'denied' } else { 'absent' }
         [ordered] @{ status = $status; error = $id; says = [string] $_.Exception.Message }
     }
@@ -83,7 +83,9 @@ function Read-Journal {
     if ($env:OS -ceq 'Windows_NT') {
         $owner = (Get-Acl -LiteralPath $item.FullName).GetOwner([System.Security.Principal.SecurityIdentifier]).Value
     }
-    [ordered] @{ owner = [string] $owner; text = [System.IO.File]::ReadAllText($item.FullName) }
+    # Get-Content shares the file with a run that is writing to it: looking must not disturb that.
+    $text = '' + (Get-Content -LiteralPath $item.FullName -Raw)
+    [ordered] @{ owner = [string] $owner; text = $text }
 }
 
 $root = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion'
@@ -172,7 +174,12 @@ $document = [ordered] @{
         $reboot = 'HKLM:\SOFTWARE\Microsoft\Windows\CurrentVersion\Component Based Servicing\RebootPending'
         [bool] (Test-Path -LiteralPath $reboot)
     }
-    execution_policy = Read-Probe -Read { [string] (Get-ExecutionPolicy) }
+    # By scope: the policy of this process is only what it was started with.
+    execution_policy = Read-Probe -Many -Read {
+        foreach ($one in @(Get-ExecutionPolicy -List)) {
+            [ordered] @{ scope = [string] $one.Scope; policy = [string] $one.ExecutionPolicy }
+        }
+    }
 }
 [Console]::Out.WriteLine((ConvertTo-AsciiJson -Value $document))
 exit 0

@@ -95,7 +95,8 @@ function Get-Operator {
 }
 
 function Protect-Folder {
-    # Only Administrators and SYSTEM may write what a later run trusts.
+    # Only Administrators and SYSTEM may write what a later run trusts; -Confirm does not ask for that.
+    $ConfirmPreference = 'None'
     if (-not (Test-Path -LiteralPath $script:Folder)) {
         [void] [System.IO.Directory]::CreateDirectory($script:Folder)
         if ($env:OS -ceq 'Windows_NT') {
@@ -343,7 +344,7 @@ function Get-Mark {
     # Our line in a machine's notes; one that names another machine's id was copied and is none.
     param($Vm)
     $id = ([string] $Vm.Id).ToLowerInvariant()
-    $form = '(?m)^rarms/1 (?<app>[a-z0-9-]+)/(?<name>[a-z0-9-]+) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12})\r?$'
+    $form = '(?m)^rarms/1 (?<app>[a-z0-9-]+)/(?<name>[a-z0-9-]+(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12})\r?$'
     if ([string] $Vm.Notes -cmatch $form -and $Matches['vm'] -ceq $id.Substring(0, 8)) {
         @{ Application = $Matches['app']; Name = $Matches['name']; Set = $Matches['set'] }
     }

@@ -72,10 +72,10 @@ _CHANGING_HYPERV = _READING_HYPERV | words(
     "Remove-VMNetworkAdapter"
 )
 _READING_PLAIN = words(
-    "ConvertTo-Json Get-Acl Get-ChildItem Get-CimInstance Get-ExecutionPolicy Get-Item Get-Module Get-WinEvent "
-    "Join-Path Set-StrictMode Sort-Object Test-Path Where-Object"
+    "ConvertTo-Json Get-Acl Get-ChildItem Get-CimInstance Get-Content Get-ExecutionPolicy Get-Item Get-Module "
+    "Get-WinEvent Join-Path Set-StrictMode Sort-Object Test-Path Where-Object"
 )
-_CHANGING_PLAIN = (_READING_PLAIN - words("Get-CimInstance Get-ExecutionPolicy")) | words(
+_CHANGING_PLAIN = (_READING_PLAIN - words("Get-CimInstance Get-Content Get-ExecutionPolicy")) | words(
     "ConvertFrom-Json New-Item New-ItemProperty Remove-Item Remove-ItemProperty Set-Acl Start-Sleep Write-Information "
     "Write-Verbose"
 )
@@ -105,11 +105,11 @@ _HYPERV_MEMBERS = words(
 )
 _READING_MEMBERS = _HYPERV_MEMBERS | words(
     """
-    Administrator Category CategoryInfo CpuGroupId Exception FullName FullyQualifiedErrorId GetCurrent GetOwner
-    GetValue GetValueKind GetValueNames InstanceID IsActive IsInRole MachineName MemoryAvailable MemoryCapacity
-    MemoryTotal Message NodeId NumaSpanningEnabled NumberOfCores NumberOfLogicalProcessors Out PSChildName PSEdition
-    PSObject PSVersion Properties ReadAllText Replace Reservation Size ToLowerInvariant Value VirtualMachinePath
-    WriteLine new
+    Administrator Category CategoryInfo CpuGroupId Exception ExecutionPolicy FullName FullyQualifiedErrorId GetCurrent
+    GetOwner GetValue GetValueKind GetValueNames InstanceID IsActive IsInRole MachineName MemoryAvailable
+    MemoryCapacity MemoryTotal Message NodeId NumaSpanningEnabled NumberOfCores NumberOfLogicalProcessors Out
+    PSChildName PSEdition PSObject PSVersion Properties Replace Reservation Scope Size ToLowerInvariant Value
+    VirtualMachinePath WriteLine new
     """
 )
 _CHANGING_MEMBERS = _HYPERV_MEMBERS | words(

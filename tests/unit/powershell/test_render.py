@@ -5,10 +5,12 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.model.changes import Change
+from rarms_iac.model.moves import BETWEEN
 from rarms_iac.powershell.environment import fill, runtime
 from rarms_iac.powershell.literals import NoLiteral
 from rarms_iac.powershell.render import render_apply, render_observe, render_scripts, render_undo, script_name
 from rarms_iac.powershell.tree import same_structure
+from rarms_iac.providers.marks import mark_for, write_mark
 from tests import builders_plan as build
 from tests.unit.powershell.hostile import hostile_texts
 from tests.unit.powershell.plans import all_changes, marked, rendered_plan
@@ -136,3 +138,15 @@ def test_the_observe_script_has_no_values() -> None:
     assert render_observe() == render_observe()
     assert b"#Requires -Version 5.1\r\n" in render_observe()
     assert render_observe().count(b"#Requires") == 1
+
+
+def test_the_runtime_reads_every_mark_that_rarms_writes_also_while_two_partitions_exchange_names() -> None:
+    form = re.search(r"\$form = '(?P<form>[^']+)'", runtime())
+    assert form is not None
+    pattern = re.compile(form["form"].replace("(?<", "(?P<"))
+
+    for name in ("vision", "vision" + BETWEEN):
+        mark = mark_for("0a1b2c3d-0000", "robot", name, "0123456789ab")
+        found = pattern.search(write_mark("my notes\r\n", mark).replace("\n", "\r\n"))
+        assert found is not None
+        assert found.groupdict() == {"app": "robot", "name": name, "vm": "0a1b2c3d", "set": "0123456789ab"}
