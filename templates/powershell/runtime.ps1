@@ -4,7 +4,9 @@ param(
     # One JSON object a line on standard output, for a program to read.
     [switch] $AsJson,
     # Seconds to wait for another run to end.
-    [int] $LockTimeout = 0
+    [int] $LockTimeout = 0,
+    # Close this plan's unfinished run and change nothing else.
+    [switch] $Abandon
 )
 
 Set-StrictMode -Version 3.0
@@ -57,6 +59,12 @@ function Exit-Refused {
     exit 3
 }
 
+function Exit-Locked {
+    param([string] $Owner)
+    Write-RunEvent -Kind 'lock' -Address 'host' -Status 'refused' -Detail ('it is held by ' + $Owner)
+    exit 3
+}
+
 # Lock and journal ---------------------------------------------------------------------------
 
 function Enter-Host {
@@ -64,8 +72,13 @@ function Enter-Host {
     $owner = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
     $before = 'somebody'
     if (Test-Path -LiteralPath $owner) { $before = [System.IO.File]::ReadAllText($owner) }
-    $script:Mutex = [System.Threading.Mutex]::new($false, 'Global\rarms')
     $held = $false
+    try {
+        $script:Mutex = [System.Threading.Mutex]::new($false, 'Global\rarms')
+    } catch [System.UnauthorizedAccessException] {
+        # Made by an account that lets nobody else open it, so it is alive.
+        Exit-Locked -Owner $before
+    }
     try {
         $held = $script:Mutex.WaitOne(1000 * $LockTimeout)
     } catch [System.Threading.AbandonedMutexException] {
@@ -75,7 +88,7 @@ function Enter-Host {
     if (-not $held) {
         $script:Mutex.Dispose()
         $script:Mutex = $null
-        Exit-Refused -Address 'host' -Detail ('it is held by ' + $before)
+        Exit-Locked -Owner $before
     }
     if (-not $WhatIfPreference) {
         Protect-Folder
@@ -99,13 +112,18 @@ function Protect-Folder {
     $ConfirmPreference = 'None'
     if (-not (Test-Path -LiteralPath $script:Folder)) {
         [void] [System.IO.Directory]::CreateDirectory($script:Folder)
-        if ($env:OS -ceq 'Windows_NT') {
-            $acl = Get-Acl -LiteralPath $script:Folder
-            $acl.SetSecurityDescriptorSddlForm('O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)')
-            Set-Acl -LiteralPath $script:Folder -AclObject $acl
-        }
+        Protect-Path -Path $script:Folder -Descriptor 'O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)'
     }
     Assert-Owner -Path $script:Folder
+}
+
+function Protect-Path {
+    # The owner is said, not left to the account: what a policy or an ssh logon makes of new files differs.
+    param([string] $Path, [string] $Descriptor)
+    if ($env:OS -cne 'Windows_NT') { return }
+    $acl = Get-Acl -LiteralPath $Path
+    $acl.SetSecurityDescriptorSddlForm($Descriptor)
+    Set-Acl -LiteralPath $Path -AclObject $acl
 }
 
 function Assert-Owner {
@@ -196,6 +214,7 @@ function Write-FirstRecord {
     $script:Journal = $fresh
     Add-Record -Record $record
     $script:Journal = $kept
+    Protect-Path -Path $fresh -Descriptor 'O:BAG:SYD:P(A;;FA;;;BA)(A;;FA;;;SY)'
     if (Test-Path -LiteralPath $kept) { [System.IO.File]::Replace($fresh, $kept, $kept + '.old') }
     else { [System.IO.File]::Move($fresh, $kept) }
 }
@@ -205,7 +224,7 @@ function Open-Run {
     param([System.Collections.IDictionary] $Definition)
     $script:Definition = $Definition
     Enter-Host
-    if ($Definition.Guest) { Assert-Guest } else { Assert-Host }
+    if (-not $Abandon) { if ($Definition.Guest) { Assert-Guest } else { Assert-Host } }
     $serials = @{}
     $last = $null
     $open = $false
@@ -224,6 +243,7 @@ function Open-Run {
             if ($record.status -cne 'unchanged' -and $last.run -ceq 'apply') { $script:Touched[[string] $record.number] = $true }
         }
     }
+    if ($Abandon) { Exit-Abandoned -Open $open -Last $last }
     $same = $null -ne $last -and $last.plan -ceq $Definition.Plan -and $last.run -ceq $Definition.Run
     if ($same -and ($open -or $script:Ended)) { return }
     $script:Begun = @{}
@@ -239,6 +259,21 @@ function Open-Run {
     }
     $serials[$Definition.Application] = [long] $serials[$Definition.Application] + 1
     if (-not $WhatIfPreference) { Write-FirstRecord -Serial $serials }
+}
+
+function Exit-Abandoned {
+    # Leaves the host as it is; the run no longer stands in another's way.
+    param([bool] $Open, $Last)
+    if (-not $Open) {
+        Write-RunEvent -Kind 'run' -Address 'host' -Status 'unchanged' -Detail 'nothing is unfinished here'
+        exit 0
+    }
+    if ($Last.plan -cne $script:Definition.Plan) {
+        Exit-Refused -Address 'host' -Detail ('plan {0} is unfinished here, not this one' -f $Last.plan)
+    }
+    if (-not $WhatIfPreference) { Add-Record -Record ([ordered] @{ closing = 'abandoned'; kind = 'run_closed' }) }
+    Write-RunEvent -Kind 'run' -Address 'host' -Status 'abandoned'
+    exit 0
 }
 
 # Guards -------------------------------------------------------------------------------------
@@ -570,6 +605,11 @@ function Invoke-Step {
         Write-RunEvent -Kind 'step' -Address $step.Address -Number $step.Number -Status 'unchanged' -Detail 'done before'
         return
     }
+    if (Test-Path -LiteralPath ($PSCommandPath + '.stop')) {
+        # Whoever made that file beside the script wants it to end before the next step.
+        Write-RunEvent -Kind 'run' -Address 'host' -Status 'stopped' -Detail 'asked to stop; run it again to go on'
+        exit 1
+    }
     $begun = $script:Begun.Contains([string] $step.Number)
     $read = $step.Read
     $set = $step.Set
@@ -602,7 +642,7 @@ function Invoke-Step {
     }
     $ConfirmPreference = 'None'
     Add-StepRecord -Number $step.Number -Status 'begun'
-    if ($script:Json) { Write-RunEvent -Kind 'step' -Address $step.Address -Number $step.Number -Status 'begun' }
+    if ($script:Json) { Write-RunEvent -Kind 'step' -Address $step.Address -Number $step.Number -Status 'begun' -Detail $step.Action }
     [void] (& $set)
     $missed = @(Compare-Reading -Live (& $read) -Expected $step.After)
     if ($missed.Count) { throw ($step.Address + ': set, but the host still shows another value: ' + ($missed -join ', ')) }

@@ -93,6 +93,7 @@ _CHANGING_TYPES = (_READING_TYPES - words("System.Security.Principal.WindowsBuil
     Array DateTime System.BitConverter System.Collections.IDictionary System.IO.Directory System.IO.FileAccess
     System.IO.FileMode System.IO.FileStream System.Security.Cryptography.SHA256 System.StringComparer
     System.Text.Encoding System.Threading.AbandonedMutexException System.Threading.Mutex
+    System.UnauthorizedAccessException
     """
 )
 
