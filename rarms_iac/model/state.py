@@ -132,10 +132,15 @@ class Partition:
 
 
 class ValueKind(StrEnum):
-    """Types of registry values that task classes use."""
+    """Types of registry values. rarms writes the first two; the others are what somebody else may have written."""
 
     DWORD = "dword"
     SZ = "sz"
+    QWORD = "qword"
+    EXPAND_SZ = "expandstring"
+    MULTI_SZ = "multistring"
+    BINARY = "binary"
+    OTHER = "unknown"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -37,7 +37,15 @@ from rarms_iac.storage.digest import canonical
 VALUE = "value:"
 """Stands before a task class's value in readings."""
 
-_TYPES = {ValueKind.DWORD: "DWord", ValueKind.SZ: "String"}
+_TYPES = {
+    ValueKind.DWORD: "DWord",
+    ValueKind.SZ: "String",
+    ValueKind.QWORD: "QWord",
+    ValueKind.EXPAND_SZ: "ExpandString",
+    ValueKind.MULTI_SZ: "MultiString",
+    ValueKind.BINARY: "Binary",
+    ValueKind.OTHER: "Unknown",
+}
 _START = {StartAction.NOTHING: "Nothing", StartAction.START_IF_RUNNING: "StartIfRunning", StartAction.START: "Start"}
 _STOP = {StopAction.TURN_OFF: "TurnOff", StopAction.SAVE: "Save", StopAction.SHUT_DOWN: "ShutDown"}
 

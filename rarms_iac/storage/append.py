@@ -70,9 +70,16 @@ def read_records(path: Path) -> tuple[dict[str, Json], ...]:
     Raises:
         Damaged: one before the last is not as it was written.
     """
-    if not path.exists():
-        return ()
-    *lines, rest = path.read_bytes().split(b"\n")  # `rest` has no line end: empty, or torn
+    return records_in(path.read_bytes(), path) if path.exists() else ()
+
+
+def records_in(data: bytes, path: Path) -> tuple[dict[str, Json], ...]:
+    """All whole records of these bytes; `path` says where they come from, for people.
+
+    Raises:
+        Damaged: one before the last is not as it was written.
+    """
+    *lines, rest = data.split(b"\n")  # `rest` has no line end: empty, or torn
     texts = [_text_of(line) for line in lines]
     last = len(texts) - (0 if rest else 1)
     for number, text in enumerate(texts):

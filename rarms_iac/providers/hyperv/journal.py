@@ -1,0 +1,109 @@
+r"""The journal that scripts keep under `%ProgramData%\rarms`, as the last run on that operating system. Pure.
+
+docs/scripts.md says what its records hold. One that belongs to neither Administrators nor SYSTEM was planted, and is
+not believed.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from rarms_iac.model.journal import RunClosed, RunKind, StepRecorded, StepStatus
+from rarms_iac.storage.append import Damaged, records_in
+from rarms_iac.storage.codec import Json, NotDecodable, decode
+
+TRUSTED = frozenset({"S-1-5-32-544", "S-1-5-18", ""})
+"""Administrators and SYSTEM; empty where the system has no such owners, as off Windows."""
+
+PLACE = Path("%ProgramData%/rarms/journal.jsonl")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScriptStarted:
+    """The first record: the whole run, with both scripts."""
+
+    run: RunKind
+    plan: str
+    application: str
+    started_by: str
+    script: str
+    undo: str
+    serials: Mapping[str, int]
+    touched: tuple[str, ...]  # of an undo: numbers of the steps of the apply that may have changed something
+    kind: Literal["run_started"] = "run_started"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScriptRun:
+    """The last run, as far as it got."""
+
+    started: ScriptStarted
+    steps: tuple[StepRecorded, ...] = ()
+    closed: RunClosed | None = None
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether it was neither completed nor abandoned."""
+        return self.closed is None
+
+    def touched(self) -> frozenset[int]:
+        """Numbers of the steps that were begun or done and may have changed something."""
+        return frozenset(one.number for one in self.steps if one.status is not StepStatus.UNCHANGED)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JournalDamaged:
+    """It cannot be read: nothing is known of the last run."""
+
+    says: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JournalPlanted:
+    """It belongs to somebody who must not tell an administrator what to do."""
+
+    owner: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoJournal:
+    """Nothing has run there yet."""
+
+
+LastRun = ScriptRun | JournalDamaged | JournalPlanted | NoJournal
+
+
+def last_run(owner: str, text: str) -> LastRun:
+    """What the journal says, believed only from an owner who may."""
+    if owner not in TRUSTED:
+        return JournalPlanted(owner=owner)
+    try:
+        records = records_in(text.encode("utf-8", "surrogatepass"), PLACE)
+        return _run(records)
+    except Damaged as error:
+        return JournalDamaged(says=f"line {error.line}: {error.says}")
+    except NotDecodable as error:
+        return JournalDamaged(says=str(error))
+
+
+def _run(records: tuple[dict[str, Json], ...]) -> ScriptRun | NoJournal:
+    if not records:
+        return NoJournal()
+    started = _started(records[0])
+    steps: list[StepRecorded] = []
+    closed: RunClosed | None = None
+    for record in records[1:]:
+        if closed is not None:
+            raise NotDecodable("", "there are records after the run was closed")
+        if record.get("kind") == "run_closed":
+            closed = decode(RunClosed, record)
+        else:
+            steps.append(decode(StepRecorded, record))
+    return ScriptRun(started=started, steps=tuple(steps), closed=closed)
+
+
+def _started(record: dict[str, Json]) -> ScriptStarted:
+    touched = record.get("touched")
+    texts: list[Json] = [str(one) for one in touched] if isinstance(touched, list) else []
+    return decode(ScriptStarted, {**record, "touched": texts})

@@ -1,0 +1,304 @@
+"""What `observe.ps1` prints, as values: every probe is what was read, or why there is nothing. Pure.
+
+The format is held strictly: what is unknown, missing or of a wrong type is refused with the path to it. Only a probe
+that is not there at all counts as absent: an older script did not look.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Generic, TypeVar, get_args, get_type_hints
+
+from rarms_iac.storage.codec import Json, NotDecodable, decode_union
+from rarms_iac.storage.digest import parse_json
+
+FORMAT = "rarms-observation/1"
+MAX_BYTES = 64 * 2**20
+
+T = TypeVar("T")
+T_co = TypeVar("T_co", covariant=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Read(Generic[T_co]):
+    """A probe that answered."""
+
+    value: T_co
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unread:
+    """A probe that has no value: what it asks for is absent, or the caller was denied."""
+
+    denied: bool
+    error: str = ""  # PowerShell's id of the error, in no language
+    says: str = ""  # its message, in the host's language
+
+
+Probe = Read[T] | Unread
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PowerShell:
+    """What ran the script."""
+
+    version: str
+    edition: str  # Desktop or Core
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Windows:
+    """Which Windows it is."""
+
+    build: int
+    installation: str  # Client, Server, Server Core
+    product: str
+    bits: int  # of the process that looked
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hypervisor:
+    """What Hyper-V says of the host; processors as the hypervisor counts them (FACTS 2, minroot)."""
+
+    name: str
+    logical_processors: int
+    memory: int  # bytes
+    numa_spanning: bool
+    machine_folder: str
+    disk_folder: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Socket:
+    """One processor package, as Windows sees it."""
+
+    name: str
+    cores: int
+    logical: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NumaNode:
+    """One node of memory."""
+
+    node: int
+    memory_available: int
+    memory: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Adapter:
+    """A network adapter of a machine; an empty switch: not connected."""
+
+    name: str
+    switch: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Machine:
+    """A virtual machine as its cmdlets show it: enumerations by name, memory in bytes, reserve and limit per cent."""
+
+    id: str
+    name: str
+    state: str
+    generation: int
+    version: str
+    notes: str
+    processors: int
+    reserve: int
+    limit: int
+    weight: int
+    threads_per_core: str  # empty: the host does not know the setting
+    memory: int
+    memory_minimum: int
+    memory_maximum: int
+    dynamic_memory: bool
+    start_action: str
+    start_delay: int
+    stop_action: str
+    checkpoints: str
+    automatic_checkpoints: str  # True, False, or empty: the host does not know the setting
+    checkpoint_count: int
+    clustered: str
+    disks: tuple[str, ...]
+    adapters: tuple[Adapter, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProcessorSetting:
+    """A machine's processors as WMI has them: the group, and the reserve in thousandths of a per cent (FACTS 1.3)."""
+
+    instance: str  # Microsoft:<id>\\...
+    group: str
+    reservation: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NamedValue:
+    """A registry value; a DWord or QWord has a number without sign, all others text."""
+
+    name: str
+    kind: str  # DWord, String, ...
+    data: int | str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskKey:
+    """A multimedia task class."""
+
+    name: str
+    values: tuple[NamedValue, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordKey:
+    """What rarms keeps beside a task class."""
+
+    application: str
+    task: str
+    values: tuple[NamedValue, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JournalText:
+    """The journal as it lies there, and the SID of who owns it; empty where there is no Windows."""
+
+    owner: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observation:
+    """Everything that `observe.ps1` looked at."""
+
+    computer: str  # as its own operating system calls it
+    powershell: Probe[PowerShell]
+    windows: Probe[Windows]
+    machine_id: Probe[str]
+    elevated: Probe[bool]
+    host_visible: Probe[bool]  # a caller without rights sees no machines, not even the host's own instance
+    module: Probe[tuple[str, ...]]  # versions of the Hyper-V module
+    scheduler: Probe[int]  # as its event says: 1 and 2 classic, 3 core, 4 root
+    hypervisor: Probe[Hypervisor]
+    processors: Probe[tuple[Socket, ...]]
+    numa: Probe[tuple[NumaNode, ...]]
+    switches: Probe[tuple[str, ...]]
+    machines: Probe[tuple[Machine, ...]]
+    cpu_groups: Probe[tuple[ProcessorSetting, ...]]
+    profile: Probe[tuple[NamedValue, ...]]  # of the multimedia system profile
+    tasks: Probe[tuple[TaskKey, ...]]
+    records: Probe[tuple[RecordKey, ...]]
+    journal: Probe[JournalText]
+    power_plan: Probe[tuple[str, ...]]
+    pending_restart: Probe[bool]
+    execution_policy: Probe[str]
+
+
+def or_else(probe: Probe[T], default: T) -> T:
+    """What was read, or this where nothing was."""
+    return probe.value if isinstance(probe, Read) else default
+
+
+def is_denied(probe: Probe[Any]) -> bool:
+    """Whether the caller was not allowed to ask."""
+    return isinstance(probe, Unread) and probe.denied
+
+
+def read_observation(data: bytes) -> Observation:
+    """The observation that a file or a script's output holds, in UTF-8 or UTF-16 as PowerShell's `>` writes it.
+
+    Raises:
+        NotDecodable: it is none, or of another format.
+    """
+    return observation_of(document_of(data))
+
+
+def document_of(data: bytes) -> Json:
+    """The JSON of a file, whichever PowerShell wrote it.
+
+    Raises:
+        NotDecodable: it is no JSON, or too large.
+    """
+    if len(data) > MAX_BYTES:
+        raise NotDecodable("", f"it has more than {MAX_BYTES // 2**20} MiB")
+    try:
+        return parse_json(data.decode(_encoding(data)))
+    except UnicodeDecodeError as error:
+        raise NotDecodable("", f"it is no text in {error.encoding}") from None
+
+
+def is_observation(document: Json) -> bool:
+    """Whether it says that it came from `observe.ps1`, of whatever version."""
+    return isinstance(document, dict) and str(document.get("format", "")).startswith("rarms-observation/")
+
+
+def observation_of(document: Json) -> Observation:
+    """The document as values.
+
+    Raises:
+        NotDecodable: it is none of this format, or not as the script writes it.
+    """
+    if not isinstance(document, dict) or "format" not in document:
+        raise NotDecodable("", "it has no `format`: it is not what observe.ps1 prints")
+    if document["format"] != FORMAT:
+        raise NotDecodable("format", f"this rarms reads {FORMAT}, not {document['format']!r}")
+    hints = _probes()
+    if unknown := document.keys() - hints.keys() - {"format", "computer"}:
+        raise NotDecodable(min(unknown), "this rarms does not know what was looked at there")
+    computer = decode_union(str, document.get("computer"))
+    found = Observation(computer=computer, **{name: _probe(document, name, hint) for name, hint in hints.items()})
+    _check_machines(found)
+    return found
+
+
+def _encoding(data: bytes) -> str:
+    """`>` of Windows PowerShell writes UTF-16 with a mark, 7 writes UTF-8 without; editors add marks to both."""
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    if data[:2] in (b"{\0", b"\0{"):
+        return "utf-16-le" if data[0] else "utf-16-be"
+    return "utf-8-sig"
+
+
+def _probes() -> dict[str, Any]:
+    """Of each probe the type of its value."""
+    hints = get_type_hints(Observation)
+    names = [one.name for one in fields(Observation) if one.name != "computer"]
+    return {name: get_args(get_args(hints[name])[0])[0] for name in names}
+
+
+def _probe(document: Mapping[str, Json], name: str, hint: Any) -> Probe[Any]:
+    if name not in document:
+        return Unread(denied=False, error="NotLookedFor", says="the script that looked does not know this probe")
+    probe = document[name]
+    if not isinstance(probe, dict):
+        raise NotDecodable(name, "it is no probe")
+    match probe.get("status"):
+        case "value" if probe.keys() == {"status", "value"}:
+            return Read(value=_decoded(hint, probe["value"], f"{name}.value"))
+        case "absent" | "denied" as status:
+            rest = {key: value for key, value in probe.items() if key != "status"}
+            told = _decoded(_Told, rest, name)
+            return Unread(denied=status == "denied", error=told.error, says=told.says)
+        case other:
+            raise NotDecodable(f"{name}.status", f"{other!r} is none of value, absent, denied, with what belongs to it")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Told:
+    error: str
+    says: str
+
+
+def _decoded(hint: Any, data: Json, path: str) -> Any:
+    try:
+        return decode_union(hint, data)
+    except NotDecodable as error:
+        between = "" if not error.path or error.path.startswith("[") else "."
+        raise NotDecodable(f"{path}{between}{error.path}", error.says) from None
+
+
+def _check_machines(found: Observation) -> None:
+    ids = [one.id for one in or_else(found.machines, ())]
+    for one in ids:
+        if ids.count(one) > 1:
+            raise NotDecodable("machines.value", f"two machines have the id {one}")

@@ -1,0 +1,231 @@
+"""An observation as a State: what a Hyper-V host, or a Windows inside one of its guests, looks like. Pure."""
+
+from collections.abc import Iterable, Mapping
+from typing import TypeVar
+
+from rarms_iac.model.state import (
+    Checkpoints,
+    HostFacts,
+    Partition,
+    PartitionSettings,
+    RegistryValue,
+    Rights,
+    RunState,
+    StartAction,
+    State,
+    StopAction,
+    TaskClass,
+    TaskRecord,
+    ValueKind,
+)
+from rarms_iac.model.system import ProviderKind, SchedulerType
+from rarms_iac.providers.hyperv.journal import LastRun, NoJournal, ScriptRun, last_run
+from rarms_iac.providers.hyperv.observation import (
+    Machine,
+    NamedValue,
+    Observation,
+    Read,
+    RecordKey,
+    Unread,
+    is_denied,
+    or_else,
+)
+from rarms_iac.providers.marks import Judged, judge_marks
+from rarms_iac.storage.codec import NotDecodable, decode_union
+from rarms_iac.storage.digest import parse_json
+
+T = TypeVar("T")
+
+CLIENT = "Client"
+_SCHEDULERS = {
+    1: SchedulerType.CLASSIC,
+    2: SchedulerType.CLASSIC,
+    3: SchedulerType.CORE,
+    4: SchedulerType.ROOT,
+}
+_AT_REST = {"Off": RunState.OFF, "Running": RunState.RUNNING, "Paused": RunState.PAUSED, "Saved": RunState.SAVED}
+_START = {"Nothing": StartAction.NOTHING, "StartIfRunning": StartAction.START_IF_RUNNING, "Start": StartAction.START}
+_STOP = {"TurnOff": StopAction.TURN_OFF, "Save": StopAction.SAVE, "ShutDown": StopAction.SHUT_DOWN}
+_CHECKPOINTS = {
+    "Disabled": Checkpoints.DISABLED,
+    "Production": Checkpoints.PRODUCTION,
+    "ProductionOnly": Checkpoints.PRODUCTION_ONLY,
+    "Standard": Checkpoints.STANDARD,
+}
+_KINDS = {"dword": ValueKind.DWORD, "string": ValueKind.SZ} | {one.value: one for one in ValueKind}
+
+
+def to_state(seen: Observation, name: str) -> State:
+    """The host that the manifest calls `name`: without proven rights no machines, whatever the list says (FACTS 5).
+
+    Raises:
+        NotDecodable: an enumeration has a name that Hyper-V does not give.
+    """
+    facts = facts_of(seen, name)
+    return State(
+        facts=facts,
+        partitions=partitions_of(seen) if facts.rights is Rights.PROVEN else (),
+        tasks=tasks_of(seen),
+        serials=serials_of(seen),
+    )
+
+
+def facts_of(seen: Observation, name: str) -> HostFacts:
+    """What decisions about the host rest on."""
+    sockets = or_else(seen.processors, ())
+    hypervisor = seen.hypervisor.value if isinstance(seen.hypervisor, Read) else None
+    windows = seen.windows.value if isinstance(seen.windows, Read) else None
+    return HostFacts(
+        name=name,
+        id=or_else(seen.machine_id, ""),
+        provider=ProviderKind.HYPERV,
+        computer_name=hypervisor.name if hypervisor else seen.computer,
+        os_build=windows.build if windows else 0,
+        client=is_client(seen),
+        scheduler=scheduler_of(seen),
+        smt=sum(one.logical for one in sockets) > sum(one.cores for one in sockets),
+        logical_processors=hypervisor.logical_processors if hypervisor else sum(one.logical for one in sockets),
+        memory=hypervisor.memory if hypervisor else 0,
+        rights=rights_of(seen),
+    )
+
+
+def is_client(seen: Observation) -> bool:
+    """Whether it is a client Windows."""
+    return isinstance(seen.windows, Read) and seen.windows.value.installation == CLIENT
+
+
+def scheduler_of(seen: Observation) -> SchedulerType:
+    """What its event says. Where that has left the log, a client has root (FACTS 2); of a server nothing is known."""
+    told = _SCHEDULERS.get(or_else(seen.scheduler, 0))
+    return told or (SchedulerType.ROOT if is_client(seen) else SchedulerType.UNKNOWN)
+
+
+def rights_of(seen: Observation) -> Rights:
+    """Whether an empty list of machines would prove that there are none.
+
+    Proven by elevation, or by the host's own instance, which only who may see machines sees. Where neither can be
+    asked, Hyper-V's own answer about the host, which it refuses to all others, has to do.
+    """
+    asked = (seen.elevated, seen.host_visible)
+    if isinstance(seen.machines, Unread):
+        return Rights.MISSING if is_denied(seen.machines) or not or_else(seen.elevated, True) else Rights.UNKNOWN
+    if any(or_else(one, False) for one in asked):
+        return Rights.PROVEN
+    if all(isinstance(one, Unread) and not one.denied for one in asked):
+        return Rights.PROVEN if isinstance(seen.hypervisor, Read) else Rights.UNKNOWN
+    return Rights.MISSING
+
+
+def partitions_of(seen: Observation) -> tuple[Partition, ...]:
+    """The machines by name, then id, with the marks that count.
+
+    Raises:
+        NotDecodable: an enumeration has a name that Hyper-V does not give.
+    """
+    machines = sorted(or_else(seen.machines, ()), key=lambda one: (one.name, one.id))
+    judged = judge_marks({one.id: one.notes for one in machines})
+    return tuple(_partition(one, judged[one.id]) for one in machines)
+
+
+def tasks_of(seen: Observation, inside: str = "", machine: str = "") -> tuple[TaskClass, ...]:
+    """The task classes of one operating system by name, a record without its key included."""
+    records = _records(or_else(seen.records, ()))
+    keys = {one.name.lower(): one for one in or_else(seen.tasks, ())}
+    return tuple(
+        TaskClass(
+            name=keys[lower].name if lower in keys else records[lower][0],
+            inside=inside,
+            machine=machine,
+            values=values_of(keys[lower].values) if lower in keys else {},
+            record=records[lower][1] if lower in records else None,
+        )
+        for lower in sorted({*keys, *records})
+    )
+
+
+def last_run_of(seen: Observation) -> LastRun:
+    """What the journal of that operating system says of its last run."""
+    journal = seen.journal
+    return last_run(journal.value.owner, journal.value.text) if isinstance(journal, Read) else NoJournal()
+
+
+def serials_of(seen: Observation) -> Mapping[str, int]:
+    """How many applies and undos there were, by application; none where the journal is not to be believed."""
+    run = last_run_of(seen)
+    return dict(sorted(run.started.serials.items())) if isinstance(run, ScriptRun) else {}
+
+
+def values_of(values: Iterable[NamedValue]) -> dict[str, RegistryValue]:
+    """Registry values with their types; the same as a script reads them."""
+    return {one.name: RegistryValue(kind=_kind(one.kind), data=one.data) for one in values}
+
+
+def run_state(state: str) -> RunState:
+    """The state of a machine by Hyper-V's name for it (FACTS 3): whatever is on its way somewhere is busy."""
+    if state.endswith("Critical"):
+        return RunState.CRITICAL
+    return _AT_REST.get(state, RunState.BUSY)
+
+
+def _partition(one: Machine, judged: Judged) -> Partition:
+    state = run_state(one.state)
+    settings = PartitionSettings(
+        name=one.name,
+        generation=one.generation,
+        processors=one.processors,
+        reserve=one.reserve,
+        limit=one.limit,
+        weight=one.weight,
+        memory=one.memory,
+        dynamic_memory=one.dynamic_memory,
+        start_action=_named(_START, one.start_action, one, "start_action"),
+        stop_action=_named(_STOP, one.stop_action, one, "stop_action"),
+        checkpoints=_named(_CHECKPOINTS, one.checkpoints, one, "checkpoints"),
+        running=state is RunState.RUNNING,
+    )
+    return Partition(
+        settings=settings,
+        id=one.id,
+        state=state,
+        mark=judged.mark,
+        other_notes=judged.other_notes,
+        foreign_mark=judged.foreign,
+    )
+
+
+def _named(names: Mapping[str, T], name: str, machine: Machine, field: str) -> T:
+    if name not in names:
+        raise NotDecodable(f"machines[{machine.id}].{field}", f"{name!r} is none of {', '.join(names)}")
+    return names[name]
+
+
+def _kind(kind: str) -> ValueKind:
+    return _KINDS.get(kind.lower(), ValueKind.OTHER)
+
+
+def _records(keys: Iterable[RecordKey]) -> dict[str, tuple[str, TaskRecord]]:
+    """By class in lower case: its name, and the record that counts. A record without a digest was never finished."""
+    found: dict[str, tuple[str, TaskRecord]] = {}
+    for key in keys:
+        values = {one.name.lower(): str(one.data) for one in key.values}
+        if values.get("set"):
+            record = TaskRecord(application=key.application, set=values["set"], before=_before(key, values))
+            found[key.task.lower()] = (key.task, record)
+    return found
+
+
+def _before(key: RecordKey, values: Mapping[str, str]) -> Mapping[str, RegistryValue] | None:
+    """What was there before rarms, as the record holds it.
+
+    Raises:
+        NotDecodable: the record is not as rarms wrote it.
+    """
+    path = f"records.{key.application}.{key.task}.before"
+    try:
+        before: Mapping[str, RegistryValue] | None = decode_union(
+            Mapping[str, RegistryValue] | None, parse_json(values.get("before", ""))
+        )
+    except NotDecodable as error:
+        raise NotDecodable(path, str(error)) from None
+    return before

@@ -1,0 +1,35 @@
+"""The answers of hosts in tests/recorded/hyperv, and how to bend one of them."""
+
+import json
+from pathlib import Path
+from typing import Any, cast
+
+from rarms_iac.providers.hyperv.observation import Observation, observation_of, read_observation
+
+FOLDER = Path(__file__).parent / "recorded" / "hyperv"
+NAMES = sorted(path.stem for path in FOLDER.glob("*.json"))
+
+
+def recorded_bytes(name: str) -> bytes:
+    """The file as it lies there."""
+    return (FOLDER / f"{name}.json").read_bytes()
+
+
+def document(name: str) -> dict[str, Any]:
+    """Its JSON, for a test to change."""
+    data = recorded_bytes(name)
+    return cast("dict[str, Any]", json.loads(data.decode("utf-16" if data.startswith(b"\xff\xfe") else "utf-8")))
+
+
+def recorded(name: str, **probes: Any) -> Observation:
+    """The observation, with some probes given another value."""
+    if not probes:
+        return read_observation(recorded_bytes(name))
+    given = {key: {"status": "value", "value": value} for key, value in probes.items()}
+    return observation_of({**document(name), **given})
+
+
+def unread(name: str, *probes: str, status: str = "absent") -> Observation:
+    """The observation, with some probes absent or denied."""
+    gone: dict[str, Any] = {key: {"status": status, "error": "Gone", "says": "it is gone"} for key in probes}
+    return observation_of({**document(name), **gone})

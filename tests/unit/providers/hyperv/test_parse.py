@@ -1,0 +1,191 @@
+"""From observations to states: rights, schedulers, marks, task classes, journals."""
+
+import pytest
+
+from rarms_iac.model.state import RegistryValue, Rights, RunState, StartAction, StopAction, TaskRecord, ValueKind
+from rarms_iac.model.system import ProviderKind, SchedulerType
+from rarms_iac.providers.hyperv.findings import findings_of
+from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted, NoJournal, ScriptRun, last_run
+from rarms_iac.providers.hyperv.observation import Observation, Read
+from rarms_iac.providers.hyperv.parse import last_run_of, run_state, scheduler_of, serials_of, tasks_of, to_state
+from rarms_iac.storage.append import line_of
+from rarms_iac.storage.codec import NotDecodable
+from tests.recorded_hosts import document, recorded, unread
+
+
+def test_the_facts_of_a_server() -> None:
+    facts = to_state(recorded("server-2022-with-strangers"), "cell").facts
+
+    assert (facts.name, facts.computer_name, facts.provider) == ("cell", "CELL-4", ProviderKind.HYPERV)
+    assert (facts.os_build, facts.client, facts.smt) == (20348, False, True)
+    assert (facts.logical_processors, facts.memory) == (8, 34267521024)
+    assert (facts.scheduler, facts.rights) == (SchedulerType.CORE, Rights.PROVEN)
+    assert facts.id == "5b0f6a3e-9d1c-4d57-8b7e-2f6a1c0d9e84"
+
+
+def test_strangers_and_ours() -> None:
+    state = to_state(recorded("server-2022-with-strangers"), "cell")
+
+    assert [one.settings.name for one in state.partitions] == ["dc01", "historian", "old-panel", "seam-tracking"]
+    dc, historian, _, ours = state.partitions
+    assert (dc.mark, dc.settings.start_action, dc.state) == (None, StartAction.START, RunState.RUNNING)
+    assert dc.other_notes.startswith("Domain controller")
+    assert (historian.settings.dynamic_memory, historian.settings.stop_action) == (True, StopAction.SAVE)
+    assert ours.mark is not None
+    assert (ours.mark.application, ours.mark.name, ours.other_notes) == (
+        "welding-cell",
+        "seam-tracking",
+        "Camera on port 3.",
+    )
+
+
+def test_names_that_two_machines_share_and_marks_that_were_copied() -> None:
+    state = to_state(recorded("duplicates-of-a-name"), "onboard")
+
+    told = {one.id[:8]: (one.settings.name, one.mark is not None, one.foreign_mark) for one in state.partitions}
+    assert told["aaaaaaaa"] == ("vision", True, "")
+    assert told["bbbbbbbb"][1] is False
+    assert "names another machine" in told["bbbbbbbb"][2]
+    assert told["cccccccc"] == ("vision", False, "")
+    speech = [one for one in state.partitions if one.settings.name.startswith("speech")]
+    assert [one.foreign_mark for one in speech] == ["the mark of robot/speech stands on 2 machines"] * 2
+
+
+def test_every_state_is_off_running_paused_saved_critical_or_busy() -> None:
+    state = to_state(recorded("machines-in-every-state"), "onboard")
+
+    told = {one.settings.name.removeprefix("in-"): one.state for one in state.partitions}
+    assert told == {
+        "off": RunState.OFF,
+        "running": RunState.RUNNING,
+        "paused": RunState.PAUSED,
+        "saved": RunState.SAVED,
+        "runningcritical": RunState.CRITICAL,
+        "offcritical": RunState.CRITICAL,
+        "pausedcritical": RunState.CRITICAL,
+    } | dict.fromkeys(
+        ["starting", "stopping", "saving", "hibernated", "fastsaved", "componentservicing"], RunState.BUSY
+    )
+    assert [one.settings.name for one in state.partitions if one.settings.running] == ["in-running"]
+    assert run_state("SomethingNewInServer2031") is RunState.BUSY
+
+
+@pytest.mark.parametrize(
+    ("seen", "expected"),
+    [
+        (recorded("server-2022-with-strangers"), SchedulerType.CORE),
+        (recorded("server-2022-with-strangers", scheduler=1), SchedulerType.CLASSIC),
+        (recorded("server-2022-with-strangers", scheduler=2), SchedulerType.CLASSIC),
+        (recorded("server-2022-with-strangers", scheduler=9), SchedulerType.UNKNOWN),
+        (recorded("event-log-rolled-over"), SchedulerType.UNKNOWN),
+        (unread("event-log-rolled-over", "windows"), SchedulerType.UNKNOWN),
+        (recorded("client-with-root-scheduler"), SchedulerType.ROOT),
+        (unread("client-with-root-scheduler", "scheduler"), SchedulerType.ROOT),
+        (recorded("client-with-root-scheduler", scheduler=3), SchedulerType.CORE),
+    ],
+)
+def test_a_client_counts_as_root_and_of_a_server_nothing_is_assumed(seen: Observation, expected: SchedulerType) -> None:
+    assert scheduler_of(seen) is expected
+
+
+@pytest.mark.parametrize(
+    ("seen", "expected"),
+    [
+        (recorded("empty-host"), Rights.PROVEN),
+        (recorded("empty-host", elevated=False), Rights.PROVEN),
+        (recorded("empty-host", host_visible=False), Rights.PROVEN),
+        (recorded("empty-host", elevated=False, host_visible=False), Rights.MISSING),
+        (recorded("unprivileged-caller"), Rights.MISSING),
+        (unread("empty-host", "machines", status="denied"), Rights.MISSING),
+        (unread("empty-host", "machines"), Rights.UNKNOWN),
+        (unread("empty-host", "elevated", "host_visible"), Rights.PROVEN),
+        (unread("empty-host", "elevated", "host_visible", status="denied"), Rights.MISSING),
+        (unread("empty-host", "elevated", "host_visible", "hypervisor"), Rights.UNKNOWN),
+    ],
+)
+def test_rights_are_proven_and_not_assumed(seen: Observation, expected: Rights) -> None:
+    assert to_state(seen, "onboard").facts.rights is expected
+
+
+def test_without_proven_rights_no_machine_is_believed() -> None:
+    seen = recorded("server-2022-with-strangers", elevated=False, host_visible=False)
+
+    assert to_state(seen, "cell").partitions == ()
+
+
+def test_task_classes_have_types_and_records_that_count() -> None:
+    tasks = {one.name: one for one in tasks_of(recorded("server-2022-with-strangers"))}
+
+    assert tasks["Pro Audio"].values["Priority"] == RegistryValue(kind=ValueKind.DWORD, data=1)
+    assert tasks["Games"].values["Latency Sensitive"] == RegistryValue(kind=ValueKind.EXPAND_SZ, data="False")
+    assert tasks["MotionControl"].record == TaskRecord(application="welding-cell", set="fedcba987654", before=None)
+    assert "Half" not in tasks
+    gone = tasks["Gone"]
+    assert gone.record is not None
+    assert (gone.values, gone.record.before) == ({}, {"Priority": RegistryValue(kind=ValueKind.DWORD, data=2)})
+
+
+def test_a_record_that_rarms_did_not_write_is_not_guessed_at() -> None:
+    values = [{"name": "before", "kind": "String", "data": "{"}, {"name": "set", "kind": "String", "data": "a"}]
+    seen = recorded("empty-host", records=[{"application": "robot", "task": "Games", "values": values}])
+
+    with pytest.raises(NotDecodable, match=r"records\.robot\.Games\.before"):
+        tasks_of(seen)
+
+
+def test_an_enumeration_that_hyperv_does_not_have_is_refused() -> None:
+    machines = document("server-2022-with-strangers")["machines"]["value"]
+    machines[0]["start_action"] = "Perhaps"
+
+    with pytest.raises(NotDecodable, match="'Perhaps' is none of Nothing"):
+        to_state(recorded("server-2022-with-strangers", machines=machines), "cell")
+
+
+def test_the_serials_come_from_a_journal_of_administrators() -> None:
+    assert serials_of(recorded("server-2022-with-strangers")) == {"other": 1, "welding-cell": 3}
+    assert serials_of(recorded("event-log-rolled-over")) == {}
+    assert serials_of(recorded("empty-host")) == {}
+    assert isinstance(last_run_of(recorded("empty-host")), NoJournal)
+
+
+def test_a_run_that_was_killed_is_unfinished_and_its_torn_record_dropped() -> None:
+    journal = recorded("server-2022-with-strangers").journal
+    assert isinstance(journal, Read)
+    whole = journal.value.text.splitlines(keepends=True)
+
+    run = last_run("S-1-5-18", "".join(whole[:3]) + whole[3][:40])
+
+    assert isinstance(run, ScriptRun)
+    assert (run.unfinished, run.touched(), run.started.plan) == (True, frozenset({0}), "0123456789ab")
+    ended = last_run_of(recorded("server-2022-with-strangers"))
+    assert isinstance(ended, ScriptRun)
+    assert (ended.unfinished, ended.touched()) == (False, frozenset({0, 1}))
+
+
+def test_a_planted_and_a_damaged_journal_say_nothing() -> None:
+    journal = recorded("server-2022-with-strangers").journal
+    assert isinstance(journal, Read)
+    text = journal.value.text
+    extra = line_of({"number": 0, "status": "begun", "kind": "step_recorded"}).decode()
+
+    assert last_run("S-1-5-21-1-2-3-1013", text) == JournalPlanted(owner="S-1-5-21-1-2-3-1013")
+    assert isinstance(last_run("S-1-5-18", text.replace("begun", "other", 1)), JournalDamaged)
+    assert isinstance(last_run("S-1-5-18", text + extra), JournalDamaged)
+    assert isinstance(last_run("S-1-5-18", line_of({"kind": "step_recorded"}).decode()), JournalDamaged)
+    assert isinstance(last_run("S-1-5-18", ""), NoJournal)
+
+
+def test_a_reserve_that_no_cmdlet_shows_is_told() -> None:
+    (told,) = findings_of(recorded("server-2022-with-strangers"), "cell")
+
+    assert (told.code, told.address) == ("RARMS161", "machine/0a1b2c3d-4e5f-4a6b-8c7d-9e0f1a2b3c44")
+    assert "35.5 %" in told.detail
+    assert "show 35 %" in told.detail
+
+
+def test_a_journal_that_is_not_believed_is_told() -> None:
+    (told,) = findings_of(recorded("event-log-rolled-over"), "cell")
+
+    assert (told.code, told.address) == ("RARMS163", "host/cell")
+    assert "S-1-5-21-3623811015-3361044348-30300820-1013" in told.detail
+    assert findings_of(recorded("empty-host"), "cell") == ()
