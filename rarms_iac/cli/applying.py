@@ -11,12 +11,13 @@ from rarms_iac.apply.reports import Ending, RunReport
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.files import write_file
 from rarms_iac.cli.hosts import Hosts, holding, owner, refuse_unfinished
+from rarms_iac.cli.interrupts import Interrupted
 from rarms_iac.cli.options import RunOptions
 from rarms_iac.cli.planning import Wish, make_plan
 from rarms_iac.cli.problems import Halted, declined
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.telling import tell
-from rarms_iac.model.plan import Plan
+from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.planfile.sealing import write_plan
 from rarms_iac.providers.interface import StepwiseHost
 from rarms_iac.views.diagnostics import Sources
@@ -70,8 +71,8 @@ def plan_ask_apply(
         return ended(session, finished, as_json=as_json)
     if not (how.auto_approve or session.terminal.answers):
         raise click.UsageError(
-            "There is no terminal to ask at. Give --auto-approve, or write a plan with --out FILE, have it reviewed, "
-            "and run `rarms apply FILE`.",
+            "There is no terminal to ask at. Give --auto-approve, or write the plan down, have it reviewed, and apply "
+            f"that: `{_writing(wish.purpose)} --out FILE`, then `rarms apply FILE`.",
             click.get_current_context(),
         )
     plan = make_plan(hosts, wish)
@@ -88,6 +89,10 @@ def plan_ask_apply(
     return ended(session, run(session, plan, live, how), as_json=as_json)
 
 
+def _writing(purpose: Purpose) -> str:
+    return "rarms plan" if purpose is Purpose.APPLY else f"rarms {purpose.value}"
+
+
 def run(session: Session, plan: Plan, live: Mapping[str, StepwiseHost], how: RunOptions) -> RunReport:
     """Do what the plan says on these hosts; the first signal stops after the running step."""
     with holding(tuple(live.values()), how.lock_timeout_ms), session.interrupts.gently():
@@ -98,11 +103,18 @@ def ask(session: Session, question: str) -> None:
     """Go on only after a yes.
 
     Raises:
-        Halted: the answer was another.
+        Halted: the answer was another, or a signal.
     """
     session.terminal.flush()
     session.terminal.status(f"\n{question} Only `yes` does it: ")
-    if sys.stdin.readline().strip() != "yes":
+    try:
+        answer = sys.stdin.readline()
+    except Interrupted as interrupt:
+        session.terminal.talk("")
+        raise Halted(interrupt.code, [declined()]) from None
+    if not answer.endswith("\n"):
+        session.terminal.talk("")
+    if answer.strip() != "yes":
         raise Halted(ExitCode.REFUSED, [declined()])
 
 
@@ -111,8 +123,8 @@ def ended(session: Session, report: RunReport, *, as_json: bool, quiet: bool = F
     tell(session.terminal, report.diagnostics)
     if as_json:
         session.terminal.data(run_json(report))
-    elif not quiet:
-        session.terminal.talk(run_text(report).rstrip("\n"))
+    elif not quiet and (text := run_text(report, width=session.terminal.width)):
+        session.terminal.talk(text.rstrip("\n"))
     return code_of(session, report.ending)
 
 

@@ -5,18 +5,19 @@ from collections.abc import Iterator
 from rarms_iac.apply.reports import Ending, HostReport, RunReport
 from rarms_iac.model.journal import RunKind
 from rarms_iac.views.as_json import as_json
+from rarms_iac.views.diagnostics.layout import wrap
 from rarms_iac.views.diagnostics.text import counted
 from rarms_iac.views.output import HostRunOutput, RunOutput
 
 GO_ON = "Run `rarms apply` to finish it, `rarms undo` to take it back, or `rarms apply --abandon` to leave it as it is."
 
 
-def run_text(report: RunReport) -> str:
-    """A line a host, and what to do next where it is not done; findings are told elsewhere."""
-    return "".join(f"{line}\n" for line in _lines(report))
+def run_text(report: RunReport, *, width: int) -> str:
+    """A sentence a host, and what to do next where it is not done; findings are told elsewhere."""
+    return "".join(f"{line}\n" for sentence in _sentences(report) for line in wrap(sentence, width, ""))
 
 
-def _lines(report: RunReport) -> Iterator[str]:
+def _sentences(report: RunReport) -> Iterator[str]:
     for one in report.hosts:
         yield f"{one.host}: {_host(one)}"
     match report.ending:

@@ -6,6 +6,7 @@ import pytest
 from rarms_iac.apply.reports import Ending
 from rarms_iac.cli.applying import ask, code_of
 from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.interrupts import Interrupted
 from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.terminal import Terminal
@@ -31,6 +32,28 @@ def test_only_a_yes_goes_on() -> None:
 
     assert isinstance(session.terminal.err, io.StringIO)
     assert session.terminal.err.getvalue() == "\nDo this? Only `yes` does it: "
+
+
+class Interrupting(io.RawIOBase):
+    """A person who presses Ctrl-C instead of answering."""
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, _buffer: object, /) -> int:
+        raise Interrupted(ExitCode.INTERRUPTED)
+
+
+def test_an_interrupted_question_says_that_nothing_was_changed() -> None:
+    before, sys.stdin = sys.stdin, io.TextIOWrapper(io.BufferedReader(Interrupting()), encoding="utf-8")
+    try:
+        with pytest.raises(Halted) as interrupted:
+            ask(a_session(), "Do this?")
+    finally:
+        sys.stdin = before
+
+    assert interrupted.value.code is ExitCode.INTERRUPTED
+    assert [one.summary for one in interrupted.value.diagnostics] == ["Nothing was changed"]
 
 
 @pytest.mark.parametrize("text", ["no\n", "y\n", "", "YES\n"])

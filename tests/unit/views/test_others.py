@@ -47,8 +47,8 @@ def a_report(ending: Ending, changed: int = 2) -> RunReport:
 
 
 def test_a_run_says_how_it_ended_and_what_is_left() -> None:
-    done = run_text(a_report(Ending.DONE, changed=3))
-    stopped = run_text(a_report(Ending.INTERRUPTED))
+    done = run_text(a_report(Ending.DONE, changed=3), width=100)
+    stopped = run_text(a_report(Ending.INTERRUPTED), width=80)
 
     assert done == "onboard: Apply of plan 0123456789ab complete: 3 steps changed something, 1 found all as wanted.\n"
     assert "1 of 4 left" in stopped
