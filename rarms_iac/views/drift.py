@@ -37,8 +37,8 @@ TITLES = {
 def drift_text(hosts: Sequence[HostDrift], *, width: int = WIDTH) -> str:
     """The whole answer; `->` leads from what is there to what the manifest wants."""
     lines = [line for host in hosts if host.drifted for line in ("", *_host(host, width))]
-    if lines:
-        lines += ["", "`rarms plan` shows what would bring it back."]
+    if any(one.kind is not DriftKind.UNUSED for host in hosts for one in host.drifted):
+        lines += ["", "`rarms plan` shows what would make it as the manifest wants it."]
     return "\n".join([*lines, "", _summary(hosts)]).lstrip("\n") + "\n"
 
 

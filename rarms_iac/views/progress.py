@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from rarms_iac.model.journal import RunKind, RunStarted, StepStatus
 from rarms_iac.model.plan import Step
-from rarms_iac.views.diagnostics.layout import columns, visible
+from rarms_iac.views.diagnostics.layout import columns, hanging, visible
 
 WRITE_OVER = "\r\x1b[K"
 
@@ -55,13 +55,26 @@ class StepProgress:
         """Show what became of it and how long it took."""
         took = self._clock() - self._since
         says = "as wanted already" if status is StepStatus.UNCHANGED else f"done in {seconds(took)}"
-        line = f"{step_line(number, total, step)}: {says}\n"
-        self._write((WRITE_OVER if self._lively else "") + line)
+        if self._lively:
+            lines = hanging(counter(number, total), f"{step_says(step)}: {says}", self._width)
+            self._write(WRITE_OVER + "".join(f"{line}\n" for line in lines))
+        else:
+            self._write(f"{step_line(number, total, step)}: {says}\n")
 
 
 def step_line(number: int, total: int, step: Step) -> str:
     """`  [ 3/12] partition/vision: reserve 70 -> 40 %`."""
-    return f"  [{number:>{len(str(total))}}/{total}] {step.address}: {visible(step.title, keep='')}"
+    return counter(number, total) + step_says(step)
+
+
+def counter(number: int, total: int) -> str:
+    """`  [ 3/12] `."""
+    return f"  [{number:>{len(str(total))}}/{total}] "
+
+
+def step_says(step: Step) -> str:
+    """`partition/vision: reserve 70 -> 40 %`."""
+    return f"{step.address}: {visible(step.title, keep='')}"
 
 
 def seconds(time: float) -> str:

@@ -75,6 +75,7 @@ def _show_and_ask(session: Session, meant: Found) -> None:
         raise click.UsageError("There is no terminal to ask at. Give --auto-approve.", click.get_current_context())
     for host, journal in meant:
         if journal is not None:
-            session.terminal.talk(undo_text(host.name, journal.started, [step for _, step in steps_to_undo(journal)]))
+            steps = [step for _, step in steps_to_undo(journal)]
+            session.terminal.talk(undo_text(host.name, journal.started, steps, width=session.terminal.width))
             tell(session.terminal, not_taken_back(host.name, journal))
     ask(session, "Take this back?")

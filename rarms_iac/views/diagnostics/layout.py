@@ -63,6 +63,14 @@ def wrap(text: str, width: int, indent: str) -> Iterator[str]:
             yield line
 
 
+def hanging(start: str, text: str, width: int, *, more: int = 0) -> Iterator[str]:
+    """The text behind its start, wrapped; its further lines stand below the text, `more` columns to the right."""
+    lines = wrap(text, width - more, " " * columns(start))
+    yield start + next(lines, "").lstrip(" ")
+    for line in lines:
+        yield " " * more + line
+
+
 def _words(text: str) -> list[str]:
     words: list[str] = []
     for word in text.split():

@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related, Severity
 from rarms_iac.views.diagnostics.colour import coloured, without_colour
-from rarms_iac.views.diagnostics.layout import columns, visible, wrap
+from rarms_iac.views.diagnostics.layout import columns, hanging, visible, wrap
 from rarms_iac.views.diagnostics.text import as_text, summary
 
 EXCEEDED = Finding(code="RARMS014", severity=Severity.ERROR, summary="Reservations exceed the platform")
@@ -117,6 +117,11 @@ def test_only_a_warning_says_the_address_that_an_acceptance_names() -> None:
 
 def test_a_number_is_not_parted_from_its_unit() -> None:
     assert list(wrap("it takes 120 % of it", 12, "")) == ["it takes", "120 % of it"]
+
+
+def test_further_lines_hang_below_the_text() -> None:
+    assert list(hanging("  [1/2] ", "set this and that", 18)) == ["  [1/2] set this", "        and that"]
+    assert list(hanging("  ", "set this and that", 10, more=2)) == ["  set", "    this", "    and", "    that"]
 
 
 @given(st.text(st.characters(), max_size=300), st.integers(20, 100))
