@@ -17,6 +17,7 @@ from rarms_iac.cli.manifests import Opened
 from rarms_iac.cli.options import HostOptions, ManifestOptions
 from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.wiring import open_host, state_path
+from rarms_iac.model.journal import Journal
 from rarms_iac.model.spelling import suggestion
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
@@ -106,6 +107,16 @@ def refuse_unfinished(hosts: Hosts) -> None:
     Raises:
         Halted: a chosen live host has an unfinished run (exit 3).
     """
+    for name, journal in unfinished_runs(hosts):
+        raise Halted(ExitCode.REFUSED, [refusals.unfinished(name, journal)])
+
+
+def unfinished_runs(hosts: Hosts) -> Iterator[tuple[str, Journal]]:
+    """The chosen live hosts with an unfinished run, and its journal; none where snapshots are looked at.
+
+    Raises:
+        Halted: a journal cannot be read.
+    """
     snapshots = {one.host for one in hosts.where.snapshots}
     if "" in snapshots:
         return
@@ -114,7 +125,7 @@ def refuse_unfinished(hosts: Hosts) -> None:
             with telling():
                 journal = hosts.open(name).unfinished()
             if journal is not None:
-                raise Halted(ExitCode.REFUSED, [refusals.unfinished(name, journal)])
+                yield name, journal
 
 
 @contextmanager

@@ -217,7 +217,10 @@ def test_an_unfinished_run_can_be_abandoned(robot: Robot) -> None:
     robot.fails_at("start_partition")
     assert robot.run("apply", "--auto-approve").code == 1
 
-    assert robot.run("apply", "--abandon").code == 0
+    answer = robot.run("apply", "--abandon")
+
+    assert answer.code == 0
+    assert answer.err == "here: the unfinished run is closed, and the host stays as it is.\n"
     journal = robot.host().journal()
     assert journal is not None
     assert isinstance(journal.closed, RunClosed)
@@ -244,6 +247,18 @@ def test_drift_tells_a_changed_host_from_a_changed_manifest(robot: Robot) -> Non
     assert "  partition/control: not applied yet" in not_applied.lines
     assert "      reserve  30 % -> 35 %" in not_applied.lines
     assert "  partition/display: changed on the host" in changed.lines
+
+
+def test_drift_says_that_a_run_is_unfinished(robot: Robot) -> None:
+    robot.fails_at("start_partition")
+    assert robot.run("apply", "--auto-approve").code == 1
+
+    answer = robot.run("drift")
+
+    assert answer.code == 2
+    assert "is unfinished" in answer.err
+    assert robot.run("apply").code == 0
+    assert robot.run("drift").err == ""
 
 
 def test_undo_takes_the_last_apply_back_once(robot: Robot) -> None:

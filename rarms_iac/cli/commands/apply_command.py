@@ -87,6 +87,9 @@ def _hosts(source: ManifestOptions, where: HostOptions) -> Hosts | Halted:
 def _abandon(session: Session, live: tuple[StepwiseHost, ...], how: RunOptions, *, as_json: bool) -> ExitCode:
     with holding(live, how.lock_timeout_ms):
         reports = [abandon(host) for host in live]
+    for host, report in zip(live, reports, strict=True):
+        if report.ending is Ending.DONE:
+            session.terminal.talk(f"{host.name}: the unfinished run is closed, and the host stays as it is.")
     return ended(session, worst(reports), as_json=as_json)
 
 

@@ -3,7 +3,7 @@
 from rarms_iac.apply.look import look
 from rarms_iac.apply.prepare import prepare
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.hosts import hosts_of, observed
+from rarms_iac.cli.hosts import hosts_of, observed, unfinished_runs
 from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.options import (
     ChangeOptions,
@@ -19,6 +19,7 @@ from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.diff.drift import DriftKind
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.system import Disruption
+from rarms_iac.views.diagnostics.layout import wrap
 from rarms_iac.views.drift import HostDrift, drift_json, drift_text
 
 
@@ -55,6 +56,9 @@ def command(session: Session, *, source: ManifestOptions, where: HostOptions, as
     ]
     name = system.application.name
     session.terminal.data(drift_json(name, shown) if as_json else drift_text(shown))
+    for host, journal in unfinished_runs(hosts):
+        says = f"{host}: a run of plan {journal.started.plan} is unfinished; what it has yet to do is told as changed."
+        session.terminal.talk("\n".join(wrap(says, session.terminal.width, "")))
     return code_of([one.kind for host in shown for one in host.drifted])
 
 
