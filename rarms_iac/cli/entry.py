@@ -40,7 +40,7 @@ def guarded(
     except click.exceptions.Exit as ending:
         return ExitCode(ending.exit_code)
     except click.UsageError as error:
-        terminal.talk(usage_text(error))
+        terminal.talk(usage_text(error, terminal.width))
         return ExitCode.USAGE
     except Halted as halted:
         _trace(terminal)
@@ -67,11 +67,15 @@ def _invoke(session: Session, arguments: Sequence[str]) -> ExitCode:
     return ExitCode(answer)
 
 
-def usage_text(error: click.UsageError) -> str:
+def usage_text(error: click.UsageError, width: int) -> str:
     """What was wrong with the words, and where the right ones are listed."""
+    from rarms_iac.views.diagnostics.layout import wrap
+
     path = error.ctx.command_path if error.ctx else "rarms"
     usage = f"{error.ctx.get_usage()}\n" if error.ctx else ""
-    return f"{usage}{error.format_message()}\n`{path} --help` lists what it takes."
+    says = error.format_message().replace("\n\t", " ")  # click lists choices in lines of their own
+    told = "\n".join(wrap(says, width, ""))
+    return f"{usage}{told}\n`{path} --help` lists what it takes."
 
 
 def _tell(

@@ -30,6 +30,18 @@ class Command(click.Command):
         super().__init__(*args, **kwargs)  # type: ignore[arg-type]  # handed through as they came from click
         self.params.extend(common_options())
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click does.
+
+        Raises:
+            click.UsageError: the words are wrong; it knows whose words they are, which click forgets for some.
+        """
+        try:
+            return super().parse_args(ctx, args)
+        except click.UsageError as error:
+            error.ctx = error.ctx or ctx
+            raise
+
 
 def common_options() -> list[click.Parameter]:
     """`--no-color` and `--debug`, which act on the session and reach no command."""

@@ -61,6 +61,21 @@ def test_a_misspelt_option_offers_the_nearest() -> None:
     assert "`rarms version --help` lists what it takes." in answer.err
 
 
+def test_an_option_without_its_value_is_told_by_its_own_command() -> None:
+    answer = rarms("apply", "--host")
+
+    assert answer.code == 64
+    assert answer.err.startswith("Usage: rarms apply ")
+    assert "`rarms apply --help`" in answer.err
+
+
+def test_wrong_usage_is_wrapped() -> None:
+    answer = rarms("plan", "--max-disruption", "none")
+
+    assert answer.code == 64
+    assert max(map(len, answer.err.splitlines())) <= 80
+
+
 def test_no_command_at_all_is_wrong_usage() -> None:
     assert rarms().code == 64
     assert "rarms plan" in rarms().err
