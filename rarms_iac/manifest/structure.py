@@ -67,11 +67,12 @@ def _unknown_key(case: Case) -> Diagnostic:
 def _missing(case: Case) -> Diagnostic:
     *around, key = case.path
     inside = f"{dotted(tuple(around))} needs" if around else "A manifest needs"
-    return MISSING_KEY.at(
-        case.place,
-        f"{inside} the key {key}.",
-        _sentence(f"Write {key}:", described(case.path)).rstrip(":"),
-    )
+    match choices_at(case.path):
+        case [only]:
+            advice = f"Write {key}: {only}."
+        case _:
+            advice = _sentence(f"Write {key}:", described(case.path)).rstrip(":")
+    return MISSING_KEY.at(case.place, f"{inside} the key {key}.", advice)
 
 
 def _wrong_kind(case: Case) -> Diagnostic:

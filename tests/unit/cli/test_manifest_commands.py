@@ -45,11 +45,26 @@ def test_init_refuses_what_cannot_be_a_name(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_init_into_a_folder_that_is_not_there_says_so(tmp_path: Path) -> None:
-    answer = rarms("init", str(tmp_path / "missing"))
+def test_init_makes_a_folder_that_is_not_there(tmp_path: Path) -> None:
+    assert rarms("init", str(tmp_path / "cells" / "north")).code == 0
+
+    assert rarms("validate", "-f", str(tmp_path / "cells" / "north")).code == 0
+
+
+def test_init_says_where_no_folder_can_be_made(tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"")
+
+    answer = rarms("init", str(tmp_path / "file" / "below"))
 
     assert answer.code == 1
     assert "error[RARMS177]" in answer.err
+
+
+def test_a_missing_schema_key_is_told_with_its_only_value(here: Path) -> None:
+    text = (here / "rarms.yaml").read_text(encoding="utf-8")
+    (here / "rarms.yaml").write_text(text.replace("schema: rarms/v1\n", ""), encoding="utf-8", newline="\n")
+
+    assert "  Write schema: rarms/v1." in rarms("validate", "-f", str(here)).lines
 
 
 def test_validate_tells_errors_as_data_with_exit_code_2(here: Path) -> None:
