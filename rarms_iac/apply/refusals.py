@@ -14,7 +14,7 @@ LOCKED = Finding(code="RARMS184", severity=Severity.ERROR, summary="The host is 
 STEP_MOVED = Finding(code="RARMS185", severity=Severity.ERROR, summary="A setting changed since the plan was made")
 STEP_FAILED = Finding(code="RARMS186", severity=Severity.ERROR, summary="A step failed")
 STEP_MISSED = Finding(code="RARMS187", severity=Severity.ERROR, summary="A step did not take effect")
-HOST_FAILED = Finding(code="RARMS189", severity=Severity.ERROR, summary="The host could not be read")
+HOST_FAILED = Finding(code="RARMS189", severity=Severity.ERROR, summary="The host could not be read or changed")
 DAMAGED = Finding(code="RARMS190", severity=Severity.ERROR, summary="What the host keeps for rarms is damaged")
 NOT_REACHED = Finding(code="RARMS191", severity=Severity.ERROR, summary="The host is not as the plan left it")
 NOTHING_TO_UNDO = Finding(code="RARMS192", severity=Severity.NOTE, summary="There is nothing to undo")
@@ -49,7 +49,7 @@ def unfinished(host: str, journal: Journal) -> Diagnostic:
     return UNFINISHED.at(
         None,
         f"{_run(started)} on {host} was begun by {started.started_by} and not finished.",
-        GO_ON,
+        f"Wait where that process still works. Otherwise: {GO_ON[:1].lower()}{GO_ON[1:]}",
         address=f"host/{host}",
     )
 
@@ -69,7 +69,7 @@ def step_moved(host: str, step: Step, live: Readings) -> Diagnostic:
     return STEP_MOVED.at(
         step.place,
         f"{step.address} on {host}, before `{step.title}`: {differences(live, step.before)}.",
-        "Nothing more was changed. Look with `rarms drift`; " + GO_ON,
+        "Nothing more was changed. Look with `rarms drift`. " + GO_ON,
         address=str(step.address),
     )
 
@@ -79,7 +79,7 @@ def step_failed(host: str, step: Step, error: HostError) -> Diagnostic:
     return STEP_FAILED.at(
         step.place,
         f"{step.address} on {host}, `{step.title}`: {error.says}.",
-        f"{error.advice[:1].upper()}{error.advice[1:]}. {GO_ON}",
+        f"{_sentence(error.advice)} {GO_ON}",
         address=str(step.address),
     )
 
@@ -97,7 +97,7 @@ def step_missed(host: str, step: Step, live: Readings) -> Diagnostic:
 def host_failed(error: HostError) -> Diagnostic:
     """The host cannot be read, or what it keeps for us is damaged."""
     finding = DAMAGED if isinstance(error, HostDamaged) else HOST_FAILED
-    return finding.at(None, f"{error.host}: {error.says}.", f"{error.advice}.", address=f"host/{error.host}")
+    return finding.at(None, f"{error.host}: {error.says}.", _sentence(error.advice), address=f"host/{error.host}")
 
 
 def not_reached(host: str, address: str, says: str) -> Diagnostic:
@@ -135,6 +135,10 @@ def differences(live: Readings, expected: Readings) -> str:
         if live.get(name) != expected[name]
     ]
     return ", ".join(found)
+
+
+def _sentence(advice: str) -> str:
+    return f"{advice[:1].upper()}{advice[1:]}."
 
 
 def _shown(value: bool | int | str) -> str:

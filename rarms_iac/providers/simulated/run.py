@@ -173,7 +173,9 @@ class SimulatedHostProvider:
             replace_file(self._path, data)
         except OSError as problem:
             raise Failed(
-                self.name, f"{self._path} cannot be written: {problem}", "make room or mend the rights"
+                self.name,
+                f"{self._path} cannot be written: {problem.strerror or problem}",
+                "make room, or mend its rights",
             ) from None
         self._known = (data, content)
 
@@ -250,7 +252,7 @@ class SimulatedHostProvider:
         except NotDecodable as problem:
             raise HostDamaged(self.name, f"{path.name} is damaged: {problem}", advice) from None
         except OSError as problem:
-            raise HostDamaged(self.name, f"{path.name} cannot be read: {problem}", advice) from None
+            raise HostDamaged(self.name, f"{path.name} cannot be read: {problem.strerror or problem}", advice) from None
 
     @contextmanager
     def _telling_failure(self, path: Path) -> Iterator[None]:
@@ -259,7 +261,9 @@ class SimulatedHostProvider:
         except Locked as locked:
             raise HostLocked(self.name, locked.owner) from None
         except OSError as problem:
-            raise Failed(self.name, f"{path} cannot be written: {problem}", "make room, or mend its rights") from None
+            raise Failed(
+                self.name, f"{path} cannot be written: {problem.strerror or problem}", "make room, or mend its rights"
+            ) from None
 
 
 def _struck(content: Content, fault: str) -> Content:
