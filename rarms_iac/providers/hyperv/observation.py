@@ -167,6 +167,14 @@ class JournalText:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ScopedPolicy:
+    """Which scripts may run, as one scope says; the first that is not Undefined decides."""
+
+    scope: str  # MachinePolicy, UserPolicy, Process, CurrentUser, LocalMachine, in this order
+    policy: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Observation:
     """Everything that `observe.ps1` looked at."""
 
@@ -190,7 +198,7 @@ class Observation:
     journal: Probe[JournalText]
     power_plan: Probe[tuple[str, ...]]
     pending_restart: Probe[bool]
-    execution_policy: Probe[str]
+    execution_policy: Probe[tuple[ScopedPolicy, ...]]
 
 
 def or_else(probe: Probe[T], default: T) -> T:
