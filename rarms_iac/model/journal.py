@@ -83,3 +83,36 @@ class Journal:
     def touched(self) -> frozenset[int]:
         """Numbers of the steps that were begun or done in this run and may have changed the host."""
         return frozenset(record.number for record in self.steps if record.status is not StepStatus.UNCHANGED)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScriptStarted:
+    """The first record that a script writes on its host: the whole run, with the texts of both scripts."""
+
+    run: RunKind
+    plan: str
+    application: str
+    started_by: str
+    script: str
+    undo: str
+    serials: Mapping[str, int]
+    touched: tuple[str, ...]  # of an undo: numbers of the steps of the apply that may have changed something
+    kind: Literal["run_started"] = "run_started"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScriptRun:
+    """The last run of a script on a host, as far as it got: what `Journal` is of a run that rarms walks."""
+
+    started: ScriptStarted
+    steps: tuple[StepRecorded, ...] = ()
+    closed: RunClosed | None = None
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether it was neither completed nor abandoned."""
+        return self.closed is None
+
+    def touched(self) -> frozenset[int]:
+        """Numbers of the steps that were begun or done and may have changed something."""
+        return frozenset(one.number for one in self.steps if one.status is not StepStatus.UNCHANGED)

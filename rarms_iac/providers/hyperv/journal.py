@@ -4,12 +4,10 @@ docs/scripts.md says what its records hold. One that belongs to neither Administ
 not believed.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
-from rarms_iac.model.journal import RunClosed, RunKind, StepRecorded, StepStatus
+from rarms_iac.model.journal import RunClosed, ScriptRun, ScriptStarted, StepRecorded
 from rarms_iac.storage.append import Damaged, records_in
 from rarms_iac.storage.codec import Json, NotDecodable, decode
 
@@ -17,39 +15,6 @@ TRUSTED = frozenset({"S-1-5-32-544", "S-1-5-18", ""})
 """Administrators and SYSTEM; empty where the system has no such owners, as off Windows."""
 
 PLACE = Path("%ProgramData%/rarms/journal.jsonl")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ScriptStarted:
-    """The first record: the whole run, with both scripts."""
-
-    run: RunKind
-    plan: str
-    application: str
-    started_by: str
-    script: str
-    undo: str
-    serials: Mapping[str, int]
-    touched: tuple[str, ...]  # of an undo: numbers of the steps of the apply that may have changed something
-    kind: Literal["run_started"] = "run_started"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ScriptRun:
-    """The last run, as far as it got."""
-
-    started: ScriptStarted
-    steps: tuple[StepRecorded, ...] = ()
-    closed: RunClosed | None = None
-
-    @property
-    def unfinished(self) -> bool:
-        """Whether it was neither completed nor abandoned."""
-        return self.closed is None
-
-    def touched(self) -> frozenset[int]:
-        """Numbers of the steps that were begun or done and may have changed something."""
-        return frozenset(one.number for one in self.steps if one.status is not StepStatus.UNCHANGED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

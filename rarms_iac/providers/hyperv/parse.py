@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from typing import TypeVar
 
+from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import (
     Checkpoints,
     HostFacts,
@@ -19,7 +20,7 @@ from rarms_iac.model.state import (
     ValueKind,
 )
 from rarms_iac.model.system import ProviderKind, SchedulerType
-from rarms_iac.providers.hyperv.journal import LastRun, NoJournal, ScriptRun, last_run
+from rarms_iac.providers.hyperv.journal import LastRun, NoJournal, last_run
 from rarms_iac.providers.hyperv.observation import (
     Machine,
     NamedValue,
