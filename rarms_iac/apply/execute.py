@@ -5,11 +5,13 @@ from collections.abc import Mapping, Sequence
 from rarms_iac.apply import refusals
 from rarms_iac.apply.reports import Ending, RunReport, RunReporter
 from rarms_iac.apply.undo import raised
+from rarms_iac.apply.void import no_rights
 from rarms_iac.apply.walk import ShouldStop, together, walk
 from rarms_iac.diff.moved import part_digests, what_moved
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Closing, Journal, RunKind, RunStarted
 from rarms_iac.model.plan import HostPlan, Plan
+from rarms_iac.model.state import Rights
 from rarms_iac.providers.interface import HostError, StepwiseHost
 
 
@@ -23,6 +25,9 @@ def finish_unfinished(
             journal = host.unfinished()
             if journal is None:
                 continue
+            facts = host.observe().facts
+            if facts.rights is not Rights.PROVEN:
+                return RunReport(ending=Ending.FAILED, diagnostics=(no_rights(facts),))
             reports.append(walk(host, journal, reporter, should_stop))
         except HostError as error:
             reports.append(RunReport(ending=Ending.FAILED, diagnostics=(refusals.host_failed(error),)))

@@ -5,10 +5,12 @@ from dataclasses import replace
 
 from rarms_iac.apply import refusals
 from rarms_iac.apply.reports import Ending, RunReport, RunReporter
+from rarms_iac.apply.void import no_rights
 from rarms_iac.apply.walk import ShouldStop, walk
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunStarted
 from rarms_iac.model.plan import Step, UndoLevel
+from rarms_iac.model.state import Rights
 from rarms_iac.providers.interface import HostError, StepwiseHost
 
 
@@ -22,6 +24,9 @@ def undo(host: StepwiseHost, owner: str, reporter: RunReporter, should_stop: Sho
             if journal.unfinished:
                 return walk(host, journal, reporter, should_stop)
             return _nothing(host, f"the last run there was the undo of plan {journal.started.plan}")
+        facts = host.observe().facts
+        if facts.rights is not Rights.PROVEN:
+            return RunReport(ending=Ending.FAILED, diagnostics=(no_rights(facts),))
         started = undo_run(journal, started_by=owner)
         host.start_run(started)
         report = walk(host, Journal(started=started), reporter, should_stop)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
+from rarms_iac.apply.void import ignored, unproven
 from rarms_iac.diff.compare import Wishes, in_the_way
 from rarms_iac.diff.disruption import Surroundings
 from rarms_iac.diff.order import Room, room_of
@@ -44,7 +45,9 @@ class Wanted:
 
 
 def wanted(system: System, observed: Mapping[str, State], places: Places, limit: Disruption) -> Wanted:
-    """The layout that the manifest asks for, host by host."""
+    """The layout that the manifest asks for, host by host; none where a host may have more than can be seen."""
+    if hidden := tuple(unproven(observed.values(), places)):
+        return Wanted(layout=None, hosts={}, findings=hidden)
     views = {name: host_view(state, system.application.name) for name, state in sorted(observed.items())}
     planning = plan_layout(system, FixedReservations(), views, places, max_disruption=limit)
     if not isinstance(planning.answer, Layout):
@@ -54,7 +57,7 @@ def wanted(system: System, observed: Mapping[str, State], places: Places, limit:
     found = planning.findings
     for name, state in sorted(observed.items()):
         desired = desired_state(system, planning.answer, state, places)
-        found = (*found, *desired.findings)
+        found = (*found, *desired.findings, *ignored(desired.state, places))
         wishes = Wishes(
             moved=system.moved,
             protected=desired.protected,
@@ -95,6 +98,8 @@ def _where(
 
 def nothing_wanted(system: System, observed: Mapping[str, State], places: Places) -> Wanted:
     """Every observed host without anything of this application: what `rarms destroy` wants."""
+    if hidden := tuple(unproven(observed.values(), places)):
+        return Wanted(layout=None, hosts={}, findings=hidden)
     protected = frozenset(name for name, wish in system.partitions.items() if wish.protect)
     hosts = {
         name: _wish(

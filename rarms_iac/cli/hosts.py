@@ -19,7 +19,7 @@ from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.wiring import open_host, state_path
 from rarms_iac.model.journal import Journal
 from rarms_iac.model.spelling import suggestion
-from rarms_iac.model.state import State
+from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import System
 from rarms_iac.planfile.snapshot import MAX_BYTES, SnapshotUnreadable, read_snapshot
 from rarms_iac.providers.interface import HostError, HostLocked, StepwiseHost
@@ -84,10 +84,13 @@ def observed(hosts: Hosts) -> Mapping[str, State]:
     states: dict[str, State] = {}
     for name in sorted(hosts.system.hosts):
         try:
-            states[name] = snapshots[name] if name in snapshots else observe(hosts.open(name))
+            state = snapshots[name] if name in snapshots else observe(hosts.open(name))
         except Halted:
             if name in hosts.chosen:
                 raise
+            continue
+        if name in hosts.chosen or state.facts.rights is Rights.PROVEN:
+            states[name] = state
     return states
 
 

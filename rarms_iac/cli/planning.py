@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rarms_iac.apply.prepare import Judge, Prepared, Request, prepare
+from rarms_iac.apply.prepare import Judge, Request, prepare
+from rarms_iac.apply.void import NO_RIGHTS
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.hosts import Hosts, observed
 from rarms_iac.cli.options import ChangeOptions
@@ -34,7 +35,7 @@ def make_plan(hosts: Hosts, wish: Wish) -> Plan:
     states = observed(hosts)
     prepared = prepare(request_of(hosts, wish), states)
     if prepared.plan is None:
-        raise Halted(_code_of(prepared), prepared.findings, hosts.opened.loaded.sources)
+        raise Halted(code_of_errors(prepared.findings), prepared.findings, hosts.opened.loaded.sources)
     return prepared.plan
 
 
@@ -73,7 +74,9 @@ def judge_of(hosts: Hosts, wish: Wish) -> Judge:
     return judge
 
 
-def _code_of(prepared: Prepared) -> ExitCode:
-    """A host that is merely busy may be asked again; everything else is a no."""
-    codes = {one.code for one in prepared.findings if one.severity is Severity.ERROR}
+def code_of_errors(findings: Sequence[Diagnostic]) -> ExitCode:
+    """A host that is merely busy may be asked again; everything else is a no, or the host's failure."""
+    codes = {one.code for one in findings if one.severity is Severity.ERROR}
+    if NO_RIGHTS.code in codes:
+        return ExitCode.FAILED
     return ExitCode.REFUSED if codes == {NOT_AT_REST.code} else ExitCode.NO

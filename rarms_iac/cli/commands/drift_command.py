@@ -13,7 +13,7 @@ from rarms_iac.cli.options import (
     json_option,
     manifest_options,
 )
-from rarms_iac.cli.planning import Wish, request_of
+from rarms_iac.cli.planning import Wish, code_of_errors, request_of
 from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.diff.drift import DriftKind
@@ -38,7 +38,7 @@ def command(session: Session, *, source: ManifestOptions, where: HostOptions, as
     limit = system.policy.max_disruption
     found, problems = look(system, states, opened.loaded.places, limit)
     if not found and has_errors(problems):
-        raise Halted(ExitCode.NO, problems, opened.loaded.sources)
+        raise Halted(code_of_errors(problems), problems, opened.loaded.sources)
     # The changes say what differs, attribute by attribute; nothing is held back, so that all of them are there.
     request = request_of(hosts, Wish(limits=ChangeOptions(max_disruption=Disruption.REMOVAL)))
     plan = prepare(request, states).plan
