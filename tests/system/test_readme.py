@@ -1,0 +1,27 @@
+"""What the README shows is what the commands print."""
+
+import re
+from contextlib import chdir
+from pathlib import Path
+
+from tests.unit.cli.running import rarms
+
+ROOT = Path(__file__).parents[2]
+PLAN = re.compile(r"plan [0-9a-f]{12}")  # it holds the day
+FINDINGS = re.compile(r"note\[.*?\n\n0 errors.*?\n\n", re.DOTALL)  # the robot's note of a load that nothing rests on
+
+
+def test_the_plan_in_the_readme_is_what_rarms_prints(tmp_path: Path) -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    (shown,) = re.findall(r"\$ rarms plan\n(.*?)```", readme, re.DOTALL)
+    robot = (ROOT / "manifests" / "delivery-robot" / "rarms.yaml").read_text(encoding="utf-8")
+    changed = robot.replace("reserve: 40 %", "reserve: 30 %").replace("reserve: 20 %", "reserve: 30 %")
+
+    with chdir(tmp_path):
+        Path("rarms.yaml").write_text(robot, encoding="utf-8", newline="\n")
+        applied = rarms("apply", "--auto-approve")
+        Path("rarms.yaml").write_text(changed, encoding="utf-8", newline="\n")
+        planned = rarms("plan")
+
+    assert (applied.code, planned.code) == (0, 2)
+    assert PLAN.sub("plan", FINDINGS.sub("", planned.out)) == PLAN.sub("plan", shown)
