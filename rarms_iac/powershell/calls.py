@@ -29,7 +29,7 @@ from rarms_iac.model.operations import (
     WriteTaskRecord,
 )
 from rarms_iac.model.plan import Reading, Readings, Scope, Step
-from rarms_iac.model.state import StartAction, StopAction, ValueKind
+from rarms_iac.model.state import RegistryValue, StartAction, StopAction, ValueKind
 from rarms_iac.powershell.literals import Literal, literal
 from rarms_iac.storage.codec import encode
 from rarms_iac.storage.digest import canonical
@@ -154,22 +154,27 @@ def _machine_calls(
             assert_never(operation)
 
 
+def task_value_calls(task: str, values: Mapping[str, RegistryValue]) -> tuple[str, ...]:
+    """The calls that write these values of a task class, by name."""
+    return tuple(
+        call(
+            "Write-TaskValue",
+            Task=literal(task),
+            Name=literal(name),
+            Type=literal(_TYPES[one.kind]),
+            Value=literal(one.data),
+        )
+        for name, one in sorted(values.items())
+    )
+
+
 def _task_calls(step: Step, operation: TaskOperation) -> tuple[str, ...]:
     task = {"Task": literal(operation.task)}
     match operation:
         case WriteTaskClass(values=values):
             unwanted = sorted(name.removeprefix(VALUE) for name in step.before if name.startswith(VALUE))
             gone = [call("Clear-TaskValue", **task, Name=literal(name)) for name in unwanted if name not in values]
-            written = [
-                call(
-                    "Write-TaskValue",
-                    **task,
-                    Name=literal(name),
-                    Type=literal(_TYPES[one.kind]),
-                    Value=literal(one.data),
-                )
-                for name, one in sorted(values.items())
-            ]
+            written = task_value_calls(operation.task, values)
             return (*written, *gone)
         case RemoveTaskClass():
             return (call("Clear-TaskClass", **task),)

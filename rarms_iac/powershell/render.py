@@ -13,6 +13,7 @@ from rarms_iac.model.plan import Claim, HostPlan, Plan, Readings, Scope, Step
 from rarms_iac.model.quantities import in_processors
 from rarms_iac.powershell.calls import Part, parts_of
 from rarms_iac.powershell.environment import as_script, fill, read, runtime
+from rarms_iac.powershell.guests import GuestTask, back, forward
 from rarms_iac.powershell.literals import Literal, literal, literals
 from rarms_iac.powershell.remarks import remark
 
@@ -57,7 +58,7 @@ def insides(host_plan: HostPlan) -> tuple[str, ...]:
     return tuple(sorted({_inside(step) for step in host_plan.steps} | {""}))
 
 
-def render_scripts(host_plan: HostPlan, plan: Plan) -> Mapping[str, bytes]:
+def render_scripts(host_plan: HostPlan, plan: Plan, *, accept_scheduler: bool = False) -> Mapping[str, bytes]:
     """Every script of a host by its file name, undo scripts included.
 
     Raises:
@@ -65,8 +66,9 @@ def render_scripts(host_plan: HostPlan, plan: Plan) -> Mapping[str, bytes]:
     """
     made: dict[str, bytes] = {}
     for inside in insides(host_plan):
-        made[script_name(host_plan, inside)] = render_apply(host_plan, plan, inside)
-        made[script_name(host_plan, inside, undo=True)] = render_undo(host_plan, plan, inside)
+        accept = accept_scheduler and not inside
+        made[script_name(host_plan, inside)] = render_apply(host_plan, plan, inside, accept_scheduler=accept)
+        made[script_name(host_plan, inside, undo=True)] = render_undo(host_plan, plan, inside, accept_scheduler=accept)
     return made
 
 
@@ -109,6 +111,25 @@ def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_sch
             steps.append(_Numbered(number=len(steps), part=part, step=back, undoes=undoes))
     run = {"undo": literal(""), "undo_digest": literal(""), "accept_scheduler": literal(accept_scheduler)}
     return _fill("undo.ps1.j2", RunKind.UNDO, host_plan, plan, inside, steps, run)
+
+
+def render_guest(host_plan: HostPlan, plan: Plan, inside: str, tasks: Sequence[GuestTask]) -> Mapping[str, bytes]:
+    """The script of a guest that could not be looked into, and its undo, by file name.
+
+    Raises:
+        NoLiteral: a value cannot be written into a script.
+    """
+    name, undo_name = script_name(host_plan, inside), script_name(host_plan, inside, undo=True)
+    last = len(tasks) - 1
+    pieces = [_Numbered(number=at, part=forward(one), step=one.step, undoes=None) for at, one in enumerate(tasks)]
+    taken_back = [
+        _Numbered(number=at, part=back(one), step=one.step, undoes=last - at) for at, one in enumerate(reversed(tasks))
+    ]
+    never = {"accept_scheduler": literal(False)}
+    bare = {"undo": literal(""), "undo_digest": literal(""), **never}
+    undo = _fill("undo.ps1.j2", RunKind.UNDO, host_plan, plan, inside, taken_back, bare)
+    run = {"undo": literal(undo_name), "undo_digest": literal(hashlib.sha256(undo).hexdigest()), **never}
+    return {name: _fill("apply.ps1.j2", RunKind.APPLY, host_plan, plan, inside, pieces, run), undo_name: undo}
 
 
 def render_observe() -> bytes:

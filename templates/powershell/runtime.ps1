@@ -562,6 +562,64 @@ function Clear-TaskRecord {
     if (Test-Path -LiteralPath $path) { Remove-Item -LiteralPath $path }
 }
 
+# Task classes of a guest that nobody could look into: its own record decides -------------------
+
+function Read-GuestTaskClass {
+    # As Read-TaskClass, and whether the class is somebody else's: another application's, or there before rarms.
+    param([string] $Task, [string] $Application, [bool] $Replace)
+    $live = Read-TaskClass -Task $Task
+    $live['taken'] = [bool] ($live['exists'] -and -not $Replace)
+    if ($live['record']) { $live['taken'] = $live['record'] -cne $Application }
+    $live
+}
+
+function Save-TaskRecord {
+    # What was there before rarms is kept once; a record that is ours already knows it.
+    param([string] $Task, [string] $Application, [string] $Digest)
+    $live = Read-TaskClass -Task $Task
+    $before = 'null'
+    if ($live['record']) {
+        $path = '{0}\{1}\{2}' -f $script:RecordRoot, $Application, $Task
+        $before = [string] (Get-Item -LiteralPath $path).GetValue('before')
+    } elseif ($live['exists']) {
+        $values = [ordered] @{}
+        foreach ($name in @($live['values'] -split ', ')) {
+            $kind, $data = $live['value:' + $name] -split ':', 2
+            if ($kind -ceq 'dword') { $data = [long] $data }
+            $values[$name] = [ordered] @{ kind = $kind; data = $data }
+        }
+        $before = ConvertTo-AsciiJson -Value $values
+    }
+    Write-TaskRecord -Task $Task -Application $Application -Digest $Digest -Before $before
+}
+
+function Clear-OtherTaskValue {
+    # Takes away every value but these, whose names are joined as readings join them.
+    param([string] $Task, [string] $Keep)
+    $path = '{0}\{1}' -f $script:TaskRoot, $Task
+    foreach ($name in @((Get-Item -LiteralPath $path).GetValueNames())) {
+        if (@($Keep -split ', ') -cnotcontains $name) { Remove-ItemProperty -LiteralPath $path -Name $name }
+    }
+}
+
+function Restore-TaskClass {
+    # Brings back what the record says was there before rarms: no class, or exactly these values.
+    param([string] $Task, [string] $Application)
+    $path = '{0}\{1}\{2}' -f $script:RecordRoot, $Application, $Task
+    $before = ConvertFrom-Json -InputObject ([string] (Get-Item -LiteralPath $path).GetValue('before'))
+    if ($null -eq $before) {
+        Clear-TaskClass -Task $Task
+        return
+    }
+    $names = @()
+    foreach ($one in $before.PSObject.Properties) {
+        $type = $one.Value.kind -creplace '^sz$', 'string'
+        Write-TaskValue -Task $Task -Name $one.Name -Type $type -Value $one.Value.data
+        $names += $one.Name
+    }
+    Clear-OtherTaskValue -Task $Task -Keep ($names -join ', ')
+}
+
 # Steps --------------------------------------------------------------------------------------
 
 function Compare-Reading {

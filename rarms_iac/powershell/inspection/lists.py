@@ -121,7 +121,7 @@ _CHANGING_MEMBERS = _HYPERV_MEMBERS | words(
     PSChildName PSObject Percent Plan Position Processors Properties Read ReadAllBytes ReadAllText ReleaseMutex
     Replace Run Serial Set SetLength
     SetSecurityDescriptorSddlForm ShouldProcess Sort Substring ToLowerInvariant ToString Total Undo UndoDigest
-    Undoes UserName UtcNow Value WaitOne Write WriteAllText WriteLine closing kind new number plan record run
+    Undoes UserName UtcNow Value WaitOne Write WriteAllText WriteLine closing data kind new number plan record run
     serials set status touched
     """
 )

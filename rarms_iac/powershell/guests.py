@@ -1,0 +1,87 @@
+"""Task classes of a guest that nobody could look into: what its script finds there decides.
+
+One guarded piece a class. The class must be free: not there, ours already, or one that the manifest replaces. What
+was there before is kept by the script itself, once, in the guest's own record; its undo script brings that back.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rarms_iac.model.changes import Address
+from rarms_iac.model.diagnostics import Place
+from rarms_iac.model.operations import WriteTaskClass
+from rarms_iac.model.plan import Claim, Reading, Step, Undo, UndoLevel
+from rarms_iac.model.state import RegistryValue
+from rarms_iac.model.system import Disruption
+from rarms_iac.powershell.calls import VALUE, Part, call, task_value_calls
+from rarms_iac.powershell.literals import literal
+
+LOST = "what an earlier plan of rarms wrote into the class: it goes back to what was there before rarms"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GuestTask:
+    """A task class as it is to be in a guest."""
+
+    application: str
+    partition: str
+    name: str
+    values: Mapping[str, RegistryValue]
+    set: str  # digest of the values
+    replace: bool  # one that was there before may be taken over
+    place: Place | None = None
+
+    @property
+    def step(self) -> Step:
+        """What people are told of it; no state is claimed, so its readings are empty."""
+        return Step(
+            address=Address(partition=self.partition, task=self.name),
+            title=f"write the class {self.name}, and keep what was there before",
+            operation=WriteTaskClass(task=self.name, inside=self.partition, values=self.values),
+            before={},
+            after={},
+            undo=Undo(level=UndoLevel.PARTIAL, operation=None, says=LOST),
+            disruption=Disruption.PARTITION_STOP,
+            claim_before=Claim(),
+            claim_after=Claim(),
+            comment="what the guest holds is not known here: its own record decides; threads see it when it restarts",
+            place=self.place,
+        )
+
+
+def forward(task: GuestTask) -> Part:
+    """The piece that writes the class."""
+    whose = {"Task": literal(task.name), "Application": literal(task.application)}
+    names = sorted(task.values)
+    values: dict[str, Reading] = {
+        f"{VALUE}{name}": f"{one.kind.value}:{one.data}" for name, one in sorted(task.values.items())
+    }
+    return Part(
+        address=str(task.step.address),
+        action=task.step.title,
+        read=call("Read-GuestTaskClass", **whose, Replace=literal(task.replace)),
+        before={"taken": False},
+        after={"exists": True, "values": ", ".join(names), **values, **_recorded(task)},
+        calls=(
+            call("Save-TaskRecord", **whose, Digest=literal(task.set)),
+            *task_value_calls(task.name, task.values),
+            call("Clear-OtherTaskValue", Task=literal(task.name), Keep=literal(", ".join(names))),
+        ),
+    )
+
+
+def back(task: GuestTask) -> Part:
+    """The piece that brings back what was there before rarms."""
+    whose = {"Task": literal(task.name), "Application": literal(task.application)}
+    return Part(
+        address=str(task.step.address),
+        action=f"bring back what {task.name} was before rarms",
+        read=call("Read-GuestTaskClass", **whose, Replace=literal(task.replace)),
+        before=_recorded(task),
+        after={"record": "", "set": ""},
+        calls=(call("Restore-TaskClass", **whose), call("Clear-TaskRecord", **whose)),
+    )
+
+
+def _recorded(task: GuestTask) -> dict[str, Reading]:
+    return {"record": task.application, "set": task.set}
