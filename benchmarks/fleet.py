@@ -26,7 +26,7 @@ def _component(number: int) -> list[str]:
         "      samples: { from: json_lines, response_time: { field: response, unit: ms } }",
         f"    memory: {256 + number % 4 * 64} MiB",
         "    cpu:",
-        f"      reserve: {5 + number % 10} %",
+        f"      reserve: {1 + number % 5} %",
         "      weight: 100",
         "    processors: 2",
     ]

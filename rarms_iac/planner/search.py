@@ -57,7 +57,10 @@ def place(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
         search.run()
         if search.complete:
             return Found(hosts=search.best, proven=True)
-    quick = _first_fit(ordered, bins)
+    quick = _first_fit(ordered, bins, _Room)
+    if quick is not None and not _all_fit(ordered, bins, quick):
+        # Who orders the steps packs anew, without the lanes of `_Room`, and must come to the same answer.
+        quick = _first_fit(ordered, bins, _SureRoom)
     if quick is None:
         return Found(hosts=None, proven=False)
     return Found(hosts=quick, proven=_value(ordered, quick) == _bound(ordered))
@@ -66,12 +69,16 @@ def place(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
 def _only_way(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
     """Where each partition has one host, there is nothing to search, only to check."""
     hosts = {item.name: next(iter(item.claims)) for item in items}
+    return Found(hosts=hosts if _all_fit(items, bins, hosts) else None, proven=True)
+
+
+def _all_fit(items: Sequence[Item], bins: Sequence[Bin], hosts: Mapping[str, str]) -> bool:
+    """Whether every host that is used can keep all that is promised there."""
     there: dict[str, list[Claim]] = {one.name: list(one.taken) for one in bins}
     for item in items:
         there[hosts[item.name]].append(item.claims[hosts[item.name]])
     used = set(hosts.values())
-    good = all(fits(one.capacity, there[one.name]) for one in bins if one.name in used)
-    return Found(hosts=hosts if good else None, proven=True)
+    return all(fits(one.capacity, there[one.name]) for one in bins if one.name in used)
 
 
 def cost(claim: Claim) -> int:
@@ -166,9 +173,9 @@ class _Search:
         return least > room or memory > sum(one.memory for one in free.values())
 
 
-def _first_fit(items: Sequence[Item], bins: Sequence[Bin]) -> dict[str, str] | None:
+def _first_fit(items: Sequence[Item], bins: Sequence[Bin], make_room: "type[_Room]") -> dict[str, str] | None:
     """Largest first, each where it is or costs least and has room; every virtual processor gets its place at once."""
-    rooms = {one.name: _Room(one) for one in bins}
+    rooms = {one.name: make_room(one) for one in bins}
     hosts: dict[str, str] = {}
     for item in sorted(items, key=_largest_first):
         for name in _preferred(item):
@@ -214,6 +221,29 @@ class _Room:
             waiting -= len(chosen)
         self.lanes = lanes
         return True
+
+
+class _SureRoom(_Room):
+    """Takes only what `fits` finds a place for too, so that whoever asks again gets the same answer."""
+
+    def __init__(self, one: Bin) -> None:
+        super().__init__(one)
+        self.capacity = one.capacity
+        self.claims = list(one.taken)
+        self.refused: set[Claim] = set()
+
+    def take(self, claim: Claim) -> bool:
+        if claim in self.refused:
+            return False
+        left, lanes = self.left, self.lanes
+        if not super().take(claim):
+            return False
+        if fits(self.capacity, (*self.claims, claim)):
+            self.claims.append(claim)
+            return True
+        self.left, self.lanes = left, lanes
+        self.refused.add(claim)
+        return False
 
 
 def _largest_first(item: Item) -> tuple[int, int, str]:
