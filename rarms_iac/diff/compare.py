@@ -108,11 +108,12 @@ def _one_partition(
     wishes: Wishes,
 ) -> None:
     address = Address(partition=name, machine=before.id if before else "")
-    place = wishes.where(address)
     if before is None:
         assert after is not None
+        place = wishes.where(address)
         found.changes.append(Create(address=address, after=after, reason=Reason(says="it is not there", place=place)))
     elif after is None:
+        place = wishes.where(address)
         if name in wishes.protected:
             found.findings.append(_protected(name, "it would be removed", place))
             return

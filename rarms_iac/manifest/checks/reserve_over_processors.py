@@ -18,13 +18,15 @@ def check(system: System, places: Places) -> Iterator[Diagnostic]:
         count = wish.processors
         if count is None:
             continue
-        reserves = [reserve for host in hosts if (reserve := fixed_reserve(cpu, host)) is not None]
-        if reserves and min(reserves) > count:
+        # A share of fewer logical processors is less: the smallest host decides.
+        smallest = min(hosts, key=lambda host: host.logical_processors, default=None)
+        reserve = fixed_reserve(cpu, smallest) if smallest else None
+        if reserve is not None and reserve > count:
             yield FINDING.at(
                 places.value(section, name, "cpu", "reserve"),
-                f'"{name}" reserves {show_processors(min(reserves))}, and {_processors(count)} can be guaranteed '
+                f'"{name}" reserves {show_processors(reserve)}, and {_processors(count)} can be guaranteed '
                 f"{show_processors(count)} at most.",
-                f"Say `processors: {ceil(min(reserves))}`, or reserve at most {show_processors(count)}.",
+                f"Say `processors: {ceil(reserve)}`, or reserve at most {show_processors(count)}.",
                 address=address(section, name),
             )
 

@@ -1,11 +1,13 @@
 """What is placed by the quick way passes the check of whoever orders the steps."""
 
+from fractions import Fraction
+
 from rarms_iac.model.capacity import Capacity, fits
 from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.planner.search import Bin, Item, place
 
-CELL = Capacity(logical_processors=8, processors=LogicalProcessors(8), memory=Bytes(32 << 30))
+CELL = Capacity(logical_processors=8, processors=LogicalProcessors(Fraction(8)), memory=Bytes(32 << 30))
 CELLS = [Bin(name=f"cell-{number:02}", capacity=CELL, taken=()) for number in range(50)]
 
 
