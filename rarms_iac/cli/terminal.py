@@ -7,6 +7,7 @@ import shutil
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TextIO
 
 NARROWEST = 40
@@ -52,7 +53,7 @@ class Terminal:
 
 def this_terminal(environment: Mapping[str, str] = os.environ) -> Terminal:
     """The process' own streams, made safe for any text."""
-    out, err = safe(sys.stdout), safe(sys.stderr)
+    out, err = safe(sys.stdout or _nobody()), safe(sys.stderr or _nobody())
     wanted = not environment.get("NO_COLOR") and environment.get("TERM") != "dumb"
     return Terminal(
         out=out,
@@ -63,6 +64,11 @@ def this_terminal(environment: Mapping[str, str] = os.environ) -> Terminal:
         answers=sys.stdin is not None and sys.stdin.isatty() and err.isatty(),
         width=width_of(out, environment),
     )
+
+
+def _nobody() -> TextIO:
+    """A stream for a process that was started without one (`>&-`): what is written there reaches nobody."""
+    return Path(os.devnull).open("w", encoding="utf-8")
 
 
 def width_of(out: TextIO, environment: Mapping[str, str]) -> int:
