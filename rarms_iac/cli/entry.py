@@ -2,13 +2,14 @@
 
 import traceback
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
 
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.group import the_group
-from rarms_iac.cli.interrupts import Interrupted
+from rarms_iac.cli.interrupts import Interrupted, Interrupts, say_heard
 from rarms_iac.cli.problems import Halted, bug, system_refused
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.terminal import Terminal, this_terminal
@@ -20,7 +21,8 @@ if TYPE_CHECKING:
 
 def run(arguments: Sequence[str]) -> int:
     """Run the command that these words ask for and return its exit code. Raises nothing."""
-    session = Session(terminal=this_terminal())
+    terminal = this_terminal()
+    session = Session(terminal=terminal, interrupts=Interrupts(heard=partial(say_heard, terminal.err)))
     code = guarded(session, arguments, _invoke)
     try:
         session.terminal.flush()
@@ -47,7 +49,7 @@ def guarded(
         return _tell(terminal, halted.code, halted.diagnostics, halted.sources)
     except (Interrupted, KeyboardInterrupt) as interrupt:
         code = interrupt.code if isinstance(interrupt, Interrupted) else ExitCode.INTERRUPTED
-        terminal.talk(f"\nrarms was {code.name.lower()}. {GO_ON}")
+        terminal.talk("\n" + _wrapped(f"rarms was {code.name.lower()}. {GO_ON}", terminal.width))
         return code
     except OSError as error:
         _trace(terminal)
@@ -69,13 +71,16 @@ def _invoke(session: Session, arguments: Sequence[str]) -> ExitCode:
 
 def usage_text(error: click.UsageError, width: int) -> str:
     """What was wrong with the words, and where the right ones are listed."""
-    from rarms_iac.views.diagnostics.layout import wrap
-
     path = error.ctx.command_path if error.ctx else "rarms"
     usage = f"{error.ctx.get_usage()}\n" if error.ctx else ""
     says = error.format_message().replace("\n\t", " ")  # click lists choices in lines of their own
-    told = "\n".join(wrap(says, width, ""))
-    return f"{usage}{told}\n`{path} --help` lists what it takes."
+    return f"{usage}{_wrapped(says, width)}\n`{path} --help` lists what it takes."
+
+
+def _wrapped(text: str, width: int) -> str:
+    from rarms_iac.views.diagnostics.layout import wrap
+
+    return "\n".join(wrap(text, width, ""))
 
 
 def _tell(

@@ -1,10 +1,13 @@
 """Ctrl-C and SIGTERM: at once where nothing is at stake, after the running step where a host is being changed."""
 
+import contextlib
+import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import TextIO
 
 from rarms_iac.cli.codes import ExitCode
 
@@ -22,8 +25,10 @@ class Interrupted(BaseException):
 class Interrupts:
     """Listens while a command runs; the first signal is remembered while the work is gentle, the second ends it."""
 
-    def __init__(self) -> None:
+    def __init__(self, heard: Callable[[], None] = lambda: None) -> None:
+        """`heard` is called at the signal that only asks; it must not use what a signal may have interrupted."""
         self.asked: ExitCode | None = None
+        self._heard = heard
         self._gentle = False
 
     def should_stop(self) -> bool:
@@ -57,3 +62,10 @@ class Interrupts:
         first, self.asked = self.asked is None, SIGNALS[signal.Signals(number)]
         if not (self._gentle and first):
             raise Interrupted(self.asked)
+        self._heard()
+
+
+def say_heard(stream: TextIO) -> None:
+    """Tell the person at once, past the stream's buffer, which the signal may have come upon: a step may take long."""
+    with contextlib.suppress(OSError, ValueError):
+        os.write(stream.fileno(), b"\nStopping after the running step. A second Ctrl-C stops at once.\n")

@@ -55,6 +55,18 @@ def test_a_reader_who_has_seen_enough_changes_no_exit_code(manifest: Path) -> No
     assert answer.stderr == ""
 
 
+@pytest.mark.needs("posix", "bash")
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_a_process_without_a_stream_works(manifest: Path, closed: str) -> None:
+    words = " ".join(f"'{word}'" for word in [*RARMS, "apply", "-f", str(manifest), "--auto-approve"])
+
+    answer = subprocess.run(["bash", "-c", f"{words} {closed}"], capture_output=True, text=True, timeout=60)
+
+    assert answer.returncode == 0
+    assert "Traceback" not in answer.stderr
+    assert rarms("plan", "-f", str(manifest)).code == 0
+
+
 @pytest.mark.needs("linux")
 def test_a_full_disk_is_told_without_a_trace(manifest: Path) -> None:
     with Path("/dev/full").open("wb") as full:
@@ -85,6 +97,7 @@ def test_a_signal_stops_after_the_running_step_and_apply_finishes(
         _, said = process.communicate(timeout=60)
 
     assert process.returncode == code, said.decode()
+    assert b"Stopping after the running step. A second Ctrl-C stops at once." in said
     assert b"Stopped after the running step." in said
     assert b"rarms undo" in said
     assert b"Traceback" not in said

@@ -76,7 +76,8 @@ def test_the_file_of_a_refusal_is_named() -> None:
 
 
 def test_a_signal_ends_the_work_at_once_and_asks_gentle_work_first() -> None:
-    interrupts = Interrupts()
+    heard: list[str] = []
+    interrupts = Interrupts(heard=lambda: heard.append("once"))
     with interrupts.gently():
         interrupts.receive(signal.SIGTERM, None)
         assert interrupts.should_stop()
@@ -86,6 +87,7 @@ def test_a_signal_ends_the_work_at_once_and_asks_gentle_work_first() -> None:
         Interrupts().receive(signal.SIGTERM, None)
 
     assert (first.value.code, second.value.code) == (ExitCode.TERMINATED, ExitCode.INTERRUPTED)
+    assert heard == ["once"]
 
 
 def test_listening_takes_the_signals_over_and_gives_them_back() -> None:
