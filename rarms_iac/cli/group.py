@@ -66,6 +66,7 @@ def the_group() -> LazyGroup:
     )
     return LazyGroup(
         name="rarms",
+        context_settings={"help_option_names": ["-h", "--help"]},  # the commands' contexts inherit it
         help=HELP,
         epilog=EPILOG,
         params=[version, *common_options()],

@@ -34,7 +34,7 @@ What each `--help` says. Data goes to standard output, talk to standard error.
 def reference() -> str:
     """The whole page, ending with a line end."""
     group = the_group()
-    top = click.Context(group, info_name="rarms", terminal_width=WIDTH)
+    top = click.Context(group, info_name="rarms", terminal_width=WIDTH, **group.context_settings)
     parts = [HEAD, _section("rarms", group.get_help(top))]
     for name, command in all_commands():
         context = click.Context(command, info_name=name, parent=top, terminal_width=WIDTH)

@@ -8,7 +8,7 @@ from rarms_iac.cli.group import the_group
 from rarms_iac.cli.table import COMMANDS
 from rarms_iac.views.completion import CommandShape, OptionShape
 
-HELP_OPTION = OptionShape(flags=("--help",), help="Show this message and exit.")
+HELP_OPTION = OptionShape(flags=("-h", "--help"), help="Show this message and exit.")
 
 
 def top_shape() -> tuple[OptionShape, ...]:

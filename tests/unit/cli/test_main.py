@@ -45,6 +45,13 @@ def test_every_command_explains_itself_in_80_columns(name: str) -> None:
     assert max(map(len, answer.lines)) <= 80
 
 
+@pytest.mark.parametrize("words", [(), ("plan",)])
+def test_help_has_a_short_form(words: tuple[str, ...]) -> None:
+    short, long = rarms(*words, "-h"), rarms(*words, "--help")
+
+    assert (short.code, short.out) == (0, long.out)
+
+
 def test_a_misspelt_command_is_wrong_usage_and_offers_the_nearest() -> None:
     answer = rarms("versoin")
 
