@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 from rarms_iac.manifest.document.texts import FORMS
 from rarms_iac.manifest.places import dotted
 from rarms_iac.manifest.shape import choices_at, described, keys_at
-from rarms_iac.manifest.suggestions import did_you_mean, nearest, nearest_unit
+from rarms_iac.manifest.usual_units import nearest_unit
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
 from rarms_iac.model.indexes import INDEXES
 from rarms_iac.model.names import NAME_PATTERN, TASK_PATTERN
+from rarms_iac.model.spelling import did_you_mean, question
 
 if TYPE_CHECKING:
     from rarms_iac.manifest.errors import Case
@@ -60,7 +61,7 @@ def _sentence(*parts: str) -> str:
 def _unknown_key(case: Case) -> Diagnostic:
     *around, key = case.path
     known = keys_at(tuple(around))
-    advice = did_you_mean(nearest(str(key), known)) or f"Keys that may stand here: {', '.join(known)}."
+    advice = question(did_you_mean(str(key), known)) or f"Keys that may stand here: {', '.join(known)}."
     return UNKNOWN_KEY.at(case.places.key(*case.path), f"{case.name}: there is no key {shown(key)} here.", advice)
 
 
@@ -109,7 +110,8 @@ def _choice(case: Case) -> Diagnostic:
     return NOT_A_CHOICE.at(
         case.place,
         f"{case.name} is {says}; it can be {_one_of(known)}.",
-        did_you_mean(nearest(case.value, known) if isinstance(case.value, str) else None) or f"Write {_one_of(known)}.",
+        question(did_you_mean(case.value, known) if isinstance(case.value, str) else None)
+        or f"Write {_one_of(known)}.",
     )
 
 
@@ -126,11 +128,11 @@ def _tag(case: Case) -> Diagnostic:
             case.places.value(*path), f"{case.name} needs the key kind.", f"Write kind: {_one_of(known)}."
         )
     said = case.value["kind"]
-    suggestion = nearest(said, known) if isinstance(said, str) else None
+    suggestion = did_you_mean(said, known) if isinstance(said, str) else None
     return NOT_A_CHOICE.at(
         case.places.value(*path),
         f"{dotted(path)} is {shown(said)}; it can be {_one_of(known)}.",
-        did_you_mean(suggestion) or f"Write {_one_of(known)}.",
+        question(suggestion) or f"Write {_one_of(known)}.",
     )
 
 
@@ -150,8 +152,8 @@ def _quantity(case: Case) -> Diagnostic:
             detail = f"{case.name} is the bare number {shown(case.value)}; it needs a unit: {fit}."
         case str() as text:
             detail, better = _not_read(case.name, text, units, positive=case.facts["positive"])
-            meant = nearest(text, (also,)) if also else None
-            advice = did_you_mean(meant) or better or advice
+            meant = did_you_mean(text, (also,)) if also else None
+            advice = question(meant) or better or advice
         case _:
             detail = f"{case.name} needs a number with a unit."
     return NOT_A_QUANTITY.at(case.place, detail, advice)
@@ -177,7 +179,7 @@ def _not_read(name: str, text: str, units: tuple[str, ...], *, positive: bool) -
         return f"{name} is {shown(text)}; a number has at most 15 digits on each side, and one space after it.", ""
     better = nearest_unit(unit, units)
     detail = f"{name} is {shown(text)}; {shown(unit)} is not a unit that fits: {', '.join(units)}."
-    return detail, did_you_mean(f"{number} {better}") if better else ""
+    return detail, question(f"{number} {better}") if better else ""
 
 
 def _pattern(case: Case) -> Diagnostic:
@@ -186,7 +188,7 @@ def _pattern(case: Case) -> Diagnostic:
     finding = NOT_A_NAME if pattern in (NAME_PATTERN, TASK_PATTERN) else WRONG_FORM
     better = _as_name(str(case.value)) if pattern == NAME_PATTERN else None
     return finding.at(
-        case.place, f"{_where(case)}{shown(case.value)} is not {what}.", _sentence(form, did_you_mean(better))
+        case.place, f"{_where(case)}{shown(case.value)} is not {what}.", _sentence(form, question(better))
     )
 
 
@@ -254,7 +256,7 @@ def _index(case: Case) -> Diagnostic:
     return UNKNOWN_INDEX.at(
         case.places.key(*case.path),
         f"{case.name}: there is no performance index {shown(name)}.",
-        did_you_mean(nearest(name, known)) or advice,
+        question(did_you_mean(name, known)) or advice,
     )
 
 

@@ -11,7 +11,7 @@ def did_you_mean(word: str, candidates: Collection[str]) -> str | None:
     allowed = max(len(word) > 1, min(len(word), 32) // 3)
     near = (one for one in candidates if one != word and abs(len(one) - len(word)) <= allowed)
     compared = [one for one, _ in zip(near, range(MOST_CANDIDATES), strict=False)]
-    distances = sorted((distance(word.lower(), one.lower(), allowed), one) for one in compared)
+    distances = sorted((distance(_folded(word), _folded(one), allowed), one) for one in compared)
     return distances[0][1] if distances and distances[0][0] <= allowed else None
 
 
@@ -19,6 +19,16 @@ def suggestion(word: str, candidates: Collection[str]) -> str:
     """A sentence to put behind a message, with a space before it: ` Did you mean "vision"?`, or nothing."""
     meant = did_you_mean(word, candidates)
     return f' Did you mean "{meant}"?' if meant is not None else ""
+
+
+def question(meant: str | None) -> str:
+    """The same as advice of its own: `Did you mean 512 MiB?`, or nothing."""
+    return f"Did you mean {meant}?" if meant else ""
+
+
+def _folded(word: str) -> str:
+    """Case, hyphens and spaces are no slips: `Busy-Loop` is busy_loop."""
+    return word.lower().replace("-", "_").replace(" ", "_")
 
 
 def distance(one: str, other: str, limit: int) -> int:

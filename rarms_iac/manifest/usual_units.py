@@ -1,7 +1,6 @@
-"""What somebody probably meant."""
+"""Which unit somebody probably meant; words are in `model/spelling.py`."""
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 
 _USUAL_UNITS = {
     "b": "B",
@@ -44,13 +43,6 @@ _USUAL_UNITS = {
 }
 
 
-def nearest(text: str, known: Iterable[str]) -> str | None:
-    """The known word that is most like this one; None if none is."""
-    by_folded = {word.lower().replace("-", "_"): word for word in sorted(known)}
-    found = get_close_matches(text[:80].lower().replace("-", "_").replace(" ", "_"), by_folded, n=1, cutoff=0.65)
-    return by_folded[found[0]] if found else None
-
-
 def nearest_unit(unit: str, fitting: Iterable[str]) -> str | None:
     """The unit that was probably meant: `MB` and `mib` are MiB, `sec` is s."""
     units = tuple(fitting)
@@ -58,8 +50,3 @@ def nearest_unit(unit: str, fitting: Iterable[str]) -> str | None:
     if usual in units:
         return usual
     return next((one for one in units if one.lower() == unit.lower()), None)
-
-
-def did_you_mean(suggestion: str | None) -> str:
-    """The question, or nothing."""
-    return f"Did you mean {suggestion}?" if suggestion else ""
