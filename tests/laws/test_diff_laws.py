@@ -71,10 +71,10 @@ def test_a_changed_manifest_is_reached_and_the_host_never_promises_more(data: st
     passed = walker.walk(steps_of(plan))
 
     for state in passed:
-        never_more(state, middle, plan.room)
+        never_more(state, middle, plan.wish.room)
     again = route(second, walker.state)
     assert again.difference.changes == ()
-    assert set(again.difference.unused) == set(again.desired.unused)
+    assert set(again.difference.unused) == set(again.wish.unused)
     assert strangers_of(walker.state) == others
 
 
@@ -149,7 +149,7 @@ def test_who_moved_is_told_apart(data: st.DataObject, system: System, by_hand: b
         wanted = replace(system, components={**system.components, leader: heavier})
     possible(wanted, state)
 
-    found = {one.address.partition: one.kind for one in drift(route(wanted, state).desired.state, state, "robot")}
+    found = {one.address.partition: one.kind for one in drift(route(wanted, state).wish.desired, state, "robot")}
 
     kinds = {
         (True, True): DriftKind.BOTH,

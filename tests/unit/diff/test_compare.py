@@ -47,7 +47,7 @@ def test_what_is_not_there_is_created_with_its_manifest_line() -> None:
     assert [type(one) for one in found.changes] == [Create]
     place = found.changes[0].reason.place
     assert place is not None
-    assert place.path == "partitions.vision"
+    assert place.path == "components.vision"
 
 
 def test_a_value_changed_by_hand_is_set_back_live() -> None:
