@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from math import floor
 
 from rarms_iac.model.journal import RunKind
-from rarms_iac.model.plan import Claim, HostPlan, Plan, Readings, Scope, Step
+from rarms_iac.model.plan import Claim, HostPlan, Plan, Readings, Scope, Step, UndoLevel
 from rarms_iac.model.quantities import in_processors
 from rarms_iac.powershell.calls import Part, parts_of
 from rarms_iac.powershell.environment import as_script, fill, read, runtime
@@ -204,7 +204,7 @@ def _header(host_plan: HostPlan, plan: Plan, inside: str, steps: Sequence[_Numbe
         "Plan": f"{plan.id}, manifest {plan.manifest_digest[:12]}, rarms {plan.rarms_version}",
         "Steps": str(len(steps)),
     }
-    lost = sorted({one.step.undo.says for one in steps if one.step.undo.says})
+    lost = sorted({one.step.undo.says for one in steps if one.step.undo.level is not UndoLevel.FULL})
     return [f"{name:<12} {remark(text)}" for name, text in lines.items()] + [
         f"{'Not undone':<12} {remark(text)}" for text in lost
     ]
