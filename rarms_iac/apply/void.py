@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Places, Severity
 from rarms_iac.model.state import HostFacts, Rights, State
 from rarms_iac.model.system import SchedulerType
 
@@ -19,14 +19,14 @@ def unproven(observed: Iterable[State], places: Places) -> Iterator[Diagnostic]:
     """The hosts of which we do not know that we see everything: they may look empty and be full."""
     for state in observed:
         if state.facts.rights is not Rights.PROVEN:
-            yield no_rights(state.facts, places)
+            yield no_rights(state.facts, places.key("hosts", state.facts.name))
 
 
-def no_rights(facts: HostFacts, places: Places | None = None) -> Diagnostic:
+def no_rights(facts: HostFacts, place: Place | None = None) -> Diagnostic:
     """One of them."""
     says = "has no right to" if facts.rights is Rights.MISSING else "could not prove that it may"
     return NO_RIGHTS.at(
-        places.key("hosts", facts.name) if places else None,
+        place,
         f"On {facts.name}, rarms {says} manage machines: those that are there cannot be seen, let alone changed.",
         "Run as an administrator of the host; on a simulated one, say `administrator: true`.",
         address=f"host/{facts.name}",
@@ -35,18 +35,32 @@ def no_rights(facts: HostFacts, places: Places | None = None) -> Diagnostic:
 
 def ignored(desired: State, places: Places) -> Iterator[Diagnostic]:
     """A host on which the wanted reserves, limits or weights would have no effect, or none that is known."""
-    facts = desired.facts
-    why = _why_ignored(facts)
     asked = [one.settings.name for one in desired.partitions if one.settings.reserve or one.settings.limit < 100]
-    if why and asked:
+    if asked:
+        yield from void_scheduler(desired.facts, ", ".join(asked), places.key("hosts", desired.facts.name))
+
+
+def void_scheduler(facts: HostFacts, whose: str, place: Place | None) -> Iterator[Diagnostic]:
+    """A host on which nobody's reserve has an effect, or none that is known; `whose` would have one."""
+    why = _why_ignored(facts)
+    if why:
         yield SCHEDULER.at(
-            places.key("hosts", facts.name),
-            f"{facts.name} {why}: reserve, limit and weight of {', '.join(asked)} would be stored without effect.",
-            "Choose the classic or the core scheduler where its Windows allows that (`bcdedit /set "
-            "{hypervisorsettings} hypervisorschedulertype core`, then a restart), take another host, or accept "
-            f"RARMS159 at host/{facts.name}.",
+            place,
+            f"{facts.name} {why}: reserve, limit and weight of {whose} would be stored without effect.",
+            f"{_way_out(facts)}, take another host, or accept RARMS159 at host/{facts.name}.",
             address=f"host/{facts.name}",
         )
+
+
+def _way_out(facts: HostFacts) -> str:
+    if facts.client:
+        return "Install a Windows Server: a client supports no other scheduler"
+    if facts.scheduler is SchedulerType.UNKNOWN:
+        return "Restart the host, which writes its event 2 of Microsoft-Windows-Hyper-V-Hypervisor anew"
+    return (
+        "Choose the core or the classic scheduler (`bcdedit /set hypervisorschedulertype core`; some builds want "
+        "`bcdedit /set {hypervisorsettings} hypervisorschedulertype core`) and restart the host"
+    )
 
 
 def _why_ignored(facts: HostFacts) -> str:

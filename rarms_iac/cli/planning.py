@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from rarms_iac.apply.doctor.checks import ASKED_BY_THE_DOCTOR
 from rarms_iac.apply.prepare import Judge, Request, prepare
 from rarms_iac.apply.void import NO_RIGHTS
 from rarms_iac.cli.codes import ExitCode
@@ -14,6 +15,10 @@ from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import LOOKED_FOR
 from rarms_iac.model.diagnostics import Diagnostic, Severity, in_order
 from rarms_iac.model.plan import Plan, Purpose
+from rarms_iac.storage.finding_pages import known_codes
+
+_PLANNED_FOR = frozenset(known_codes()) - ASKED_BY_THE_DOCTOR
+"""What a whole plan can find."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +69,7 @@ def judge_of(hosts: Hosts, wish: Wish) -> Judge:
     An acceptance that silenced nothing is only told of where everything was looked at.
     """
     whole = wish.purpose is Purpose.APPLY and not (hosts.where.hosts or wish.limits.targets)
-    looked_for = None if whole else LOOKED_FOR
+    looked_for = _PLANNED_FOR if whole else LOOKED_FOR
 
     def judge(found: Sequence[Diagnostic]) -> tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]:
         everything = in_order(tuple(dict.fromkeys((*hosts.opened.loaded.diagnostics, *found))))

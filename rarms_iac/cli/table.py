@@ -8,6 +8,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "init": "Write a commented manifest to start from.",
         "validate": "Check manifests; needs no host.",
         "fmt": "Write manifests in their canonical form, comments kept.",
+        "doctor": "Tell what makes a plan void or unsafe on the hosts.",
         "plan": "Show what would change on the hosts.",
         "show": "Show a plan file.",
         "apply": "Do what a plan says, or plan, ask and do it.",

@@ -7,6 +7,8 @@ from pathlib import Path
 
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.problems import Halted, out_of_reach
+from rarms_iac.model.condition import HostCondition
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.names import is_name
 from rarms_iac.model.system import Host, ProviderKind
 from rarms_iac.providers.interface import StepwiseHost
@@ -34,6 +36,25 @@ def open_host(host: Host, folder: str, state_path: str) -> StepwiseHost:
             return SimulatedHostProvider(host, Path(folder) / state_path)
         case ProviderKind.HYPERV | ProviderKind.LINUX:
             raise Halted(ExitCode.FAILED, [out_of_reach(host.name, host.provider.value)])
+
+
+def seen_in(data: bytes, host: str) -> tuple[HostCondition, tuple[Diagnostic, ...]]:
+    """What a file says of the host beside its State, and what its provider finds odd there.
+
+    Nothing where it is not what `observe.ps1` printed.
+    """
+    from rarms_iac.providers.hyperv.condition import condition_of
+    from rarms_iac.providers.hyperv.findings import findings_of
+    from rarms_iac.providers.hyperv.observation import document_of, is_observation, observation_of
+
+    try:
+        document = document_of(data)
+        if not is_observation(document):
+            return HostCondition(), ()
+        seen = observation_of(document)
+    except NotDecodable:
+        return HostCondition(), ()  # who reads its State tells what is wrong with it
+    return condition_of(seen), findings_of(seen, host)
 
 
 def state_path(host: str, folder: str, overlays: Sequence[str]) -> str:

@@ -91,7 +91,7 @@ def _partitions(
 ) -> _Found:
     found = _Found()
     in_the_way = list(_in_the_way(wanted, ours, observed, application, wishes))
-    found.findings += [*ours.findings, *_foreign_marks(observed), *in_the_way]
+    found.findings += [*ours.findings, *foreign_marks(observed), *in_the_way]
     blocked = {one.address for one in in_the_way}
     for name in sorted({*wanted, *ours.machines}):
         if f"partition/{name}" not in blocked:
@@ -181,7 +181,8 @@ def _differs(before: Partition, after: Partition, around: Surroundings) -> str:
     return f"not as wanted: {', '.join(differing)}{stop}"
 
 
-def _foreign_marks(observed: State) -> Iterable[Diagnostic]:
+def foreign_marks(observed: State) -> Iterable[Diagnostic]:
+    """Machines with a line that looks like a mark and does not count."""
     for one in observed.partitions:
         if one.foreign_mark:
             yield findings.FOREIGN_MARK.at(

@@ -218,6 +218,41 @@ class ExplanationOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ExaminedOutput:
+    """What `rarms doctor` looked at; null where it could not be read. `os_build` is 0 where there is no Windows."""
+
+    name: str
+    provider: str
+    computer: str
+    os_build: int
+    client: bool
+    scheduler: Literal["classic", "core", "root", "unknown", "none"]
+    logical_processors: int
+    seen_processors: int | None
+    smt: bool
+    memory: int
+    rights: Literal["proven", "missing", "unknown"]
+    powershell: str | None
+    module: tuple[str, ...] | None
+    machines: int
+    managed: int
+    running: int
+    findings: tuple[Diagnostic, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DoctorOutput:
+    """`rarms doctor`: what makes a plan void or unsafe on each host."""
+
+    application: str
+    hosts: tuple[ExaminedOutput, ...]
+    accepted: tuple[Diagnostic, ...]
+    counts: Mapping[str, int]
+    kind: Literal["doctor"] = "doctor"
+    format_version: Format = FORMAT_VERSION
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class NodeOutput:
     """Something in a graph."""
 
@@ -254,6 +289,7 @@ Output = (
     PlanOutput
     | RunOutput
     | DriftOutput
+    | DoctorOutput
     | FindingsOutput
     | FmtOutput
     | WrittenOutput

@@ -1,0 +1,46 @@
+"""The condition of a host: what `rarms doctor` looks at beside the host's State. Nothing is planned by it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+
+class PolicyScope(StrEnum):
+    """Where an execution policy is set, in PowerShell's own words; the first that is set decides."""
+
+    MACHINE_POLICY = "MachinePolicy"
+    USER_POLICY = "UserPolicy"
+    PROCESS = "Process"
+    CURRENT_USER = "CurrentUser"
+    LOCAL_MACHINE = "LocalMachine"
+
+    @property
+    def is_group_policy(self) -> bool:
+        """Whether it outranks what a PowerShell was started with."""
+        return self in {PolicyScope.MACHINE_POLICY, PolicyScope.USER_POLICY}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MachineCondition:
+    """What is odd about a virtual machine and no setting of ours; its settings are in its Partition of the same id."""
+
+    id: str
+    automatic_checkpoints: bool = False
+    clustered: bool = False
+    group: str = ""  # id of its CPU group; empty: none
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostCondition:
+    """How a host is, as far as it could be looked at; None: it could not, and `unread` says why."""
+
+    powershell: str | None = None  # version of the PowerShell that looked: 5.1.26100.2161
+    bits: int | None = None  # of the process that looked
+    policies: Mapping[PolicyScope, str] = field(default_factory=dict)  # Restricted, RemoteSigned, ...
+    module: tuple[str, ...] | None = None  # versions of the Hyper-V module; empty: it is not installed
+    power_plans: tuple[str, ...] | None = None  # ids of those that are active
+    pending_restart: bool | None = None
+    seen_processors: int | None = None  # logical processors that the host's own Windows sees
+    numa_nodes: int | None = None
+    machines: tuple[MachineCondition, ...] = ()
+    unread: Mapping[str, str] = field(default_factory=dict)  # what could not be looked at -> why

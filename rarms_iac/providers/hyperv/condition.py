@@ -1,0 +1,87 @@
+"""An observation as the condition of a host: what only `rarms doctor` asks for. Pure."""
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import TypeVar
+
+from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
+from rarms_iac.providers.hyperv.observation import Machine, Observation, Probe, Read, Unread, or_else
+
+T = TypeVar("T")
+
+NO_GROUP = "00000000-0000-0000-0000-000000000000"
+_INSTANCE = re.compile(r"Microsoft:(?P<id>[0-9a-fA-F-]{36})\\")
+
+
+def condition_of(seen: Observation) -> HostCondition:
+    """How the host is, as far as it could be looked at."""
+    powershell = seen.powershell.value if isinstance(seen.powershell, Read) else None
+    windows = seen.windows.value if isinstance(seen.windows, Read) else None
+    sockets = _value(seen.processors)
+    nodes = _value(seen.numa)
+    groups = _groups(seen)
+    return HostCondition(
+        powershell=powershell.version if powershell else None,
+        bits=windows.bits if windows else None,
+        policies={
+            PolicyScope(one.scope): one.policy for one in or_else(seen.execution_policy, ()) if _known(one.scope)
+        },
+        module=_value(seen.module),
+        power_plans=_value(seen.power_plan),
+        pending_restart=_value(seen.pending_restart),
+        seen_processors=sum(one.logical for one in sockets) if sockets else None,
+        numa_nodes=len(nodes) if nodes else None,
+        machines=tuple(_machine(one, groups.get(one.id, "")) for one in or_else(seen.machines, ())),
+        unread=dict(_unread(seen)),
+    )
+
+
+def _machine(one: Machine, group: str) -> MachineCondition:
+    return MachineCondition(
+        id=one.id,
+        automatic_checkpoints=one.automatic_checkpoints == "True",
+        clustered=one.clustered == "True",
+        group=group,
+    )
+
+
+def _groups(seen: Observation) -> Mapping[str, str]:
+    """By id of a machine: its CPU group, where it is in one. Settings of checkpoints carry other ids."""
+    found = {}
+    for setting in or_else(seen.cpu_groups, ()):
+        instance = _INSTANCE.match(setting.instance)
+        group = setting.group.strip("{}").lower()
+        if instance and group and group != NO_GROUP:
+            found[instance["id"].lower()] = group
+    return found
+
+
+def _known(scope: str) -> bool:
+    return scope in {one.value for one in PolicyScope}
+
+
+_LOOKED_AT = {
+    "the version of PowerShell": "powershell",
+    "the version of Windows": "windows",
+    "the number of processors that Windows sees": "processors",
+    "the NUMA nodes": "numa",
+    "the CPU groups": "cpu_groups",
+    "the multimedia task classes": "tasks",
+    "the power plan": "power_plan",
+    "a pending restart": "pending_restart",
+    "the execution policy": "execution_policy",
+}
+"""What a check or a plan rests on; whose absence is told elsewhere (rights, module, scheduler), or is normal
+(journal, records), is not here."""
+
+
+def _unread(seen: Observation) -> Iterator[tuple[str, str]]:
+    for what, name in _LOOKED_AT.items():
+        probe = getattr(seen, name)
+        if isinstance(probe, Unread):
+            why = "denied" if probe.denied else "absent"
+            yield what, f"{why} ({probe.error})" if probe.error else why
+
+
+def _value(probe: Probe[T]) -> T | None:
+    return probe.value if isinstance(probe, Read) else None

@@ -1,0 +1,63 @@
+"""`rarms doctor` on simulated hosts: facts, findings, acceptances and exit codes."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.system.test_void_hosts import ACCEPTED, Desk
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> Desk:
+    return Desk(tmp_path)
+
+
+def test_a_host_without_problems(desk: Desk) -> None:
+    ran = desk.run("doctor")
+
+    assert (ran.code, ran.err) == (0, "")
+    assert "  scheduler   classic" in ran.lines
+    assert ran.lines[-1] == "Nothing here makes a plan void or unsafe."
+
+
+@pytest.mark.parametrize(
+    ("host", "policy", "code", "last"),
+    [
+        ("scheduler: root", "policy:\n", 2, "1 error, 0 warnings, 0 notes."),
+        ("scheduler: root", ACCEPTED, 0, "No findings (1 accepted)."),
+        ("administrator: false", "policy:\n", 2, "1 error, 0 warnings, 0 notes."),
+        ("scheduler: core, smt: true", "policy:\n", 0, "0 errors, 1 warning, 0 notes."),
+    ],
+)
+def test_errors_end_with_2_and_warnings_do_not(desk: Desk, host: str, policy: str, code: int, last: str) -> None:
+    ran = desk.run("doctor", host=host, policy=policy)
+
+    assert (ran.code, ran.lines[-1]) == (code, last)
+
+
+def test_programs_get_facts_and_findings(desk: Desk) -> None:
+    answer = json.loads(desk.run("doctor", "--json", host="scheduler: root, client: true").out)
+
+    (host,) = answer["hosts"]
+    assert (answer["kind"], answer["counts"]["errors"]) == ("doctor", 1)
+    assert (host["scheduler"], host["client"], [one["code"] for one in host["findings"]]) == (
+        "root",
+        True,
+        ["RARMS159"],
+    )
+
+
+def test_findings_come_in_every_form(desk: Desk, tmp_path: Path) -> None:
+    file = tmp_path / "findings.sarif"
+
+    ran = desk.run("doctor", "--output", f"sarif={file}", "--output", "github", host="administrator: false")
+
+    assert ran.out.startswith("::error ")
+    assert json.loads(file.read_text(encoding="utf-8"))["runs"][0]["results"][0]["ruleId"] == "RARMS158"
+
+
+def test_an_acceptance_of_what_only_the_doctor_finds_is_not_unused_in_a_plan(desk: Desk) -> None:
+    policy = "policy:\n  accept:\n    RARMS236: { at: [host/here], reason: a laptop }\n"
+
+    assert "RARMS096" not in desk.run("plan", policy=policy).out

@@ -1,0 +1,164 @@
+"""Each check tells of what it is for and of nothing else, at the address that an acceptance names."""
+
+from dataclasses import replace
+
+import pytest
+
+from rarms_iac.apply.doctor.checks import ASKED_BY_THE_DOCTOR
+from rarms_iac.apply.doctor.examination import Examination
+from rarms_iac.apply.doctor.examine import examine
+from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.state import HostFacts, Partition, Rights, RunState, State
+from rarms_iac.model.system import SchedulerType
+from tests.builders_plan import facts, partition, settings
+
+
+def examination(
+    *, of: HostFacts | None = None, machines: tuple[Partition, ...] = (), how: HostCondition | None = None
+) -> Examination:
+    return Examination(state=State(facts=of or facts(), partitions=machines), condition=how or HostCondition())
+
+
+def odd(condition: MachineCondition) -> HostCondition:
+    return HostCondition(machines=(condition,))
+
+
+VISION = partition(settings("vision"))
+DYNAMIC = replace(VISION, settings=replace(VISION.settings, dynamic_memory=True))
+POLICY = PolicyScope
+HEALTHY = HostCondition(
+    powershell="5.1.26100.2161",
+    bits=64,
+    policies={POLICY.MACHINE_POLICY: "Undefined", POLICY.PROCESS: "Bypass", POLICY.LOCAL_MACHINE: "RemoteSigned"},
+    module=("2.0.0.0",),
+    power_plans=("Microsoft:PowerPlan\\{8c5e7fda-e8bf-4a96-9a85-a6e23a8c635c}",),
+    pending_restart=False,
+    seen_processors=2,
+    numa_nodes=1,
+    machines=(MachineCondition(id=VISION.id),),
+)
+BALANCED = ("Microsoft:PowerPlan\\{381b4222-f694-41f0-9685-ff5bb260df2e}",)
+
+CASES = {
+    "root": ("RARMS159", "host/onboard", examination(of=replace(facts(), scheduler=SchedulerType.ROOT))),
+    "unknown": ("RARMS159", "host/onboard", examination(of=replace(facts(), scheduler=SchedulerType.UNKNOWN))),
+    "no rights": ("RARMS158", "host/onboard", examination(of=replace(facts(), rights=Rights.MISSING))),
+    "rights not proven": ("RARMS158", "host/onboard", examination(of=replace(facts(), rights=Rights.UNKNOWN))),
+    "no module": ("RARMS233", "host/onboard", examination(how=HostCondition(module=()))),
+    "SMT": ("RARMS234", "host/onboard", examination(of=replace(facts(), smt=True, scheduler=SchedulerType.CORE))),
+    "group": (
+        "RARMS235",
+        "partition/vision",
+        examination(machines=(VISION,), how=odd(MachineCondition(id=VISION.id.upper(), group="36ab08cb"))),
+    ),
+    "power plan": ("RARMS236", "host/onboard", examination(how=HostCondition(power_plans=BALANCED))),
+    "NUMA": ("RARMS237", "partition/vision", examination(machines=(DYNAMIC,), how=HostCondition(numa_nodes=2))),
+    "checkpoints": (
+        "RARMS238",
+        "partition/vision",
+        examination(machines=(VISION,), how=odd(MachineCondition(id=VISION.id, automatic_checkpoints=True))),
+    ),
+    "restart": ("RARMS239", "host/onboard", examination(how=HostCondition(pending_restart=True))),
+    "old PowerShell": ("RARMS240", "host/onboard", examination(how=HostCondition(powershell="5.0.10586.117"))),
+    "policy of a group": (
+        "RARMS241",
+        "host/onboard",
+        examination(
+            how=HostCondition(policies={POLICY.USER_POLICY: "AllSigned", POLICY.LOCAL_MACHINE: "Unrestricted"})
+        ),
+    ),
+    "policy of the machine": (
+        "RARMS241",
+        "host/onboard",
+        examination(how=HostCondition(policies={POLICY.PROCESS: "Bypass", POLICY.LOCAL_MACHINE: "Restricted"})),
+    ),
+    "no policy on a client": (
+        "RARMS241",
+        "host/onboard",
+        examination(of=replace(facts(), client=True), how=HostCondition(policies={POLICY.LOCAL_MACHINE: "Undefined"})),
+    ),
+    "32 bits": ("RARMS242", "host/onboard", examination(how=HostCondition(bits=32))),
+    "minroot": ("RARMS243", "host/onboard", examination(how=HostCondition(seen_processors=1))),
+    "cluster": (
+        "RARMS244",
+        "partition/vision",
+        examination(machines=(VISION,), how=odd(MachineCondition(id=VISION.id, clustered=True))),
+    ),
+    "saved": ("RARMS245", "partition/vision", examination(machines=(replace(VISION, state=RunState.SAVED),))),
+    "critical": ("RARMS245", "partition/vision", examination(machines=(replace(VISION, state=RunState.CRITICAL),))),
+    "wide": (
+        "RARMS246",
+        "machine/id-of-strange",
+        examination(machines=(partition(settings("strange", processors=3), application=None),)),
+    ),
+    "mark": (
+        "RARMS151",
+        "machine/id-of-copy",
+        examination(machines=(replace(partition(settings("copy"), application=None), foreign_mark="it was copied"),)),
+    ),
+    "unread": ("RARMS249", "host/onboard", examination(how=HostCondition(unread={"the power plan": "denied"}))),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_is_wrong_is_told_alone_and_where_it_is(case: str) -> None:
+    code, address, host = CASES[case]
+
+    assert [(one.code, one.address) for one in examine(host)] == [(code, address)]
+
+
+def test_every_check_of_the_doctor_has_a_case() -> None:
+    assert {code for code, _, _ in CASES.values()} > ASKED_BY_THE_DOCTOR
+
+
+def test_a_healthy_host_has_no_findings() -> None:
+    assert examine(examination(machines=(VISION,), how=HEALTHY)) == ()
+
+
+def test_a_host_of_which_only_the_state_is_known_is_judged_by_it() -> None:
+    assert examine(examination(machines=(DYNAMIC,))) == ()
+
+
+@pytest.mark.parametrize("version", ["5.1", "5.1.14393.0", "7.4.6", "10.0"])
+def test_a_powershell_that_runs_the_scripts_is_not_told_of(version: str) -> None:
+    assert examine(examination(how=HostCondition(powershell=version))) == ()
+
+
+@pytest.mark.parametrize("version", ["2.0", "3", "5.0.10586.117", "", "core"])
+def test_one_that_does_not_is(version: str) -> None:
+    assert [one.code for one in examine(examination(how=HostCondition(powershell=version)))] == ["RARMS240"]
+
+
+def test_the_policy_that_rarms_started_the_look_with_counts_for_nothing() -> None:
+    how = HostCondition(policies={POLICY.PROCESS: "Restricted", POLICY.LOCAL_MACHINE: "RemoteSigned"})
+
+    assert examine(examination(how=how)) == ()
+
+
+@pytest.mark.parametrize(("scope", "word"), [(POLICY.MACHINE_POLICY, "outranks"), (POLICY.CURRENT_USER, "By hand")])
+def test_what_a_policy_means_depends_on_who_set_it(scope: PolicyScope, word: str) -> None:
+    (one,) = examine(examination(how=HostCondition(policies={scope: "Restricted"})))
+
+    assert word in one.detail + one.advice
+
+
+def test_a_root_scheduler_comes_with_both_spellings_of_the_way_out() -> None:
+    _, _, host = CASES["root"]
+    (one,) = examine(host)
+
+    assert "bcdedit /set hypervisorschedulertype core" in one.advice
+    assert "bcdedit /set {hypervisorsettings} hypervisorschedulertype core" in one.advice
+
+
+def test_a_client_is_not_sent_to_bcdedit() -> None:
+    client = replace(facts(), scheduler=SchedulerType.UNKNOWN, client=True)
+    (one,) = examine(examination(of=client))
+
+    assert ("client" in one.detail, "bcdedit" in one.advice) == (True, False)
+
+
+def test_what_the_provider_found_is_told_with_the_rest() -> None:
+    told: Diagnostic = examine(CASES["root"][2])[0]
+
+    assert examine(replace(examination(), told=(told,))) == (told,)
