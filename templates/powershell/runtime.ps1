@@ -110,11 +110,10 @@ function Get-Operator {
 function Protect-Folder {
     # Only Administrators and SYSTEM may write what a later run trusts; -Confirm does not ask for that.
     $ConfirmPreference = 'None'
-    if (-not (Test-Path -LiteralPath $script:Folder)) {
-        [void] [System.IO.Directory]::CreateDirectory($script:Folder)
-        Protect-Path -Path $script:Folder -Descriptor 'O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)'
-    }
-    Assert-Owner -Path $script:Folder
+    if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
+    else { [void] [System.IO.Directory]::CreateDirectory($script:Folder) }
+    # Also where it was there: a run that was killed right here left it open to everybody.
+    Protect-Path -Path $script:Folder -Descriptor 'O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)'
 }
 
 function Protect-Path {

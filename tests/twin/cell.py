@@ -1,0 +1,82 @@
+"""The loop without a Windows of ours: observe, plan, render, run what the scripts say, observe again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from datetime import date
+
+from rarms_iac.apply.prepare import Prepared, Request, prepare
+from rarms_iac.model.diagnostics import Places
+from rarms_iac.model.plan import HostPlan, Plan
+from rarms_iac.model.state import State
+from rarms_iac.model.system import System
+from rarms_iac.powershell.render import render_scripts, script_name
+from tests.builders import PathPlaces
+from tests.twin.host import WindowsHost
+from tests.twin.observing import state_of
+from tests.twin.run import Ran, put, run
+
+TODAY = date(2026, 11, 21)
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A system of one Hyper-V host, and the stand-in for that host."""
+
+    system: System
+    host: WindowsHost
+    places: Places = PathPlaces()
+
+    @property
+    def name(self) -> str:
+        (name,) = self.system.hosts
+        return name
+
+    def observe(self) -> State:
+        return state_of(self.host, self.name)
+
+    def prepare(self, **asked: object) -> Prepared:
+        request = Request(
+            system=self.system, places=self.places, manifest="rarms.yaml", manifest_digest="0" * 64, today=TODAY
+        )
+        state = self.observe()
+        return prepare(replace(request, **asked), {self.name: state})  # type: ignore[arg-type]  # fields, said by tests
+
+    def plan(self, **asked: object) -> Plan:
+        prepared = self.prepare(**asked)
+        assert prepared.plan is not None, prepared.findings
+        return prepared.plan
+
+    def on(self, host: WindowsHost) -> Cell:
+        """The same wish on another host."""
+        return replace(self, host=host)
+
+
+def scripts_of(plan: Plan) -> Mapping[str, bytes]:
+    """The scripts of its only host."""
+    (part,) = plan.hosts
+    return {name: data if isinstance(data, bytes) else data.encode("ascii") for name, data in _rendered(part, plan)}
+
+
+def _rendered(part: HostPlan, plan: Plan) -> list[tuple[str, bytes | str]]:
+    return list(part.scripts.items()) or list(render_scripts(part, plan).items())
+
+
+def apply_script(plan: Plan) -> str:
+    return script_name(plan.hosts[0])
+
+
+def undo_script(plan: Plan) -> str:
+    return script_name(plan.hosts[0], undo=True)
+
+
+def apply(host: WindowsHost, plan: Plan, **how: bool) -> Ran:
+    """Lay the plan's scripts on the host and run the one for the host itself."""
+    put(host, scripts_of(plan))
+    return run(host, apply_script(plan), **how)  # type: ignore[arg-type]  # names of options, said by tests
+
+
+def undo(host: WindowsHost, plan: Plan) -> Ran:
+    put(host, scripts_of(plan))
+    return run(host, undo_script(plan))

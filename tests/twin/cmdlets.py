@@ -1,0 +1,311 @@
+"""PowerShell's own cmdlets, on the twin's files and registry."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+
+from tests.twin import hyperv
+from tests.twin.commands import refused
+from tests.twin.dotnet import AccessList, content
+from tests.twin.host import ADMINISTRATORS, Entry, Key
+from tests.twin.scopes import Scope
+from tests.twin.text import from_json, to_json
+from tests.twin.values import (
+    EMPTY,
+    Enumerated,
+    Long,
+    Record,
+    ScriptError,
+    Table,
+    Thing,
+    Unsupported,
+    Value,
+    cannot_convert,
+    number,
+    text,
+)
+
+Given = Mapping[str, Value]
+HYPERVISOR = "Microsoft-Windows-Hyper-V-Hypervisor"
+
+
+class RegistryKey(Thing):
+    """What Get-Item gives of a key."""
+
+    type_name = "Microsoft.Win32.RegistryKey"
+
+    def __init__(self, key: Key) -> None:
+        super().__init__(PSChildName=key.path.rpartition("\\")[2])
+        self.key = key
+
+    def do_getvaluenames(self) -> list[Value]:
+        return [one.name for one in self.key.values.values()]
+
+    def do_getvalue(self, name: Value) -> Value:
+        found = self.key.values.get(text(name).lower())
+        return _as_read(found) if found else None
+
+    def do_getvaluekind(self, name: Value) -> Value:
+        found = self.key.values.get(text(name).lower())
+        if found is None:
+            raise ScriptError("The specified registry key does not exist.", error_id="IOException")
+        return Enumerated(found.kind)
+
+
+def _as_read(entry: Entry) -> Value:
+    match entry.kind:
+        case "DWord":
+            data = number(entry.data)
+            return data - 2**32 if data >= 2**31 else data
+        case "QWord":
+            return Long(number(entry.data))
+        case "Binary":
+            return [int(one) for one in str(entry.data).split()]
+        case _:
+            return str(entry.data)
+
+
+def _is_registry(path: str) -> bool:
+    return path.upper().startswith("HKLM:\\")
+
+
+def not_found(path: str, command: str) -> ScriptError:
+    return ScriptError(
+        f"Cannot find path '{path}' because it does not exist.",
+        error_id=f"PathNotFound,Microsoft.PowerShell.Commands.{command}",
+        category="ObjectNotFound",
+        kind="System.Management.Automation.ItemNotFoundException",
+    )
+
+
+def test_path(scope: Scope, given: Given) -> bool:
+    host, path = scope.session.host, text(given["literalpath"])
+    return (host.key(path) if _is_registry(path) else host.file(path)) is not None
+
+
+def get_item(scope: Scope, given: Given) -> Thing:
+    host, path = scope.session.host, text(given["literalpath"])
+    refused(scope, f"Get-Item {path}")
+    if _is_registry(path):
+        key = host.key(path)
+        if key is None:
+            raise not_found(path, "GetItemCommand")
+        return RegistryKey(key)
+    file = host.file(path)
+    if file is None:
+        raise not_found(path, "GetItemCommand")
+    return Record(FullName=file.path)
+
+
+def get_child_item(scope: Scope, given: Given) -> list[Value]:
+    host, path = scope.session.host, text(given["literalpath"])
+    refused(scope, f"Get-ChildItem {path}")
+    if not _is_registry(path):
+        raise Unsupported("Get-ChildItem of a folder")
+    if host.key(path) is None:
+        raise not_found(path, "GetChildItemCommand")
+    return [RegistryKey(one) for one in host.below(path)]
+
+
+def _elevated(scope: Scope, path: str) -> None:
+    if not scope.session.host.elevated:
+        raise ScriptError(
+            f"Requested registry access to {path} is not allowed.",
+            error_id="PermissionDenied",
+            category="PermissionDenied",
+        )
+
+
+def new_item(scope: Scope, given: Given) -> Value:
+    host, path = scope.session.host, text(given["path"])
+    if not _is_registry(path) or given.get("force"):
+        raise Unsupported("New-Item of a file, or with -Force, which empties a key that is there")
+    _elevated(scope, path)
+    if host.key(path.rpartition("\\")[0]) is None:
+        raise not_found(path, "NewItemCommand")
+    if host.key(path):
+        raise ScriptError("A key in this path already exists.", error_id="ResourceExists", category="ResourceExists")
+    host.effect(f"New-Item {path}", lambda: host.add_key(path))
+    return RegistryKey(host.registry.get(path.lower(), Key(path=path)))
+
+
+def new_item_property(scope: Scope, given: Given) -> Value:
+    host, path, name = scope.session.host, text(given["literalpath"]), text(given["name"])
+    _elevated(scope, path)
+    key = host.key(path)
+    if key is None:
+        raise not_found(path, "NewItemPropertyCommand")
+    if name.lower() in key.values and not given.get("force"):
+        raise ScriptError("The property already exists.", error_id="IOException", category="WriteError")
+    kept = key.values.get(name.lower())
+    entry = Entry(name=kept.name if kept else name, kind=text(given["propertytype"]), data=_as_written(given))
+    host.effect(f"New-ItemProperty {path} {name}", lambda: key.values.__setitem__(name.lower(), entry))
+    return Record()
+
+
+def _as_written(given: Given) -> int | str:
+    """What is stored; a DWord is taken for an `[int]`, so that what is above it fails."""
+    value = given["value"]
+    match text(given["propertytype"]):
+        case "DWord":
+            data = number(value)
+            if not -(2**31) <= data < 2**31:
+                raise cannot_convert(value, "System.Int32")
+            return data % 2**32
+        case "String":
+            return text(value)
+        case other:
+            raise Unsupported(f"a value of type {other}")
+
+
+def remove_item_property(scope: Scope, given: Given) -> Value:
+    host, path, name = scope.session.host, text(given["literalpath"]), text(given["name"])
+    _elevated(scope, path)
+    key = host.key(path)
+    if key is None or name.lower() not in key.values:
+        raise not_found(path, "RemoveItemPropertyCommand")
+    host.effect(f"Remove-ItemProperty {path} {name}", lambda: key.values.pop(name.lower()))
+    return EMPTY
+
+
+def remove_item(scope: Scope, given: Given) -> Value:
+    host, path = scope.session.host, text(given["literalpath"])
+    if not _is_registry(path):
+        raise Unsupported("Remove-Item of a file")
+    _elevated(scope, path)
+    if host.key(path) is None:
+        raise not_found(path, "RemoveItemCommand")
+    if host.below(path):
+        raise ScriptError(f"{path} has children and -Recurse was not given: nobody is there to answer the prompt")
+    host.effect(f"Remove-Item {path}", lambda: host.registry.pop(path.lower()))
+    return EMPTY
+
+
+def get_content(scope: Scope, given: Given) -> str:
+    if not given.get("raw"):
+        raise Unsupported("Get-Content by lines")
+    return content(scope, given["literalpath"]).decode("utf-8-sig", "replace")
+
+
+def get_acl(scope: Scope, given: Given) -> AccessList:
+    path = text(given["literalpath"])
+    file = scope.session.host.file(path)
+    if file is None:
+        raise not_found(path, "GetAclCommand")
+    return AccessList(file)
+
+
+def set_acl(scope: Scope, given: Given) -> Value:
+    host, path, acl = scope.session.host, text(given["literalpath"]), given["aclobject"]
+    file = host.file(path)
+    if file is None or not isinstance(acl, AccessList):
+        raise not_found(path, "SetAclCommand")
+    if not re.fullmatch(r"O:BAG:SYD:P\(A;(OICI)?;FA;;;BA\)\(A;(OICI)?;FA;;;SY\)", acl.sddl):
+        raise Unsupported(f"the rights {acl.sddl}")
+
+    def do() -> None:
+        file.owner, file.protected = ADMINISTRATORS, True
+
+    host.effect(f"Set-Acl {path}", do)
+    return EMPTY
+
+
+def join_path(scope: Scope, given: Given) -> str:
+    path, child = text(given["path"]), text(given["childpath"])
+    if not path:
+        raise ScriptError("Cannot bind argument to parameter 'Path' because it is an empty string.")
+    if path[:2].upper() not in ("C:", "HK"):
+        raise ScriptError(
+            f"Cannot find drive. A drive with the name '{path[0]}' does not exist.", error_id="DriveNotFound"
+        )
+    return path.rstrip("\\") + "\\" + child.lstrip("\\")
+
+
+def get_win_event(scope: Scope, given: Given) -> list[Value]:
+    wanted = given["filterhashtable"]
+    assert isinstance(wanted, Table)
+    if wanted.at("ProviderName") != HYPERVISOR or wanted.at("ID") != 2:
+        raise Unsupported("another event than the scheduler's")
+    data = scope.session.host.scheduler
+    if data is None:
+        raise ScriptError(
+            "No events were found that match the specified selection criteria.",
+            error_id="NoMatchingEventsFound,Microsoft.PowerShell.Commands.GetWinEventCommand",
+            category="ObjectNotFound",
+        )
+    return [Record(Id=2, Properties=[Record(Value=data)])]
+
+
+def get_cim_instance(scope: Scope, given: Given) -> list[Value]:
+    host, name = scope.session.host, text(given["classname"])
+    refused(scope, f"Get-CimInstance {name}")
+    match name:
+        case "Msvm_ComputerSystem":
+            own = [Record(Name=host.computer)] if host.host_visible else []
+            return own + [Record(Name=one.id.upper()) for one in host.vms.values()]
+        case "Win32_Processor":
+            names = ("NumberOfCores", "NumberOfLogicalProcessors")
+            return [
+                Record(Name=one["name"], **dict(zip(names, (one["cores"], one["logical"]), strict=True)))
+                for one in host.processors
+            ]
+        case "Msvm_ProcessorSettingData":
+            return [
+                Record(InstanceID=one["instance"], CpuGroupId=one["group"], Reservation=one["reservation"])
+                for one in host.cpu_groups
+            ]
+        case "Win32_PowerPlan":
+            return [Record(InstanceID=one, IsActive=True) for one in host.power_plan]
+        case _:
+            raise Unsupported(f"the class {name}")
+
+
+def start_sleep(scope: Scope, given: Given) -> Value:
+    scope.session.host.clock += number(given["milliseconds"])
+    return EMPTY
+
+
+def write_information(scope: Scope, given: Given) -> Value:
+    assert given["informationaction"] == "Continue"
+    scope.session.talk.append(text(given["messagedata"]))
+    return EMPTY
+
+
+def convert_to_json(scope: Scope, given: Given) -> str:
+    if given["depth"] != 20 or not given["compress"]:
+        raise Unsupported("JSON in another form")
+    return to_json(given["inputobject"], windows_powershell=scope.session.windows_powershell)
+
+
+def _silent(scope: Scope, given: Given) -> Value:
+    return EMPTY
+
+
+CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
+    "test-path": test_path,
+    "get-item": get_item,
+    "get-childitem": get_child_item,
+    "new-item": new_item,
+    "new-itemproperty": new_item_property,
+    "remove-itemproperty": remove_item_property,
+    "remove-item": remove_item,
+    "get-acl": get_acl,
+    "set-acl": set_acl,
+    "join-path": join_path,
+    "get-winevent": get_win_event,
+    "get-ciminstance": get_cim_instance,
+    "start-sleep": start_sleep,
+    "write-information": write_information,
+    "write-verbose": _silent,
+    "set-strictmode": _silent,
+    "convertto-json": convert_to_json,
+    "convertfrom-json": lambda scope, given: from_json(text(given["inputobject"])),
+    "get-module": lambda scope, given: [Record(Version=one) for one in scope.session.host.module],
+    "get-executionpolicy": lambda scope, given: [
+        Record(Scope=Enumerated(where), ExecutionPolicy=Enumerated(policy))
+        for where, policy in scope.session.host.execution_policy
+    ],
+    "get-content": get_content,
+    **hyperv.CMDLETS,
+}

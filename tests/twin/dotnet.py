@@ -1,0 +1,300 @@
+"""The few classes of .NET that rarms' scripts use."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+
+from tests.twin.host import File, WindowsHost
+from tests.twin.operators import match_thing
+from tests.twin.scopes import Scope
+from tests.twin.text import regex
+from tests.twin.values import EMPTY, Enumerated, Moment, Record, ScriptError, Thing, Unsupported, Value, number, text
+
+
+def static_property(kind: str, name: str, scope: Scope) -> Value:
+    """`[kind]::name`."""
+    host = scope.session.host
+    match _short(kind), name.lower():
+        case "environment", "machinename":
+            return host.computer
+        case "environment", "username":
+            return host.user
+        case "console", "out":
+            return Out(scope)
+        case "datetime", "utcnow":
+            return Moment(host.clock)
+        case "intptr", "size":
+            return host.bits // 8
+        case "text.encoding", "ascii":
+            return Ascii()
+        case "stringcomparer", "ordinal":
+            return Thing()
+        case "stringcomparison", "ordinal":
+            return Enumerated("Ordinal")
+        case "io.filemode" | "io.fileaccess" | "security.principal.windowsbuiltinrole", _:
+            return Enumerated(name)
+        case _:
+            raise Unsupported(f"[{kind}]::{name}")
+
+
+def static_call(kind: str, name: str, arguments: list[Value], scope: Scope) -> Value:
+    """`[kind]::name(arguments)`."""
+    made = _CALLS.get((_short(kind), name.lower()))
+    if made is None:
+        raise Unsupported(f"[{kind}]::{name}()")
+    return made(scope, *arguments)
+
+
+def _short(kind: str) -> str:
+    return kind.removeprefix("system.")
+
+
+class Out(Thing):
+    """Standard output."""
+
+    def __init__(self, scope: Scope) -> None:
+        super().__init__()
+        self.scope = scope
+
+    def do_writeline(self, line: Value) -> Value:
+        self.scope.session.output.append(text(line))
+        return EMPTY
+
+
+class Ascii(Thing):
+    """ASCII, which puts `?` for what it does not have."""
+
+    def do_getbytes(self, value: Value) -> bytes:
+        return text(value).encode("ascii", "replace")
+
+    def do_getstring(self, data: Value) -> str:
+        return bytes(data).decode("ascii", "replace")
+
+
+class Sha256(Thing):
+    """A hash."""
+
+    def do_computehash(self, data: Value) -> bytes:
+        return hashlib.sha256(bytes(data)).digest()
+
+
+class Mutex(Thing):
+    """The named mutex of a computer."""
+
+    type_name = "System.Threading.Mutex"
+
+    def __init__(self, scope: Scope) -> None:
+        super().__init__()
+        self.host = scope.session.host
+        self.held = False
+
+    def do_waitone(self, span: Value) -> bool:
+        before = self.host.mutex
+        if before == "held":
+            self.host.clock += number(span)
+            return False
+        self.host.mutex = "ours"
+        self.held = True
+        if before == "abandoned":
+            raise ScriptError(
+                'Exception calling "WaitOne": the wait completed due to an abandoned mutex.',
+                error_id="AbandonedMutexException",
+                kind="System.Threading.AbandonedMutexException",
+            )
+        return True
+
+    def do_releasemutex(self) -> Value:
+        if not self.held:
+            raise ScriptError("Object synchronization method was called from an unsynchronized block of code.")
+        self.host.mutex = ""
+        self.held = False
+        return EMPTY
+
+    def do_dispose(self) -> Value:
+        return EMPTY
+
+
+class Stream(Thing):
+    """A file that is written to."""
+
+    type_name = "System.IO.FileStream"
+
+    def __init__(self, host: WindowsHost, path: str) -> None:
+        super().__init__()
+        self.host = host
+        self.path = path
+        self.position = 0
+        if host.file(path) is None:
+            host.effect(f"open {path}", lambda: host.write_file(path, b""))
+
+    @property
+    def data(self) -> bytes:
+        found = self.host.file(self.path)
+        assert found is not None
+        assert found.data is not None
+        return found.data
+
+    def do_setlength(self, length: Value) -> Value:
+        if number(length) == len(self.data):
+            return EMPTY
+        fresh = self.data[: number(length)].ljust(number(length), b"\0")
+        self.host.effect(f"cut {self.path}", lambda: self.host.write_file(self.path, fresh))
+        return EMPTY
+
+    def set_position(self, value: Value) -> None:
+        self.position = number(value)
+
+    def do_write(self, data: Value, offset: Value, count: Value) -> Value:
+        new = bytes(data)[number(offset) : number(offset) + number(count)]
+        if self.host.tear and len(self.host.effects) in (self.host.kill_before, self.host.kill_after):
+            new = new[: len(new) // 2]
+        at = self.position
+        self.position += len(new)
+        fresh = self.data[:at] + new + self.data[self.position :]
+        self.host.effect(f"write {self.path}", lambda: self.host.write_file(self.path, fresh))
+        return EMPTY
+
+    def do_flush(self, to_disk: Value) -> Value:
+        if to_disk is not True:
+            raise Unsupported("a flush that does not reach the disk")
+        return EMPTY
+
+    def do_dispose(self) -> Value:
+        return EMPTY
+
+
+class AccessList(Thing):
+    """What Get-Acl gives."""
+
+    type_name = "System.Security.AccessControl.DirectorySecurity"
+
+    def __init__(self, file: File) -> None:
+        super().__init__()
+        self.file = file
+        self.sddl = ""
+
+    def do_getowner(self, kind: Value) -> Value:
+        return Record(Value=self.file.owner)
+
+    def do_setsecuritydescriptorsddlform(self, sddl: Value) -> Value:
+        self.sddl = text(sddl)
+        return EMPTY
+
+
+class Principal(Thing):
+    """The caller."""
+
+    def __init__(self, scope: Scope) -> None:
+        super().__init__()
+        self.elevated = scope.session.host.elevated
+
+    def do_isinrole(self, role: Value) -> bool:
+        assert str(role) == "Administrator"
+        return self.elevated
+
+
+def missing(path: str) -> ScriptError:
+    says = f"Could not find file '{path}'."
+    return ScriptError(says, error_id="FileNotFoundException", kind="System.IO.FileNotFoundException")
+
+
+def content(scope: Scope, path: Value) -> bytes:
+    found = scope.session.host.file(text(path))
+    if found is None or found.data is None:
+        raise missing(text(path))
+    return found.data
+
+
+def _write_all(scope: Scope, path: Value, data: Value) -> Value:
+    host, where = scope.session.host, text(path)
+    host.effect(f"write {where}", lambda: host.write_file(where, text(data).encode()))
+    return EMPTY
+
+
+def _make_folder(scope: Scope, path: Value) -> Value:
+    host, where = scope.session.host, text(path)
+    host.effect(f"make folder {where}", lambda: host.write_file(where, None))
+    return Record(FullName=where)
+
+
+def _move(scope: Scope, old: Value, new: Value) -> Value:
+    host, source, target = scope.session.host, text(old), text(new)
+    data = content(scope, source)
+    if host.file(target):
+        raise ScriptError("Cannot create a file when that file already exists.", error_id="IOException")
+
+    def do() -> None:
+        host.write_file(target, data)
+        del host.files[source.lower()]
+
+    host.effect(f"move {source}", do)
+    return EMPTY
+
+
+def _replace(scope: Scope, old: Value, new: Value, backup: Value) -> Value:
+    host, source, target, kept = scope.session.host, text(old), text(new), text(backup)
+    data, before = content(scope, source), content(scope, target)
+
+    def do() -> None:
+        host.write_file(kept, before)
+        host.write_file(target, data)
+        del host.files[source.lower()]
+
+    host.effect(f"replace {target}", do)
+    return EMPTY
+
+
+def _regex_replace(scope: Scope, value: Value, pattern: Value, new: Value) -> str:
+    from tests.twin.expressions import run_block
+
+    def fill(found: object) -> str:
+        return text(run_block(new, scope, arguments=[match_thing(found)]))  # type: ignore[arg-type]  # re.Match[str]
+
+    return regex(text(pattern), case=True).sub(fill, text(value))
+
+
+def _sort(scope: Scope, values: Value, comparer: Value) -> Value:
+    if not isinstance(values, list) or not all(isinstance(one, str) for one in values):
+        raise Unsupported("Array.Sort of anything but text")
+    values.sort(key=lambda one: one.encode("utf-16-be"))
+    return EMPTY
+
+
+def _new_mutex(scope: Scope, owned: Value, name: Value) -> Mutex:
+    if owned is not False or name != "Global\\rarms":
+        raise Unsupported(f"the mutex {name}")
+    return Mutex(scope)
+
+
+def _new_stream(scope: Scope, path: Value, mode: Value, access: Value) -> Stream:
+    if str(mode).lower() != "openorcreate" or str(access).lower() != "write":
+        raise Unsupported(f"a file opened with {mode}, {access}")
+    return Stream(scope.session.host, text(path))
+
+
+def _identity(scope: Scope) -> Thing:
+    return Thing()
+
+
+def _equals(scope: Scope, left: Value, right: Value, *how: Value) -> bool:
+    return bool(text(left) == text(right))
+
+
+_CALLS: dict[tuple[str, str], Callable[..., Value]] = {
+    ("regex", "replace"): _regex_replace,
+    ("io.file", "readalltext"): lambda scope, path: content(scope, path).decode("utf-8-sig", "replace"),
+    ("io.file", "readallbytes"): content,
+    ("io.file", "writealltext"): _write_all,
+    ("io.file", "replace"): _replace,
+    ("io.file", "move"): _move,
+    ("io.directory", "createdirectory"): _make_folder,
+    ("io.filestream", "new"): _new_stream,
+    ("threading.mutex", "new"): _new_mutex,
+    ("security.cryptography.sha256", "create"): lambda scope: Sha256(),
+    ("bitconverter", "tostring"): lambda scope, data: "-".join(f"{one:02X}" for one in bytes(data)),
+    ("array", "sort"): _sort,
+    ("string", "equals"): _equals,
+    ("security.principal.windowsidentity", "getcurrent"): _identity,
+    ("security.principal.windowsprincipal", "new"): lambda scope, identity: Principal(scope),
+}

@@ -1,0 +1,331 @@
+"""Expressions of a script's tree, made into functions of a scope once and run often."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import TYPE_CHECKING
+
+from rarms_iac.powershell.reading import read_literal
+from rarms_iac.powershell.tree import text_of
+from tests.twin import dotnet, members, operators
+from tests.twin.scopes import Block, Function, Parameter, Return, Scope
+from tests.twin.values import EMPTY, Long, Table, Thing, Unsupported, Value, truth, unwrapped
+
+if TYPE_CHECKING:
+    from tree_sitter import Node
+
+Expression = Callable[[Scope], Value]
+
+_CONSTANTS = {"$true": True, "$false": False, "$null": None}
+
+
+def only(node: Node) -> Node:
+    """The node below a chain of single children: the grammar has one for every rank of operators."""
+    while node.child_count == 1 and node.type not in _KEPT:
+        node = node.children[0]
+    return node
+
+
+_KEPT = {
+    "string_literal",
+    "integer_literal",
+    "command",
+    "variable",
+    "member_name",
+    "array_expression",
+    "real_literal",
+    "type_literal",
+}
+
+
+def expression(node: Node) -> Expression:
+    """What the node says, as a function of a scope."""
+    node = only(node)
+    make = _MAKERS.get(node.type)
+    if make is None:
+        raise Unsupported(f"{node.type}: {text_of(node)[:80]}")
+    return make(node)
+
+
+def _constant(value: Value) -> Expression:
+    return lambda scope: value
+
+
+def _literal(node: Node) -> Expression:
+    value = read_literal(text_of(node))
+    if isinstance(value, int) and not isinstance(value, bool) and not -(2**31) <= value < 2**31:
+        value = Long(value)
+    return _constant(value)
+
+
+def _integer(node: Node) -> Expression:
+    shown = text_of(node).lower()
+    value = int(shown, 16 if shown.startswith("0x") else 10)
+    return _constant(value if value < 2**31 else Long(value))
+
+
+def _real(node: Node) -> Expression:
+    return _constant(float(text_of(node)))
+
+
+def _type(node: Node) -> Expression:
+    return _constant(Thing(Name=type_of(node)))
+
+
+def _variable(node: Node) -> Expression:
+    name = text_of(node).lower()
+    if name in _CONSTANTS:
+        return _constant(_CONSTANTS[name])
+    plain = name.removeprefix("$")
+    return lambda scope: scope.read(plain)
+
+
+def _binary(node: Node) -> Expression:
+    left, operator, right = node.children
+    a, b, word = expression(left), expression(right), text_of(operator).lower()
+    match word:
+        case "-and":
+            return lambda scope: truth(a(scope)) and truth(b(scope))
+        case "-or":
+            return lambda scope: truth(a(scope)) or truth(b(scope))
+        case "-band":
+            return lambda scope: operators.band(a(scope), b(scope))
+        case "+" | "-" | "*":
+            return lambda scope: operators.arithmetic(word, a(scope), b(scope))
+        case "-f":
+            return lambda scope: operators.format_with(a(scope), b(scope))
+        case _:
+            return lambda scope: operators.compare(word, a(scope), b(scope), scope)
+
+
+def _array_literal(node: Node) -> Expression:
+    parts = [expression(one) for one in node.children if one.type != ","]
+    return lambda scope: [part(scope) for part in parts]
+
+
+def _unary(node: Node) -> Expression:
+    if node.children[0].type != "-not":
+        raise Unsupported(text_of(node)[:80])
+    inside = expression(node.children[1])
+    return lambda scope: not truth(inside(scope))
+
+
+def _cast(node: Node) -> Expression:
+    to = type_of(node.children[0])
+    if to == "ordered":
+        entries = table_entries(only(node.children[1]))
+        return lambda scope: Table(_entries(entries, scope), ordered=True)
+    inside = expression(node.children[1])
+    return lambda scope: members.cast(to, inside(scope), scope)
+
+
+def type_of(node: Node) -> str:
+    """`[System.IO.File]` as `system.io.file`."""
+    return text_of(node).strip("[]").lower() + ("[]" if text_of(node).endswith("[]]") else "")
+
+
+def _parenthesised(node: Node) -> Expression:
+    from tests.twin.statements import value_of
+
+    return value_of(node.children[1])
+
+
+def _array_expression(node: Node) -> Expression:
+    from tests.twin.statements import block_of
+
+    lists = [one for one in node.children if one.type == "statement_list"]
+    if not lists:
+        return lambda scope: []
+    body = block_of(lists[0])
+
+    def collect(scope: Scope) -> Value:
+        out: list[Value] = []
+        body(scope, out)
+        return out
+
+    return collect
+
+
+def table_entries(node: Node) -> list[tuple[Expression, Expression]]:
+    """The entries of `@{ ... }`."""
+    from tests.twin.statements import value_of
+
+    if node.type != "hash_literal_expression":
+        raise Unsupported(f"no table: {text_of(node)[:80]}")
+    found = []
+    for body in (one for one in node.children if one.type == "hash_literal_body"):
+        for entry in (one for one in body.children if one.type == "hash_entry"):
+            key = entry.children[0].children[0]
+            named = key.type == "simple_name"
+            found.append((_constant(text_of(key)) if named else expression(key), value_of(entry.children[2])))
+    return found
+
+
+def _entries(entries: list[tuple[Expression, Expression]], scope: Scope) -> list[tuple[Value, Value]]:
+    return [(key(scope), value(scope)) for key, value in entries]
+
+
+def _table(node: Node) -> Expression:
+    entries = table_entries(node)
+    return lambda scope: Table(_entries(entries, scope))
+
+
+def _member(node: Node) -> Expression:
+    owner, separator, name = node.children
+    plain = text_of(name)
+    if separator.type == "::":
+        type_name = type_of(owner)
+        return lambda scope: dotnet.static_property(type_name, plain, scope)
+    inside = expression(owner)
+    return lambda scope: members.get(inside(scope), plain)
+
+
+def _element(node: Node) -> Expression:
+    owner, index = expression(node.children[0]), expression(node.children[2])
+    return lambda scope: members.element(owner(scope), index(scope))
+
+
+def _call(node: Node) -> Expression:
+    owner, separator, name, arguments = node.children
+    given = _arguments(arguments)
+    plain = text_of(name)
+    if separator.type == "::":
+        type_name = type_of(owner)
+        return lambda scope: dotnet.static_call(type_name, plain, [one(scope) for one in given], scope)
+    inside = expression(owner)
+    return lambda scope: members.call(inside(scope), plain, [one(scope) for one in given])
+
+
+def _arguments(node: Node) -> list[Expression]:
+    lists = [one for one in node.children if one.type == "argument_expression_list"]
+    return [expression(one) for one in lists[0].children if one.type != ","] if lists else []
+
+
+def _increment(node: Node) -> Expression:
+    variable, sign = node.children
+    name = text_of(variable).lower().removeprefix("$")
+
+    def run(scope: Scope) -> Value:
+        if text_of(sign) != "++":
+            raise Unsupported(text_of(node))
+        old = scope.read(name)
+        scope.write(name, operators.arithmetic("+", old, 1))
+        return EMPTY
+
+    return run
+
+
+def _block(node: Node) -> Expression:
+    function = function_of("", next((one for one in node.children if one.type == "script_block"), None))
+    return lambda scope: Block(function)
+
+
+def function_of(name: str, node: Node | None) -> Function:
+    """A function from its script block."""
+    from tests.twin.statements import block_of
+
+    parameters: tuple[Parameter, ...] = ()
+    bodies = []
+    for part in node.children if node else []:
+        if part.type == "param_block":
+            parameters = parameters_of(part)
+        elif part.type == "script_block_body":
+            bodies += [block_of(one) for one in part.children if one.type == "statement_list"]
+        elif part.type == "statement_list":
+            bodies.append(block_of(part))
+        elif part.type != "comment":
+            raise Unsupported(f"{part.type} in {name}")
+
+    def run(scope: Scope, out: list[Value]) -> None:
+        for body in bodies:
+            body(scope, out)
+
+    return Function(name=name, parameters=parameters, body=run)
+
+
+def parameters_of(block: Node) -> tuple[Parameter, ...]:
+    """The parameters of a `param( )`."""
+    found = []
+    for group in (one for one in block.children if one.type == "parameter_list"):
+        for one in (one for one in group.children if one.type == "script_parameter"):
+            variable = next(part for part in one.children if part.type == "variable")
+            types = [type_of(part) for part in one.children if part.type == "attribute_list"]
+            default = next((part for part in one.children if part.type == "script_parameter_default"), None)
+            found.append(
+                Parameter(
+                    name=text_of(variable).removeprefix("$").lower(),
+                    type=types[0] if types else "",
+                    default=expression(default.children[1]) if default else None,
+                )
+            )
+    return tuple(found)
+
+
+def invoke(function: Function, given: dict[str, Value], scope: Scope, out: list[Value]) -> None:
+    """Runs it in a new scope below its caller's."""
+    inner = Scope(scope.session, scope)
+    for one in function.parameters:
+        if one.name in given:
+            value = given.pop(one.name)
+            inner.variables[one.name] = members.cast(one.type, value, scope) if one.type else _plain(value)
+        elif one.default:
+            inner.variables[one.name] = members.cast(one.type, one.default(inner), scope)
+        else:
+            inner.variables[one.name] = members.cast(one.type, EMPTY, scope) if one.type in _FILLED else None
+    if given:
+        raise Unsupported(f"{function.name} has no parameter -{', -'.join(given)}")
+    try:
+        function.body(inner, out)
+    except Return:
+        return
+
+
+_FILLED = {"string", "int", "long", "bool", "switch"}
+
+
+def _plain(value: Value) -> Value:
+    return None if value is EMPTY else value
+
+
+def run_block(block: Value, scope: Scope, *, this: Value = EMPTY, arguments: list[Value] | None = None) -> Value:
+    """What a script block gives, called with `$_` or `$args`."""
+    if not isinstance(block, Block):
+        raise Unsupported(f"{block!r} is no script block")
+    inner = Scope(scope.session, scope)
+    if this is not EMPTY:
+        inner.variables["_"] = this
+    if arguments is not None:
+        inner.variables["args"] = arguments
+    out: list[Value] = []
+    invoke(block.function, {}, inner, out)
+    return unwrapped(out)
+
+
+@cache
+def _makers() -> Mapping[str, Callable[[Node], Expression]]:
+    binary = ("logical", "bitwise", "comparison", "additive", "multiplicative", "format")
+    both: dict[str, Callable[[Node], Expression]] = {
+        f"{one}{part}_expression": _binary for one in binary for part in ("", "_argument")
+    }
+    return both | {
+        "string_literal": _literal,
+        "integer_literal": _integer,
+        "real_literal": _real,
+        "type_literal": _type,
+        "variable": _variable,
+        "array_literal_expression": _array_literal,
+        "expression_with_unary_operator": _unary,
+        "cast_expression": _cast,
+        "parenthesized_expression": _parenthesised,
+        "array_expression": _array_expression,
+        "hash_literal_expression": _table,
+        "member_access": _member,
+        "element_access": _element,
+        "invokation_expression": _call,
+        "post_increment_expression": _increment,
+        "script_block_expression": _block,
+    }
+
+
+_MAKERS = _makers()

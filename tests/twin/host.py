@@ -1,0 +1,164 @@
+"""The stand-in's state: a Windows with Hyper-V that can be killed, and whose calls can fail, anywhere."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+from tests.twin.values import ScriptError
+
+ADMINISTRATORS, SYSTEM = "S-1-5-32-544", "S-1-5-18"
+
+
+class Killed(BaseException):
+    """The process is gone: no `finally` runs, the mutex is abandoned."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Vm:
+    """A machine, in the words of the observation; states and actions by their PowerShell names."""
+
+    id: str
+    name: str
+    state: str = "Off"
+    generation: int = 2
+    version: str = "11.0"
+    notes: str = ""
+    processors: int = 1
+    reserve: int = 0
+    limit: int = 100
+    weight: int = 100
+    threads_per_core: str = "0"
+    memory: int = 512 * 2**20
+    memory_minimum: int = 512 * 2**20
+    memory_maximum: int = 2**40
+    dynamic_memory: bool = False
+    start_action: str = "StartIfRunning"
+    start_delay: int = 0
+    stop_action: str = "Save"
+    checkpoints: str = "Production"
+    automatic_checkpoints: str = "False"
+    checkpoint_count: int = 0
+    clustered: str = "False"
+    disks: list[str] = field(default_factory=list)
+    adapters: list[tuple[str, str]] = field(default_factory=list)  # name, switch
+    obeys: bool = True  # its guest shuts down when asked
+    stopping: int | None = None  # ms of the clock at which it will be off
+
+    @property
+    def active(self) -> bool:
+        """Whether it holds memory and processor time."""
+        return self.state not in ("Off", "Saved")
+
+
+@dataclass(slots=True, kw_only=True)
+class Entry:
+    """A value of a registry key; numbers without sign."""
+
+    name: str
+    kind: str  # DWord, QWord, String, ExpandString, Binary
+    data: int | str
+
+
+@dataclass(slots=True, kw_only=True)
+class Key:
+    """A registry key; its values by their lower-case names."""
+
+    path: str
+    values: dict[str, Entry] = field(default_factory=dict)
+
+
+@dataclass(slots=True, kw_only=True)
+class File:
+    """A file or a folder (without data), and whose it is."""
+
+    path: str
+    data: bytes | None
+    owner: str = ADMINISTRATORS
+    protected: bool = False  # only Administrators and SYSTEM may write it
+
+
+@dataclass(slots=True)
+class WindowsHost:
+    """Everything that observe.ps1 looks at, and what else a run leaves."""
+
+    computer: str = "ONBOARD"
+    user: str = "operator"
+    logical_processors: int = 2
+    memory: int = 4 * 2**30
+    numa_spanning: bool = True
+    machine_folder: str = "C:\\ProgramData\\Microsoft\\Windows\\Hyper-V"
+    disk_folder: str = "C:\\Users\\Public\\Documents\\Hyper-V\\Virtual Hard Disks"
+    scheduler: int | None = 2  # data of event 2; None: it has left the log
+    elevated: bool = True
+    host_visible: bool = True
+    module: list[str] = field(default_factory=lambda: ["2.0.0.0"])
+    powershell: dict[str, str] = field(default_factory=lambda: {"version": "5.1.26100.1", "edition": "Desktop"})
+    bits: int = 64
+    processors: list[dict[str, object]] = field(default_factory=list)
+    numa: list[dict[str, int]] = field(default_factory=list)
+    switches: list[str] = field(default_factory=list)
+    cpu_groups: list[dict[str, object]] = field(default_factory=list)
+    power_plan: list[str] = field(default_factory=list)
+    execution_policy: list[tuple[str, str]] = field(default_factory=lambda: [("LocalMachine", "RemoteSigned")])
+    refusals: dict[str, tuple[str, str, str]] = field(default_factory=dict)  # cmdlet -> error id, category, message
+    vms: dict[str, Vm] = field(default_factory=dict)
+    registry: dict[str, Key] = field(default_factory=dict)
+    files: dict[str, File] = field(default_factory=dict)
+    environment: dict[str, str] = field(default_factory=lambda: {"programdata": "C:\\ProgramData", "os": "Windows_NT"})
+    mutex: str = ""  # free, `held` by somebody who lives, or `abandoned`
+    clock: int = 0  # ms
+    made: int = 0  # machines made so far, for their ids
+    effects: list[str] = field(default_factory=list)  # what has been changed, in words
+    kill_before: int | None = None  # number of the effect, from 0
+    kill_after: int | None = None
+    fail_at: int | None = None
+    tear: bool = False  # a write that is killed leaves half of its bytes
+    watch: Callable[[WindowsHost], None] | None = None  # called after every effect
+
+    def effect(self, says: str, do: Callable[[], object]) -> None:
+        """Change something, unless the process is to die or the call to fail here."""
+        number = len(self.effects)
+        self.effects.append(says)
+        if number == self.kill_before:
+            raise Killed(says)
+        if number == self.fail_at:
+            raise ScriptError(f"{says}: the parameter is incorrect. (0x80070057)", error_id="Unspecified")
+        do()
+        if self.watch:
+            self.watch(self)
+        if number == self.kill_after:
+            raise Killed(says)
+
+    def copy(self, **changed: object) -> WindowsHost:
+        """The same host, calm: nothing is to be killed or to fail, unless it is said."""
+        twin = copy.deepcopy(self)
+        twin.effects, twin.tear = [], False
+        twin.kill_before = twin.kill_after = twin.fail_at = None
+        for name, value in changed.items():
+            setattr(twin, name, value)
+        return twin
+
+    def key(self, path: str) -> Key | None:
+        """The registry key, whatever the case of its path."""
+        return self.registry.get(path.lower())
+
+    def below(self, path: str) -> list[Key]:
+        """The keys right below this one, by name."""
+        prefix = path.lower() + "\\"
+        found = [key for low, key in self.registry.items() if low.startswith(prefix) and "\\" not in low[len(prefix) :]]
+        return sorted(found, key=lambda one: one.path.lower())
+
+    def add_key(self, path: str) -> Key:
+        """The key, with those above it."""
+        if "\\" in path:
+            self.add_key(path.rpartition("\\")[0])
+        return self.registry.setdefault(path.lower(), Key(path=path))
+
+    def file(self, path: str) -> File | None:
+        return self.files.get(path.lower())
+
+    def write_file(self, path: str, data: bytes | None, owner: str = ADMINISTRATORS) -> None:
+        kept = self.file(path) or File(path=path, data=None, owner=owner)
+        self.files[path.lower()] = replace(kept, data=data)

@@ -1,0 +1,323 @@
+"""The cmdlets of the Hyper-V module, with what Hyper-V refuses (FACTS 1.2, 3, 4)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+
+from rarms_iac.providers.simulated.packing import packs
+from tests.twin.host import Vm, WindowsHost
+from tests.twin.members import cast
+from tests.twin.scopes import Scope
+from tests.twin.values import EMPTY, Enumerated, Guid, Long, Record, ScriptError, Thing, Value, number, text
+
+Given = Mapping[str, Value]
+ROOT = 4
+"""Event data of the root scheduler."""
+
+ADAPTER = "Network Adapter"
+SHUTDOWN_MS = 2000
+MOST_PROCESSORS = {1: 64, 2: 240}
+
+
+class Machine(Thing):
+    """What Get-VM gives: the machine as it was then."""
+
+    type_name = "Microsoft.HyperV.PowerShell.VirtualMachine"
+
+    def __init__(self, vm: Vm) -> None:
+        super().__init__(
+            Id=Guid(vm.id),
+            Name=vm.name,
+            State=Enumerated(vm.state),
+            Generation=vm.generation,
+            Version=vm.version,
+            Notes=vm.notes,
+            AutomaticStartAction=Enumerated(vm.start_action),
+            AutomaticStartDelay=vm.start_delay,
+            AutomaticStopAction=Enumerated(vm.stop_action),
+            CheckpointType=Enumerated(vm.checkpoints),
+        )
+        if vm.automatic_checkpoints:
+            self.properties["AutomaticCheckpointsEnabled"] = vm.automatic_checkpoints == "True"
+        if vm.clustered:
+            self.properties["IsClustered"] = vm.clustered == "True"
+
+
+def settle(host: WindowsHost) -> None:
+    """Guests that were asked to shut down are off when their time has come."""
+    for vm in host.vms.values():
+        if vm.stopping is not None and vm.stopping <= host.clock:
+            vm.state, vm.stopping = "Off", None
+
+
+def refuse(says: str, command: str, error_id: str = "InvalidState") -> ScriptError:
+    where = f"Microsoft.HyperV.PowerShell.Commands.{command}"
+    return ScriptError(says, error_id=f"{error_id},{where}", category="InvalidOperation")
+
+
+def _vm(scope: Scope, given: Given) -> Vm:
+    machine = given.get("vm")
+    if not isinstance(machine, Machine):
+        raise ScriptError("Cannot bind parameter 'VM'.", error_id="ParameterArgumentTransformationError")
+    found = scope.session.host.vms.get(str(machine.get("Id")))
+    if found is None:
+        raise ScriptError("Hyper-V was unable to find the virtual machine.", error_id="ObjectNotFound")
+    return found
+
+
+def _changing(scope: Scope) -> None:
+    if not scope.session.host.elevated:
+        raise ScriptError(
+            "You do not have the required permission.", error_id="AccessDenied", category="PermissionDenied"
+        )
+    if scope.session.what_if:
+        raise AssertionError("a changing cmdlet is reached under -WhatIf")
+
+
+def _off(vm: Vm, what: str, command: str) -> None:
+    if vm.state != "Off":
+        raise refuse(f"Failed to modify {what} of '{vm.name}': it is {vm.state}, not off.", command)
+
+
+def get_vm(scope: Scope, given: Given) -> Value:
+    host = scope.session.host
+    settle(host)
+    if "id" not in given:
+        return [Machine(one) for one in host.vms.values()] if host.elevated else []
+    found = host.vms.get(str(cast("guid", given["id"], scope)))
+    if found is None:
+        raise ScriptError(
+            "Hyper-V was unable to find a virtual machine with that id.",
+            error_id="InvalidParameter,Microsoft.HyperV.PowerShell.Commands.GetVM",
+            category="InvalidArgument",
+        )
+    return Machine(found)
+
+
+def get_host(scope: Scope, given: Given) -> Thing:
+    host = scope.session.host
+    return Record(
+        Name=host.computer,
+        LogicalProcessorCount=host.logical_processors,
+        MemoryCapacity=Long(host.memory),
+        NumaSpanningEnabled=host.numa_spanning,
+        VirtualMachinePath=host.machine_folder,
+        VirtualHardDiskPath=host.disk_folder,
+    )
+
+
+def get_processor(scope: Scope, given: Given) -> Thing:
+    vm = _vm(scope, given)
+    found = Record(
+        Count=Long(vm.processors), Reserve=Long(vm.reserve), Maximum=Long(vm.limit), RelativeWeight=vm.weight
+    )
+    if vm.threads_per_core:
+        found.properties["HwThreadCountPerCore"] = Long(int(vm.threads_per_core))
+    return found
+
+
+def get_memory(scope: Scope, given: Given) -> Thing:
+    vm = _vm(scope, given)
+    sizes = {"Startup": vm.memory, "Minimum": vm.memory_minimum, "Maximum": vm.memory_maximum}
+    return Record(DynamicMemoryEnabled=vm.dynamic_memory, **{name: Long(size) for name, size in sizes.items()})
+
+
+def new_vm(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    host = scope.session.host
+    name, switch = text(given["name"]), text(given.get("switchname", ""))
+    generation = number(given.get("generation", 1))
+    if "switchname" in given and switch not in host.switches:
+        raise refuse(f'Hyper-V was unable to find a virtual switch with name "{switch}".', "NewVM", "InvalidParameter")
+    if generation not in MOST_PROCESSORS or not 0 < len(name) <= 100:
+        raise refuse("New-VM: the parameter is incorrect.", "NewVM", "InvalidParameter")
+    memory = _memory_of(given.get("memorystartupbytes", 512 * 2**20), "NewVM")
+
+    def make() -> None:
+        host.made += 1
+        new = f"{host.made:08x}-5ade-4000-8000-{host.made:012x}"
+        host.vms[new] = Vm(id=new, name=name, generation=generation, memory=memory, adapters=[(ADAPTER, switch)])
+
+    host.effect(f"New-VM {name}", make)
+    return Machine(list(host.vms.values())[-1])
+
+
+def _memory_of(value: Value, command: str) -> int:
+    size = number(value)
+    if size < 32 * 2**20 or size % 2**20:
+        raise refuse(f"Invalid startup memory {size}.", command, "InvalidParameter")
+    return size
+
+
+def set_vm(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    vm = _vm(scope, given)
+    names = {
+        "notes": "notes",
+        "automaticstartaction": "start_action",
+        "automaticstopaction": "stop_action",
+        "checkpointtype": "checkpoints",
+    }
+    _set(scope, vm, "Set-VM", {names[key]: text(value) for key, value in given.items() if key != "vm"})
+    return EMPTY
+
+
+def _set(scope: Scope, vm: Vm, command: str, values: Mapping[str, Value]) -> None:
+    def do() -> None:
+        for name, value in values.items():
+            setattr(vm, name, value)
+
+    scope.session.host.effect(f"{command} {vm.name} {', '.join(values)}", do)
+
+
+def set_processor(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    vm = _vm(scope, given)
+    names = {"count": "processors", "reserve": "reserve", "maximum": "limit", "relativeweight": "weight"}
+    wanted = {names[key]: number(value) for key, value in given.items() if key != "vm"}
+    if "processors" in wanted:
+        _off(vm, "the processor count", "SetVMProcessor")
+        if not 1 <= wanted["processors"] <= MOST_PROCESSORS[vm.generation]:
+            raise refuse("Failed to modify device 'Processor'.", "SetVMProcessor", "InvalidParameter")
+    reserve, limit = wanted.get("reserve", vm.reserve), wanted.get("limit", vm.limit)
+    weight = wanted.get("weight", vm.weight)
+    if not 0 <= reserve <= limit <= 100 or not 1 <= weight <= 10_000:
+        raise refuse("Failed to modify device 'Processor'.", "SetVMProcessor", "InvalidParameter")
+    _set(scope, vm, "Set-VMProcessor", wanted)
+    return EMPTY
+
+
+def set_memory(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    vm, host = _vm(scope, given), scope.session.host
+    size = _memory_of(given.get("startupbytes", vm.memory), "SetVMMemory")
+    dynamic = given.get("dynamicmemoryenabled", vm.dynamic_memory)
+    if dynamic != vm.dynamic_memory or (size != vm.memory and (vm.dynamic_memory or vm.state != "Running")):
+        _off(vm, "the memory", "SetVMMemory")
+    if vm.state == "Running" and size > vm.memory:
+        _check_memory(host, vm, size, "SetVMMemory")
+    _set(scope, vm, "Set-VMMemory", {"memory": size, "dynamic_memory": dynamic})
+    return EMPTY
+
+
+def _check_memory(host: WindowsHost, vm: Vm, size: int, command: str) -> None:
+    taken = sum(one.memory for one in host.vms.values() if one.active and one.id != vm.id)
+    if taken + size > host.memory:
+        raise refuse(f"Not enough memory in the system to start '{vm.name}'. (0x800705AA)", command, "Unspecified")
+
+
+def start_vm(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    vm, host = _vm(scope, given), scope.session.host
+    settle(host)
+    if vm.state == "Running":
+        return EMPTY
+    if vm.state not in ("Off", "Saved", "Paused"):
+        raise refuse(f"'{vm.name}' failed to start: it is {vm.state}.", "StartVM")
+    _check_memory(host, vm, vm.memory, "StartVM")
+    claims = [vm, *(one for one in host.vms.values() if one.active and one.id != vm.id)]
+    sizes: Counter[int] = Counter()
+    for one in claims:
+        sizes[one.reserve] += one.processors
+    wide = vm.reserve and vm.processors > host.logical_processors
+    if host.scheduler != ROOT and (wide or (vm.reserve and not packs(sizes, host.logical_processors))):
+        raise refuse(f"'{vm.name}' failed to start: the reserve cannot be met.", "StartVM", "Unspecified")
+    _set(scope, vm, "Start-VM", {"state": "Running"})
+    return EMPTY
+
+
+def stop_vm(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    vm, host = _vm(scope, given), scope.session.host
+    settle(host)
+    if vm.state == "Off":
+        return EMPTY
+    if given.get("turnoff"):
+        _set(scope, vm, "Stop-VM", {"state": "Off", "stopping": None})
+    elif vm.state != "Running":
+        raise refuse(f"'{vm.name}' cannot shut down: it is {vm.state}.", "StopVM")
+    elif not given.get("asjob"):
+        raise AssertionError("a shutdown that waits for ever")
+    else:
+        _set(scope, vm, "Stop-VM", {"stopping": host.clock + SHUTDOWN_MS} if vm.obeys else {})
+        return Record(Id=1, State="Running")
+    return EMPTY
+
+
+def remove_vm(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    vm, host = _vm(scope, given), scope.session.host
+    if vm.state not in ("Off", "Saved"):
+        raise refuse(f"'{vm.name}' is {vm.state} and cannot be removed.", "RemoveVM")
+    if not given.get("force"):
+        raise ScriptError("nobody is there to answer the prompt of Remove-VM")
+    host.effect(f"Remove-VM {vm.name}", lambda: host.vms.pop(vm.id))
+    return EMPTY
+
+
+def rename_vm(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    new = text(given["newname"])
+    if not 0 < len(new) <= 100:
+        raise refuse("Rename-VM: the parameter is incorrect.", "RenameVM", "InvalidParameter")
+    _set(scope, _vm(scope, given), "Rename-VM", {"name": new})
+    return EMPTY
+
+
+def new_vhd(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    host, path, parent = scope.session.host, text(given["path"]), text(given["parentpath"])
+    if host.file(parent) is None or not path.lower().endswith(".vhdx"):
+        raise refuse(f"Failed to create the virtual hard disk: '{parent}' is not there.", "NewVHD", "ObjectNotFound")
+    if host.file(path) is not None:
+        raise refuse(f"Failed to create the virtual hard disk: '{path}' exists.", "NewVHD", "OperationFailed")
+    host.effect(f"New-VHD {path}", lambda: host.write_file(path, b"child of " + parent.encode()))
+    return Record(Path=path)
+
+
+def add_disk(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    vm, host, path = _vm(scope, given), scope.session.host, text(given["path"])
+    if host.file(path) is None:
+        raise refuse(f"'{path}' is not there.", "AddVMHardDiskDrive", "ObjectNotFound")
+    _set(scope, vm, "Add-VMHardDiskDrive", {"disks": [*vm.disks, path]})
+    return EMPTY
+
+
+def remove_adapter(scope: Scope, given: Given) -> Value:
+    _changing(scope)
+    vm = _vm(scope, given)
+    if vm.generation == 1:
+        _off(vm, "the network adapters", "RemoveVMNetworkAdapter")
+    _set(scope, vm, "Remove-VMNetworkAdapter", {"adapters": []})
+    return EMPTY
+
+
+CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
+    "get-vm": get_vm,
+    "get-vmhost": get_host,
+    "get-vmprocessor": get_processor,
+    "get-vmmemory": get_memory,
+    "get-vmharddiskdrive": lambda scope, given: [Record(Path=one) for one in _vm(scope, given).disks],
+    "get-vmnetworkadapter": lambda scope, given: [
+        Record(Name=name, SwitchName=switch) for name, switch in _vm(scope, given).adapters
+    ],
+    "get-vmsnapshot": lambda scope, given: [Record(Name=str(n)) for n in range(_vm(scope, given).checkpoint_count)],
+    "get-vmswitch": lambda scope, given: [Record(Name=one) for one in scope.session.host.switches],
+    "get-vmhostnumanode": lambda scope, given: [
+        Record(NodeId=one["node"], MemoryAvailable=one["memory_available"], MemoryTotal=one["memory"])
+        for one in scope.session.host.numa
+    ],
+    "new-vm": new_vm,
+    "set-vm": set_vm,
+    "set-vmprocessor": set_processor,
+    "set-vmmemory": set_memory,
+    "start-vm": start_vm,
+    "stop-vm": stop_vm,
+    "remove-vm": remove_vm,
+    "rename-vm": rename_vm,
+    "new-vhd": new_vhd,
+    "add-vmharddiskdrive": add_disk,
+    "remove-vmnetworkadapter": remove_adapter,
+}

@@ -1,0 +1,154 @@
+"""A stand-in host from what observe.ps1 printed of a real one, and back through the very script."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from rarms_iac.model.state import State
+from rarms_iac.powershell.render import render_observe
+from rarms_iac.providers.hyperv.observation import read_observation
+from rarms_iac.providers.hyperv.parse import to_state
+from tests.twin.host import Entry, Vm, WindowsHost
+from tests.twin.run import observe
+
+Document = Mapping[str, Any]
+
+WINDOWS = "HKLM:\\SOFTWARE\\Microsoft\\Windows NT\\CurrentVersion"
+PROFILE = WINDOWS + "\\Multimedia\\SystemProfile"
+RECORDS = "HKLM:\\SOFTWARE\\rarms"
+CRYPTOGRAPHY = "HKLM:\\SOFTWARE\\Microsoft\\Cryptography"
+PENDING = "HKLM:\\SOFTWARE\\Microsoft\\Windows\\CurrentVersion\\Component Based Servicing\\RebootPending"
+JOURNAL = "C:\\ProgramData\\rarms\\journal.jsonl"
+
+_ASKS = {
+    "host_visible": "Get-CimInstance Msvm_ComputerSystem",
+    "hypervisor": "Get-VMHost",
+    "machines": "Get-VM",
+    "switches": "Get-VMSwitch",
+    "numa": "Get-VMHostNumaNode",
+    "processors": "Get-CimInstance Win32_Processor",
+    "cpu_groups": "Get-CimInstance Msvm_ProcessorSettingData",
+    "power_plan": "Get-CimInstance Win32_PowerPlan",
+    "scheduler": "Get-WinEvent",
+    "module": "Get-Module",
+    "execution_policy": "Get-ExecutionPolicy",
+    "journal": f"Get-Item {JOURNAL}",
+    "tasks": f"Get-ChildItem {PROFILE}\\Tasks",
+    "records": f"Get-ChildItem {RECORDS}",
+    "profile": f"Get-Item {PROFILE}",
+    "machine_id": f"Get-Item {CRYPTOGRAPHY}",
+}
+"""Of each probe the command that it rests on: where it was not answered, the host does not answer it either."""
+
+
+def host_from(document: Document, *files: str) -> WindowsHost:
+    """The host that was observed, with these files (images of disks, say) on it."""
+    host = WindowsHost(computer=document["computer"])
+    for name, probe in document.items():
+        if not isinstance(probe, dict):
+            continue
+        if probe["status"] == "value":
+            _FILL[name](host, probe["value"])
+        elif not _natural(name, probe):
+            category = "PermissionDenied" if probe["status"] == "denied" else "NotSpecified"
+            host.refusals[_ASKS[name]] = (probe["error"], category, probe["says"])
+    if document["scheduler"]["status"] != "value":
+        host.scheduler = None
+    for path in files:
+        host.write_file(path, b"an image")
+    return host
+
+
+def _natural(name: str, probe: Document) -> bool:
+    """Whether the thing itself is missing, so that the stand-in answers so by itself and may be given one."""
+    missing = probe["error"].startswith(("PathNotFound", "NoMatchingEventsFound"))
+    return probe["status"] == "absent" and (missing or name not in _ASKS)
+
+
+def document_of(host: WindowsHost) -> dict[str, Any]:
+    """What observe.ps1 prints of it."""
+    return observe(host, render_observe())
+
+
+def state_of(host: WindowsHost, name: str) -> State:
+    """What rarms makes of that."""
+    return to_state(read_observation(json.dumps(document_of(host)).encode()), name)
+
+
+def _key(host: WindowsHost, path: str, values: list[Document]) -> None:
+    key = host.add_key(path)
+    for one in values:
+        key.values[one["name"].lower()] = Entry(name=one["name"], kind=one["kind"], data=one["data"])
+
+
+def _windows(host: WindowsHost, value: Document) -> None:
+    texts = {"CurrentBuildNumber": str(value["build"]), "InstallationType": value["installation"]}
+    texts["ProductName"] = value["product"]
+    _key(host, WINDOWS, [{"name": name, "kind": "String", "data": data} for name, data in texts.items()])
+    host.bits = value["bits"]
+
+
+def _hypervisor(host: WindowsHost, value: Document) -> None:
+    host.computer = value["name"]
+    for name in ("logical_processors", "memory", "numa_spanning", "machine_folder", "disk_folder"):
+        setattr(host, name, value[name])
+
+
+def _machines(host: WindowsHost, value: list[dict[str, Any]]) -> None:
+    for one in value:
+        adapters = [(adapter["name"], adapter["switch"]) for adapter in one["adapters"]]
+        host.vms[one["id"]] = Vm(**{**one, "adapters": adapters, "disks": list(one["disks"])})
+
+
+def _tasks(host: WindowsHost, value: list[Document]) -> None:
+    host.add_key(f"{PROFILE}\\Tasks")
+    for one in value:
+        _key(host, f"{PROFILE}\\Tasks\\{one['name']}", one["values"])
+
+
+def _records(host: WindowsHost, value: list[Document]) -> None:
+    host.add_key(RECORDS)
+    for one in value:
+        _key(host, f"{RECORDS}\\{one['application']}\\{one['task']}", one["values"])
+
+
+def _journal(host: WindowsHost, value: Document) -> None:
+    folder = JOURNAL.rpartition("\\")[0]
+    host.write_file(folder, None)
+    host.write_file(JOURNAL, value["text"].encode(), value["owner"])
+
+
+def _pending(host: WindowsHost, value: bool) -> None:
+    if value:
+        host.add_key(PENDING)
+
+
+def _named(name: str) -> Callable[[WindowsHost, Any], None]:
+    return lambda host, value: setattr(host, name, value)
+
+
+_FILL: dict[str, Callable[[WindowsHost, Any], None]] = {
+    "windows": _windows,
+    "hypervisor": _hypervisor,
+    "machines": _machines,
+    "tasks": _tasks,
+    "records": _records,
+    "journal": _journal,
+    "profile": lambda host, value: _key(host, PROFILE, value),
+    "machine_id": lambda host, value: _key(
+        host, CRYPTOGRAPHY, [{"name": "MachineGuid", "kind": "String", "data": value}]
+    ),
+    "pending_restart": _pending,
+    "execution_policy": lambda host, value: setattr(
+        host, "execution_policy", [(one["scope"], one["policy"]) for one in value]
+    ),
+    **{
+        name: _named(name)
+        for name in (
+            *("powershell", "elevated", "host_visible", "module", "scheduler", "processors", "numa", "switches"),
+            *("cpu_groups", "power_plan"),
+        )
+    },
+}

@@ -1,0 +1,140 @@
+"""Running a script's bytes on the twin: what they say happens, and nothing else."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from rarms_iac.powershell.tree import sound
+from tests.twin.expressions import parameters_of
+from tests.twin.host import Killed, WindowsHost
+from tests.twin.scopes import Body, Cmdlet, Exit, Parameter, Scope, Session
+from tests.twin.statements import block_of
+from tests.twin.values import ScriptError, Value
+
+FOLDER = "C:\\run"
+"""Where scripts lie on the twin."""
+
+BETWEEN_RUNS_MS = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class Ran:
+    """How a process ended."""
+
+    code: int | None  # None: it was killed
+    lines: tuple[str, ...]  # standard output
+    talk: tuple[str, ...]
+
+    @property
+    def events(self) -> list[dict[str, Any]]:
+        """The lines as events."""
+        return [json.loads(line) for line in self.lines]
+
+    def status_of(self, address: str) -> list[str]:
+        """What was told of an address."""
+        return [one["status"] for one in self.events if one["address"] == address]
+
+    @property
+    def says(self) -> str:
+        """All of it, to be shown where a test fails."""
+        return "\n".join((f"exit {self.code}", *self.lines, *self.talk))
+
+
+@dataclass(slots=True)
+class _Compiled:
+    parameters: tuple[Parameter, ...]
+    body: Body
+
+
+@lru_cache(maxsize=64)
+def _compiled(script: bytes) -> _Compiled:
+    root = sound(script.decode("ascii"))
+    parameters: tuple[Parameter, ...] = ()
+    bodies = []
+    for part in root.children:
+        if part.type == "param_block":
+            parameters = parameters_of(part)
+        elif part.type == "statement_list":
+            bodies.append(block_of(part))
+        elif part.type != "comment":
+            raise AssertionError(f"{part.type} in a script")
+    (body,) = bodies
+    return _Compiled(parameters, body)
+
+
+def put(host: WindowsHost, scripts: Mapping[str, bytes]) -> None:
+    """Lay the scripts where they can be run from."""
+    for name, data in scripts.items():
+        host.write_file(f"{FOLDER}\\{name}", data)
+
+
+def run(
+    host: WindowsHost,
+    name: str,
+    *,
+    windows_powershell: bool = True,
+    what_if: bool = False,
+    declined: frozenset[str] = frozenset(),
+    as_json: bool = True,
+    abandon: bool = False,
+) -> Ran:
+    """Runs the script of this name that lies on the host, as an elevated operator would."""
+    file = host.file(f"{FOLDER}\\{name}")
+    assert file is not None
+    assert file.data is not None
+    session = Session(host, windows_powershell=windows_powershell, path=file.path, what_if=what_if, declined=declined)
+    host.clock += BETWEEN_RUNS_MS
+    code: int | None
+    try:
+        code = _walk(session, _compiled(file.data), {"asjson": as_json, "abandon": abandon})
+    except Killed:
+        code = None
+        host.mutex = "abandoned" if host.mutex == "ours" else host.mutex
+    assert host.mutex != "ours", "a process that ends gives the mutex back"
+    return Ran(code=code, lines=tuple(session.output), talk=tuple(session.talk))
+
+
+def _walk(session: Session, script: _Compiled, arguments: Mapping[str, bool]) -> int:
+    scope = Scope(session, None)
+    scope.variables |= {
+        "whatifpreference": session.what_if,
+        "confirmpreference": "High",
+        "psscriptroot": FOLDER,
+        "pscommandpath": session.path,
+        "pscmdlet": Cmdlet(session),
+        "pid": session.process,
+        "psversiontable": _versions(session),
+    }
+    for one in script.parameters:
+        scope.variables[one.name] = one.default(scope) if one.default else arguments[one.name]
+    try:
+        script.body(scope, [])
+    except Exit as end:
+        return end.code
+    except ScriptError as error:
+        session.talk.append(error.says)
+        return 1
+    return 0
+
+
+def _versions(session: Session) -> Value:
+    from tests.twin.values import Table
+
+    return Table([("PSVersion", session.host.powershell["version"]), ("PSEdition", session.host.powershell["edition"])])
+
+
+def observe(host: WindowsHost, script: bytes) -> dict[str, Any]:
+    """What observe.ps1 prints of the host."""
+    looked = host.copy()
+    put(looked, {"observe.ps1": script})
+    looked.effects = []
+    ran = run(looked, "observe.ps1")
+    assert ran.code == 0, ran.says
+    assert not looked.effects, "looking changes nothing"
+    (line,) = ran.lines
+    found: dict[str, Any] = json.loads(line)
+    return found

@@ -1,0 +1,34 @@
+"""The stand-in looks, through the very observe.ps1, as the host looked that it was made from."""
+
+from typing import Any
+
+import pytest
+
+from rarms_iac.providers.hyperv.observation import observation_of
+from tests.recorded_hosts import NAMES, document
+from tests.twin.observing import document_of, host_from
+
+
+def told(seen: dict[str, Any]) -> dict[str, Any]:
+    """Without the words of errors, and keys in the order of their names, as a registry has them."""
+    kept = {name: _told(probe) for name, probe in seen.items()}
+    for name, key in (("tasks", ("name",)), ("records", ("application", "task"))):
+        if isinstance(kept[name].get("value"), list):
+            kept[name]["value"].sort(key=lambda one: [one[part].lower() for part in key])  # used at once
+    return kept
+
+
+def _told(probe: Any) -> Any:
+    return {key: value for key, value in probe.items() if key != "says"} if isinstance(probe, dict) else probe
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_recorded_host_comes_out_as_it_went_in(name: str) -> None:
+    recorded = document(name)
+
+    assert told(document_of(host_from(recorded))) == told(recorded)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_the_stand_in_prints_is_an_observation(name: str) -> None:
+    assert observation_of(document_of(host_from(document(name)))).computer == document(name)["computer"]
