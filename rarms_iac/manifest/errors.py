@@ -1,20 +1,17 @@
 """pydantic's errors -> findings in a user's words, at the exact place; never pydantic's own text."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 from pydantic import ValidationError
 
 from rarms_iac.manifest import structure
+from rarms_iac.manifest.case import Case, Path
 from rarms_iac.manifest.document.manifest import ManifestDocument
 from rarms_iac.manifest.document.rules import TOO_MANY_TO_LIST
 from rarms_iac.manifest.json_schema import manifest_schema
-from rarms_iac.manifest.places import dotted
-from rarms_iac.model.diagnostics import Diagnostic, Place, Places
-
-Path = tuple[str | int, ...]
+from rarms_iac.model.diagnostics import Diagnostic, Places
 
 _TAGGED = (("interference", "*"), ("components", "*", "run", "arrival"), ("components", "*", "run", "environment", "*"))
 """Where pydantic puts the name of an alternative into the path; it is not in the text."""
@@ -22,28 +19,6 @@ _TAGGED = (("interference", "*"), ("components", "*", "run", "arrival"), ("compo
 
 MOST = 1000
 """Errors told of one document: who made more mends a generator, and would wait a minute for 400,000 of them."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
-    """One error, and what the manifest says at its place."""
-
-    kind: str
-    path: Path
-    facts: Mapping[str, Any]
-    value: Any
-    is_key: bool
-    places: Places
-
-    @property
-    def name(self) -> str:
-        """The path as people write it."""
-        return dotted(self.path) or "the manifest"
-
-    @property
-    def place(self) -> Place:
-        """Where it stands: the key for what is wrong with a key, else the value."""
-        return self.places.key(*self.path) if self.is_key else self.places.value(*self.path)
 
 
 def in_words(problem: ValidationError, document: Any, places: Places) -> list[Diagnostic]:

@@ -1,11 +1,10 @@
 """Findings on structure, units and names: what the JSON Schema says too, in a user's words."""
 
-from __future__ import annotations
-
 import json
 import re
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from rarms_iac.manifest.case import Case
 from rarms_iac.manifest.document.texts import FORMS
 from rarms_iac.manifest.places import dotted
 from rarms_iac.manifest.shape import choices_at, described, keys_at
@@ -14,9 +13,6 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
 from rarms_iac.model.indexes import INDEXES
 from rarms_iac.model.names import NAME_PATTERN, TASK_PATTERN
 from rarms_iac.model.spelling import did_you_mean, question
-
-if TYPE_CHECKING:
-    from rarms_iac.manifest.errors import Case
 
 UNKNOWN_KEY = Finding(code="RARMS015", severity=Severity.ERROR, summary="Unknown key")
 MISSING_KEY = Finding(code="RARMS016", severity=Severity.ERROR, summary="A key is missing")

@@ -6,6 +6,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from rarms_iac.diff.claims import claim_of
+from rarms_iac.diff.compare import compare
 from rarms_iac.diff.drift import DriftKind, drift
 from rarms_iac.diff.order import Ordered, Room
 from rarms_iac.model.capacity import foreign_claims, load_of, packs
@@ -54,6 +55,19 @@ def test_after_its_plan_a_host_has_no_difference(system: System, others: Strange
     assert steps_of(again) == ()
     assert again.difference.findings == ()
     assert strangers_of(end) == others
+
+
+@given(systems(), strangers())
+def test_a_state_has_no_difference_to_itself(system: System, others: Strangers) -> None:
+    start = empty_state(next(iter(system.hosts.values())), others)
+    possible(system, start)
+    state = applied(system, start)
+
+    for one in (start, state):
+        ours = replace(one, partitions=one.of("robot").partitions, tasks=one.of("robot").tasks)
+        found = compare(ours, one, "robot", route(system, one).wish.around)
+        assert found.changes == ()
+        assert drift(ours, one, "robot") == ()
 
 
 @given(st.data(), strangers())
