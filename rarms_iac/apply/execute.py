@@ -1,34 +1,33 @@
 """Applying a plan to live hosts, and finishing what an earlier run left (DESIGN section 4)."""
 
 from collections.abc import Mapping, Sequence
+from typing import assert_never
 
 from rarms_iac.apply import refusals
 from rarms_iac.apply.reports import Ending, RunReport, RunReporter
-from rarms_iac.apply.undo import raised
-from rarms_iac.apply.void import no_rights
+from rarms_iac.apply.scripted import applying, finishing, run_order
+from rarms_iac.apply.undo import raised, without_rights
 from rarms_iac.apply.walk import ShouldStop, together, walk
 from rarms_iac.diff.moved import part_digests, what_moved
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.journal import Closing, Journal, RunKind, RunStarted
+from rarms_iac.model.journal import Closing, Journal, RunKind, RunStarted, ScriptRun
 from rarms_iac.model.plan import HostPlan, Plan
-from rarms_iac.model.state import Rights
-from rarms_iac.providers.interface import HostError, StepwiseHost
+from rarms_iac.providers.interface import NO_WAITS, HostError, LiveHost, ScriptedHost, StepwiseHost, Waits
+
+LastRun = Journal | ScriptRun | None
 
 
 def finish_unfinished(
-    hosts: Sequence[StepwiseHost], reporter: RunReporter, should_stop: ShouldStop
+    hosts: Sequence[LiveHost], reporter: RunReporter, should_stop: ShouldStop, waits: Waits = NO_WAITS
 ) -> RunReport | None:
     """Finish what was begun on these hosts, each from its own journal; None where nothing was. They are held."""
     reports: list[RunReport] = []
     for host in hosts:
         try:
-            journal = host.unfinished()
-            if journal is None:
+            report = _finish(host, reporter, should_stop, waits)
+            if report is None:
                 continue
-            facts = host.observe().facts
-            if facts.rights is not Rights.PROVEN:
-                return RunReport(ending=Ending.FAILED, diagnostics=(no_rights(facts),))
-            reports.append(walk(host, journal, reporter, should_stop))
+            reports.append(report)
         except HostError as error:
             reports.append(RunReport(ending=Ending.FAILED, diagnostics=(refusals.host_failed(error),)))
         if reports[-1].ending is not Ending.DONE:
@@ -36,8 +35,30 @@ def finish_unfinished(
     return together(reports) if reports else None
 
 
+def _finish(host: LiveHost, reporter: RunReporter, should_stop: ShouldStop, waits: Waits) -> RunReport | None:
+    match host:
+        case StepwiseHost():
+            journal = host.unfinished()
+            if journal is None:
+                return None
+            return without_rights(host) or walk(host, journal, reporter, should_stop)
+        case ScriptedHost():
+            run = host.unfinished()
+            if run is None:
+                return None
+            order = finishing(host.name, run)
+            return without_rights(host) or run_order(host, order, reporter, should_stop, waits)
+        case _:
+            assert_never(host)
+
+
 def apply_plan(
-    plan: Plan, hosts: Mapping[str, StepwiseHost], owner: str, reporter: RunReporter, should_stop: ShouldStop
+    plan: Plan,
+    hosts: Mapping[str, LiveHost],
+    owner: str,
+    reporter: RunReporter,
+    should_stop: ShouldStop,
+    waits: Waits = NO_WAITS,
 ) -> RunReport:
     """Do exactly what the plan says, host by host, or refuse before the first step. The hosts are held.
 
@@ -63,9 +84,13 @@ def apply_plan(
         if finished_by(plan, journal) or not part.steps:
             continue
         try:
-            if journal is None or not journal.unfinished:
-                journal = _begin(host, plan, part, owner)
-            reports.append(walk(host, journal, reporter, should_stop))
+            match host:
+                case StepwiseHost():
+                    reports.append(walk(host, _begun(host, plan, part, owner), reporter, should_stop))
+                case ScriptedHost():
+                    reports.append(run_order(host, applying(plan.id, part), reporter, should_stop, waits))
+                case _:
+                    assert_never(host)
         except HostError as error:
             reports.append(RunReport(ending=Ending.FAILED, diagnostics=(refusals.host_failed(error),)))
         if reports[-1].ending is not Ending.DONE:
@@ -73,7 +98,7 @@ def apply_plan(
     return together(reports)
 
 
-def why_not(plan: Plan, part: HostPlan, host: StepwiseHost, journal: Journal | None) -> list[Diagnostic]:
+def why_not(plan: Plan, part: HostPlan, host: LiveHost, journal: LastRun) -> list[Diagnostic]:
     """Why the plan must not run on this host now; nothing where it may begin, go on, or is done already."""
     if journal is not None and journal.unfinished:
         same = journal.started.plan == plan.id and journal.started.run is RunKind.APPLY
@@ -87,7 +112,7 @@ def why_not(plan: Plan, part: HostPlan, host: StepwiseHost, journal: Journal | N
     return [refusals.moved(host.name, parts)] if parts else []
 
 
-def finished_by(plan: Plan, journal: Journal | None) -> bool:
+def finished_by(plan: Plan, journal: LastRun) -> bool:
     """Whether the host's last run was this plan, done to its end."""
     return (
         journal is not None
@@ -98,7 +123,11 @@ def finished_by(plan: Plan, journal: Journal | None) -> bool:
     )
 
 
-def _begin(host: StepwiseHost, plan: Plan, part: HostPlan, owner: str) -> Journal:
+def _begun(host: StepwiseHost, plan: Plan, part: HostPlan, owner: str) -> Journal:
+    """The plan's own unfinished run, or a fresh one."""
+    journal = host.unfinished()
+    if journal is not None:
+        return journal
     started = RunStarted(
         run=RunKind.APPLY,
         plan=plan.id,

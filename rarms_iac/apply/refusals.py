@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
-from rarms_iac.model.journal import Journal, RunKind, RunStarted
+from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.model.plan import Readings, Step
-from rarms_iac.providers.interface import HostDamaged, HostError, HostLocked
+from rarms_iac.providers.interface import EventKind, HostDamaged, HostError, HostLocked, RunEvent
 
 USED = Finding(code="RARMS181", severity=Severity.ERROR, summary="The plan was used already")
 MOVED = Finding(code="RARMS182", severity=Severity.ERROR, summary="The host has moved since the plan was made")
@@ -19,6 +19,9 @@ DAMAGED = Finding(code="RARMS190", severity=Severity.ERROR, summary="What the ho
 NOT_REACHED = Finding(code="RARMS191", severity=Severity.ERROR, summary="The host is not as the plan left it")
 NOTHING_TO_UNDO = Finding(code="RARMS192", severity=Severity.NOTE, summary="There is nothing to undo")
 UNDO_PARTIAL = Finding(code="RARMS193", severity=Severity.WARNING, summary="Not everything can be taken back")
+UNKNOWN = Finding(code="RARMS250", severity=Severity.ERROR, summary="Nobody heard how the run ended")
+SCRIPT_REFUSED = Finding(code="RARMS251", severity=Severity.ERROR, summary="The script would not run on the host")
+SCRIPT_FAILED = Finding(code="RARMS252", severity=Severity.ERROR, summary="The script failed on the host")
 
 GO_ON = "Run `rarms apply` to finish it, `rarms undo` to take it back, or `rarms apply --abandon` to leave it as it is."
 
@@ -43,7 +46,7 @@ def moved(host: str, parts: Sequence[str]) -> Diagnostic:
     )
 
 
-def unfinished(host: str, journal: Journal) -> Diagnostic:
+def unfinished(host: str, journal: Journal | ScriptRun) -> Diagnostic:
     """A run of another plan was begun and never closed."""
     started = journal.started
     return UNFINISHED.at(
@@ -125,6 +128,52 @@ def undo_partial(host: str, step: Step) -> Diagnostic:
     )
 
 
+def undo_script_partial(host: str, says: str) -> Diagnostic:
+    """The same, as an undo script says it of itself."""
+    detail = f"{host}: {says.rstrip('.')}."
+    return UNDO_PARTIAL.at(None, detail, "Look at it with `rarms drift` afterwards.", address=f"host/{host}")
+
+
+def unknown(host: str, plan: str, why: str) -> Diagnostic:
+    """The script was started, and the way to it was lost before it said how it ended."""
+    return UNKNOWN.at(
+        None,
+        f"Plan {plan} on {host}: {why}. What was done until then, and whether it goes on, is not known here.",
+        "Run `rarms apply`: it asks the host's own journal, and finishes what is unfinished.",
+        address=f"host/{host}",
+    )
+
+
+def script_refused(host: str, event: RunEvent) -> Diagnostic:
+    """The script ended with exit code 3: before a step, or before any."""
+    if event.kind is EventKind.LOCK:
+        return locked(HostLocked(host, event.detail.removeprefix("it is held by ")))
+    if event.address == "host":
+        return SCRIPT_REFUSED.at(
+            None,
+            f"{host}: {event.detail}.",
+            "No step was done. Look with `rarms drift`, then make a new plan.",
+            address=f"host/{host}",
+        )
+    return STEP_MOVED.at(
+        None,
+        f"{event.address} on {host}: {event.detail}.",
+        "Nothing more was changed. Look with `rarms drift`; " + GO_ON,
+        address=event.address,
+    )
+
+
+def script_failed(host: str, at: str, words: str, code: int) -> Diagnostic:
+    """The script ended with another exit code, in the middle of a step or outside of all."""
+    where = f"{at} on {host}" if at else host
+    return (STEP_FAILED if at else SCRIPT_FAILED).at(
+        None,
+        f"{where}: {words.strip().rstrip('.') or 'the script says nothing'} (exit code {code}).",
+        f"Mend that on the host. {GO_ON}",
+        address=at or f"host/{host}",
+    )
+
+
 def differences(live: Readings, expected: Readings) -> str:
     """`reserve is 50, not 70`, for everything expected that is not so; sorted by name."""
     found = [
@@ -151,7 +200,7 @@ def _shown(value: bool | int | str) -> str:
             return str(value)
 
 
-def _run(started: RunStarted) -> str:
+def _run(started: RunStarted | ScriptStarted) -> str:
     match started.run:
         case RunKind.APPLY:
             return f"The apply of plan {started.plan}"

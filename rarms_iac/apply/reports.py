@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol
 
+from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.journal import RunKind, RunStarted, StepStatus
-from rarms_iac.model.plan import Step
+from rarms_iac.model.journal import RunKind, StepStatus
 
 
 class Ending(StrEnum):
@@ -42,30 +42,59 @@ class RunReport:
     diagnostics: tuple[Diagnostic, ...] = field(default=())
 
 
+class ToldStep(Protocol):
+    """What is told of a step, whether rarms walks it or a script does."""
+
+    @property
+    def address(self) -> Address | str:
+        """What it is about."""
+        ...
+
+    @property
+    def title(self) -> str:
+        """What it does, for a person."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TitledStep:
+    """A step of a script, as its events name it."""
+
+    address: str
+    title: str
+
+
 class RunReporter(Protocol):
     """Told while a run goes on; must not raise."""
 
-    def run_started(self, started: RunStarted, *, done: int) -> None:
+    def run_started(self, host: str, run: RunKind, plan: str, *, done: int) -> None:
         """A host's run begins, or goes on after so many steps that were done earlier."""
         ...
 
-    def step_started(self, host: str, number: int, total: int, step: Step) -> None:
+    def step_started(self, host: str, number: int, total: int, step: ToldStep) -> None:
         """A step is about to be looked at; `number` counts from 1."""
         ...
 
-    def step_ended(self, host: str, number: int, total: int, step: Step, status: StepStatus) -> None:
+    def step_ended(self, host: str, number: int, total: int, step: ToldStep, status: StepStatus) -> None:
         """A step is done, or was as wanted already."""
+        ...
+
+    def said(self, host: str, line: str) -> None:
+        """The host said something beside its steps."""
         ...
 
 
 class SilentReporter:
     """The default: tells nobody."""
 
-    def run_started(self, started: RunStarted, *, done: int) -> None:
+    def run_started(self, host: str, run: RunKind, plan: str, *, done: int) -> None:
         """Nothing."""
 
-    def step_started(self, host: str, number: int, total: int, step: Step) -> None:
+    def step_started(self, host: str, number: int, total: int, step: ToldStep) -> None:
         """Nothing."""
 
-    def step_ended(self, host: str, number: int, total: int, step: Step, status: StepStatus) -> None:
+    def step_ended(self, host: str, number: int, total: int, step: ToldStep, status: StepStatus) -> None:
+        """Nothing."""
+
+    def said(self, host: str, line: str) -> None:
         """Nothing."""

@@ -2,48 +2,104 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import assert_never
 
 from rarms_iac.apply import refusals
 from rarms_iac.apply.reports import Ending, RunReport, RunReporter
+from rarms_iac.apply.scripted import (
+    TakenBack,
+    abandon_script,
+    finishing,
+    not_undone,
+    run_order,
+    script_taken_back,
+    undoing,
+)
 from rarms_iac.apply.void import no_rights
 from rarms_iac.apply.walk import ShouldStop, walk
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunStarted
+from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunStarted, ScriptRun
 from rarms_iac.model.plan import Step, UndoLevel
 from rarms_iac.model.state import Rights
-from rarms_iac.providers.interface import HostError, StepwiseHost
+from rarms_iac.providers.interface import NO_WAITS, HostError, LiveHost, ScriptedHost, StepwiseHost, Waits
 
 
-def undo(host: StepwiseHost, owner: str, reporter: RunReporter, should_stop: ShouldStop) -> RunReport:
+def undo(
+    host: LiveHost, owner: str, reporter: RunReporter, should_stop: ShouldStop, waits: Waits = NO_WAITS
+) -> RunReport:
     """Take the last apply back, finished or not; an undo that was interrupted is finished. The host is held."""
     try:
-        journal = host.journal()
-        if journal is None:
-            return _nothing(host, "rarms has applied nothing there")
-        if journal.started.run is RunKind.UNDO:
-            if journal.unfinished:
-                return walk(host, journal, reporter, should_stop)
-            return _nothing(host, f"the last run there was the undo of plan {journal.started.plan}")
-        facts = host.observe().facts
-        if facts.rights is not Rights.PROVEN:
-            return RunReport(ending=Ending.FAILED, diagnostics=(no_rights(facts),))
-        started = undo_run(journal, started_by=owner)
-        host.start_run(started)
-        report = walk(host, Journal(started=started), reporter, should_stop)
+        match host:
+            case StepwiseHost():
+                journal = host.journal()
+                if journal is None or not can_be_undone(journal):
+                    return _nothing(host, journal)
+                return without_rights(host) or _walk_back(host, journal, owner, reporter, should_stop)
+            case ScriptedHost():
+                run = host.journal()
+                if run is None or not can_be_undone(run):
+                    return _nothing(host, run)
+                order = finishing(host.name, run) if run.started.run is RunKind.UNDO else undoing(host.name, run)
+                report = without_rights(host) or run_order(host, order, reporter, should_stop, waits)
+                return replace(report, diagnostics=(*report.diagnostics, *not_taken_back(host.name, run)))
+            case _:
+                assert_never(host)
     except HostError as error:
         return RunReport(ending=Ending.FAILED, diagnostics=(refusals.host_failed(error),))
+
+
+def can_be_undone(journal: Journal | ScriptRun) -> bool:
+    """Whether the last run was an apply, or an undo that was interrupted."""
+    return journal.started.run is RunKind.APPLY or journal.unfinished
+
+
+def without_rights(host: LiveHost) -> RunReport | None:
+    """Why nothing is begun on a host that does not show what is there; None where the rights are proven."""
+    facts = host.observe().facts
+    if facts.rights is Rights.PROVEN:
+        return None
+    return RunReport(ending=Ending.FAILED, diagnostics=(no_rights(facts),))
+
+
+def _walk_back(
+    host: StepwiseHost, journal: Journal, owner: str, reporter: RunReporter, should_stop: ShouldStop
+) -> RunReport:
+    if journal.started.run is RunKind.UNDO:
+        return walk(host, journal, reporter, should_stop)
+    started = undo_run(journal, started_by=owner)
+    host.start_run(started)
+    report = walk(host, Journal(started=started), reporter, should_stop)
     return replace(report, diagnostics=(*report.diagnostics, *not_taken_back(host.name, journal)))
 
 
-def abandon(host: StepwiseHost) -> RunReport:
+def abandon(host: LiveHost, waits: Waits = NO_WAITS) -> RunReport:
     """Close an unfinished run; the host stays as it is. The host is held."""
     try:
-        if host.unfinished() is None:
-            return RunReport(ending=Ending.NOTHING)
-        host.record(RunClosed(closing=Closing.ABANDONED))
+        match host:
+            case StepwiseHost():
+                if host.unfinished() is None:
+                    return RunReport(ending=Ending.NOTHING)
+                host.record(RunClosed(closing=Closing.ABANDONED))
+                return RunReport(ending=Ending.DONE)
+            case ScriptedHost():
+                run = host.unfinished()
+                return abandon_script(host, run, waits) if run else RunReport(ending=Ending.NOTHING)
+            case _:
+                assert_never(host)
     except HostError as error:
         return RunReport(ending=Ending.FAILED, diagnostics=(refusals.host_failed(error),))
-    return RunReport(ending=Ending.DONE)
+
+
+def told_to_undo(journal: Journal | ScriptRun) -> tuple[TakenBack, ...]:
+    """The steps that an undo would take back, in its order, for a person."""
+    match journal:
+        case Journal():
+            return tuple(
+                TakenBack(address=str(step.address), title=step.title, level=step.undo.level)
+                for _, step in steps_to_undo(journal)
+            )
+        case ScriptRun():
+            return script_taken_back(journal)
 
 
 def steps_to_undo(journal: Journal) -> tuple[tuple[int, Step], ...]:
@@ -69,11 +125,17 @@ def is_removal(step: Step) -> bool:
     return is_machine and step.undo.operation is None and step.after.get("exists") is False
 
 
-def not_taken_back(host: str, journal: Journal) -> tuple[Diagnostic, ...]:
+def not_taken_back(host: str, journal: Journal | ScriptRun) -> tuple[Diagnostic, ...]:
     """A warning for each of those steps that cannot be taken back, or not wholly."""
-    return tuple(
-        refusals.undo_partial(host, step) for _, step in steps_to_undo(journal) if step.undo.level is not UndoLevel.FULL
-    )
+    match journal:
+        case Journal():
+            return tuple(
+                refusals.undo_partial(host, step)
+                for _, step in steps_to_undo(journal)
+                if step.undo.level is not UndoLevel.FULL
+            )
+        case ScriptRun():
+            return tuple(refusals.undo_script_partial(host, says) for says in not_undone(journal.started.undo))
 
 
 def undo_run(journal: Journal, *, started_by: str) -> RunStarted:
@@ -110,5 +172,10 @@ def taken_back(step: Step) -> Step:
     )
 
 
-def _nothing(host: StepwiseHost, why: str) -> RunReport:
+def _nothing(host: LiveHost, journal: Journal | ScriptRun | None) -> RunReport:
+    why = (
+        "rarms has applied nothing there"
+        if journal is None
+        else f"the last run there was the undo of plan {journal.started.plan}"
+    )
     return RunReport(ending=Ending.NOTHING, diagnostics=(refusals.nothing_to_undo(host.name, why),))

@@ -15,7 +15,7 @@ from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Closing, Journal, RunClosed, RunStarted, StepRecorded, StepStatus
 from rarms_iac.model.plan import Reading, Readings, Scope, Step
-from rarms_iac.providers.interface import HostError, StepwiseHost
+from rarms_iac.providers.interface import HostError, LiveHost, StepwiseHost
 
 ShouldStop = Callable[[], bool]
 """Asked before every step: whether the user wants the run to end after the last one."""
@@ -28,7 +28,7 @@ def walk(host: StepwiseHost, journal: Journal, reporter: RunReporter, should_sto
         record.number: record.status for record in journal.steps if record.status is not StepStatus.BEGUN
     }
     begun = journal.touched() - set(done)
-    reporter.run_started(started, done=len(done))
+    reporter.run_started(host.name, started.run, started.plan, done=len(done))
     resumed = bool(journal.steps)
     scope = Scope(application=started.application, plan=started.plan)
 
@@ -106,12 +106,16 @@ def _strays(host: StepwiseHost, started: RunStarted, scope: Scope) -> Iterator[D
 
 
 @contextmanager
-def held(hosts: "tuple[StepwiseHost, ...]", owner: str, timeout_ms: int) -> Iterator[None]:
-    """Hold all the hosts, taken in the order of their names, so that two runs cannot wait for each other."""
-    if not hosts:
+def held(hosts: "tuple[LiveHost, ...]", owner: str, timeout_ms: int) -> Iterator[None]:
+    """Hold all the hosts, taken in the order of their names, so that two runs cannot wait for each other.
+
+    A host that runs scripts is held by each of them as long as it runs.
+    """
+    stepwise = [host for host in hosts if isinstance(host, StepwiseHost)]
+    if not stepwise:
         yield
         return
-    first, *rest = sorted(hosts, key=lambda host: host.name)
+    first, *rest = sorted(stepwise, key=lambda host: host.name)
     with first.lock(owner, timeout_ms), held(tuple(rest), owner, timeout_ms):
         yield
 

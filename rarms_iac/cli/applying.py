@@ -19,7 +19,7 @@ from rarms_iac.cli.session import Session
 from rarms_iac.cli.telling import tell
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.planfile.sealing import write_plan
-from rarms_iac.providers.interface import StepwiseHost
+from rarms_iac.providers.interface import LiveHost
 from rarms_iac.views.diagnostics import Sources
 from rarms_iac.views.plan import plan_text
 from rarms_iac.views.plan_colour import coloured_plan
@@ -50,10 +50,10 @@ def write_plan_file(session: Session, path: str, plan: Plan) -> None:
     session.terminal.talk(f"Wrote the plan to {path}. Apply it with: rarms apply {path}")
 
 
-def finish_first(session: Session, live: tuple[StepwiseHost, ...], how: RunOptions) -> RunReport | None:
+def finish_first(session: Session, live: tuple[LiveHost, ...], how: RunOptions) -> RunReport | None:
     """Finish what an earlier run left on these hosts, asking nothing; None where nothing was left."""
     with holding(live, how.lock_timeout_ms), session.interrupts.gently():
-        report = finish_unfinished(live, reporter_of(session), session.interrupts.should_stop)
+        report = finish_unfinished(live, reporter_of(session), session.interrupts.should_stop, how.waits)
     if report is not None and report.ending is Ending.DONE:
         session.terminal.talk("That finished the run that was begun earlier. Nothing else was done: run again to plan.")
     return report
@@ -93,10 +93,10 @@ def _writing(purpose: Purpose) -> str:
     return "rarms plan" if purpose is Purpose.APPLY else f"rarms {purpose.value}"
 
 
-def run(session: Session, plan: Plan, live: Mapping[str, StepwiseHost], how: RunOptions) -> RunReport:
+def run(session: Session, plan: Plan, live: Mapping[str, LiveHost], how: RunOptions) -> RunReport:
     """Do what the plan says on these hosts; the first signal stops after the running step."""
     with holding(tuple(live.values()), how.lock_timeout_ms), session.interrupts.gently():
-        return apply_plan(plan, live, owner(), reporter_of(session), session.interrupts.should_stop)
+        return apply_plan(plan, live, owner(), reporter_of(session), session.interrupts.should_stop, how.waits)
 
 
 def ask(session: Session, question: str) -> None:

@@ -17,12 +17,12 @@ from rarms_iac.cli.manifests import Opened
 from rarms_iac.cli.options import HostOptions, ManifestOptions
 from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.wiring import open_host, state_path
-from rarms_iac.model.journal import Journal
+from rarms_iac.model.journal import Journal, ScriptRun
 from rarms_iac.model.spelling import suggestion
 from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import System
 from rarms_iac.planfile.snapshot import MAX_BYTES, SnapshotUnreadable, read_snapshot
-from rarms_iac.providers.interface import HostError, HostLocked, StepwiseHost
+from rarms_iac.providers.interface import HostError, HostLocked, LiveHost
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +48,7 @@ class Hosts:
         """Where a simulated host's file lies, relative to the folder."""
         return state_path(host, self.folder, self.source.overlays)
 
-    def open(self, host: str) -> StepwiseHost:
+    def open(self, host: str) -> LiveHost:
         """The live host.
 
         Raises:
@@ -94,7 +94,7 @@ def observed(hosts: Hosts) -> Mapping[str, State]:
     return states
 
 
-def observe(host: StepwiseHost) -> State:
+def observe(host: LiveHost) -> State:
     """What a live host looks like.
 
     Raises:
@@ -114,7 +114,7 @@ def refuse_unfinished(hosts: Hosts) -> None:
         raise Halted(ExitCode.REFUSED, [refusals.unfinished(name, journal)])
 
 
-def unfinished_runs(hosts: Hosts) -> Iterator[tuple[str, Journal]]:
+def unfinished_runs(hosts: Hosts) -> Iterator[tuple[str, Journal | ScriptRun]]:
     """The chosen live hosts with an unfinished run, and its journal; none where snapshots are looked at.
 
     Raises:
@@ -143,7 +143,7 @@ def telling() -> Iterator[None]:
 
 
 @contextmanager
-def holding(hosts: tuple[StepwiseHost, ...], timeout_ms: int) -> Iterator[None]:
+def holding(hosts: tuple[LiveHost, ...], timeout_ms: int) -> Iterator[None]:
     """Hold all these hosts.
 
     Raises:

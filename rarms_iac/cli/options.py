@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, date, datetime
 from functools import wraps
-from typing import TypeVar, cast
+from typing import TYPE_CHECKING, TypeVar, cast
 
 import click
 
@@ -13,7 +13,11 @@ from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
 from rarms_iac.model.system import Disruption
 from rarms_iac.views.diagnostics import BadOutput, parse_outputs
 
+SILENCE_MS = 600_000
 DEFAULT_MANIFEST = "rarms.yaml"
+
+if TYPE_CHECKING:
+    from rarms_iac.providers.interface import Waits
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -57,6 +61,14 @@ class RunOptions:
 
     auto_approve: bool = False
     lock_timeout_ms: int = 0
+    event_timeout_ms: int = SILENCE_MS
+
+    @property
+    def waits(self) -> "Waits":
+        """How long a run waits for a host, and for a word from it."""
+        from rarms_iac.providers.interface import Waits
+
+        return Waits(lock_ms=self.lock_timeout_ms, silence_ms=self.event_timeout_ms)
 
 
 def manifest_option(function: F) -> F:
@@ -154,10 +166,11 @@ def change_options(function: F) -> F:
 
 
 def run_options(function: F) -> F:
-    """`--auto-approve`, `--lock-timeout` as one `how: RunOptions`."""
+    """`--auto-approve`, `--lock-timeout`, `--event-timeout` as one `how: RunOptions`."""
 
-    def gathered(*args: object, auto_approve: bool, lock_timeout: int, **rest: object) -> object:
-        return function(*args, how=RunOptions(auto_approve=auto_approve, lock_timeout_ms=lock_timeout), **rest)
+    def gathered(*args: object, auto_approve: bool, lock_timeout: int, event_timeout: int, **rest: object) -> object:
+        how = RunOptions(auto_approve=auto_approve, lock_timeout_ms=lock_timeout, event_timeout_ms=event_timeout)
+        return function(*args, how=how, **rest)
 
     return _with(
         function,
@@ -169,6 +182,13 @@ def run_options(function: F) -> F:
             default="0 s",
             callback=_time,
             help="Wait so long for a host that another run holds: 60s, 5min. [default: do not wait]",
+        ),
+        click.option(
+            "--event-timeout",
+            metavar="TIME",
+            default="10 min",
+            callback=_time,
+            help="Wait so long for the next word of a Hyper-V host's script. [default: 10 min]",
         ),
     )
 

@@ -11,14 +11,14 @@ from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.names import is_name
 from rarms_iac.model.system import Host, ProviderKind
-from rarms_iac.providers.interface import StepwiseHost
+from rarms_iac.providers.interface import LiveHost
 from rarms_iac.storage.append import Damaged
 from rarms_iac.storage.codec import NotDecodable
 
 HOSTS = ".rarms/hosts"
 
 
-def open_host(host: Host, folder: str, state_path: str) -> StepwiseHost:
+def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
     """The host that this describes.
 
     Args:
@@ -34,7 +34,11 @@ def open_host(host: Host, folder: str, state_path: str) -> StepwiseHost:
             from rarms_iac.providers.simulated.run import SimulatedHostProvider
 
             return SimulatedHostProvider(host, Path(folder) / state_path)
-        case ProviderKind.HYPERV | ProviderKind.LINUX:
+        case ProviderKind.HYPERV:
+            from rarms_iac.providers.hyperv.run import open_hyperv
+
+            return open_hyperv(host)
+        case ProviderKind.LINUX:
             raise Halted(ExitCode.FAILED, [out_of_reach(host.name, host.provider.value)])
 
 
@@ -68,11 +72,11 @@ def state_path(host: str, folder: str, overlays: Sequence[str]) -> str:
     return f"{HOSTS}/{'+'.join([*readable, digest])}/{host}.json"
 
 
-def unfinished_beside(folder: str) -> tuple[StepwiseHost, ...]:
+def unfinished_beside(folder: str) -> tuple[LiveHost, ...]:
     """The simulated hosts below this folder with an unfinished run: their journals say all that is needed of them."""
     from rarms_iac.providers.simulated.journal import read_journal
 
-    found: list[StepwiseHost] = []
+    found: list[LiveHost] = []
     for path in sorted((Path(folder) / HOSTS).rglob("*.journal.jsonl")):
         try:
             journal = read_journal(path)

@@ -20,6 +20,9 @@ from rarms_iac.powershell.remarks import remark
 _HOST_REQUIRES = ("-Modules Hyper-V", "-RunAsAdministrator")
 _GUEST_REQUIRES = ("-RunAsAdministrator",)
 
+NOT_UNDONE = "Not undone"
+"""Begins the lines of a head that say what cannot be taken back."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Ready:
@@ -206,7 +209,7 @@ def _header(host_plan: HostPlan, plan: Plan, inside: str, steps: Sequence[_Numbe
     }
     lost = sorted({one.step.undo.says for one in steps if one.step.undo.level is not UndoLevel.FULL})
     return [f"{name:<12} {remark(text)}" for name, text in lines.items()] + [
-        f"{'Not undone':<12} {remark(text)}" for text in lost
+        f"{NOT_UNDONE:<12} {remark(text)}" for text in lost
     ]
 
 

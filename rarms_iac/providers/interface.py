@@ -1,11 +1,13 @@
 """What a host must offer, whatever enforces its reservations (DESIGN sections 4 and 8)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
-from typing import Protocol
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol, runtime_checkable
 
 from rarms_iac.model.changes import Address
-from rarms_iac.model.journal import Journal, JournalRecord, RunStarted
+from rarms_iac.model.journal import Journal, JournalRecord, RunStarted, ScriptRun
 from rarms_iac.model.operations import Operation
 from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import State
@@ -41,6 +43,7 @@ class HostLocked(HostError):
         self.owner = owner
 
 
+@runtime_checkable
 class StepwiseHost(Protocol):
     """A host that is changed one operation at a time, with lock and journal on the host itself."""
 
@@ -107,4 +110,129 @@ class StepwiseHost(Protocol):
         ...
 
 
-OpenHost = Callable[[], StepwiseHost]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Script:
+    """Scripts as they are sent to a host: what runs, and what must lie beside it."""
+
+    runs: str  # file name, one of `files`
+    files: Mapping[str, str]  # name -> text, to the byte
+
+
+class EventKind(StrEnum):
+    """What a script's event is about (docs/scripts.md)."""
+
+    STEP = "step"
+    LOCK = "lock"
+    REFUSED = "refused"
+    FAILED = "failed"
+    RUN = "run"
+
+
+class EventStatus(StrEnum):
+    """What became of it."""
+
+    BEGUN = "begun"
+    CHANGED = "changed"
+    UNCHANGED = "unchanged"
+    SKIPPED = "skipped"
+    TAKEN_OVER = "taken over"
+    REFUSED = "refused"
+    FAILED = "failed"
+    STOPPED = "stopped"
+    ABANDONED = "abandoned"
+    DONE = "done"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunEvent:
+    """One line that a running script says of itself."""
+
+    kind: EventKind
+    plan: str
+    number: int  # of the script's step, from 0; 0 too where it is about no step
+    total: int
+    address: str
+    status: EventStatus
+    detail: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exited:
+    """The script ran to its end, which this code tells; `says`: what it wrote beside its events, the last lines."""
+
+    code: int
+    says: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lost:
+    """Nobody heard the end: the script may have gone on, or still go on."""
+
+    why: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Waits:
+    """How long a run waits: for a host that another run holds, and for a script that says nothing."""
+
+    lock_ms: int = 0
+    silence_ms: int = 600_000
+
+
+NO_WAITS = Waits()
+"""What nobody says otherwise: a held host is not waited for."""
+
+
+class Hearing(Protocol):
+    """Told while a script runs, and asked whether it should go on; must not raise."""
+
+    def heard(self, event: RunEvent) -> None:
+        """An event, as it came."""
+        ...
+
+    def noise(self, line: str) -> None:
+        """A line that is no event."""
+        ...
+
+    def should_stop(self) -> bool:
+        """Whether the script should end before its next step; asked a few times a second."""
+        ...
+
+
+@runtime_checkable
+class ScriptedHost(Protocol):
+    """A host that runs whole scripts, which hold the lock, keep the journal and guard every step themselves."""
+
+    @property
+    def name(self) -> str:
+        """The host's name in the manifest."""
+        ...
+
+    def observe(self) -> State:
+        """As `StepwiseHost.observe`."""
+        ...
+
+    def journal(self) -> ScriptRun | None:
+        """The last run on this host, None where there was none.
+
+        Raises:
+            HostDamaged: it cannot be read, or belongs to somebody whom nobody should believe.
+            HostError: the host cannot be reached or read.
+        """
+        ...
+
+    def unfinished(self) -> ScriptRun | None:
+        """The last run, where it is neither completed nor abandoned; it raises as `journal` does."""
+        ...
+
+    def run_script(self, script: Script, waits: Waits, hearing: Hearing, *, abandoning: bool = False) -> Exited | Lost:
+        """Have the host run these bytes and no others; `abandoning`: only close the script's unfinished run.
+
+        Raises:
+            HostError: the host cannot be reached or runs no scripts; nothing happened.
+        """
+        ...
+
+
+LiveHost = StepwiseHost | ScriptedHost
+OpenHost = Callable[[], LiveHost]

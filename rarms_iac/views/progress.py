@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 
-from rarms_iac.model.journal import RunKind, RunStarted, StepStatus
-from rarms_iac.model.plan import Step
+from rarms_iac.apply.reports import ToldStep
+from rarms_iac.model.journal import RunKind, StepStatus
 from rarms_iac.views.diagnostics.layout import columns, hanging, visible
 
 WRITE_OVER = "\r\x1b[K"
+LONGEST = 500
+"""Characters that are shown of a line that a host says beside its steps."""
 
 
 class StepProgress:
@@ -26,18 +28,18 @@ class StepProgress:
         self._width = width
         self._since = 0.0
 
-    def run_started(self, started: RunStarted, *, done: int) -> None:
+    def run_started(self, host: str, run: RunKind, plan: str, *, done: int) -> None:
         """Say what begins or goes on."""
-        what = "Applying" if started.run is RunKind.APPLY else "Undoing"
+        what = "Applying" if run is RunKind.APPLY else "Undoing"
         goes_on = f", going on after step {done}" if done else ""
-        self._write(f"{what} plan {started.plan} on {started.host_plan.host.name}{goes_on}\n")
+        self._write(f"{what} plan {plan} on {host}{goes_on}\n")
 
     def step_started(
         self,
         host: str,  # noqa: ARG002 - `run_started` names it, and hosts are walked one at a time
         number: int,
         total: int,
-        step: Step,
+        step: ToldStep,
     ) -> None:
         """Show the running step where it can be written over."""
         self._since = self._clock()
@@ -49,7 +51,7 @@ class StepProgress:
         host: str,  # noqa: ARG002 - one host at a time
         number: int,
         total: int,
-        step: Step,
+        step: ToldStep,
         status: StepStatus,
     ) -> None:
         """Show what became of it and how long it took."""
@@ -61,8 +63,12 @@ class StepProgress:
         else:
             self._write(f"{step_line(number, total, step)}: {says}\n")
 
+    def said(self, host: str, line: str) -> None:
+        """Show it apart from the steps, without whatever would move the cursor."""
+        self._write(f"{WRITE_OVER if self._lively else ''}  {host} says: {visible(line[:LONGEST], keep='')}\n")
 
-def step_line(number: int, total: int, step: Step) -> str:
+
+def step_line(number: int, total: int, step: ToldStep) -> str:
     """`  [ 3/12] partition/vision: reserve 70 -> 40 %`."""
     return counter(number, total) + step_says(step)
 
@@ -72,7 +78,7 @@ def counter(number: int, total: int) -> str:
     return f"  [{number:>{len(str(total))}}/{total}] "
 
 
-def step_says(step: Step) -> str:
+def step_says(step: ToldStep) -> str:
     """`partition/vision: reserve 70 -> 40 %`."""
     return f"{step.address}: {visible(step.title, keep='')}"
 

@@ -28,7 +28,7 @@ from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.wiring import open_host, unfinished_beside
 from rarms_iac.manifest.load import manifest_path
-from rarms_iac.providers.interface import StepwiseHost
+from rarms_iac.providers.interface import LiveHost
 
 
 @rarms_command("apply")
@@ -84,9 +84,9 @@ def _hosts(source: ManifestOptions, where: HostOptions) -> Hosts | Halted:
     return hosts_of(system, opened, source, where)
 
 
-def _abandon(session: Session, live: tuple[StepwiseHost, ...], how: RunOptions, *, as_json: bool) -> ExitCode:
+def _abandon(session: Session, live: tuple[LiveHost, ...], how: RunOptions, *, as_json: bool) -> ExitCode:
     with holding(live, how.lock_timeout_ms):
-        reports = [abandon(host) for host in live]
+        reports = [abandon(host, how.waits) for host in live]
     for host, report in zip(live, reports, strict=True):
         if report.ending is Ending.DONE:
             session.terminal.talk(f"{host.name}: the unfinished run is closed, and the host stays as it is.")

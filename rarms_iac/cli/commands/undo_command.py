@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import click
 
-from rarms_iac.apply.undo import not_taken_back, steps_to_undo, undo
+from rarms_iac.apply.undo import can_be_undone, not_taken_back, told_to_undo, undo
 from rarms_iac.cli.applying import ask, ended, reporter_of
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.commands.apply_command import worst
@@ -21,8 +21,8 @@ from rarms_iac.cli.options import (
 )
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.telling import tell
-from rarms_iac.model.journal import Journal, RunKind
-from rarms_iac.providers.interface import StepwiseHost
+from rarms_iac.model.journal import Journal, ScriptRun
+from rarms_iac.providers.interface import LiveHost
 from rarms_iac.views.undo import undo_text
 
 
@@ -53,11 +53,13 @@ def command(
         _show_and_ask(session, meant)
     taken = tuple(host for host, _ in meant)
     with holding(taken, how.lock_timeout_ms), session.interrupts.gently():
-        reports = [undo(host, owner(), reporter_of(session), session.interrupts.should_stop) for host in taken]
+        reports = [
+            undo(host, owner(), reporter_of(session), session.interrupts.should_stop, how.waits) for host in taken
+        ]
     return ended(session, worst(reports), as_json=as_json)
 
 
-Found = Sequence[tuple[StepwiseHost, Journal | None]]
+Found = Sequence[tuple[LiveHost, Journal | ScriptRun | None]]
 
 
 def last_applies(journals: Found) -> Found:
@@ -65,17 +67,12 @@ def last_applies(journals: Found) -> Found:
     return [(host, journal) for host, journal in journals if journal is not None and can_be_undone(journal)]
 
 
-def can_be_undone(journal: Journal) -> bool:
-    """Whether the last run was an apply, or an undo that was interrupted."""
-    return journal.started.run is RunKind.APPLY or journal.unfinished
-
-
 def _show_and_ask(session: Session, meant: Found) -> None:
     if not session.terminal.answers:
         raise click.UsageError("There is no terminal to ask at. Give --auto-approve.", click.get_current_context())
     for host, journal in meant:
         if journal is not None:
-            steps = [step for _, step in steps_to_undo(journal)]
+            steps = told_to_undo(journal)
             session.terminal.talk(undo_text(host.name, journal.started, steps, width=session.terminal.width))
             tell(session.terminal, not_taken_back(host.name, journal))
     ask(session, "Take this back?")

@@ -72,7 +72,7 @@ def progress(*, lively: bool) -> str:
     said: list[str] = []
     times = iter([10.0, 10.25])
     reporter = StepProgress(said.append, lambda: next(times), lively=lively, width=40)
-    reporter.run_started(a_start(), done=0)
+    reporter.run_started("onboard", RunKind.APPLY, plan().id, done=0)
     reporter.step_started("onboard", 1, 1, step())
     reporter.step_ended("onboard", 1, 1, step(), StepStatus.CHANGED)
     return "".join(said)

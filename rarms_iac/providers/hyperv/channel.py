@@ -1,0 +1,142 @@
+"""A program that was started, line by line: what it writes, what it is sent, and whether it still lives.
+
+Threads read and write, so that neither side can block the other and the caller may look up now and then. The program
+gets a process group of its own: Ctrl-C is for rarms, which then asks the script to stop after the running step.
+"""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from queue import Empty, SimpleQueue
+from types import TracebackType
+
+LOOK_SECONDS = 0.1
+LAST_SECONDS = 10.0  # for a program that has closed its output to end
+KEPT_LINES = 20
+LONGEST_LINE = 64 * 2**20  # bytes: an observation is one line
+
+
+class Silent(Exception):
+    """Nothing came for so long."""
+
+
+class Channel:
+    """A started program. Use it as a context: when that ends, the program has ended too.
+
+    Raises:
+        OSError: it cannot be started.
+    """
+
+    def __init__(self, words: Sequence[str]) -> None:
+        self._process = _start(words)
+        self._lines: SimpleQueue[bytes | None] = SimpleQueue()
+        self._sending: SimpleQueue[bytes | None] = SimpleQueue()
+        self._errors: deque[str] = deque(maxlen=KEPT_LINES)
+        targets = (self._read, self._read_errors, self._write)
+        self._threads = [threading.Thread(target=target, daemon=True) for target in targets]
+        for thread in self._threads:
+            thread.start()
+
+    def __enter__(self) -> "Channel":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._process.poll() is None:
+            _kill(self._process)
+        self.close()
+        self._process.wait()
+        for thread in self._threads:
+            thread.join()
+        for pipe in (self._process.stdout, self._process.stderr):
+            if pipe is not None:
+                pipe.close()
+
+    @property
+    def said_beside(self) -> tuple[str, ...]:
+        """The last lines of its standard error."""
+        return tuple(self._errors)
+
+    def send(self, data: bytes) -> None:
+        """Have this on its standard input, after what was sent before; a program that does not listen is no error."""
+        self._sending.put(data)
+
+    def close(self) -> None:
+        """Nothing more is sent."""
+        self._sending.put(None)
+
+    def next_line(self, silence_s: float, look: Callable[[], None]) -> str | None:
+        """The next line without its end, None when there are no more; `look` is called while waiting.
+
+        Raises:
+            Silent: nothing came for so long.
+        """
+        until = time.monotonic() + silence_s
+        while True:
+            look()
+            try:
+                line = self._lines.get(timeout=LOOK_SECONDS)
+            except Empty:
+                if time.monotonic() >= until:
+                    raise Silent from None
+                continue
+            return None if line is None else line.decode("utf-8", "replace").rstrip("\r\n")
+
+    def code(self) -> int | None:
+        """Its exit code once its output has ended; None where it lives on."""
+        try:
+            return self._process.wait(LAST_SECONDS)
+        except subprocess.TimeoutExpired:
+            return None
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None, "it was started with a pipe"
+        while line := self._process.stdout.readline(LONGEST_LINE):
+            self._lines.put(line)
+        self._lines.put(None)
+
+    def _read_errors(self) -> None:
+        assert self._process.stderr is not None, "it was started with a pipe"
+        while line := self._process.stderr.readline(LONGEST_LINE):
+            if text := line.decode("utf-8", "replace").strip():
+                self._errors.append(text)
+
+    def _write(self) -> None:
+        pipe = self._process.stdin
+        assert pipe is not None, "it was started with a pipe"
+        with contextlib.suppress(OSError):  # it ended without listening: its exit code says more
+            while (data := self._sending.get()) is not None:
+                pipe.write(data)
+                pipe.flush()
+        with contextlib.suppress(OSError):
+            pipe.close()
+
+
+def _start(words: Sequence[str]) -> "subprocess.Popen[bytes]":
+    if sys.platform == "win32":
+        return subprocess.Popen(
+            words,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            creationflags=subprocess.CREATE_NEW_PROCESS_GROUP,
+        )
+    return subprocess.Popen(
+        words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, process_group=0
+    )
+
+
+def _kill(process: "subprocess.Popen[bytes]") -> None:
+    """The program, and on POSIX whatever it started: what lives on would hold the pipes."""
+    if sys.platform == "win32":
+        process.kill()
+    else:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)

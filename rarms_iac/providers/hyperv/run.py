@@ -1,0 +1,130 @@
+"""A Hyper-V host: `observe.ps1` looks at it, and a plan's own scripts change it."""
+
+from rarms_iac.model.journal import ScriptRun
+from rarms_iac.model.state import State
+from rarms_iac.model.system import Host
+from rarms_iac.powershell.render import render_observe
+from rarms_iac.providers.hyperv.bootstrap import arguments_of
+from rarms_iac.providers.hyperv.events import read_event
+from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted, NoJournal
+from rarms_iac.providers.hyperv.observation import Observation, is_denied, observation_of
+from rarms_iac.providers.hyperv.parse import last_run_of, to_state
+from rarms_iac.providers.hyperv.transport import LocalTransport, SshTransport, Transport
+from rarms_iac.providers.interface import Exited, Failed, Hearing, HostDamaged, Lost, Script, Waits
+from rarms_iac.storage.codec import NotDecodable
+from rarms_iac.storage.digest import parse_json
+
+OBSERVE_SECONDS = 300.0
+OBSERVE = "observe.ps1"
+JOURNAL = "%ProgramData%\\rarms\\journal.jsonl"
+
+
+class HypervHost:
+    """A `ScriptedHost`. It keeps nothing: every question is asked of the host anew."""
+
+    def __init__(self, host: Host, transport: Transport) -> None:
+        self._host = host
+        self._transport = transport
+
+    @property
+    def name(self) -> str:
+        """The host's name in the manifest."""
+        return self._host.name
+
+    def observe(self) -> State:
+        """As the interface says."""
+        try:
+            return to_state(self.observation(), self.name)
+        except NotDecodable as error:
+            raise self._unreadable(str(error)) from None
+
+    def journal(self) -> ScriptRun | None:
+        """As the interface says."""
+        seen = self.observation()
+        if is_denied(seen.journal):
+            raise Failed(self.name, f"{JOURNAL} may not be read", "connect as a member of its Administrators")
+        match last_run_of(seen):
+            case NoJournal():
+                return None
+            case ScriptRun() as run:
+                return run
+            case JournalPlanted(owner=owner):
+                says = f"{JOURNAL} belongs to {owner}, not to Administrators or SYSTEM"
+                raise HostDamaged(self.name, says, "find out who put it there, then remove it")
+            case JournalDamaged(says=says):
+                advice = "look at what the last run did, then remove it"
+                raise HostDamaged(self.name, f"{JOURNAL} is damaged: {says}", advice)
+
+    def unfinished(self) -> ScriptRun | None:
+        """As the interface says."""
+        run = self.journal()
+        return run if run is not None and run.unfinished else None
+
+    def run_script(self, script: Script, waits: Waits, hearing: Hearing, *, abandoning: bool = False) -> Exited | Lost:
+        """As the interface says."""
+        arguments = arguments_of(waits, abandoning=abandoning)
+        silence_s = (waits.silence_ms + waits.lock_ms) / 1000
+        return self._transport.run(script, arguments, silence_s, _Events(hearing))
+
+    def observation(self) -> Observation:
+        """What `observe.ps1` prints there now.
+
+        Raises:
+            Failed: the host cannot be reached, or the script printed something else.
+        """
+        script = Script(runs=OBSERVE, files={OBSERVE: render_observe().decode("ascii")})
+        document = _Document()
+        ended = self._transport.run(script, (), OBSERVE_SECONDS, document)
+        match ended:
+            case Lost(why=why):
+                raise Failed(self.name, f"it could not be observed: {why}", "look whether it is busy, then try again")
+            case Exited(code=0):
+                pass
+            case Exited(code=code, says=says):
+                raise self._unreadable(f"exit code {code}, {' '.join(says[-3:]) or 'and no word why'}")
+        try:
+            return observation_of(parse_json(document.text))
+        except NotDecodable as error:
+            raise self._unreadable(str(error)) from None
+
+    def _unreadable(self, says: str) -> Failed:
+        advice = "run the script there by hand and look: `rarms snapshot --script` writes it"
+        return Failed(self.name, f"what {OBSERVE} printed cannot be read: {says}", advice)
+
+
+def open_hyperv(host: Host) -> HypervHost:
+    """The host that this describes: over ssh, or this computer."""
+    if host.connect is None:
+        return HypervHost(host, LocalTransport(host.name))
+    return HypervHost(host, SshTransport(host.name, host.connect))
+
+
+class _Events:
+    """Lines as events for who listens to a run."""
+
+    def __init__(self, hearing: Hearing) -> None:
+        self._hearing = hearing
+
+    def line(self, text: str) -> None:
+        event = read_event(text)
+        if event is not None:
+            self._hearing.heard(event)
+        elif text.strip():
+            self._hearing.noise(text)
+
+    def should_stop(self) -> bool:
+        return self._hearing.should_stop()
+
+
+class _Document:
+    """The one line that is a document; whatever stands around it is noise of the host."""
+
+    def __init__(self) -> None:
+        self.text = ""
+
+    def line(self, text: str) -> None:
+        if text.startswith("{"):
+            self.text = text
+
+    def should_stop(self) -> bool:
+        return False

@@ -1,0 +1,173 @@
+"""Running scripts on a Hyper-V host: here through its PowerShell, elsewhere through the system's ssh.
+
+Both are given the same bytes and say the same: lines, and an exit code.
+"""
+
+import shutil
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Protocol
+
+from rarms_iac.model.system import Connect
+from rarms_iac.providers.hyperv import bootstrap
+from rarms_iac.providers.hyperv.channel import Channel, Silent
+from rarms_iac.providers.interface import Exited, Failed, Lost, Script
+
+CONNECT_SECONDS = 60.0
+SSH_FAILED = 255  # ssh's own exit code: it never got through, or the connection broke
+SHELLS = ("pwsh", "powershell")
+
+
+class Listener(Protocol):
+    """Who runs a script: told each line, and asked whether to stop."""
+
+    def line(self, text: str) -> None:
+        """A line of the script's standard output."""
+        ...
+
+    def should_stop(self) -> bool:
+        """Whether it should end before its next step."""
+        ...
+
+
+class Transport(Protocol):
+    """A way to a host."""
+
+    def run(self, script: Script, arguments: Sequence[str], silence_s: float, listener: Listener) -> Exited | Lost:
+        """Run these bytes there.
+
+        Raises:
+            Failed: there was no way to it; nothing was run.
+        """
+        ...
+
+
+class LocalTransport:
+    """The PowerShell of this computer."""
+
+    def __init__(self, host: str, shell: str | None = None) -> None:
+        self._host = host
+        self._shells = SHELLS if shell is None else (shell,)
+
+    def run(self, script: Script, arguments: Sequence[str], silence_s: float, listener: Listener) -> Exited | Lost:
+        """As the protocol says; the scripts lie in a folder of this user's own while they run."""
+        program = self._program()
+        with tempfile.TemporaryDirectory(prefix="rarms-") as folder:
+            for name, text in script.files.items():
+                (Path(folder) / name).write_bytes(text.encode("ascii"))
+            path = Path(folder) / script.runs
+            options = ("-NoProfile", "-NonInteractive", "-ExecutionPolicy", "RemoteSigned", "-File", str(path))
+            stop = path.with_name(f"{path.name}.stop")
+            with _opened(self._host, (program, *options, *arguments)) as channel:
+                channel.close()
+                return _follow(channel, silence_s, listener, stop.touch)
+
+    def _program(self) -> str:
+        for shell in self._shells:
+            if found := shutil.which(bootstrap.program_of(shell)):
+                return found
+        names = " or ".join(bootstrap.program_of(shell) for shell in self._shells)
+        raise Failed(
+            self._host,
+            f"{names} is not on this computer, which the manifest says is the host",
+            "say how the host is reached (`connect: {ssh: user@host}`), or run the scripts there by hand: "
+            "`rarms show --script PLAN`",
+        )
+
+
+class SshTransport:
+    """The system's ssh, which starts the fixed bootstrap at the other end."""
+
+    def __init__(self, host: str, connect: Connect) -> None:
+        self._host = host
+        self._connect = connect
+
+    def run(self, script: Script, arguments: Sequence[str], silence_s: float, listener: Listener) -> Exited | Lost:
+        """As the protocol says; nothing is sent before the other end says that it is ready."""
+        words = bootstrap.ssh_words(self._connect.ssh, self._connect.shell)
+        with _opened(self._host, words) as channel:
+            self._await_ready(channel)
+            channel.send(bootstrap.frame(script, arguments))
+            refusal = _Refusal(listener)
+            ended = _follow(channel, silence_s, refusal, lambda: channel.send(bootstrap.STOP))
+            if isinstance(ended, Exited) and ended.code == bootstrap.FAILED_CODE and refusal.says:
+                raise Failed(self._host, f"the scripts did not arrive as sent: {refusal.says}", "run it again")
+            if isinstance(ended, Exited) and ended.code == SSH_FAILED:
+                return Lost(why=f"the connection broke ({_last(ended.says) or 'ssh says no more'})")
+            return ended
+
+    def _await_ready(self, channel: Channel) -> None:
+        try:
+            while (line := channel.next_line(CONNECT_SECONDS, lambda: None)) is not None:
+                if line == bootstrap.READY:
+                    return
+        except Silent:
+            raise self._unreached(f"{self._connect.ssh} did not answer within {CONNECT_SECONDS:.0f} s") from None
+        code = channel.code()
+        says = _last(channel.said_beside) or "it says nothing"
+        if code == SSH_FAILED:
+            raise self._unreached(f"ssh does not reach {self._connect.ssh}: {says}")
+        program = bootstrap.program_of(self._connect.shell)
+        raise Failed(
+            self._host,
+            f"{program} does not start on {self._connect.ssh} (exit code {code}): {says}",
+            "say in the manifest which PowerShell the host has: `connect.shell: pwsh` or `powershell`",
+        )
+
+    def _unreached(self, says: str) -> Failed:
+        return Failed(
+            self._host,
+            says.rstrip("."),
+            f"try it by hand, as rarms does, without questions: `ssh -o BatchMode=yes {self._connect.ssh}`",
+        )
+
+
+class _Refusal:
+    """Passes lines on, and keeps why the bootstrap would not run the script."""
+
+    def __init__(self, listener: Listener) -> None:
+        self._listener = listener
+        self.says = ""
+
+    def line(self, text: str) -> None:
+        if text.startswith(bootstrap.FAILED):
+            self.says = text.removeprefix(bootstrap.FAILED).strip()
+        else:
+            self._listener.line(text)
+
+    def should_stop(self) -> bool:
+        return self._listener.should_stop()
+
+
+def _opened(host: str, words: Sequence[str]) -> Channel:
+    try:
+        return Channel(words)
+    except OSError as error:
+        says = f"{words[0]} cannot be started: {error.strerror or error}"
+        raise Failed(host, says, f"install {words[0]}, or mend its rights") from None
+
+
+def _follow(channel: Channel, silence_s: float, listener: Listener, stop: Callable[[], None]) -> Exited | Lost:
+    """Pass every line on until the end, and a wish to stop the other way, once."""
+    asked = False
+
+    def look() -> None:
+        nonlocal asked
+        if not asked and listener.should_stop():
+            asked = True
+            stop()
+
+    try:
+        while (line := channel.next_line(silence_s, look)) is not None:
+            listener.line(line)
+    except Silent:
+        return Lost(why=f"it said nothing for {silence_s:.0f} s")
+    code = channel.code()
+    if code is None:
+        return Lost(why="it closed its output and did not end")
+    return Exited(code=code, says=channel.said_beside)
+
+
+def _last(lines: Sequence[str]) -> str:
+    return lines[-1] if lines else ""

@@ -1,0 +1,81 @@
+#Requires -Version 5.1
+# rarms bootstrap: the one command that ssh starts on a host. It takes scripts from standard input, checks their
+# SHA-256, keeps them in a new folder that only its user can read, runs the first, passes its exit code on, and removes
+# them. Its bytes are always the same; without remarks and indentation they are what -EncodedCommand carries.
+# Input: 8 digits, the length of a table; the table, one line for the arguments and one `name length sha256` a file;
+# then the files' bytes. Any byte after that, or the end of the input, asks the script to stop before its next step.
+Set-StrictMode -Version 3.0
+$ErrorActionPreference = 'Stop'
+$ProgressPreference = 'SilentlyContinue'
+
+function Read-Whole {
+    # Fills the array; the connection must not end before.
+    param([System.IO.Stream] $From, [byte[]] $Into)
+    $at = 0
+    while ($at -lt $Into.Length) {
+        $count = $From.Read($Into, $at, $Into.Length - $at)
+        if ($count -eq 0) { throw 'the input ended too early' }
+        $at += $count
+    }
+}
+
+$code = 90
+$folder = ''
+try {
+    $source = [Console]::OpenStandardInput()
+    [Console]::Out.WriteLine('rarms-bootstrap/1 ready')
+    $ascii = [System.Text.Encoding]::ASCII
+    $data = [byte[]]::new(8)
+    Read-Whole -From $source -Into $data
+    $data = [byte[]]::new([int] $ascii.GetString($data))
+    Read-Whole -From $source -Into $data
+    $table = @($ascii.GetString($data) -split '\n')
+    if ($table[0] -cnotmatch '^( |-AsJson|-Abandon|-LockTimeout [0-9]{1,6})*$') { throw 'bad arguments' }
+    if ($env:OS -ceq 'Windows_NT') {
+        $folder = [System.IO.Path]::GetTempPath() + 'rarms-' + [guid]::NewGuid().ToString('N')
+        [void] [System.IO.Directory]::CreateDirectory($folder)
+        $user = [System.Security.Principal.WindowsIdentity]::GetCurrent().User.Value
+        $acl = Get-Acl -LiteralPath $folder
+        $acl.SetSecurityDescriptorSddlForm('D:P(A;OICI;FA;;;' + $user + ')', 'Access')
+        Set-Acl -LiteralPath $folder -AclObject $acl
+    } else {
+        $folder = [System.IO.Directory]::CreateTempSubdirectory('rarms-').FullName
+    }
+    $main = ''
+    for ($at = 1; $at -lt $table.Count; $at++) {
+        $part = @($table[$at] -split ' ')
+        if ($part[0] -cnotmatch '^[a-z0-9][a-z0-9.-]*\.ps1$') { throw 'bad name' }
+        $data = [byte[]]::new([int] $part[1])
+        Read-Whole -From $source -Into $data
+        $sum = [System.BitConverter]::ToString([System.Security.Cryptography.SHA256]::Create().ComputeHash($data))
+        if ($sum.Replace('-', '').ToLowerInvariant() -cne $part[2]) { throw ($part[0] + ' is not what was sent') }
+        $path = Join-Path -Path $folder -ChildPath $part[0]
+        [System.IO.File]::WriteAllBytes($path, $data)
+        if (-not $main) { $main = $path }
+    }
+    $start = [System.Diagnostics.ProcessStartInfo]::new()
+    $start.FileName = [System.Diagnostics.Process]::GetCurrentProcess().MainModule.FileName
+    $form = '-NoProfile -NonInteractive -ExecutionPolicy RemoteSigned -File "{0}" {1}'
+    $start.Arguments = $form -f $main, $table[0]
+    $start.UseShellExecute = $false
+    $start.RedirectStandardInput = $true
+    $child = [System.Diagnostics.Process]::Start($start)
+    $child.StandardInput.Close()
+    $more = $source.ReadAsync([byte[]]::new(1), 0, 1)
+    while (-not $child.WaitForExit(200)) {
+        if ($null -ne $more -and $more.IsCompleted) {
+            [System.IO.File]::WriteAllText($main + '.stop', 'stop')
+            $more = $null
+        }
+    }
+    $code = $child.ExitCode
+} catch {
+    [Console]::Out.WriteLine('rarms-bootstrap/1 failed ' + ($_.Exception.Message -replace '\s+', ' '))
+} finally {
+    try {
+        if ($folder) { [System.IO.Directory]::Delete($folder, $true) }
+    } catch {
+        [Console]::Error.WriteLine('rarms could not remove ' + $folder)
+    }
+}
+exit $code
