@@ -104,7 +104,9 @@ def _largest(low: int, high: int, works: Callable[[int], bool]) -> int | None:
 
 
 def _larger(problem: Problem, trial: Trial) -> Iterator[str]:
-    for one in problem.bins:
+    """More memory, more processors, on one of the first hosts: each try plans everything anew."""
+    first = problem.bins[:OFFERED]
+    for one in first:
         host = trial.system.hosts[one.name]
         claimed = sum(min(claim.memory for claim in item.claims.values()) for item in problem.items)
         missing = claimed - sum(max(0, free_in(other).memory) for other in problem.bins)
@@ -112,7 +114,7 @@ def _larger(problem: Problem, trial: Trial) -> Iterator[str]:
             more = -(-missing // _MIB) * _MIB
             if _works_with(trial, host, memory=more):
                 yield f"{show_bytes(more)} more memory on {host.name}"
-    for one in problem.bins:
+    for one in first:
         host = trial.system.hosts[one.name]
         number = next(
             (more for more in range(1, MORE_PROCESSORS + 1) if _works_with(trial, host, processors=more)),
