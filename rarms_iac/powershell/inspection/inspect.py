@@ -3,9 +3,10 @@
 from collections.abc import Iterator
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity, in_order
+from rarms_iac.powershell.environment import read
 from rarms_iac.powershell.inspection.commands import check_commands
 from rarms_iac.powershell.inspection.constructs import check_constructs
-from rarms_iac.powershell.inspection.layout import check_end, check_layout, split
+from rarms_iac.powershell.inspection.layout import check_end, check_layout, check_whole, split
 from rarms_iac.powershell.inspection.lists import ScriptKind
 from rarms_iac.powershell.inspection.names import check_names
 from rarms_iac.powershell.inspection.script import Script, functions_of
@@ -58,6 +59,8 @@ def _check(script: Script) -> Iterator[Diagnostic]:
     yield from check_style(script)
     if script.kind is ScriptKind.OBSERVE:
         yield from check_end(script.name, script.text)
+    elif script.kind is ScriptKind.BOOTSTRAP:
+        yield from check_whole(script.name, script.text, read("bootstrap.ps1"))
     else:
         parts = split(script.text)
         yield from check_layout(script.name, parts)

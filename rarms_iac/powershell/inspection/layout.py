@@ -61,6 +61,13 @@ def check_end(name: str, text: str) -> Iterator[Diagnostic]:
         yield HEAD.at(place, "the script does not end with exit 0", "render the script again")
 
 
+def check_whole(name: str, text: str, shipped: str) -> Iterator[Diagnostic]:
+    """A script that is always the same has the bytes that rarms ships."""
+    if text.replace("\r\n", "\n") != shipped:
+        place = Place(file=name, line=1, column=1)
+        yield RUNTIME.at(place, "it is not the bootstrap that rarms ships", "take the one that rarms shows")
+
+
 def digest(text: str) -> str:
     """SHA-256 of a part's text."""
     return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()

@@ -5,11 +5,12 @@ from enum import StrEnum
 
 
 class ScriptKind(StrEnum):
-    """What a script is for; only the first two may change anything."""
+    """What a script is for; only the first two may change anything. The bootstrap runs the others over ssh."""
 
     APPLY = "apply"
     UNDO = "undo"
     OBSERVE = "observe"
+    BOOTSTRAP = "bootstrap"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,6 +158,38 @@ CHANGING = Lists(
 )
 
 
+BOOTSTRAP = Lists(
+    constructs=_CHANGING,
+    qualified=frozenset(),
+    plain=words("Get-Acl Join-Path Set-Acl Set-StrictMode"),
+    types=words(
+        """
+        Console byte[] guid int void System.BitConverter System.Diagnostics.Process System.Diagnostics.ProcessStartInfo
+        System.IO.Directory System.IO.File System.IO.Path System.IO.Stream System.Security.Cryptography.SHA256
+        System.Security.Principal.WindowsIdentity System.Text.Encoding
+        """
+    ),
+    members=words(
+        """
+        ASCII Arguments Close ComputeHash Count Create CreateDirectory CreateTempSubdirectory Delete Error Exception
+        ExitCode FileName FullName GetCurrent GetCurrentProcess GetString GetTempPath IsCompleted Length MainModule
+        Message NewGuid OpenStandardInput Out Read ReadAsync RedirectStandardInput Replace
+        SetSecurityDescriptorSddlForm StandardInput Start ToLowerInvariant ToString User UseShellExecute Value
+        WaitForExit WriteAllBytes WriteAllText WriteLine new
+        """
+    ),
+    operators=words(", = += ++ -and -ceq -cne -cnotmatch -eq -f -lt -ne -not -replace -split + - . :: |"),
+    given_variables=words("$_ $false $null $true $env:OS"),
+    set_variables=words("$ErrorActionPreference $ProgressPreference"),
+)
+
+
 def lists_of(kind: ScriptKind) -> Lists:
     """What scripts of this kind may use."""
-    return READING if kind is ScriptKind.OBSERVE else CHANGING
+    match kind:
+        case ScriptKind.OBSERVE:
+            return READING
+        case ScriptKind.BOOTSTRAP:
+            return BOOTSTRAP
+        case ScriptKind.APPLY | ScriptKind.UNDO:
+            return CHANGING

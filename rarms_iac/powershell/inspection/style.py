@@ -30,7 +30,7 @@ _VERBS = _CHANGING_VERBS | words("""
     Unregister Wait Block Grant Protect Revoke Unblock Unprotect Use
     """)
 _SINGULAR = ("ss", "us", "is", "Data", "Windows")
-_KEPT = frozenset({"$erroractionpreference", "$confirmpreference"})
+_KEPT = frozenset({"$erroractionpreference", "$confirmpreference", "$progresspreference"})
 
 
 def check_style(script: Script) -> Iterator[Diagnostic]:

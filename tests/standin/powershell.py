@@ -1,0 +1,224 @@
+"""A stand-in for `pwsh`, as a program: the twin of tests/twin behind PowerShell's command line, on a host in a file.
+
+    python -m tests.standin.powershell FOLDER -NoProfile ... -File SCRIPT.ps1 [-AsJson] [-LockTimeout N] [-Abandon]
+    python -m tests.standin.powershell FOLDER -NoProfile ... -EncodedCommand BASE64
+
+It says on standard error that it is no PowerShell. The second form takes only rarms' own bootstrap, and does in Python
+what that says. `FOLDER/how.json` may ask for noise, slowness, or for an end in the middle.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import pickle
+import select
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from base64 import b64decode
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from rarms_iac.providers.hyperv.bootstrap import FAILED, FAILED_CODE, READY, command
+from rarms_iac.storage.codec import decode
+from rarms_iac.storage.lock import Locked, hold
+from tests.twin.host import Killed, WindowsHost
+from tests.twin.run import FOLDER, _compiled, _walk
+from tests.twin.scopes import Session
+
+STAND_IN = "This is a stand-in of rarms' tests and no PowerShell."
+STATE, HOW, LOCK = "host.pickle", "how.json", "mutex"
+
+
+@dataclass(frozen=True, slots=True)
+class How:
+    """What a test asks of it beside running scripts."""
+
+    noise: tuple[str, ...] = ()  # on standard output, before anything else
+    beside: tuple[str, ...] = ()  # the same on standard error
+    step_ms: int = 0  # after every event
+    silent_ms: int = 0  # before the script runs
+    refuses: str = ""  # what PowerShell says instead of running a script
+    garbles: bool = False  # loses a byte of what it is sent
+
+
+def save(folder: Path, host: WindowsHost) -> None:
+    """Keep the host, wholly or not at all."""
+    fresh = folder / f"{STATE}.{os.getpid()}"
+    fresh.write_bytes(pickle.dumps(host.copy(watch=None)))
+    fresh.replace(folder / STATE)
+
+
+def load(folder: Path) -> WindowsHost:
+    """The host as the last effect left it."""
+    host = pickle.loads((folder / STATE).read_bytes())  # our own bytes, written by `save`
+    assert isinstance(host, WindowsHost)
+    return host
+
+
+def ask(folder: Path, **how: object) -> None:
+    """Have the stand-in behave so from now on."""
+    (folder / HOW).write_text(json.dumps(how), encoding="utf-8")
+
+
+def _asked(folder: Path) -> How:
+    path = folder / HOW
+    if not path.exists():
+        return How()
+    return decode(How, json.loads(path.read_text(encoding="utf-8")))
+
+
+class Said(list[str]):
+    """Lines that are on their way as soon as they are said."""
+
+    def __init__(self, delay_ms: int) -> None:
+        super().__init__()
+        self.delay_ms = delay_ms
+
+    def append(self, line: str) -> None:
+        super().append(line)
+        print(line, flush=True)
+        if self.delay_ms and '"rarms-event/1"' in line:
+            time.sleep(self.delay_ms / 1000)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the script, or the bootstrap."""
+    folder, *options = arguments
+    how = _asked(Path(folder))
+    print(STAND_IN, file=sys.stderr, flush=True)
+    if "-EncodedCommand" in options:
+        return bootstrap(Path(folder), how, options[options.index("-EncodedCommand") + 1])
+    for line in how.noise:
+        print(line, flush=True)
+    for line in how.beside:
+        print(line, file=sys.stderr, flush=True)
+    at = options.index("-File") + 1
+    if how.refuses:
+        print(how.refuses, file=sys.stderr)
+        return 1
+    time.sleep(how.silent_ms / 1000)
+    return run_file(Path(folder), how, Path(options[at]), options[at + 1 :])
+
+
+def run_file(folder: Path, how: How, script: Path, given: Sequence[str]) -> int:
+    """The script on the twin: every effect is kept at once, so that an end at any time leaves what was done."""
+    with mutex(folder) as free:
+        host = load(folder)
+        host.mutex = "" if free else "held"
+        for path in script.parent.glob("*.ps1"):
+            host.write_file(f"{FOLDER}\\{path.name}", path.read_bytes())
+
+        def watch(changed: WindowsHost) -> None:
+            if script.with_name(f"{script.name}.stop").exists():
+                changed.write_file(f"{FOLDER}\\{script.name}.stop", b"")
+            if free:
+                save(folder, changed)
+
+        host.watch = watch
+        session = Session(host, windows_powershell=False, path=f"{FOLDER}\\{script.name}")
+        session.output = Said(how.step_ms)
+        file = host.file(session.path)
+        assert file is not None
+        assert file.data is not None
+        try:
+            code = _walk(session, _compiled(file.data), {"asjson": "-AsJson" in given, "abandon": "-Abandon" in given})
+        except Killed:
+            return 137
+        for line in session.talk:
+            print(line, file=sys.stderr)
+        _tidy(host)
+        if free:
+            save(folder, host)
+        return code
+
+
+def _tidy(host: WindowsHost) -> None:
+    """Scripts are no longer there once they ran."""
+    for path in [path for path in host.files if path.startswith(FOLDER.lower() + "\\")]:
+        del host.files[path]
+
+
+@contextmanager
+def mutex(folder: Path) -> Iterator[bool]:
+    """Whether this process alone runs a script on the host; let go of by its end, however it comes."""
+    try:
+        with hold(folder / LOCK, "the stand-in"):
+            yield True
+    except Locked:
+        yield False
+
+
+def bootstrap(folder: Path, how: How, encoded: str) -> int:
+    """What bootstrap.ps1 says, in Python; nothing else is taken for it."""
+    if b64decode(encoded).decode("utf-16-le") != command():
+        print("only the bootstrap of rarms is known here", file=sys.stderr)
+        return 1
+    print(READY, flush=True)
+    place = Path(tempfile.mkdtemp(prefix="rarms-"))
+    try:
+        arguments, script = receive(place, garbles=how.garbles)
+    except ValueError as error:
+        print(f"{FAILED} {error}", flush=True)
+        shutil.rmtree(place)
+        return FAILED_CODE
+    try:
+        return start(folder, script, arguments)
+    finally:
+        shutil.rmtree(place)
+
+
+def start(folder: Path, script: Path, arguments: Sequence[str]) -> int:
+    """Run it as a process of its own, and pass on a wish to stop."""
+    (folder / "received").write_text(str(script.parent), encoding="utf-8")
+    own = [sys.executable, "-m", "tests.standin.powershell", str(folder)]
+    fixed = ["-NoProfile", "-NonInteractive", "-ExecutionPolicy", "RemoteSigned", "-File", str(script)]
+    child = subprocess.Popen([*own, *fixed, *arguments], stdin=subprocess.DEVNULL)
+    more = True
+    while child.poll() is None:
+        if more and select.select([sys.stdin.buffer], [], [], 0.05)[0]:
+            script.with_name(f"{script.name}.stop").write_text("stop", encoding="utf-8")
+            more = False
+        elif not more:
+            time.sleep(0.05)
+    return child.returncode
+
+
+def receive(place: Path, *, garbles: bool = False) -> tuple[list[str], Path]:
+    """The frame of standard input as files.
+
+    Raises:
+        ValueError: it is not as it was sent.
+    """
+    table = take(int(take(8))).decode("ascii").split("\n")
+    paths: list[Path] = []
+    for row in table[1:]:
+        name, length, digest = row.split(" ")
+        data = take(int(length))
+        data = data[1:] if garbles else data
+        if hashlib.sha256(data).hexdigest() != digest:
+            raise ValueError(f"{name} is not what was sent")
+        paths.append(place / name)
+        paths[-1].write_bytes(data)
+    return table[0].split(), paths[0]
+
+
+def take(count: int) -> bytes:
+    """So many bytes of standard input, unbuffered: what follows them is for later."""
+    found = b""
+    while len(found) < count:
+        more = os.read(0, count - len(found))
+        if not more:
+            raise ValueError("the input ended too early")
+        found += more
+    return found
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

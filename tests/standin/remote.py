@@ -1,0 +1,180 @@
+"""A host that is reached over a real ssh: sshd on loopback, keys of its own, and the stand-in as its `pwsh`.
+
+Everything lies in one folder. `ssh` finds its keys through a wrapper that comes first on the PATH of who calls rarms.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.needs import CHECKOUT
+from tests.standin import powershell
+from tests.twin.host import WindowsHost
+
+SECONDS = 20.0
+SERVER = """\
+Port {port}
+ListenAddress 127.0.0.1
+HostKey {folder}/host_key
+AuthorizedKeysFile {folder}/key.pub
+PidFile none
+StrictModes no
+UsePAM no
+PasswordAuthentication no
+LogLevel ERROR
+SetEnv PATH={folder}/there:{path}
+"""
+CLIENT = """\
+Host cell
+    HostName 127.0.0.1
+    Port {port}
+    IdentityFile {folder}/key
+    IdentitiesOnly yes
+    UserKnownHostsFile {folder}/known
+    StrictHostKeyChecking accept-new
+    LogLevel ERROR
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """How a command ended."""
+
+    code: int
+    out: str
+    err: str
+
+    def __str__(self) -> str:
+        return f"exit {self.code}\n{self.out}\n{self.err}"
+
+
+@dataclass(frozen=True, slots=True)
+class Remote:
+    """The folder of a running sshd and of the host behind it."""
+
+    folder: Path
+    server: subprocess.Popen[bytes]
+
+    @property
+    def host(self) -> WindowsHost:
+        return powershell.load(self.folder)
+
+    def put(self, host: WindowsHost) -> None:
+        powershell.save(self.folder, host)
+
+    def ask(self, **how: object) -> None:
+        powershell.ask(self.folder, **how)
+
+    @property
+    def environment(self) -> Mapping[str, str]:
+        """Of who calls rarms."""
+        path = f"{self.folder}/here{os.pathsep}{os.environ['PATH']}"
+        return {**os.environ, "PATH": path, "PYTHONPATH": str(CHECKOUT), "NO_COLOR": "1"}
+
+    def start(self, *words: str) -> subprocess.Popen[bytes]:
+        """`rarms` as a process, in the host's folder."""
+        program = [sys.executable, "-m", "rarms_iac.cli.main"]
+        pipe = subprocess.PIPE
+        return subprocess.Popen(
+            [*program, *words],
+            cwd=self.folder,
+            env=self.environment,
+            stdin=subprocess.DEVNULL,
+            stdout=pipe,
+            stderr=pipe,
+        )
+
+    def rarms(self, *words: str) -> Ended:
+        return finish(self.start(*words))
+
+    def cut(self) -> None:
+        """Break every connection, as if a cable were pulled: the sessions' processes end, and tell nobody."""
+        for process in children(self.server.pid):
+            os.kill(process, signal.SIGKILL)
+
+
+def finish(process: subprocess.Popen[bytes]) -> Ended:
+    """What became of it."""
+    out, err = process.communicate(timeout=120)
+    return Ended(process.returncode, out.decode("utf-8"), err.decode("utf-8"))
+
+
+def children(parent: int) -> list[int]:
+    """The processes that this one started."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = path.read_text(encoding="utf-8").rpartition(")")[2].split()
+        except OSError:
+            continue  # it ended meanwhile
+        if int(fields[1]) == parent:
+            found.append(int(path.parent.name))
+    return found
+
+
+@contextmanager
+def a_remote(folder: Path, host: WindowsHost) -> Iterator[Remote]:
+    """A server that is up, with this host behind it."""
+    port = _free_port()
+    for name in ("host_key", "key"):
+        words = ["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(folder / name)]
+        subprocess.run(words, check=True, stdin=subprocess.DEVNULL)
+    _script(folder / "here" / "ssh", f'exec {shutil.which("ssh")} -F "{folder}/client" "$@"')
+    standin = f'exec "{sys.executable}" -m tests.standin.powershell "{folder}" "$@"'
+    _script(folder / "there" / "pwsh", f'cd "{CHECKOUT}" && {standin}')
+    values = {"port": port, "folder": folder, "path": os.environ["PATH"]}
+    (folder / "server").write_text(SERVER.format(**values), encoding="utf-8")
+    (folder / "client").write_text(CLIENT.format(**values), encoding="utf-8")
+    powershell.save(folder, host)
+    if os.geteuid() == 0:
+        Path("/run/sshd").mkdir(exist_ok=True)  # where root's sshd locks itself in; a service would have made it
+    with _serving(folder, port) as server:
+        yield Remote(folder, server)
+
+
+@contextmanager
+def _serving(folder: Path, port: int) -> Iterator[subprocess.Popen[bytes]]:
+    program = shutil.which("sshd") or "/usr/sbin/sshd"
+    with (folder / "server.log").open("wb") as log:
+        server = subprocess.Popen([program, "-D", "-e", "-f", str(folder / "server")], stderr=log)
+        try:
+            _await(port, server, folder / "server.log")
+            yield server
+        finally:
+            for process in children(server.pid):
+                os.kill(process, signal.SIGKILL)
+            server.terminate()
+            server.wait()
+
+
+def _await(port: int, server: subprocess.Popen[bytes], log: Path) -> None:
+    until = time.monotonic() + SECONDS
+    while time.monotonic() < until:
+        assert server.poll() is None, log.read_text(encoding="utf-8")
+        with socket.socket() as one:
+            if one.connect_ex(("127.0.0.1", port)) == 0:
+                return
+        time.sleep(0.05)
+    raise AssertionError("sshd does not answer")
+
+
+def _free_port() -> int:
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return int(one.getsockname()[1])
+
+
+def _script(path: Path, does: str) -> None:
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(f"#!/bin/sh\n{does}\n", encoding="utf-8", newline="\n")
+    path.chmod(0o755)

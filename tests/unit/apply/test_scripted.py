@@ -1,0 +1,166 @@
+"""What a script says of itself, as the report of a run: with a host that says what the test has written down."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import pytest
+
+from rarms_iac.apply.reports import Ending, RunReport, ToldStep
+from rarms_iac.apply.scripted import Order, finishing, run_order
+from rarms_iac.model.journal import RunKind, ScriptRun, ScriptStarted, StepRecorded, StepStatus
+from rarms_iac.model.state import State
+from rarms_iac.providers.interface import (
+    EventKind,
+    EventStatus,
+    Exited,
+    Hearing,
+    Lost,
+    RunEvent,
+    Script,
+    ScriptedHost,
+    Waits,
+)
+from tests.builders_plan import facts
+
+ORDER = Order(run=RunKind.APPLY, plan="0123456789ab", script=Script(runs="x.ps1", files={"x.ps1": ""}), earlier={})
+
+
+def event(
+    kind: EventKind, status: EventStatus, *, number: int = 0, address: str = "partition/vision", detail: str = ""
+) -> RunEvent:
+    return RunEvent(
+        kind=kind, plan="0123456789ab", number=number, total=2, address=address, status=status, detail=detail
+    )
+
+
+def step(status: EventStatus, number: int = 0, detail: str = "") -> RunEvent:
+    return event(EventKind.STEP, status, number=number, detail=detail)
+
+
+WELL = Exited(code=0)
+DONE = event(EventKind.RUN, EventStatus.DONE, address="host")
+
+
+@dataclass
+class Scripted:
+    """A host whose script says these things, then ends so."""
+
+    says: Sequence[RunEvent | str]
+    ends: Exited | Lost
+    name: str = "cell"
+    heard: list[str] = field(default_factory=list)
+
+    def observe(self) -> State:
+        return State(facts=facts())
+
+    def journal(self) -> ScriptRun | None:
+        return None
+
+    def unfinished(self) -> ScriptRun | None:
+        return None
+
+    def run_script(self, script: Script, waits: Waits, hearing: Hearing, *, abandoning: bool = False) -> Exited | Lost:
+        for one in self.says:
+            if isinstance(one, str):
+                hearing.noise(one)
+            else:
+                hearing.heard(one)
+        return self.ends
+
+
+class Told:
+    """A reporter that keeps what it is told, a line each."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def run_started(self, host: str, run: RunKind, plan: str, *, done: int) -> None:
+        self.lines.append(f"{run.value} on {host}, {done} done")
+
+    def step_started(self, host: str, number: int, total: int, step: ToldStep) -> None:
+        self.lines.append(f"{number}/{total} begins")
+
+    def step_ended(self, host: str, number: int, total: int, step: ToldStep, status: StepStatus) -> None:
+        self.lines.append(f"{number}/{total} {step.address}: {step.title}: {status.value}")
+
+    def said(self, host: str, line: str) -> None:
+        self.lines.append(f"said {line}")
+
+
+def ran(*says: RunEvent | str, ends: Exited | Lost = WELL, order: Order = ORDER) -> tuple[RunReport, Told]:
+    told = Told()
+    host = Scripted(says, ends)
+    assert isinstance(host, ScriptedHost)
+    return run_order(host, order, told, lambda: False, Waits()), told
+
+
+def codes(report: RunReport) -> list[str]:
+    return [one.code for one in report.diagnostics]
+
+
+def test_steps_are_told_as_a_walk_tells_them() -> None:
+    report, told = ran(
+        step(EventStatus.BEGUN, 0, "reserve 40 %"),
+        step(EventStatus.CHANGED, 0, "reserve 40 %"),
+        "WARNING: slow",
+        step(EventStatus.UNCHANGED, 1),
+        DONE,
+    )
+
+    assert told.lines == [
+        "apply on cell, 0 done",
+        "1/2 begins",
+        "1/2 partition/vision: reserve 40 %: changed",
+        "said WARNING: slow",
+        "2/2 begins",
+        "2/2 partition/vision: unchanged: unchanged",
+    ]
+    assert report.ending is Ending.DONE
+    assert (report.hosts[0].changed, report.hosts[0].unchanged, report.hosts[0].total) == (1, 1, 2)
+    assert not report.diagnostics
+
+
+@pytest.mark.parametrize(
+    ("last", "ends", "ending", "code"),
+    [
+        (event(EventKind.RUN, EventStatus.STOPPED, address="host"), Exited(code=1), Ending.INTERRUPTED, ""),
+        (event(EventKind.LOCK, EventStatus.REFUSED, address="host"), Exited(code=3), Ending.REFUSED, "RARMS184"),
+        (event(EventKind.REFUSED, EventStatus.REFUSED, address="host"), Exited(code=3), Ending.REFUSED, "RARMS251"),
+        (event(EventKind.REFUSED, EventStatus.REFUSED), Exited(code=3), Ending.REFUSED, "RARMS185"),
+        (event(EventKind.FAILED, EventStatus.FAILED), Exited(code=1), Ending.FAILED, "RARMS252"),
+        (DONE, Lost(why="the connection broke"), Ending.FAILED, "RARMS250"),
+        (step(EventStatus.BEGUN), Lost(why="it said nothing for 600 s"), Ending.FAILED, "RARMS250"),
+        (step(EventStatus.CHANGED), Exited(code=0), Ending.FAILED, "RARMS250"),
+        (step(EventStatus.CHANGED), Exited(code=3), Ending.FAILED, "RARMS252"),
+        (step(EventStatus.BEGUN), Exited(code=137), Ending.FAILED, "RARMS186"),
+    ],
+)
+def test_every_end_has_its_word(last: RunEvent, ends: Exited | Lost, ending: Ending, code: str) -> None:
+    report, _ = ran(last, ends=ends)
+
+    assert report.ending is ending
+    assert codes(report) == ([code] if code else [])
+
+
+def test_a_script_that_powershell_would_not_start_is_told_with_powershells_words() -> None:
+    report, _ = ran(ends=Exited(code=1, says=("cell.ps1 cannot be run: it lacks the module Hyper-V",)))
+
+    assert "lacks the module Hyper-V (exit code 1)" in report.diagnostics[0].detail
+
+
+def test_finishing_counts_what_an_earlier_run_changed() -> None:
+    started = ScriptStarted(
+        run=RunKind.APPLY, plan="a", application="robot", started_by="me", script="S", undo="U", serials={}, touched=()
+    )
+    begun = StepRecorded(number=1, status=StepStatus.BEGUN)
+    journal = ScriptRun(started=started, steps=(StepRecorded(number=0, status=StepStatus.CHANGED), begun))
+    order = finishing("cell", journal)
+
+    report, told = ran(step(EventStatus.UNCHANGED, 0, "done before"), step(EventStatus.CHANGED, 1), DONE, order=order)
+
+    assert order.script == Script(runs="cell.ps1", files={"cell.ps1": "S"})
+    assert told.lines[0] == "apply on cell, 1 done"
+    assert (report.hosts[0].changed, report.hosts[0].resumed) == (2, True)
+    assert (
+        finishing("cell", replace(journal, started=replace(started, run=RunKind.UNDO))).script.runs == "cell.undo.ps1"
+    )

@@ -1,0 +1,99 @@
+import hashlib
+import re
+from base64 import b64decode
+
+import pytest
+
+from rarms_iac.powershell.inspection.inspect import inspect
+from rarms_iac.powershell.inspection.lists import ScriptKind
+from rarms_iac.powershell.tokens import TokenKind, tokens
+from rarms_iac.providers.hyperv.bootstrap import (
+    LONGEST_COMMAND,
+    arguments_of,
+    command,
+    frame,
+    remote_words,
+    render_bootstrap,
+    ssh_words,
+)
+from rarms_iac.providers.interface import Script, Waits
+
+SCRIPT = Script(runs="cell.ps1", files={"cell.undo.ps1": "undo\r\n", "cell.ps1": "do\r\n"})
+
+
+def test_the_bootstrap_passes_the_inspection() -> None:
+    assert inspect(render_bootstrap(), ScriptKind.BOOTSTRAP) == ()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code"),
+    [
+        (b"WriteAllBytes", b"AppendAllText", "RARMS207"),
+        (b"exit $code", b"Invoke-Expression $code", "RARMS204"),
+        (b"-cne $part[2]", b"-ceq $part[2]", "RARMS202"),
+        (b"[guid]", b"[System.Net.WebClient]", "RARMS206"),
+        (b"Set-Acl ", b"Remove-Item ", "RARMS204"),
+    ],
+)
+def test_a_changed_bootstrap_does_not(old: bytes, new: bytes, code: str) -> None:
+    changed = render_bootstrap().replace(old, new, 1)
+
+    assert changed != render_bootstrap()
+    assert code in {one.code for one in inspect(changed, ScriptKind.BOOTSTRAP)}
+
+
+def test_what_travels_is_the_same_without_remarks_and_indentation() -> None:
+    def words(text: str) -> list[tuple[TokenKind, str]]:
+        skipped = (TokenKind.COMMENT, TokenKind.NEWLINE)
+        return [(one.kind, one.text) for one in tokens(text) if one.kind not in skipped]
+
+    assert words(command()) == words(render_bootstrap().decode("ascii"))
+
+
+@pytest.mark.parametrize("shell", ["pwsh", "powershell"])
+def test_the_command_fits_and_means_the_same_to_every_shell(shell: str) -> None:
+    words = remote_words(shell)
+
+    assert len(f'cmd.exe /c "{" ".join(words)}"') < LONGEST_COMMAND
+    assert all(re.fullmatch(r"[A-Za-z0-9.+/=-]+", word) for word in words)
+    assert b64decode(words[-1]).decode("utf-16-le") == command()
+
+
+def test_no_target_is_an_option_of_ssh() -> None:
+    words = ssh_words("-oProxyCommand=evil", "pwsh")
+
+    assert words[words.index("--") + 1] == "-oProxyCommand=evil"
+    assert words.index("--") < words.index("pwsh")
+
+
+def test_the_frame_says_lengths_and_digests_first_and_what_runs_before_the_rest() -> None:
+    data = frame(SCRIPT, ("-AsJson",))
+
+    length = int(data[:8])
+    first, second = hashlib.sha256(b"do\r\n").hexdigest(), hashlib.sha256(b"undo\r\n").hexdigest()
+    assert data[8 : 8 + length].decode() == f"-AsJson\ncell.ps1 4 {first}\ncell.undo.ps1 6 {second}"
+    assert data[8 + length :] == b"do\r\nundo\r\n"
+
+
+@pytest.mark.parametrize("name", ["../a.ps1", "A.ps1", "a.txt", ".ps1", "a b.ps1", "a.ps1\n"])
+def test_a_name_that_is_no_scripts_is_not_sent(name: str) -> None:
+    with pytest.raises(ValueError, match="name"):
+        frame(Script(runs=name, files={name: "x"}), ())
+
+
+@pytest.mark.parametrize(
+    ("waits", "abandoning", "expected"),
+    [
+        (Waits(), False, ("-AsJson",)),
+        (Waits(lock_ms=1), False, ("-AsJson", "-LockTimeout", "1")),
+        (Waits(lock_ms=60_000), True, ("-AsJson", "-LockTimeout", "60", "-Abandon")),
+        (Waits(lock_ms=10**15), False, ("-AsJson", "-LockTimeout", "999999")),
+    ],
+)
+def test_arguments_are_those_that_the_bootstrap_takes(waits: Waits, abandoning: bool, expected: tuple[str]) -> None:
+    arguments = arguments_of(waits, abandoning=abandoning)
+    pattern = re.search(r"-cnotmatch '(\^\( .*?\$)'", command())
+
+    assert arguments == expected
+    assert pattern
+    assert re.fullmatch(pattern[1], " ".join(arguments))
