@@ -9,6 +9,7 @@ from datetime import date
 
 from rarms_iac import __version__
 from rarms_iac.apply.restarts import restarts
+from rarms_iac.apply.scripts import by_hand, guest_tasks, of_the_host_itself, with_scripts
 from rarms_iac.apply.taking_over import adoption, releasing
 from rarms_iac.apply.targets import targeted, without_change
 from rarms_iac.apply.totals import totals_of
@@ -25,6 +26,7 @@ from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.model.where import partition_place
 from rarms_iac.planfile.sealing import identified
+from rarms_iac.powershell.guests import GuestTask
 
 Judge = Callable[[Sequence[Diagnostic]], tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]]
 """Which findings stay, and which the manifest's policy accepts."""
@@ -77,18 +79,18 @@ def prepare(request: Request, observed: Mapping[str, State]) -> Prepared:
     """
     wishes = _wanted(request, observed)
     found = list(wishes.findings)
-    parts: list[HostPlan] = []
-    addresses: list[str] = []
+    parts: list[_Part] = []
     for name, wish in wishes.hosts.items():
         if name in (request.hosts or observed):
-            part = _host_plan(request, wish)
-            parts.append(part.plan)
-            addresses += part.addresses
-            found += part.findings
-    found += without_change(addresses, request.targets)
+            parts.append(_host_plan(request, wish))
+            found += parts[-1].findings
+    found += without_change([address for part in parts for address in part.addresses], request.targets)
     kept, accepted = request.judge(in_order(found))
-    plan = None if has_errors(kept) else _plan(request, tuple(parts), kept, accepted)
-    return Prepared(plan=plan, findings=kept, accepted=accepted)
+    if has_errors(kept):
+        return Prepared(plan=None, findings=kept, accepted=accepted)
+    bare = _plan(request, tuple(part.plan for part in parts), kept, accepted)
+    plan, wrong = with_scripts(bare, {part.plan.host.name: part.guests for part in parts})
+    return Prepared(plan=None if wrong else plan, findings=in_order((*kept, *wrong)), accepted=accepted)
 
 
 def _wanted(request: Request, observed: Mapping[str, State]) -> Wanted:
@@ -126,6 +128,7 @@ class _Part:
     plan: HostPlan
     addresses: tuple[str, ...]
     findings: tuple[Diagnostic, ...]
+    guests: tuple[GuestTask, ...]  # classes of guests that nobody could look into: only their scripts know
 
 
 def _host_plan(request: Request, wish: HostWish) -> _Part:
@@ -140,7 +143,7 @@ def _host_plan(request: Request, wish: HostWish) -> _Part:
         facts=wish.observed.facts,
         state_path=request.state_paths.get(wish.name, ""),
         serial=wish.observed.serials.get(application, 0),
-        digests=part_digests(wish.observed, application),
+        digests=part_digests(of_the_host_itself(wish.observed), application),
         changes=held.kept,
         steps=steps,
         held_back=held.held,
@@ -149,9 +152,14 @@ def _host_plan(request: Request, wish: HostWish) -> _Part:
         scripts={},
         totals=totals_of(wish.observed, application, held.kept, steps),
     )
-    addresses = tuple(str(change.address) for change in difference.changes)
+    where, replaceable = wish.wishes.where, wish.wishes.replaceable
+    guests = guest_tasks(wish.by_hand, application, replaceable, request.targets, where)
+    hands = tuple(by_hand(plan, guests, where))
+    addresses = tuple(str(change.address) for change in (*difference.changes, *(one.step for one in guests)))
     stopped = tuple(restarts(held.kept)) if request.purpose is Purpose.APPLY else ()
-    return _Part(plan=plan, addresses=addresses, findings=(*difference.findings, *cycle, *stopped))
+    return _Part(
+        plan=plan, addresses=addresses, findings=(*difference.findings, *cycle, *stopped, *hands), guests=guests
+    )
 
 
 def _difference(request: Request, wish: HostWish) -> Difference:

@@ -11,7 +11,7 @@ from rarms_iac.model.capacity import capacity_of, foreign_claims
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places
 from rarms_iac.model.layout import Layout
-from rarms_iac.model.state import State
+from rarms_iac.model.state import State, TaskClass
 from rarms_iac.model.system import Disruption, SimulatedHost, System
 from rarms_iac.model.where import partition_place
 from rarms_iac.planner.classes import ClassValues
@@ -33,6 +33,7 @@ class HostWish:
     around: Surroundings
     room: Room
     unused: frozenset[str]
+    by_hand: tuple[TaskClass, ...] = ()  # wanted in guests that nobody could look into
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +67,8 @@ def wanted(system: System, observed: Mapping[str, State], places: Places, limit:
             where=_where(system, places, desired.classes),
         )
         around = replace(_around(system, state), making=desired.making, criticality=desired.criticality)
-        hosts[name] = _wish(system, state, desired.state, wishes, around, limit)
+        wish = _wish(system, state, desired.state, wishes, around, limit)
+        hosts[name] = replace(wish, by_hand=desired.by_hand)
     return Wanted(layout=planning.answer, hosts=hosts, findings=found)
 
 

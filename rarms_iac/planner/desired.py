@@ -35,6 +35,7 @@ class Desired:
     making: Mapping[str, Making]
     criticality: Mapping[str, int]  # by partition
     classes: Mapping[tuple[str, str], ClassValues]  # by partition (empty: the host) and class: for who wants to see
+    by_hand: tuple[TaskClass, ...]  # wanted in guests that nobody could look into: in no state, so no change
     findings: tuple[Diagnostic, ...]
 
 
@@ -51,12 +52,14 @@ def desired_state(system: System, layout: Layout, observed: State, places: Place
     placed = {one.name for one in layout.partitions}
     unused = [one for name, one in sorted(there.items()) if name not in placed and name not in current.values()]
     wanted = [_wanted(one, there.get(current.get(one.name, "")), application) for one in here]
-    tasks, values, problems = _tasks(system, layout, observed, here, current, places)
+    found, values, problems = _tasks(system, layout, observed, here, current, places)
+    tasks = sorted(found, key=lambda one: (one.inside, one.name))
+    unseen = _unseen_guests(tasks, observed, current)
     return Desired(
         state=State(
             facts=observed.facts,
             partitions=tuple(sorted([*wanted, *map(_kept, unused)], key=lambda one: one.settings.name)),
-            tasks=tuple(sorted(tasks, key=lambda one: (one.inside, one.name))),
+            tasks=tuple(one for one in tasks if one.inside not in unseen),
             serials=observed.serials,
         ),
         unused=frozenset(one.mark.name for one in unused if one.mark),
@@ -65,8 +68,20 @@ def desired_state(system: System, layout: Layout, observed: State, places: Place
         making={one.name: one.making for one in here},
         criticality={one.name: one.criticality for one in here},
         classes=values,
+        by_hand=tuple(one for one in tasks if one.inside in unseen),
         findings=problems,
     )
+
+
+def _unseen_guests(tasks: Iterable[TaskClass], observed: State, current: Mapping[str, str]) -> frozenset[str]:
+    """The partitions of these classes into whose guests nobody looked; a simulated host shows them all.
+
+    Every Windows has task classes, so a guest of a Hyper-V host of which none is known was not looked into.
+    """
+    if observed.facts.provider is not ProviderKind.HYPERV:
+        return frozenset()
+    seen = {one.inside for one in observed.tasks}
+    return frozenset(one.inside for one in tasks if one.inside and current.get(one.inside, "") not in seen - {""})
 
 
 def _current_names(there: Collection[str], here: Collection[str], moved: Mapping[str, str]) -> Mapping[str, str]:

@@ -1,0 +1,127 @@
+"""The scripts of a plan: for Hyper-V hosts the exact texts that run, inspected before anybody sees them."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
+from itertools import groupby
+
+from rarms_iac.apply.targets import is_below
+from rarms_iac.model.changes import Address
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
+from rarms_iac.model.plan import HostPlan, Plan
+from rarms_iac.model.state import State, TaskClass
+from rarms_iac.model.system import ProviderKind, SchedulerType
+from rarms_iac.powershell.guests import GuestTask
+from rarms_iac.powershell.inspection.inspect import inspect
+from rarms_iac.powershell.inspection.lists import ScriptKind
+from rarms_iac.powershell.literals import NoLiteral
+from rarms_iac.powershell.render import insides, render_guest, render_scripts, script_name
+
+BY_HAND = Finding(code="RARMS160", severity=Severity.NOTE, summary="A guest's script is run by hand")
+NO_LITERAL = Finding(code="RARMS162", severity=Severity.ERROR, summary="A value cannot be written into a script")
+
+Where = Callable[[Address], Place | None]
+GuestTasks = Mapping[str, tuple[GuestTask, ...]]
+"""By host: the classes of guests that nobody could look into, by partition, then name."""
+
+
+def guest_tasks(
+    classes: Iterable[TaskClass], application: str, replaceable: frozenset[str], targets: tuple[str, ...], where: Where
+) -> tuple[GuestTask, ...]:
+    """What is wanted in guests that nobody could look into, as their scripts write it."""
+    return tuple(
+        _guest_task(one, application, replaceable, where)
+        for one in sorted(classes, key=lambda one: (one.inside, one.name))
+        if is_below(str(_address(one)), targets)
+    )
+
+
+def _guest_task(one: TaskClass, application: str, replaceable: frozenset[str], where: Where) -> GuestTask:
+    assert one.record is not None, "what is wanted is recorded"
+    return GuestTask(
+        application=application,
+        partition=one.inside,
+        name=one.name,
+        values=one.values,
+        set=one.record.set,
+        replace=one.name.lower() in replaceable,
+        place=where(_address(one)),
+    )
+
+
+def _address(one: TaskClass) -> Address:
+    return Address(partition=one.inside, task=one.name)
+
+
+def by_hand(host_plan: HostPlan, tasks: Iterable[GuestTask], where: Where) -> Iterator[Diagnostic]:
+    """That the scripts of guests do not run with the host's: nothing reaches into a guest."""
+    if host_plan.facts.provider is not ProviderKind.HYPERV:
+        return
+    seen = {inside for inside in insides(host_plan) if inside}
+    for inside in sorted(seen | {one.partition for one in tasks}):
+        name = script_name(host_plan, inside)
+        says = "was looked into" if inside in seen else "could not be looked into: its own record decides what is done"
+        yield BY_HAND.at(
+            where(Address(partition=inside)),
+            f"The task classes of {inside} lie in its guest, which {says}. The plan holds the script that writes them, "
+            f"{name}; applying the plan does not run it.",
+            f"Write it out (`rarms show --script PLAN --guest {inside} --out FOLDER`), take it and its undo script "
+            "into the guest, and run it there as administrator. The next plan compares what observe.ps1 printed "
+            f"inside: `--snapshot {host_plan.host.name}.guest.{inside}=FILE`.",
+            address=f"partition/{inside}",
+        )
+
+
+def of_the_host_itself(state: State) -> State:
+    """Without what was seen inside the guests of a Hyper-V host: its own script neither sees nor changes that."""
+    if state.facts.provider is not ProviderKind.HYPERV:
+        return state
+    return replace(state, tasks=tuple(one for one in state.tasks if not one.inside))
+
+
+def with_scripts(plan: Plan, tasks: GuestTasks) -> tuple[Plan, tuple[Diagnostic, ...]]:
+    """The plan with the scripts of its Hyper-V hosts, and what forbids to show or run one of them."""
+    hosts: list[HostPlan] = []
+    found: list[Diagnostic] = []
+    for part in plan.hosts:
+        scripts: Mapping[str, bytes] = {}
+        if part.facts.provider is ProviderKind.HYPERV:
+            try:
+                scripts = scripts_of(part, plan, tasks.get(part.host.name, ()))
+            except NoLiteral as error:
+                found.append(_no_literal(part, error))
+        found += inspected(scripts)
+        hosts.append(replace(part, scripts={name: text.decode("ascii") for name, text in scripts.items()}))
+    return replace(plan, hosts=tuple(hosts)), tuple(found)
+
+
+def scripts_of(host_plan: HostPlan, plan: Plan, tasks: Iterable[GuestTask] = ()) -> Mapping[str, bytes]:
+    """Every script of a host by its file name, undo scripts included; none for a Windows in which nothing is done.
+
+    Where the plan exists, a scheduler under which reserves have no effect was accepted, or no reserve is asked for.
+
+    Raises:
+        NoLiteral: a value cannot be written into a script.
+    """
+    accepted = host_plan.facts.scheduler in {SchedulerType.ROOT, SchedulerType.UNKNOWN}
+    made = dict(render_scripts(host_plan, plan, accept_scheduler=accepted)) if host_plan.steps else {}
+    if all(step.address.task and step.address.partition for step in host_plan.steps):
+        for undo in (False, True):
+            made.pop(script_name(host_plan, undo=undo), None)
+    for inside, classes in groupby(tasks, key=lambda one: one.partition):
+        made |= render_guest(host_plan, plan, inside, tuple(classes))
+    return dict(sorted(made.items()))
+
+
+def inspected(scripts: Mapping[str, bytes]) -> Iterator[Diagnostic]:
+    """What is wrong with these scripts; nothing where they may be shown and run."""
+    for name, script in sorted(scripts.items()):
+        yield from inspect(script, ScriptKind.UNDO if name.endswith(".undo.ps1") else ScriptKind.APPLY, name)
+
+
+def _no_literal(part: HostPlan, error: NoLiteral) -> Diagnostic:
+    return NO_LITERAL.at(
+        None,
+        f"{part.host.name}: {error}.",
+        "Take the character out of the name or path where the manifest or the host says it.",
+        address=f"host/{part.host.name}",
+    )
