@@ -5,23 +5,22 @@ import os
 import platform
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import click
 
 from rarms_iac.apply import refusals
 from rarms_iac.apply.walk import held
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.files import read_file
 from rarms_iac.cli.manifests import Opened
 from rarms_iac.cli.options import HostOptions, ManifestOptions
 from rarms_iac.cli.problems import Halted
+from rarms_iac.cli.snapshots import Snapshots, read_snapshots, with_guests
 from rarms_iac.cli.wiring import open_host, state_path
 from rarms_iac.model.journal import Journal, ScriptRun
 from rarms_iac.model.spelling import suggestion
 from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import System
-from rarms_iac.planfile.snapshot import MAX_BYTES, SnapshotUnreadable, read_snapshot
 from rarms_iac.providers.interface import HostError, HostLocked, LiveHost
 
 
@@ -33,6 +32,7 @@ class Hosts:
     opened: Opened
     source: ManifestOptions
     where: HostOptions
+    snapshots: Snapshots
 
     @property
     def chosen(self) -> tuple[str, ...]:
@@ -62,6 +62,7 @@ def hosts_of(system: System, opened: Opened, source: ManifestOptions, where: Hos
 
     Raises:
         click.UsageError: one of them is not in the manifest.
+        Halted: a snapshot cannot be read.
     """
     snapshots = {one.host for one in where.snapshots if one.host}
     for name in (*where.hosts, *sorted(snapshots)):
@@ -71,26 +72,28 @@ def hosts_of(system: System, opened: Opened, source: ManifestOptions, where: Hos
                 f"It has: {', '.join(sorted(system.hosts)) or 'none'}.",
                 click.get_current_context(),
             )
-    return Hosts(system=system, opened=opened, source=source, where=where)
+    read = read_snapshots(where.snapshots, sorted(system.hosts), sorted(where.hosts or system.hosts))
+    return Hosts(system=system, opened=opened, source=source, where=where, snapshots=read)
 
 
 def observed(hosts: Hosts) -> Mapping[str, State]:
     """What every host looks like; those that are not chosen help the planner where they can be reached.
 
     Raises:
-        Halted: a chosen host cannot be reached or read, or a snapshot is none.
+        Halted: a chosen host cannot be reached or read, or does not have a guest of which there is a snapshot.
     """
-    snapshots = _snapshots(hosts)
+    snapshots, application = hosts.snapshots, hosts.system.application.name
     states: dict[str, State] = {}
     for name in sorted(hosts.system.hosts):
         try:
-            state = snapshots[name] if name in snapshots else observe(hosts.open(name))
+            written = snapshots.hosts.get(name)
+            state = written.state if written else observe(hosts.open(name))
         except Halted:
             if name in hosts.chosen:
                 raise
             continue
         if name in hosts.chosen or state.facts.rights is Rights.PROVEN:
-            states[name] = state
+            states[name] = with_guests(state, snapshots.guests, application)
     return states
 
 
@@ -110,6 +113,9 @@ def refuse_unfinished(hosts: Hosts) -> None:
     Raises:
         Halted: a chosen live host has an unfinished run (exit 3).
     """
+    for name, snapshot in sorted(hosts.snapshots.hosts.items()):
+        if name in hosts.chosen and snapshot.unfinished is not None:
+            raise Halted(ExitCode.REFUSED, [refusals.unfinished(name, snapshot.unfinished)])
     for name, journal in unfinished_runs(hosts):
         raise Halted(ExitCode.REFUSED, [refusals.unfinished(name, journal)])
 
@@ -120,11 +126,8 @@ def unfinished_runs(hosts: Hosts) -> Iterator[tuple[str, Journal | ScriptRun]]:
     Raises:
         Halted: a journal cannot be read.
     """
-    snapshots = {one.host for one in hosts.where.snapshots}
-    if "" in snapshots:
-        return
     for name in hosts.chosen:
-        if name not in snapshots:
+        if name not in hosts.snapshots.hosts:
             with telling():
                 journal = hosts.open(name).unfinished()
             if journal is not None:
@@ -160,37 +163,3 @@ def owner() -> str:
     except (OSError, KeyError, ImportError):
         user = "somebody"
     return f"{user}@{platform.node() or 'this computer'}, process {os.getpid()}"
-
-
-def _snapshots(hosts: Hosts) -> Mapping[str, State]:
-    states: dict[str, State] = {}
-    for one in hosts.where.snapshots:
-        data = read_file(one.file, MAX_BYTES, SnapshotUnreadable.finding)
-        try:
-            state = read_snapshot(data)
-        except SnapshotUnreadable as error:
-            raise _no_snapshot(one.file, error.says) from error
-        name = one.host or _host_of(state, hosts, one.file)
-        if name in states:
-            raise _no_snapshot(one.file, f"{name} has another one already")
-        states[name] = replace(state, facts=replace(state.facts, name=name))
-    return states
-
-
-def _host_of(state: State, hosts: Hosts, file: str) -> str:
-    """The host that a snapshot without a name stands for: the one it was taken of, or the only one."""
-    if state.facts.name in hosts.system.hosts:
-        return state.facts.name
-    if len(hosts.chosen) == 1:
-        return hosts.chosen[0]
-    raise _no_snapshot(file, f"it was taken of {state.facts.name!r}, which the manifest does not have")
-
-
-def _no_snapshot(file: str, says: str) -> Halted:
-    finding = SnapshotUnreadable.finding.at(
-        None,
-        f"{file}: {says}.",
-        "Make one with `rarms snapshot --host NAME --out FILE`, and name its host where there are several: "
-        "`--snapshot NAME=FILE`.",
-    )
-    return Halted(ExitCode.FAILED, [finding])

@@ -33,10 +33,14 @@ class ManifestOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SnapshotOption:
-    """A file that stands for a host; an empty host: the only one there is, or the one the file names."""
+    """A file that stands for a host, or for the guest of one of its partitions.
+
+    An empty host: the only one there is, or the one the file names.
+    """
 
     host: str
     file: str
+    guest: str = ""  # a partition
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,10 +132,10 @@ def host_or_snapshot_options(function: F) -> F:
         _host_option(),
         click.option(
             "--snapshot",
-            metavar="[HOST=]FILE",
+            metavar="[HOST[.guest.PARTITION]=]FILE",
             multiple=True,
             callback=_snapshots,
-            help="Look at this file of `rarms snapshot` instead of the host; repeatable.",
+            help="Look at this file instead of the host, as `rarms snapshot` or observe.ps1 wrote it; repeatable.",
         ),
     )
 
@@ -250,19 +254,20 @@ def _snapshots(
     _context: click.Context, _parameter: click.Parameter, value: tuple[str, ...]
 ) -> tuple[SnapshotOption, ...]:
     found = tuple(_snapshot(one) for one in value)
-    named = [one.host for one in found if one.host]
-    for host in named:
-        if named.count(host) > 1:
-            raise click.BadParameter(f"{host} has more than one.")
+    named = [f"{one.host}{one.guest and '.guest.'}{one.guest}" for one in found if one.host]
+    for name in named:
+        if named.count(name) > 1:
+            raise click.BadParameter(f"{name} has more than one.")
     return found
 
 
 def _snapshot(text: str) -> SnapshotOption:
     host, equals, file = text.partition("=")
-    if equals and is_name(host):
+    name, _, guest = host.partition(".guest.")
+    if equals and is_name(name) and (not guest or is_name(guest)):
         if not file:
             raise click.BadParameter(f"{text!r} names no file: write {host}=FILE.")
-        return SnapshotOption(host=host, file=file)
+        return SnapshotOption(host=name, file=file, guest=guest)
     return SnapshotOption(host="", file=text)
 
 

@@ -72,7 +72,9 @@ def judge_of(hosts: Hosts, wish: Wish) -> Judge:
     looked_for = _PLANNED_FOR if whole else LOOKED_FOR
 
     def judge(found: Sequence[Diagnostic]) -> tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]:
-        everything = in_order(tuple(dict.fromkeys((*hosts.opened.loaded.diagnostics, *found))))
+        everything = in_order(
+            tuple(dict.fromkeys((*hosts.opened.loaded.diagnostics, *hosts.snapshots.findings, *found)))
+        )
         policy, places = hosts.system.policy, hosts.opened.loaded.places
         return apply_acceptances(everything, policy, places, hosts.source.today, looked_for=looked_for)
 

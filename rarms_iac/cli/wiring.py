@@ -3,13 +3,16 @@
 import hashlib
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.problems import Halted, out_of_reach
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.names import is_name
+from rarms_iac.model.state import State, TaskClass
 from rarms_iac.model.system import Host, ProviderKind
 from rarms_iac.providers.interface import LiveHost
 from rarms_iac.storage.append import Damaged
@@ -42,23 +45,45 @@ def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
             raise Halted(ExitCode.FAILED, [out_of_reach(host.name, host.provider.value)])
 
 
-def seen_in(data: bytes, host: str) -> tuple[HostCondition, tuple[Diagnostic, ...]]:
-    """What a file says of the host beside its State, and what its provider finds odd there.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seen:
+    """What `observe.ps1` printed, on a host or inside a guest."""
 
-    Nothing where it is not what `observe.ps1` printed.
+    computer: str
+    state: State
+    tasks: tuple[TaskClass, ...]  # of the Windows it ran in
+    condition: HostCondition
+    findings: tuple[Diagnostic, ...]  # what the provider finds odd
+    unfinished: ScriptRun | None
+
+
+def seen_by_script(data: bytes, host: str) -> Seen | None:
+    """What the file says of the host that the manifest calls so; None where it is not what `observe.ps1` printed.
+
+    Raises:
+        NotDecodable: it says that it is, and is not as the script writes it.
     """
     from rarms_iac.providers.hyperv.condition import condition_of
     from rarms_iac.providers.hyperv.findings import findings_of
     from rarms_iac.providers.hyperv.observation import document_of, is_observation, observation_of
+    from rarms_iac.providers.hyperv.parse import last_run_of, tasks_of, to_state
 
     try:
         document = document_of(data)
-        if not is_observation(document):
-            return HostCondition(), ()
-        seen = observation_of(document)
     except NotDecodable:
-        return HostCondition(), ()  # who reads its State tells what is wrong with it
-    return condition_of(seen), findings_of(seen, host)
+        return None  # who reads snapshots of other forms tells what is wrong with it
+    if not is_observation(document):
+        return None
+    seen = observation_of(document)
+    run = last_run_of(seen)
+    return Seen(
+        computer=seen.computer,
+        state=to_state(seen, host),
+        tasks=tasks_of(seen),
+        condition=condition_of(seen),
+        findings=findings_of(seen, host),
+        unfinished=run if isinstance(run, ScriptRun) and run.unfinished else None,
+    )
 
 
 def state_path(host: str, folder: str, overlays: Sequence[str]) -> str:

@@ -9,19 +9,28 @@ from rarms_iac.cli.files import write_file
 from rarms_iac.cli.hosts import hosts_of, observe
 from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.options import HostOptions, ManifestOptions, host_options, manifest_options
+from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.planfile.snapshot import write_snapshot
+
+OBSERVE = "observe.ps1"
 
 
 @rarms_command("snapshot")
 @manifest_options
 @host_options
 @click.option("--out", metavar="PATH", help="A file for one host; a folder, which gets HOST.json, for any number.")
-def command(session: Session, *, source: ManifestOptions, where: HostOptions, out: str | None) -> ExitCode:
+@click.option("--script", is_flag=True, help="Write the script that looks, to be run on a Hyper-V host or in a guest.")
+def command(
+    session: Session, *, source: ManifestOptions, where: HostOptions, out: str | None, script: bool
+) -> ExitCode:
     """Write down what the hosts look like, in JSON. Only reads.
 
-    `rarms plan --snapshot FILE` plans from it where the host cannot be reached, as in a pull request.
+    `rarms plan --snapshot FILE` plans from it where the host cannot be reached, as in a pull request. --script writes
+    observe.ps1 instead, which needs neither manifest nor rarms: what it prints there is a snapshot too.
     """
+    if script:
+        return _script(session, out)
     system, opened = system_of(source)
     hosts = hosts_of(system, opened, source, where)
     into_folder = out is not None and Path(out).is_dir()
@@ -38,4 +47,26 @@ def command(session: Session, *, source: ManifestOptions, where: HostOptions, ou
             path = (Path(out) / f"{name}.json").as_posix() if into_folder else out
             write_file(path, data)
             session.terminal.talk(f"Wrote {path}. Plan from it with: rarms plan --snapshot {name}={path}")
+    return ExitCode.DONE
+
+
+def _script(session: Session, out: str | None) -> ExitCode:
+    """The script, inspected as any other that is shown."""
+    from rarms_iac.powershell.inspection.inspect import inspect
+    from rarms_iac.powershell.inspection.lists import ScriptKind
+    from rarms_iac.powershell.render import render_observe
+
+    data = render_observe()
+    if wrong := inspect(data, ScriptKind.OBSERVE, OBSERVE):
+        raise Halted(ExitCode.FAILED, wrong)
+    if out is None:
+        session.terminal.data(data.decode("ascii").replace("\r\n", "\n"))
+        return ExitCode.DONE
+    path = (Path(out) / OBSERVE).as_posix() if Path(out).is_dir() else out
+    write_file(path, data)
+    session.terminal.talk(
+        f"Wrote {path}. Run it on the host as administrator, and take what it prints along:\n"
+        f"  powershell -NoProfile -ExecutionPolicy RemoteSigned -File {Path(path).name} > host.json\n"
+        "Plan from it with: rarms plan --snapshot HOST=host.json"
+    )
     return ExitCode.DONE

@@ -1,0 +1,145 @@
+"""Files that stand for hosts and guests: `--snapshot [HOST=]FILE`, `--snapshot HOST.guest.PARTITION=FILE`."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.files import read_file
+from rarms_iac.cli.options import SnapshotOption
+from rarms_iac.cli.problems import Halted
+from rarms_iac.cli.wiring import Seen, seen_by_script
+from rarms_iac.diff.readings import is_marked
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.journal import ScriptRun
+from rarms_iac.model.state import State
+from rarms_iac.planfile.snapshot import MAX_BYTES, SnapshotUnreadable, read_snapshot
+from rarms_iac.storage.codec import NotDecodable
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Snapshot:
+    """What a file says of a host."""
+
+    file: str
+    data: bytes
+    state: State
+    findings: tuple[Diagnostic, ...] = ()  # what the look itself shows to be odd
+    unfinished: ScriptRun | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GuestSnapshot:
+    """What a file says of the Windows inside a partition."""
+
+    file: str
+    host: str
+    partition: str
+    seen: Seen
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Snapshots:
+    """All files of a command, each read once."""
+
+    hosts: Mapping[str, Snapshot]
+    guests: tuple[GuestSnapshot, ...] = ()
+
+    @property
+    def findings(self) -> tuple[Diagnostic, ...]:
+        """What the looks show to be odd, host by host."""
+        return tuple(finding for _, one in sorted(self.hosts.items()) for finding in one.findings)
+
+
+def read_snapshots(options: Sequence[SnapshotOption], hosts: Sequence[str], chosen: Sequence[str]) -> Snapshots:
+    """The files that the options name, as rarms or observe.ps1 wrote them.
+
+    Args:
+        options: as given.
+        hosts: names of all hosts of the manifest.
+        chosen: names of those that are meant.
+
+    Raises:
+        Halted: one cannot be read, is none, or it is not known which host it stands for.
+    """
+    found: dict[str, Snapshot] = {}
+    guests: list[GuestSnapshot] = []
+    for one in options:
+        data = read_file(one.file, MAX_BYTES, SnapshotUnreadable.finding)
+        try:
+            seen = seen_by_script(data, one.host)
+            if one.guest:
+                guests.append(_guest(one, seen))
+                continue
+            snapshot = _snapshot(one, data, seen)
+        except (SnapshotUnreadable, NotDecodable) as error:
+            raise no_snapshot(one.file, str(error)) from error
+        name = one.host or _host_of(snapshot, seen, hosts, chosen)
+        if name in found:
+            raise no_snapshot(one.file, f"{name} has another one already")
+        found[name] = _named(snapshot, data, name)
+    return Snapshots(hosts=found, guests=tuple(guests))
+
+
+def with_guests(state: State, guests: Sequence[GuestSnapshot], application: str) -> State:
+    """The host's state with what was seen inside its partitions.
+
+    Raises:
+        Halted: the host has no such partition, or the file was taken on the host itself.
+    """
+    for one in guests:
+        if one.host == state.facts.name:
+            state = _with_guest(state, one, application)
+    return state
+
+
+def _with_guest(state: State, guest: GuestSnapshot, application: str) -> State:
+    machines = [one for one in state.partitions if is_marked(one, application, guest.partition)]
+    if len(machines) != 1:
+        raise no_snapshot(guest.file, f"{guest.host} has no partition {guest.partition} of {application}")
+    if guest.seen.computer.lower() == state.facts.computer_name.lower():
+        raise no_snapshot(guest.file, f"it was taken on {guest.seen.computer}, the host itself, not in a guest")
+    inside = tuple(replace(one, inside=guest.partition, machine=machines[0].id) for one in guest.seen.tasks)
+    tasks = sorted((*state.tasks, *inside), key=lambda one: (one.inside, one.name.lower()))
+    return replace(state, tasks=tuple(tasks))
+
+
+def _guest(option: SnapshotOption, seen: Seen | None) -> GuestSnapshot:
+    if seen is None:
+        raise SnapshotUnreadable("it is not what observe.ps1 prints, and nothing else looks into a guest")
+    if not seen.tasks:
+        raise SnapshotUnreadable("it shows no task classes, and every Windows has some: they were not read")
+    return GuestSnapshot(file=option.file, host=option.host, partition=option.guest, seen=seen)
+
+
+def _snapshot(option: SnapshotOption, data: bytes, seen: Seen | None) -> Snapshot:
+    if seen is None:
+        return Snapshot(file=option.file, data=data, state=read_snapshot(data))
+    return Snapshot(file=option.file, data=data, state=seen.state, findings=seen.findings, unfinished=seen.unfinished)
+
+
+def _named(snapshot: Snapshot, data: bytes, name: str) -> Snapshot:
+    """The snapshot of the host that it stands for; what is told of it names that host."""
+    seen = seen_by_script(data, name)
+    state = replace(snapshot.state, facts=replace(snapshot.state.facts, name=name))
+    return replace(snapshot, state=state, findings=seen.findings if seen else ())
+
+
+def _host_of(snapshot: Snapshot, seen: Seen | None, hosts: Sequence[str], chosen: Sequence[str]) -> str:
+    """The host that a file without a name stands for: the one it was taken of, or the only one."""
+    taken_of = seen.computer.lower() if seen else snapshot.state.facts.name
+    if taken_of in hosts:
+        return taken_of
+    if len(chosen) == 1:
+        return chosen[0]
+    raise no_snapshot(snapshot.file, f"it was taken of {taken_of!r}, which the manifest does not have")
+
+
+def no_snapshot(file: str, says: str) -> Halted:
+    """Why a file does not stand for a host."""
+    finding = SnapshotUnreadable.finding.at(
+        None,
+        f"{file}: {says}.",
+        "Make one with `rarms snapshot --host NAME --out FILE`, or run the script of `rarms snapshot --script` there, "
+        "and name its host where there are several: `--snapshot NAME=FILE`.",
+    )
+    return Halted(ExitCode.FAILED, [finding])

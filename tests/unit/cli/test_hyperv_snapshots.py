@@ -1,0 +1,173 @@
+"""A Hyper-V host from the file that observe.ps1 printed: planned, refused, and looked into a guest of."""
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rarms_iac.planfile.sealing import read_plan
+from rarms_iac.storage.shipped import shipped
+from tests.recorded_hosts import document, recorded_bytes
+from tests.unit.cli.running import Ran, rarms
+
+CELL = shipped("manifests/hyperv-cell")
+
+
+@pytest.fixture
+def cell(tmp_path: Path) -> Path:
+    """The example with its recorded host, to change."""
+    return Path(shutil.copytree(CELL, tmp_path / "cell"))
+
+
+def plan(cell: Path, *words: str) -> Ran:
+    return rarms("plan", "-f", str(cell), *words)
+
+
+def bent(cell: Path, **probes: Any) -> str:
+    """The recorded host with other values, as a file."""
+    answer = json.loads((cell / "host.json").read_bytes())
+    for name, value in probes.items():
+        answer[name] = value if name == "computer" else {"status": "value", "value": value}
+    (cell / "bent.json").write_bytes(json.dumps(answer).encode())
+    return str(cell / "bent.json")
+
+
+def test_the_example_is_planned_from_its_recorded_host(cell: Path) -> None:
+    ran = plan(cell, "--snapshot", f"cell={cell / 'host.json'}", "--out", str(cell / "plan"))
+
+    assert ran.code == 2
+    assert "+ partition/torch-motion" in ran.out
+    (part,) = read_plan((cell / "plan").read_bytes()).hosts
+    assert sorted(part.scripts) == [
+        "cell.guest.seam-tracking.ps1",
+        "cell.guest.seam-tracking.undo.ps1",
+        "cell.guest.torch-motion.ps1",
+        "cell.guest.torch-motion.undo.ps1",
+        "cell.ps1",
+        "cell.undo.ps1",
+    ]
+    assert not any(step.address.task for step in part.steps), "what lies in a guest is no step of the host"
+    assert "RARMS160" in ran.out
+
+
+def test_the_same_snapshot_gives_the_same_plan_to_the_byte(cell: Path) -> None:
+    for out in ("one", "two"):
+        assert plan(cell, "--snapshot", f"cell={cell / 'host.json'}", "--out", str(cell / out)).code == 2
+
+    assert (cell / "one").read_bytes() == (cell / "two").read_bytes()
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig"])
+def test_a_file_that_windows_powershell_redirected_is_read(cell: Path, encoding: str) -> None:
+    text = (cell / "host.json").read_text(encoding="utf-8")
+    (cell / "host.json").write_bytes((text.strip() + "\r\n").encode(encoding))
+
+    assert plan(cell, "--snapshot", str(cell / "host.json")).code == 2
+
+
+def test_without_rights_nothing_is_planned(cell: Path) -> None:
+    (cell / "blind.json").write_bytes(recorded_bytes("unprivileged-caller"))
+
+    ran = plan(cell, "--snapshot", f"cell={cell / 'blind.json'}")
+
+    assert (ran.code, "error[RARMS158]" in ran.err) == (1, True)
+
+
+def test_under_the_root_scheduler_nothing_is_planned_unless_accepted(cell: Path) -> None:
+    host = bent(cell, scheduler=4)
+    refused = plan(cell, "--snapshot", f"cell={host}")
+    with (cell / "rarms.yaml").open("a", encoding="utf-8", newline="\n") as manifest:
+        manifest.write("\npolicy:\n  accept:\n    RARMS159: { at: [host/cell], reason: a desk to try things at }\n")
+
+    accepted = plan(cell, "--snapshot", f"cell={host}", "--out", str(cell / "plan"))
+
+    assert (refused.code, "error[RARMS159]" in refused.err) == (4, True)
+    assert accepted.code == 2
+    scripts = read_plan((cell / "plan").read_bytes()).hosts[0].scripts
+    assert {name: "AcceptScheduler = $true" in text for name, text in scripts.items() if ".guest." not in name} == {
+        "cell.ps1": True,
+        "cell.undo.ps1": True,
+    }
+
+
+def test_a_planted_journal_is_refused_and_an_unfinished_run_comes_first(cell: Path) -> None:
+    journal = document("server-2022-with-strangers")["journal"]["value"]
+    planted = plan(cell, "--snapshot", f"cell={bent(cell, journal=journal | {'owner': 'S-1-5-21-7-7-7-1001'})}")
+    lines = journal["text"].splitlines(keepends=True)
+    begun = plan(cell, "--snapshot", f"cell={bent(cell, journal=journal | {'text': ''.join(lines[:-1])})}")
+
+    assert (planted.code, "error[RARMS163]" in planted.err) == (4, True)
+    assert (begun.code, "error[RARMS183]" in begun.err) == (3, True)
+    assert "0123456789ab" in begun.err
+
+
+def test_a_damaged_observation_is_told_with_its_place(cell: Path) -> None:
+    ran = plan(cell, "--snapshot", f"cell={bent(cell, elevated='yes')}")
+
+    assert (ran.code, "error[RARMS175]" in ran.err) == (1, True)
+    assert "elevated.value" in ran.err
+
+
+def with_torch(cell: Path) -> str:
+    """The host on which torch-motion is there already."""
+    machines = document("server-2022-with-strangers")["machines"]["value"]
+    torch = machines[3] | {
+        "id": "7777aaaa-4e5f-4a6b-8c7d-9e0f1a2b3c44",
+        "name": "torch-motion",
+        "notes": "rarms/1 welding-cell/torch-motion vm=7777aaaa set=0123456789ab",
+    }
+    return bent(cell, machines=[*machines[:3], torch])
+
+
+def test_a_guest_that_was_looked_into_takes_part(cell: Path) -> None:
+    (cell / "guest.json").write_bytes(recorded_bytes("inside-a-guest"))
+    looked = ("--snapshot", f"cell.guest.torch-motion={cell / 'guest.json'}")
+
+    ran = plan(cell, "--snapshot", f"cell={with_torch(cell)}", *looked, "--out", str(cell / "plan"))
+
+    assert ran.code == 2
+    assert "+ partition/torch-motion/task/MotionControl" in ran.out
+    (part,) = read_plan((cell / "plan").read_bytes()).hosts
+    assert "Read-TaskClass" in part.scripts["cell.guest.torch-motion.ps1"].split("# --- end of the runtime")[1]
+    assert "Read-GuestTaskClass" in part.scripts["cell.guest.seam-tracking.ps1"].split("# --- end of the runtime")[1]
+    assert not any("torch-motion/task" in name for name in part.digests), "the host's script does not see it"
+
+
+@pytest.mark.parametrize(
+    ("file", "says"),
+    [
+        ("server-2022-with-strangers", "was taken on CELL-4, the host itself"),
+        ("inside-a-guest", "no partition operator-panel of welding-cell"),
+    ],
+)
+def test_a_file_that_is_no_guest_of_the_host_is_refused(cell: Path, file: str, says: str) -> None:
+    guest = "torch-motion" if file != "inside-a-guest" else "operator-panel"
+    (cell / "guest.json").write_bytes(recorded_bytes(file))
+
+    ran = plan(
+        cell, "--snapshot", f"cell={with_torch(cell)}", "--snapshot", f"cell.guest.{guest}={cell / 'guest.json'}"
+    )
+
+    assert (ran.code, says in " ".join(ran.err.split())) == (1, True)
+
+
+def test_rarms_own_snapshot_says_nothing_of_a_guest(cell: Path) -> None:
+    (cell / "guest.json").write_bytes(b'{"format_version": "rarms-snapshot/1"}')
+
+    ran = plan(
+        cell, "--snapshot", f"cell={cell / 'host.json'}", "--snapshot", f"cell.guest.torch-motion={cell / 'guest.json'}"
+    )
+
+    assert (ran.code, "not what observe.ps1 prints" in " ".join(ran.err.split())) == (1, True)
+
+
+def test_the_script_that_looks_is_written_as_it_runs_and_needs_no_manifest(tmp_path: Path) -> None:
+    ran = rarms("snapshot", "--script", "--out", str(tmp_path))
+
+    written = (tmp_path / "observe.ps1").read_bytes()
+    assert ran.code == 0
+    assert "-File observe.ps1 > host.json" in ran.err
+    assert written.startswith(b"#Requires -Version 5.1\r\n")
+    assert rarms("snapshot", "--script").out == written.decode("ascii").replace("\r\n", "\n")
