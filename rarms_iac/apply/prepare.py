@@ -19,12 +19,11 @@ from rarms_iac.diff.holding import hold_back
 from rarms_iac.diff.moved import part_digests
 from rarms_iac.diff.order import Cycle, order
 from rarms_iac.diff.steps import Planned, steps_for
-from rarms_iac.model.changes import Adopt, Release
+from rarms_iac.model.changes import Address, Adopt, Release
 from rarms_iac.model.diagnostics import Diagnostic, Places, has_errors, in_order
 from rarms_iac.model.plan import HostPlan, Plan, Purpose
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
-from rarms_iac.model.where import partition_place
 from rarms_iac.planfile.sealing import identified
 from rarms_iac.powershell.guests import GuestTask
 
@@ -165,13 +164,14 @@ def _host_plan(request: Request, wish: HostWish) -> _Part:
 def _difference(request: Request, wish: HostWish) -> Difference:
     """What has to change on the host, for this purpose."""
     application = request.system.application.name
-    place = partition_place(request.system, request.places, request.partition)
     match request.purpose:
         case Purpose.APPLY | Purpose.DESTROY:
             return compare(wish.desired, wish.observed, application, wish.around, wish.wishes)
         case Purpose.IMPORT:
+            place = wish.wishes.where(Address(partition=request.partition))
             return _only(adoption(wish.observed, application, request.partition, request.machine, place))
         case Purpose.RELEASE:
+            place = wish.wishes.where(Address(partition=request.partition))
             return _only(releasing(wish.observed, application, request.partition, place))
 
 

@@ -6,7 +6,6 @@ Nothing that moves by itself is in them: no load, no uptime, no assigned memory.
 from collections.abc import Mapping
 
 from rarms_iac.diff.readings import partition_readings, task_readings
-from rarms_iac.model.changes import Address
 from rarms_iac.model.state import HostFacts, Partition, State, TaskClass
 from rarms_iac.storage.digest import digest, short
 
@@ -26,8 +25,14 @@ def part_digests(state: State, application: str) -> Mapping[str, str]:
             parts[f"partition/{partition.mark.name}"] = dict(partition_readings(partition))
         else:
             parts[f"machine {partition.settings.name} ({partition.id})"] = _weight(partition)
+    inside: dict[str, dict[str, object]] = {}
     for task in state.tasks:
-        parts[_called(task)] = dict(task_readings(task))
+        if task.inside:
+            # One digest a guest: there are eight classes in each, and hosts with hundreds of guests.
+            inside.setdefault(_guest(task), {})[task.name] = dict(task_readings(task))
+        else:
+            parts[f"task/{task.name}"] = dict(task_readings(task))
+    parts.update(inside)
     return {name: short(digest(part)) for name, part in parts.items()}
 
 
@@ -63,6 +68,6 @@ def _weight(partition: Partition) -> dict[str, object]:
     }
 
 
-def _called(task: TaskClass) -> str:
-    address = str(Address(partition=task.inside, task=task.name))
-    return f"{address} in machine {task.machine}" if task.machine else address
+def _guest(task: TaskClass) -> str:
+    guest = f"the list of task classes inside partition/{task.inside}"
+    return f"{guest} (machine {task.machine})" if task.machine else guest
