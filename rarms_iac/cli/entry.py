@@ -10,7 +10,7 @@ import click
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.group import the_group
 from rarms_iac.cli.interrupts import Interrupted, Interrupts, say_heard
-from rarms_iac.cli.problems import Halted, bug, system_refused
+from rarms_iac.cli.problems import Halted, bug, misused, system_refused
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.terminal import Terminal, this_terminal
 from rarms_iac.model.diagnostics import Diagnostic
@@ -27,7 +27,7 @@ def run(arguments: Sequence[str]) -> int:
     try:
         session.terminal.flush()
     except OSError as error:
-        code = _tell(session.terminal, ExitCode.FAILED, [system_refused(error)])
+        code = _tell(session, ExitCode.FAILED, [system_refused(error)])
     return int(code)
 
 
@@ -43,20 +43,21 @@ def guarded(
         return ExitCode(ending.exit_code)
     except click.UsageError as error:
         terminal.talk(usage_text(error, terminal.width))
+        _tell_programs(session, [misused(_says(error), _path(error))])
         return ExitCode.USAGE
     except Halted as halted:
         _trace(terminal)
-        return _tell(terminal, halted.code, halted.diagnostics, halted.sources)
+        return _tell(session, halted.code, halted.diagnostics, halted.sources)
     except (Interrupted, KeyboardInterrupt) as interrupt:
         code = interrupt.code if isinstance(interrupt, Interrupted) else ExitCode.INTERRUPTED
         terminal.talk("\n" + _wrapped(f"rarms was {code.name.lower()}. {GO_ON}", terminal.width))
         return code
     except OSError as error:
         _trace(terminal)
-        return _tell(terminal, ExitCode.FAILED, [system_refused(error)])
+        return _tell(session, ExitCode.FAILED, [system_refused(error)])
     except (Exception, RecursionError) as error:  # noqa: BLE001 - the last line of defence: no traceback reaches a user
         _trace(terminal)
-        return _tell(terminal, ExitCode.FAILED, [bug(error)])
+        return _tell(session, ExitCode.FAILED, [bug(error)])
 
 
 GO_ON = "If it was changing a host, run `rarms apply` to finish that, or `rarms undo` to take it back."
@@ -71,10 +72,16 @@ def _invoke(session: Session, arguments: Sequence[str]) -> ExitCode:
 
 def usage_text(error: click.UsageError, width: int) -> str:
     """What was wrong with the words, and where the right ones are listed."""
-    path = error.ctx.command_path if error.ctx else "rarms"
     usage = f"{error.ctx.get_usage()}\n" if error.ctx else ""
-    says = error.format_message().replace("\n\t", " ")  # click lists choices in lines of their own
-    return f"{usage}{_wrapped(says, width)}\n`{path} --help` lists what it takes."
+    return f"{usage}{_wrapped(_says(error), width)}\n`{_path(error)} --help` lists what it takes."
+
+
+def _says(error: click.UsageError) -> str:
+    return error.format_message().replace("\n\t", " ")  # click lists choices in lines of their own
+
+
+def _path(error: click.UsageError) -> str:
+    return error.ctx.command_path if error.ctx else "rarms"
 
 
 def _wrapped(text: str, width: int) -> str:
@@ -84,12 +91,22 @@ def _wrapped(text: str, width: int) -> str:
 
 
 def _tell(
-    terminal: Terminal, code: ExitCode, diagnostics: Sequence[Diagnostic], sources: "Sources | None" = None
+    session: Session, code: ExitCode, diagnostics: Sequence[Diagnostic], sources: "Sources | None" = None
 ) -> ExitCode:
     from rarms_iac.cli.telling import tell
 
-    tell(terminal, diagnostics, sources)
+    tell(session.terminal, diagnostics, sources)
+    _tell_programs(session, diagnostics)
     return code
+
+
+def _tell_programs(session: Session, diagnostics: Sequence[Diagnostic]) -> None:
+    """Why there is no answer, for who asked for one in JSON; an answer that is there already stays the only one."""
+    if session.as_json and not session.terminal.answered:
+        from rarms_iac.model.diagnostics import in_order
+        from rarms_iac.views.diagnostics import OutputFormat, render
+
+        session.terminal.data(render(OutputFormat.JSON, in_order(tuple(diagnostics)), {}))
 
 
 def _trace(terminal: Terminal) -> None:

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, TypeVar, cast
 
 import click
 
+from rarms_iac.cli.session import Session
 from rarms_iac.model.names import is_name
 from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
 from rarms_iac.model.system import Disruption
-from rarms_iac.views.diagnostics import BadOutput, parse_outputs
+from rarms_iac.views.diagnostics import BadOutput, OutputFormat, parse_outputs
 
 SILENCE_MS = 600_000
 DEFAULT_MANIFEST = "rarms.yaml"
@@ -205,6 +206,8 @@ def output_option(function: F) -> F:
             outputs = parse_outputs((*output, "json") if as_json else output)
         except BadOutput as error:
             raise click.UsageError(f"--output: {error}", click.get_current_context()) from error
+        if any(one.format is OutputFormat.JSON and one.path is None for one in outputs):
+            _tell_in_json(click.get_current_context())
         return function(*args, outputs=outputs, **rest)
 
     return _with(
@@ -222,7 +225,9 @@ def output_option(function: F) -> F:
 
 def json_option(function: F) -> F:
     """`--json` as `as_json: bool`."""
-    return click.option("--json", "as_json", is_flag=True, help="Write JSON for programs.")(function)
+    return click.option(
+        "--json", "as_json", is_flag=True, is_eager=True, callback=_json, help="Write JSON for programs."
+    )(function)
 
 
 def today_utc() -> date:
@@ -241,6 +246,19 @@ def _host_option() -> Callable[[F], F]:
     return click.option(
         "--host", metavar="NAME", multiple=True, callback=_hosts, help="Only this host; repeatable. [default: all]"
     )
+
+
+def _json(context: click.Context, _parameter: click.Parameter, value: bool) -> bool:
+    if value:
+        _tell_in_json(context)
+    return value
+
+
+def _tell_in_json(context: click.Context) -> None:
+    """From now on, whatever ends the command is told in JSON, too."""
+    session = context.find_object(Session)
+    if session is not None:  # options may be read without a session
+        session.as_json = True
 
 
 def _hosts(_context: click.Context, _parameter: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:

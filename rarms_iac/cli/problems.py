@@ -11,6 +11,7 @@ DECLINED = Finding(code="RARMS174", severity=Severity.NOTE, summary="Nothing was
 NOT_READ = Finding(code="RARMS173", severity=Severity.ERROR, summary="A file could not be read")
 NOT_WRITTEN = Finding(code="RARMS177", severity=Severity.ERROR, summary="A file could not be written")
 SYSTEM_REFUSED = Finding(code="RARMS178", severity=Severity.ERROR, summary="The operating system refused something")
+USAGE = Finding(code="RARMS179", severity=Severity.ERROR, summary="The command cannot be done as it is given")
 OUT_OF_REACH = Finding(code="RARMS198", severity=Severity.ERROR, summary="This host cannot be reached by this version")
 BUG = Finding(code="RARMS199", severity=Severity.ERROR, summary="This is a bug in rarms")
 
@@ -33,6 +34,11 @@ def bug(error: BaseException) -> Diagnostic:
         f"{type(error).__name__}: {says[:300]}" if says else type(error).__name__,
         "Run the same command with --debug: the trace it shows is what a report of the bug needs.",
     )
+
+
+def misused(says: str, command: str) -> Diagnostic:
+    """Words that do not fit the command, for a program that reads findings; a person is told the usage."""
+    return USAGE.at(None, says, f"`{command} --help` lists what it takes.")
 
 
 def system_refused(error: OSError) -> Diagnostic:

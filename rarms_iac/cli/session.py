@@ -21,6 +21,7 @@ class Session:
 
     terminal: Terminal
     interrupts: Interrupts = field(default_factory=Interrupts)
+    as_json: bool = False  # a program reads standard output: an early end is told there, too
 
 
 class Command(click.Command):

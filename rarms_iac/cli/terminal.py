@@ -27,9 +27,11 @@ class Terminal:
     answers: bool = False  # somebody can be asked
     width: int = DEFAULT_WIDTH
     debug: bool = False
+    answered: bool = False  # data was written
 
     def data(self, text: str) -> None:
         """Write what was asked for."""
+        self.answered = True
         self.out = _write(self.out, text)
 
     def talk(self, text: str) -> None:

@@ -109,6 +109,8 @@ class CountsOutput:
 class PlanOutput:
     """`rarms plan`, `show`, `import`, `release`, `destroy`: a plan."""
 
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["plan"] = "plan"
     plan: str
     application: str
     purpose: Literal["apply", "destroy", "import", "release"]
@@ -120,8 +122,6 @@ class PlanOutput:
     hosts: tuple[HostOutput, ...]
     findings: tuple[Diagnostic, ...]
     accepted: tuple[Diagnostic, ...]
-    kind: Literal["plan"] = "plan"
-    format_version: Format = FORMAT_VERSION
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,11 +142,11 @@ class HostRunOutput:
 class RunOutput:
     """`rarms apply`, `undo`: how a run ended."""
 
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["run"] = "run"
     ending: Literal["done", "nothing", "refused", "failed", "interrupted"]
     hosts: tuple[HostRunOutput, ...]
     findings: tuple[Diagnostic, ...]
-    kind: Literal["run"] = "run"
-    format_version: Format = FORMAT_VERSION
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,21 +164,21 @@ class DriftedOutput:
 class DriftOutput:
     """`rarms drift`."""
 
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["drift"] = "drift"
     application: str
     drifted: tuple[DriftedOutput, ...]
-    kind: Literal["drift"] = "drift"
-    format_version: Format = FORMAT_VERSION
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FindingsOutput:
     """`rarms validate`, and any command that ends before it has an answer of its own."""
 
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["findings"] = "findings"
     findings: tuple[Diagnostic, ...]
     accepted: tuple[Diagnostic, ...]
     counts: Mapping[str, int]
-    kind: Literal["findings"] = "findings"
-    format_version: Format = FORMAT_VERSION
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,28 +193,28 @@ class FormattedFileOutput:
 class FmtOutput:
     """`rarms fmt`."""
 
-    files: tuple[FormattedFileOutput, ...]
-    kind: Literal["fmt"] = "fmt"
     format_version: Format = FORMAT_VERSION
+    kind: Literal["fmt"] = "fmt"
+    files: tuple[FormattedFileOutput, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WrittenOutput:
     """`rarms init`, `snapshot`: files that were written."""
 
-    files: tuple[str, ...]
-    kind: Literal["written"] = "written"
     format_version: Format = FORMAT_VERSION
+    kind: Literal["written"] = "written"
+    files: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExplanationOutput:
     """`rarms explain`: a page in Markdown."""
 
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["explanation"] = "explanation"
     subject: str
     page: str
-    kind: Literal["explanation"] = "explanation"
-    format_version: Format = FORMAT_VERSION
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -244,12 +244,12 @@ class ExaminedOutput:
 class DoctorOutput:
     """`rarms doctor`: what makes a plan void or unsafe on each host."""
 
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["doctor"] = "doctor"
     application: str
     hosts: tuple[ExaminedOutput, ...]
     accepted: tuple[Diagnostic, ...]
     counts: Mapping[str, int]
-    kind: Literal["doctor"] = "doctor"
-    format_version: Format = FORMAT_VERSION
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -267,22 +267,22 @@ class NodeOutput:
 class GraphOutput:
     """`rarms graph`."""
 
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["graph"] = "graph"
     application: str
     nodes: tuple[NodeOutput, ...]
-    kind: Literal["graph"] = "graph"
-    format_version: Format = FORMAT_VERSION
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VersionOutput:
     """`rarms version`."""
 
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["version"] = "version"
     rarms: str
     python: str
     system: str
     libraries: Mapping[str, str]
-    kind: Literal["version"] = "version"
-    format_version: Format = FORMAT_VERSION
 
 
 Output = (
