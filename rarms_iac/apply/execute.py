@@ -106,8 +106,11 @@ def why_not(plan: Plan, part: HostPlan, host: LiveHost, journal: LastRun) -> lis
     if finished_by(plan, journal):
         return []
     state = host.observe()
-    if state.serials.get(plan.application, 0) != part.serial:
+    serial = state.serials.get(plan.application, 0)
+    if serial > part.serial:
         return [refusals.used(host.name, plan.id)]
+    if serial < part.serial:
+        return [refusals.another(host.name, serial, part.serial)]
     parts = what_moved(part.digests, part_digests(state, plan.application))
     return [refusals.moved(host.name, parts)] if parts else []
 

@@ -46,6 +46,18 @@ def moved(host: str, parts: Sequence[str]) -> Diagnostic:
     )
 
 
+def another(host: str, serial: int, planned: int) -> Diagnostic:
+    """A host never forgets a run: one that knows of fewer than the plan is not the one that the plan saw."""
+    return MOVED.at(
+        None,
+        f"{host} is not the host that the plan saw, or was set back since: it knows of {serial} applies and undos, and "
+        f"the plan of {planned}.",
+        "Nothing was changed. Look whether the plan is applied in the right folder and to the right machine, then make "
+        "a new plan.",
+        address=f"host/{host}",
+    )
+
+
 def unfinished(host: str, journal: Journal | ScriptRun) -> Diagnostic:
     """A run of another plan was begun and never closed."""
     started = journal.started

@@ -273,6 +273,35 @@ def test_undo_takes_the_last_apply_back_once(robot: Robot) -> None:
     assert "35 %" in robot.run("plan").out
 
 
+@pytest.mark.parametrize("command", ["undo", "apply"])
+def test_a_damaged_host_is_told_before_anything_is_begun(robot: Robot, command: str) -> None:
+    robot.applied().edit("reserve: 30 %", "reserve: 35 %")
+    file = robot.folder / ".rarms" / "hosts" / "here.json"
+    whole = file.read_bytes()
+    file.write_bytes(whole.replace(b'"reserve":', b'"reserve": '))
+    before = robot.host().journal()
+
+    answer = robot.run(command, "--auto-approve")
+
+    assert answer.code == 1
+    assert "error[RARMS190]" in answer.err
+    assert robot.host().journal() == before
+    file.write_bytes(whole)
+    assert robot.run("undo", "--auto-approve").code == 0
+
+
+def test_a_plan_on_a_host_that_was_made_anew_is_told_so(robot: Robot) -> None:
+    robot.applied().edit("reserve: 30 %", "reserve: 35 %")
+    path = robot.planned()
+    (robot.folder / ".rarms").rename(robot.folder / "moved-away")
+
+    answer = robot.run("apply", path)
+
+    assert answer.code == 3
+    assert "error[RARMS182]" in answer.err
+    assert "RARMS181" not in answer.err
+
+
 def test_destroy_removes_what_is_ours(robot: Robot) -> None:
     answer = robot.applied().run("destroy", "--auto-approve")
 
