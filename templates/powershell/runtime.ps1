@@ -248,6 +248,8 @@ function Open-Run {
     $script:Begun = @{}
     $script:Done = @{}
     $script:Ended = $false
+    # What an earlier plan touched is not this one's to take back.
+    if ($Definition.Run -ceq 'apply') { $script:Touched = @{} }
     $undone = $null -ne $last -and $last.plan -ceq $Definition.Plan -and $last.run -ceq 'apply'
     if ($Definition.Run -ceq 'undo') {
         if (-not $undone) { Exit-Refused -Address 'host' -Detail 'the last run here was not the one this undoes' }
@@ -395,7 +397,7 @@ function Find-Machine {
         }
         $mark = Get-Mark -Vm $vm
         $ours = $null -ne $mark -and $mark.Name -ceq $Name -and $mark.Application -ceq $script:Definition.Application
-        if ($ours -or $vm.Name -ceq $pending) { $vm }
+        if ($ours -or (Test-Same -Left $vm.Name -Right $pending)) { $vm }
     }
 }
 
@@ -446,7 +448,8 @@ function Get-DiskPath {
     # Where a new disk goes: the plan's folder, or the host's own.
     param([string] $Folder, [string] $File)
     if (-not $Folder) { $Folder = (Hyper-V\Get-VMHost).VirtualHardDiskPath }
-    Join-Path -Path $Folder -ChildPath $File
+    # Not Join-Path, which wants the drive to be there while the steps are still compared.
+    '{0}\{1}' -f ($Folder -creplace '\\$', ''), $File
 }
 
 function Write-Mark {
@@ -468,7 +471,8 @@ function Clear-Mark {
 
 function Get-OtherNote {
     param($Vm)
-    [string] $Vm.Notes -creplace '(?m)^rarms/1 [^\r\n]*(\r?\n|\z)', ''
+    $form = '(?m)^rarms/1 [a-z0-9-]+/[a-z0-9-]+(?:\.moving)? vm=[0-9a-f]{8} set=[0-9a-f]{12}\r?(?:\n|\z)'
+    [string] $Vm.Notes -creplace $form, ''
 }
 
 function Invoke-PartitionStop {
@@ -527,6 +531,8 @@ function Write-TaskValue {
     param([string] $Task, [string] $Name, [string] $Type, $Value)
     $path = '{0}\{1}' -f $script:TaskRoot, $Task
     Add-Key -Path $path
+    # The registry's provider takes a DWord for a number with a sign.
+    if ($Type -eq 'DWord' -and [long] $Value -gt 2147483647) { $Value = [long] $Value - 4294967296 }
     [void] (New-ItemProperty -LiteralPath $path -Name $Name -PropertyType $Type -Value $Value -Force)
 }
 
@@ -621,11 +627,17 @@ function Restore-TaskClass {
 
 # Steps --------------------------------------------------------------------------------------
 
+function Test-Same {
+    # -ceq alone takes no notice of characters without width, such as a soft hyphen.
+    param($Left, $Right)
+    $Left -ceq $Right -and ([string] $Left).Length -eq ([string] $Right).Length
+}
+
 function Compare-Reading {
     # The names whose live value is not the expected one.
     param([System.Collections.IDictionary] $Live, [System.Collections.IDictionary] $Expected)
     foreach ($name in $Expected.Keys) {
-        if (-not $Live.Contains($name) -or $Live[$name] -cne $Expected[$name]) { $name }
+        if (-not $Live.Contains($name) -or -not (Test-Same -Left $Live[$name] -Right $Expected[$name])) { $name }
     }
 }
 
@@ -635,8 +647,8 @@ function Test-HalfDone {
     foreach ($name in @($Step.Before.Keys) + @($Step.After.Keys) + @(@($Live.Keys) -clike 'value:*')) {
         if ($name -ceq 'values') { continue }
         if (-not ($Step.Before.Contains($name) -or $Step.After.Contains($name))) { return $false }
-        $old = $Step.Before.Contains($name) -and $Live.Contains($name) -and $Live[$name] -ceq $Step.Before[$name]
-        $new = $Step.After.Contains($name) -and $Live.Contains($name) -and $Live[$name] -ceq $Step.After[$name]
+        $old = $Step.Before.Contains($name) -and $Live.Contains($name) -and (Test-Same -Left $Live[$name] -Right $Step.Before[$name])
+        $new = $Step.After.Contains($name) -and $Live.Contains($name) -and (Test-Same -Left $Live[$name] -Right $Step.After[$name])
         $none = -not $Live.Contains($name) -and -not ($Step.Before.Contains($name) -and $Step.After.Contains($name))
         if (-not ($old -or $new -or $none)) { return $false }
     }
@@ -678,9 +690,12 @@ function Invoke-Step {
         return
     }
     $moved = @(Compare-Reading -Live $live -Expected $step.Before)
-    if ($begun -and (Test-HalfDone -Live $live -Step $step)) { $moved = @() }
+    # What an undo takes back may have been killed half-way as well.
+    $half = $begun -or $step.Contains('Undoes')
+    if ($half -and (Test-HalfDone -Live $live -Step $step)) { $moved = @() }
     $builds = @($step.Needs | Where-Object -FilterScript { $script:Skipped.Contains($_) })
-    if ($moved.Count -and $builds.Count) {
+    $inside = @($builds | Where-Object -FilterScript { $_ -cne $step.Address })
+    if ($inside.Count -or ($moved.Count -and $builds.Count)) {
         Add-Skip -Step $step -Detail ('needs ' + ($builds -join ', '))
         return
     }

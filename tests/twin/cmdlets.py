@@ -139,21 +139,31 @@ def new_item_property(scope: Scope, given: Given) -> Value:
     if name.lower() in key.values and not given.get("force"):
         raise ScriptError("The property already exists.", error_id="IOException", category="WriteError")
     kept = key.values.get(name.lower())
-    entry = Entry(name=kept.name if kept else name, kind=text(given["propertytype"]), data=_as_written(given))
+    entry = Entry(name=kept.name if kept else name, kind=_kind(given), data=_as_written(given))
     host.effect(f"New-ItemProperty {path} {name}", lambda: key.values.__setitem__(name.lower(), entry))
     return Record()
+
+
+_KINDS = {one.lower(): one for one in ("DWord", "QWord", "String", "ExpandString", "MultiString", "Binary")}
+
+
+def _kind(given: Given) -> str:
+    kind = text(given["propertytype"]).lower()
+    if kind not in _KINDS:
+        raise cannot_convert(kind, "Microsoft.Win32.RegistryValueKind")
+    return _KINDS[kind]
 
 
 def _as_written(given: Given) -> int | str:
     """What is stored; a DWord is taken for an `[int]`, so that what is above it fails."""
     value = given["value"]
-    match text(given["propertytype"]):
+    match _kind(given):
         case "DWord":
             data = number(value)
             if not -(2**31) <= data < 2**31:
                 raise cannot_convert(value, "System.Int32")
             return data % 2**32
-        case "String":
+        case "String" | "ExpandString":
             return text(value)
         case other:
             raise Unsupported(f"a value of type {other}")

@@ -333,5 +333,10 @@ def same(left: Value, right: Value, *, case: bool) -> bool:
             return left is right
 
 
+WIDTHLESS = dict.fromkeys(map(ord, "\0\u00ad\u200b\u200c\u200d\u2060\ufeff"))
+"""Characters that comparing by culture, as PowerShell does, takes no notice of."""
+
+
 def _folded(value: str, case: bool) -> str:
-    return value if case else value.lower()
+    seen = value.translate(WIDTHLESS)
+    return seen if case else seen.lower()

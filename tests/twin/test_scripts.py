@@ -1,0 +1,426 @@
+"""Generated scripts on the twin: done once and again, killed and failed everywhere, undone, on a host that moved."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from rarms_iac.powershell.inspection.inspect import inspect
+from rarms_iac.powershell.inspection.lists import ScriptKind
+from rarms_iac.storage.append import records_in
+from tests.effort import examples
+from tests.twin.cell import apply, apply_script, scripts_of, undo, undo_script
+from tests.twin.cells import Prepared, a_stranger, everything, fresh
+from tests.twin.host import Vm, WindowsHost
+from tests.twin.observing import JOURNAL, PROFILE, document_of
+from tests.twin.run import Ran, put, run
+
+CELLS = {"fresh": fresh, "everything": everything}
+cells = pytest.mark.parametrize("cell", [pytest.param(make, id=name) for name, make in CELLS.items()])
+Make = Callable[[], Prepared]
+
+
+def seen(host: WindowsHost) -> dict[str, Any]:
+    """What is there but for the words of the journal, which tell of every kill."""
+    return {name: probe for name, probe in document_of(host).items() if name != "journal"}
+
+
+def disks(host: WindowsHost) -> set[str]:
+    return {path for path in host.files if path.endswith(".vhdx")}
+
+
+def journal(host: WindowsHost) -> list[dict[str, Any]]:
+    file = host.file(JOURNAL)
+    assert file is not None
+    assert file.data is not None
+    return list(records_in(file.data, JOURNAL))  # type: ignore[arg-type]  # it is only shown
+
+
+def again(host: WindowsHost, plan: Prepared) -> Ran:
+    return run(host, apply_script(plan.plan))
+
+
+@cells
+def test_the_scripts_pass_their_inspection(cell: Make) -> None:
+    for name, text in scripts_of(cell().plan).items():
+        assert inspect(text, ScriptKind.UNDO if name.endswith(".undo.ps1") else ScriptKind.APPLY, name) == ()
+
+
+@cells
+@pytest.mark.parametrize("windows_powershell", [True, False], ids=["5.1", "7"])
+def test_after_a_run_the_next_plan_has_nothing_to_do_on_the_host_itself(cell: Make, windows_powershell: bool) -> None:
+    prepared = cell()
+    host = prepared.copy()
+
+    ran = apply(host, prepared.plan, windows_powershell=windows_powershell)
+
+    assert ran.code == 0, ran.says
+    left = prepared.cell.on(host).plan()
+    assert [str(step.address) for step in left.hosts[0].steps] == []
+    assert ran.status_of("host") == ["done"]
+
+
+@cells
+def test_a_second_run_calls_nothing(cell: Make) -> None:
+    prepared = cell()
+    host = prepared.copy()
+    apply(host, prepared.plan)
+    before, calls = seen(host), len(host.effects)
+
+    ran = again(host, prepared)
+
+    assert ran.code == 0, ran.says
+    assert {one["status"] for one in ran.events} == {"unchanged", "done"}
+    assert [one for one in host.effects[calls:] if "owner.txt" not in one and "Set-Acl" not in one] == []
+    assert seen(host) == before
+
+
+@cells
+def test_what_if_touches_nothing(cell: Make) -> None:
+    prepared = cell()
+    host = prepared.copy()
+    before = seen(host)
+
+    put(host, scripts_of(prepared.plan))
+    ran = run(host, apply_script(prepared.plan), what_if=True)
+
+    assert ran.code == 0, ran.says
+    assert host.effects == []
+    assert seen(host) == before
+    assert {one["status"] for one in ran.events} <= {"skipped", "unchanged"}
+
+
+def numbers(prepared: Prepared, fault: str, usual: int) -> range:
+    """Every effect of the plan; in a usual run every few, others for each fault."""
+    step = max(1, len(calls(prepared)) // examples(usual))
+    return range(len(fault) % step, len(calls(prepared)), step)
+
+
+def calls(prepared: Prepared) -> list[str]:
+    host = prepared.copy()
+    assert apply(host, prepared.plan).code == 0
+    return host.effects
+
+
+@cells
+@pytest.mark.parametrize("fault", ["kill_before", "kill_after", "fail_at", "torn"])
+def test_a_run_that_was_killed_or_failed_anywhere_is_finished_by_the_next(cell: Make, fault: str) -> None:
+    prepared = cell()
+    undisturbed = prepared.copy()
+    apply(undisturbed, prepared.plan)
+    for number in numbers(prepared, fault, 24):
+        faults: dict[str, object] = {"kill_after" if fault == "torn" else fault: number, "tear": fault == "torn"}
+        host = prepared.copy(**faults)
+
+        first = apply(host, prepared.plan)
+        where = f"{fault} {number}: {host.effects[-1]}"
+        host = host.copy()
+        second = again(host, prepared)
+
+        assert first.code == (1 if fault == "fail_at" else None), f"{where}\n{first.says}"
+        assert second.code == 0, f"{where}\n{second.says}"
+        assert seen(host) == seen(undisturbed), where
+        assert disks(host) == disks(undisturbed), where
+        assert journal(host)[-1]["kind"] == "run_closed", where
+        assert host.files["c:\\programdata\\rarms"].protected, where
+
+
+@cells
+@pytest.mark.parametrize("fault", ["kill_before", "kill_after", "fail_at"])
+def test_undo_brings_back_what_was_observed_from_wherever_the_run_got_to(cell: Make, fault: str) -> None:
+    prepared = cell()
+    for number in [*numbers(prepared, fault, 16), 10**9]:
+        host = prepared.copy(**{fault: number})
+        apply(host, prepared.plan)
+        where = f"{fault} {number}: {host.effects[-1]}"
+        started = host.file(JOURNAL) is not None and any(one["plan"] == prepared.plan.id for one in journal(host)[:1])
+        host = host.copy()
+
+        ran = undo(host, prepared.plan)
+
+        assert ran.code == (0 if started else 3), f"{where}\n{ran.says}"
+        assert strip(seen(host)) == strip(seen(prepared.copy())), where
+
+
+def strip(document: dict[str, Any]) -> dict[str, Any]:
+    """Without what counts for nothing: records without a digest were never finished, keys without values are none."""
+    records = document["records"].get("value", [])
+    whole = [one for one in records if any(value["name"] == "set" for value in one["values"])]
+    return {**document, "records": whole, "tasks": [one for one in document["tasks"]["value"] if one["values"]]}
+
+
+@cells
+def test_an_undo_that_was_killed_anywhere_is_finished_by_the_next(cell: Make) -> None:
+    prepared = cell()
+    done = prepared.copy()
+    apply(done, prepared.plan)
+    whole = done.copy()
+    undo(whole, prepared.plan)
+    for number in range(0, len(whole.effects), max(1, len(whole.effects) // examples(16))):
+        host = done.copy(kill_after=number)
+        undo(host, prepared.plan)
+        where = host.effects[-1]
+        host = host.copy()
+
+        ran = run(host, undo_script(prepared.plan))
+
+        assert ran.code == 0, f"{where}\n{ran.says}"
+        assert strip(seen(host)) == strip(seen(prepared.copy())), where
+
+
+MOVES: dict[str, tuple[str, Callable[[Vm], object]]] = {
+    "reserve": ("vision", lambda vm: setattr(vm, "reserve", vm.reserve + 1)),
+    "weight": ("vision", lambda vm: setattr(vm, "weight", 7)),
+    "limit": ("vision", lambda vm: setattr(vm, "limit", 77)),
+    "state": ("speech", lambda vm: setattr(vm, "state", "Saved")),
+    "critical state": ("speech", lambda vm: setattr(vm, "state", "RunningCritical")),
+    "memory": ("speech", lambda vm: setattr(vm, "memory", 2**30 + 2**20)),
+    "processors": ("speech", lambda vm: setattr(vm, "processors", 4)),
+    "mark": ("vision", lambda vm: setattr(vm, "notes", "")),
+    "copied mark": ("vision", lambda vm: setattr(vm, "notes", vm.notes.replace("vm=0", "vm=1"))),
+    "removed": ("vision", lambda vm: setattr(vm, "id", "eeeeeeee-0000-4000-8000-000000000000")),
+}
+
+
+@pytest.mark.parametrize("move", MOVES)
+def test_a_host_that_somebody_moved_is_not_touched_by_the_step_that_it_concerns(move: str) -> None:
+    prepared = everything()
+    host = prepared.copy()
+    name, change = MOVES[move]
+    (vm,) = (one for one in host.vms.values() if one.name == name)
+    change(vm)
+    host.vms = {one.id: one for one in host.vms.values()}
+
+    ran = apply(host, prepared.plan)
+
+    refused = [one for one in ran.events if one["status"] in ("refused", "failed")]
+    assert len(refused) == 1, ran.says
+    if "state" in move:  # neither running nor off: Hyper-V refuses what comes next
+        assert ran.code == 1, ran.says
+    else:
+        assert (ran.code, refused[0]["address"]) == (3, f"partition/{name}"), ran.says
+
+
+def test_a_task_class_that_somebody_moved_is_not_touched() -> None:
+    prepared = everything()
+    host = prepared.copy()
+    games = host.registry[f"{PROFILE}\\Tasks\\Games".lower()]
+    games.values["affinity"] = replace(games.values["affinity"], kind="String", data="4294967295")
+
+    ran = apply(host, prepared.plan)
+
+    assert ran.code == 3, ran.says
+    assert ran.status_of("task/Games")[-1] == "refused"
+    assert games.values["affinity"].kind == "String"
+
+
+@pytest.mark.parametrize(
+    ("facts", "code", "says"),
+    [
+        ({"computer": "OTHER"}, 3, "this is OTHER"),
+        ({"logical_processors": 2}, 3, "2 logical processors"),
+        ({"scheduler": 4}, 1, "root scheduler"),
+        ({"scheduler": None}, 1, "not known"),
+        ({"mutex": "held"}, 3, "it is held by"),
+        ({"elevated": False}, 1, ""),
+    ],
+    ids=["another computer", "processors", "root", "unknown", "locked", "no rights"],
+)
+def test_a_host_that_is_not_the_plans_is_not_touched_at_all(facts: dict[str, object], code: int, says: str) -> None:
+    prepared = fresh()
+    host = prepared.copy(**facts)
+    before = host.copy(elevated=True)
+
+    ran = apply(host, prepared.plan)
+
+    assert ran.code == code, ran.says
+    assert says in ran.says
+    assert seen(host.copy(elevated=True)) == seen(before)
+
+
+def test_a_client_without_the_schedulers_event_counts_as_root() -> None:
+    prepared = fresh()
+    host = prepared.copy(scheduler=None)
+    entry = host.registry["hklm:\\software\\microsoft\\windows nt\\currentversion"].values["installationtype"]
+    host.registry["hklm:\\software\\microsoft\\windows nt\\currentversion"].values["installationtype"] = replace(
+        entry, data="Client"
+    )
+
+    ran = apply(host, prepared.plan)
+
+    assert ran.code == 1
+    assert "root scheduler" in ran.says
+
+
+def test_a_mutex_that_a_dead_process_held_is_taken_over_by_name() -> None:
+    prepared = fresh()
+    host = prepared.copy(kill_after=20)
+    apply(host, prepared.plan)
+    assert host.mutex == "abandoned"
+
+    ran = again(host.copy(mutex="abandoned"), prepared)
+
+    assert ran.code == 0, ran.says
+    assert "operator@ONBOARD, process 4711" in ran.says
+
+
+def test_a_used_plan_is_refused_after_another() -> None:
+    first = everything()
+    host = first.copy()
+    apply(host, first.plan)
+    undo(host, first.plan)
+
+    ran = again(host, first)
+
+    assert ran.code == 3
+    assert "used" in ran.says
+
+
+def test_another_plan_waits_until_the_unfinished_one_is_finished() -> None:
+    prepared = everything()
+    host = prepared.copy(kill_after=25)
+    apply(host, prepared.plan)
+    host = host.copy()
+    other = fresh()
+
+    ran = apply(host, other.plan)
+
+    assert ran.code == 3
+    assert f"plan {prepared.plan.id} is unfinished here" in ran.says
+
+
+def test_a_planted_journal_is_not_believed() -> None:
+    prepared = everything()
+    host = prepared.copy()
+    file = host.file(JOURNAL)
+    assert file is not None
+    file.owner = "S-1-5-21-1-2-3-1001"
+    before = seen(host)
+
+    ran = apply(host, prepared.plan)
+
+    assert ran.code == 1
+    assert "S-1-5-21-1-2-3-1001" in ran.says
+    assert seen(host) == before
+
+
+def test_a_damaged_record_stops_the_run_before_anything_is_touched() -> None:
+    prepared = everything()
+    host = prepared.copy()
+    file = host.file(JOURNAL)
+    assert file is not None
+    assert file.data is not None
+    file.data = file.data.replace(b'"status":"begun"', b'"status":"bogun"', 1)
+    before = seen(host)
+
+    ran = apply(host, prepared.plan)
+
+    assert ran.code == 1
+    assert "damaged" in ran.says
+    assert seen(host) == before
+
+
+LOOKALIKES = ("planning.rarms-ffffffffffff", "planning", "PLANNING.rarms-{}", "planning.rarms-{} ")
+LOOKALIKES += ("plan\u00adning.rarms-{}",)  # comparing by culture sees no soft hyphen
+
+
+@pytest.mark.parametrize("name", LOOKALIKES)
+def test_somebody_elses_machine_is_never_taken_for_the_half_made_one(name: str) -> None:
+    prepared = fresh()
+    host = prepared.copy(kill_after=20)
+    lookalike = a_stranger(name.format(prepared.plan.id), 7, state="Off", start_action="Nothing")
+    apply(host, prepared.plan)
+    host = host.copy()
+    host.vms[lookalike.id] = replace(lookalike)
+
+    ran = again(host, prepared)
+
+    assert ran.code == 0, ran.says
+    assert host.vms[lookalike.id] == lookalike
+    assert sorted(vm.name for vm in host.vms.values()) == sorted(["planning", "backup", "other", lookalike.name])
+
+
+def test_two_machines_that_both_look_half_made_stop_the_run() -> None:
+    prepared = fresh()
+    host = prepared.copy(kill_before=next(at for at, one in enumerate(calls(prepared)) if one.startswith("Set-VM ")))
+    apply(host, prepared.plan)
+    host = host.copy()
+    other = a_stranger(f"planning.rarms-{prepared.plan.id}", 7, state="Off")
+    host.vms[other.id] = replace(other)
+
+    ran = again(host, prepared)
+
+    assert ran.code in (1, 3), ran.says
+    assert host.vms[other.id] == other
+    assert len(host.vms) == 4
+
+
+def test_a_stranger_that_takes_the_room_stops_the_start_and_not_the_host() -> None:
+    prepared = everything()
+    host = prepared.copy()
+    greedy = a_stranger("greedy", 9, processors=4, reserve=60)
+    host.vms[greedy.id] = greedy
+
+    ran = apply(host, prepared.plan)
+
+    assert ran.code == 1, ran.says
+    assert "cannot keep this promise" in ran.says
+
+
+def test_a_guest_that_does_not_shut_down_is_turned_off_after_the_grace() -> None:
+    prepared = everything()
+    host = prepared.copy()
+    for vm in host.vms.values():
+        vm.obeys = False
+    begun = host.clock
+
+    ran = apply(host, prepared.plan)
+
+    assert ran.code == 0, ran.says
+    assert host.clock - begun >= 120_000
+
+
+def test_a_declined_step_leaves_out_what_builds_on_it() -> None:
+    prepared = fresh()
+    host = prepared.copy()
+    put(host, scripts_of(prepared.plan))
+
+    ran = run(host, apply_script(prepared.plan), declined=frozenset({"partition/planning"}))
+
+    assert ran.code == 0, ran.says
+    assert set(ran.status_of("partition/planning")) == {"skipped"}
+    assert set(ran.status_of("partition/planning/disk")) == {"skipped"}
+    assert ran.status_of("task/Localization")[-1] == "changed"
+    assert again(host, prepared).code == 0
+    assert "planning" in {vm.name for vm in host.vms.values() if not vm.id.startswith("ffff")}
+
+
+def test_the_undo_script_must_lie_beside_and_be_unedited() -> None:
+    prepared = fresh()
+    for edited in (None, b"# edited\r\n"):
+        host = prepared.copy()
+        put(host, scripts_of(prepared.plan))
+        path = f"c:\\run\\{undo_script(prepared.plan)}"
+        if edited is None:
+            del host.files[path]
+        else:
+            host.files[path].data = edited
+        before = seen(host)
+
+        ran = again(host, prepared)
+
+        assert ran.code == 1
+        assert undo_script(prepared.plan) in ran.says
+        assert seen(host) == before
+
+
+def test_events_are_ascii_json_in_order() -> None:
+    prepared = everything()
+    ran = apply(prepared.copy(), prepared.plan)
+
+    assert all(line.isascii() and json.loads(line)["format"] == "rarms-event/1" for line in ran.lines)
+    begun = [one["number"] for one in ran.events if one["status"] == "begun"]
+    assert begun == sorted(set(begun))
+    assert ran.events[-1]["status"] == "done"
