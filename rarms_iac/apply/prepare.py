@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from datetime import date
 
 from rarms_iac import __version__
-from rarms_iac.apply.restarts import restarts
+from rarms_iac.apply.review.findings_on import findings_on
+from rarms_iac.apply.review.reviewed import Reviewed
 from rarms_iac.apply.scripts import by_hand, guest_tasks, of_the_host_itself, with_scripts
 from rarms_iac.apply.taking_over import adoption, releasing
 from rarms_iac.apply.targets import targeted, without_change
@@ -21,6 +22,7 @@ from rarms_iac.diff.order import Cycle, order
 from rarms_iac.diff.steps import Planned, steps_for
 from rarms_iac.model.changes import Address, Adopt, Release
 from rarms_iac.model.diagnostics import Diagnostic, Places, has_errors, in_order
+from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import HostPlan, Plan, Purpose
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
@@ -81,7 +83,7 @@ def prepare(request: Request, observed: Mapping[str, State]) -> Prepared:
     parts: list[_Part] = []
     for name, wish in wishes.hosts.items():
         if name in (request.hosts or observed):
-            parts.append(_host_plan(request, wish))
+            parts.append(_host_plan(request, wish, wishes.layout))
             found += parts[-1].findings
     found += without_change([address for part in parts for address in part.addresses], request.targets)
     kept, accepted = request.judge(in_order(found))
@@ -130,7 +132,7 @@ class _Part:
     guests: tuple[GuestTask, ...]  # classes of guests that nobody could look into: only their scripts know
 
 
-def _host_plan(request: Request, wish: HostWish) -> _Part:
+def _host_plan(request: Request, wish: HostWish, layout: Layout | None) -> _Part:
     application = request.system.application.name
     difference = _difference(request, wish)
     held = hold_back(targeted(difference.changes, request.targets), wish.room)
@@ -153,11 +155,19 @@ def _host_plan(request: Request, wish: HostWish) -> _Part:
     )
     where, replaceable = wish.wishes.where, wish.wishes.replaceable
     guests = guest_tasks(wish.by_hand, application, replaceable, request.targets, where)
-    hands = tuple(by_hand(plan, guests, where))
-    addresses = tuple(str(change.address) for change in (*difference.changes, *(one.step for one in guests)))
-    stopped = tuple(restarts(held.kept)) if request.purpose is Purpose.APPLY else ()
+    reviewed = Reviewed(
+        system=request.system,
+        places=request.places,
+        purpose=request.purpose,
+        layout=layout,
+        observed=wish.observed,
+        plan=plan,
+    )
     return _Part(
-        plan=plan, addresses=addresses, findings=(*difference.findings, *cycle, *stopped, *hands), guests=guests
+        plan=plan,
+        addresses=tuple(str(change.address) for change in (*difference.changes, *(one.step for one in guests))),
+        findings=(*difference.findings, *cycle, *findings_on(reviewed), *by_hand(plan, guests, where)),
+        guests=guests,
     )
 
 

@@ -55,7 +55,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> Sized | C
     if reserve and processors > host.logical_processors:
         says = f"The {_count(processors)} of {group.name} are more than the {host.logical_processors} of {host.name}."
         return Cause(what=f"partition/{group.name}", says=says, code=findings.TOO_WIDE.code)
-    limit = max(reserve, _limit(group, host, processors))
+    limit = max(reserve, limit_of(group, host, processors))
     memory = sum(one.memory for one in group.members) if group.wish.memory is None else group.wish.memory
     return Sized(
         placed=PlacedPartition(
@@ -91,7 +91,7 @@ def _processors(group: Group, host: Host) -> int:
     return own if own is not None else max(one.processors or host.logical_processors for one in group.members)
 
 
-def _limit(group: Group, host: Host, processors: int) -> int:
+def limit_of(group: Group, host: Host, processors: int) -> int:
     """Its own, or the members' together where each has one; otherwise none: a cap falsifies what was measured."""
     own = group.wish.cpu.limit
     amounts: list[CpuAmount | None] = [own] if own is not None else [one.cpu.limit for one in group.members]

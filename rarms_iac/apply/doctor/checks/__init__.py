@@ -41,7 +41,7 @@ OWN = (
 CHECKS = (void_host, *OWN)
 """Those, and the one that asks what plans ask, too."""
 
-ASKED_BY_THE_DOCTOR = frozenset(one.FINDING.code for one in OWN)
+ASKED_BY_THE_DOCTOR = frozenset(one.FINDING.code for one in OWN if one is not wide_machine)
 """The codes that `rarms doctor` can find and no plan does: an acceptance of one is not unused in a plan."""
 
 __all__ = ["ASKED_BY_THE_DOCTOR", "CHECKS"]

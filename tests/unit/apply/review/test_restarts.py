@@ -1,6 +1,6 @@
 import pytest
 
-from rarms_iac.apply.restarts import restarts
+from rarms_iac.apply.review.restarts import restarts
 from rarms_iac.model.changes import Address, Delete, Reason, Update
 from rarms_iac.model.system import Disruption
 from tests.builders_plan import partition, settings

@@ -1,0 +1,33 @@
+"""All findings on one host's part of a plan."""
+
+from collections.abc import Iterator
+
+from rarms_iac.apply.review import (
+    disks_stay,
+    limit_below_reserve,
+    limit_widens,
+    memory_shrinks,
+    not_undone,
+    restarts,
+    unmanaged_gets_less,
+    wide_partition,
+)
+from rarms_iac.apply.review.reviewed import Reviewed
+from rarms_iac.model.diagnostics import Diagnostic
+
+REVIEWS = (
+    restarts,
+    memory_shrinks,
+    limit_below_reserve,
+    limit_widens,
+    unmanaged_gets_less,
+    disks_stay,
+    not_undone,
+    wide_partition,
+)
+
+
+def findings_on(part: Reviewed) -> Iterator[Diagnostic]:
+    """What its reviewer should see before it is done."""
+    for one in REVIEWS:
+        yield from one.review(part)

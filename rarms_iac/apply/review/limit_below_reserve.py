@@ -1,0 +1,31 @@
+"""A limit that is below what its reserve needs is raised, and that is said."""
+
+from collections.abc import Iterator
+
+from rarms_iac.apply.review.reviewed import Reviewed
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.where import partition_place
+from rarms_iac.planner.groups import groups_of
+from rarms_iac.planner.sizes import limit_of
+
+FINDING = Finding(code="RARMS221", severity=Severity.WARNING, summary="A limit is below what the reserve needs")
+
+
+def review(part: Reviewed) -> Iterator[Diagnostic]:
+    """Tells of partitions whose reserve, together and rounded up, is above the limit that was asked for."""
+    if part.layout is None:
+        return
+    groups = {one.name: one for one in groups_of(part.system)}
+    host = part.plan.host
+    for placed in part.layout.partitions:
+        if placed.host != host.name or placed.name not in groups:
+            continue
+        asked = limit_of(groups[placed.name], host, placed.processors)
+        if asked < placed.reserve:
+            yield FINDING.at(
+                partition_place(part.system, part.places, placed.name),
+                f'"{placed.name}" is limited to {asked} % of each of its virtual processors, and its reserve needs '
+                f"{placed.reserve} %: the plan raises the limit to that, and the partition never gets more.",
+                "Raise the limit, or remove it: what was measured without one holds without one.",
+                address=f"partition/{placed.name}",
+            )

@@ -1,0 +1,55 @@
+"""Machines that rarms does not manage are never changed, but what they get may be.
+
+When all machines are busy, each gets its reserve, and what is left is shared by weight, processor by processor
+(FACTS 1.1). A larger reserve or weight of ours leaves less for the others. While the host has idle time nobody loses.
+"""
+
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+
+from rarms_iac.apply.review.reviewed import Reviewed
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.plan import Purpose
+from rarms_iac.model.state import Partition, PartitionSettings
+
+FINDING = Finding(code="RARMS223", severity=Severity.WARNING, summary="A machine that is not managed gets less")
+
+
+def review(part: Reviewed) -> Iterator[Diagnostic]:
+    """Tells of running machines of others whose share of a busy host shrinks by the plan."""
+    if part.purpose in {Purpose.IMPORT, Purpose.RELEASE}:
+        return  # a mark is written or erased, and nobody's share changes
+    others = [one for one in part.observed.partitions if one.settings.running and not part.is_ours(one)]
+    strangers = [one.settings for one in others]
+    before = _running([*strangers, *(one.settings for one in part.observed.of(part.application).partitions)])
+    after = _running([*strangers, *part.settings_after()])
+    available = part.observed.facts.logical_processors
+    for one in others:
+        old, new = share(one.settings, before, available), share(one.settings, after, available)
+        if new < old:
+            yield _told(part, one, old, new)
+
+
+def _running(machines: Sequence[PartitionSettings]) -> list[PartitionSettings]:
+    return [one for one in machines if one.running]
+
+
+def share(one: PartitionSettings, running: Sequence[PartitionSettings], logical_processors: int) -> Fraction:
+    """LPs that a machine gets while all that run are busy: its reserve, and by weight what no reserve takes."""
+    reserved = Fraction(sum(other.reserve * other.processors for other in running), 100)
+    weights = max(1, sum(other.weight * other.processors for other in running))
+    left = max(Fraction(0), logical_processors - reserved)
+    own = Fraction(one.reserve * one.processors, 100) + left * one.weight * one.processors / weights
+    return min(own, Fraction(one.limit * one.processors, 100))
+
+
+def _told(part: Reviewed, one: Partition, old: Fraction, new: Fraction) -> Diagnostic:
+    name, host = one.settings.name, part.plan.host.name
+    return FINDING.at(
+        None,
+        f'"{name}" ({one.id[:8]}) on {host} is not managed by {part.application} and stays as it is. While all '
+        f"machines are busy it got about {float(old):.2f} LP and gets about {float(new):.2f} LP, of which "
+        f"{one.settings.reserve * one.settings.processors / 100:.2f} LP are reserved.",
+        "If it has to answer in time, give it a reserve first, or take it in: `rarms import`.",
+        address=f"machine/{one.id}",
+    )

@@ -1,0 +1,190 @@
+"""What a reviewer of a plan is told: state and plan in, findings out."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from fractions import Fraction
+
+import pytest
+
+from rarms_iac.apply.review.findings_on import findings_on
+from rarms_iac.apply.review.reviewed import Reviewed
+from rarms_iac.apply.review.unmanaged_gets_less import share
+from rarms_iac.model.changes import Adopt, Change, Release
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.layout import Layout
+from rarms_iac.model.operations import RemovePartition, StartPartition, StopPartition
+from rarms_iac.model.plan import Purpose, Step, UndoLevel
+from rarms_iac.model.state import HostFacts, Partition, State
+from rarms_iac.model.system import Disruption, ProviderKind, System
+from tests import builders_plan as build
+from tests.builders import PathPlaces, a_component, a_cpu, a_partition, a_system
+from tests.builders_plan import facts, partition, settings
+
+STRANGER = partition(settings("stranger", processors=2, reserve=10), application=None)
+
+
+def findings(
+    *changes: Change,
+    machines: Iterable[Partition] = (),
+    steps: Iterable[Step] | None = None,
+    of: HostFacts | None = None,
+    purpose: Purpose = Purpose.APPLY,
+    layout: Layout | None = None,
+    system: System | None = None,
+) -> list[Diagnostic]:
+    plan = build.host_plan(changes=changes, steps=steps)
+    named = system or a_system(components=[a_component()])
+    part = Reviewed(
+        system=replace(named, application=replace(named.application, name="robot")),
+        places=PathPlaces(),
+        purpose=purpose,
+        layout=layout,
+        observed=State(facts=of or facts(), partitions=tuple(machines)),
+        plan=plan,
+    )
+    return list(findings_on(part))
+
+
+def told(found: list[Diagnostic]) -> list[tuple[str, str]]:
+    return [(one.code, one.address) for one in found]
+
+
+def test_a_plan_without_changes_has_no_findings() -> None:
+    assert findings(machines=[partition(), STRANGER]) == []
+
+
+def test_memory_that_shrinks_is_told_and_memory_that_grows_is_not() -> None:
+    small, large = partition(settings(ram="1 GiB")), partition(settings(ram="2 GiB"))
+
+    assert told(findings(build.update(large, small), machines=[large])) == [("RARMS220", "partition/vision")]
+    assert findings(build.update(small, large), machines=[small]) == []
+
+
+def test_a_limit_that_widens_is_told_and_one_that_narrows_is_not() -> None:
+    narrow, wide = partition(settings(limit=60)), partition(settings(limit=80))
+
+    assert told(findings(build.update(narrow, wide), machines=[narrow])) == [("RARMS222", "partition/vision")]
+    assert findings(build.update(wide, narrow), machines=[wide]) == []
+
+
+@pytest.mark.parametrize(
+    ("limit", "expected"),
+    [("30 %", [("RARMS221", "partition/both")]), ("40 %", []), (None, [])],
+)
+def test_a_limit_below_what_its_members_reserve_together_is_raised_and_told(
+    limit: str | None, expected: list[tuple[str, str]]
+) -> None:
+    both = replace(a_partition("both", components=("vision", "speech")), cpu=a_cpu(reserve=None, limit=limit))
+    parts = [a_component("vision", reserve="20 %"), a_component("speech", reserve="20 %")]
+    system = a_system(components=parts, partitions=[both])
+    placed = replace(build.placed("both", components=("vision", "speech")), reserve=40)
+    layout = Layout(partitions=(placed,), on_hosts=(), proven=True)
+
+    assert told(findings(system=system, layout=layout)) == expected
+
+
+class TestUnmanaged:
+    def test_a_partition_that_is_made_takes_what_nobody_had_reserved(self) -> None:
+        (one,) = findings(build.create(partition(settings(reserve=60))), machines=[STRANGER])
+
+        assert (one.code, one.address) == ("RARMS223", "machine/id-of-stranger")
+        assert "about 2.00 LP and gets about 0.50 LP, of which 0.20 LP are reserved" in one.detail
+
+    def test_a_larger_weight_takes_too(self) -> None:
+        old, new = partition(settings(weight=100)), partition(settings(weight=300))
+
+        assert told(findings(build.update(old, new), machines=[old, STRANGER])) == [
+            ("RARMS223", "machine/id-of-stranger")
+        ]
+
+    @pytest.mark.parametrize(
+        "change",
+        [
+            build.update(partition(settings(reserve=50)), partition(settings(reserve=40))),
+            build.delete(partition()),
+            build.create(partition(settings(running=False))),
+        ],
+    )
+    def test_what_gives_back_or_does_not_run_takes_nothing(self, change: Change) -> None:
+        there = [] if change.kind == "create" else [partition(settings(reserve=50))]
+
+        assert findings(change, machines=[STRANGER, *there], steps=[build.step(change.address)]) == []
+
+    def test_one_that_does_not_run_loses_nothing(self) -> None:
+        off = partition(settings("stranger", running=False), application=None)
+
+        assert findings(build.create(partition()), machines=[off]) == []
+
+    def test_taking_in_and_letting_go_change_nobodys_share(self) -> None:
+        ours, other = partition(), partition(application=None)
+        because = build.because()
+        adopt = Adopt(address=build.address_of(other), before=other, after=ours, reason=because)
+        release = Release(address=build.address_of(ours), before=ours, after=other, reason=because)
+
+        assert findings(adopt, machines=[other, STRANGER], purpose=Purpose.IMPORT) == []
+        assert findings(release, machines=[ours, STRANGER], purpose=Purpose.RELEASE) == []
+
+    def test_a_share_is_the_reserve_and_by_weight_what_no_reserve_takes(self) -> None:
+        first, second = settings("a", reserve=50, weight=100), settings("b", reserve=0, weight=300)
+
+        assert share(first, [first, second], 2) == 1 + Fraction(1, 4)
+        assert share(second, [first, second], 2) == Fraction(3, 4)
+
+    def test_a_share_is_never_above_the_limit(self) -> None:
+        alone = settings("a", reserve=10, limit=30)
+
+        assert share(alone, [alone], 2) == Fraction(6, 10)
+
+
+@pytest.mark.parametrize(("provider", "expected"), [(ProviderKind.HYPERV, True), (ProviderKind.SIMULATED, False)])
+def test_disks_that_stay_are_told_where_machines_have_disks(provider: ProviderKind, expected: bool) -> None:
+    before = partition()
+    remove = build.step(operation=RemovePartition(partition="vision", machine=before.id))
+
+    found = findings(build.delete(before), machines=[before], steps=[remove], of=replace(facts(), provider=provider))
+
+    assert ("RARMS224" in {one.code for one in found}) is expected
+
+
+@pytest.mark.parametrize(
+    ("purpose", "level", "expected"),
+    [
+        (Purpose.APPLY, UndoLevel.NONE, [("RARMS225", "partition/vision")]),
+        (Purpose.APPLY, UndoLevel.PARTIAL, []),
+        (Purpose.DESTROY, UndoLevel.NONE, []),
+    ],
+)
+def test_a_step_without_an_undo_is_told_unless_destroying_was_asked_for(
+    purpose: Purpose, level: UndoLevel, expected: list[tuple[str, str]]
+) -> None:
+    step = build.step(undo=level, lost="it is not made again")
+
+    assert told(findings(machines=[partition()], steps=[step], purpose=purpose)) == expected
+
+
+def test_a_partition_wider_than_its_host_is_told() -> None:
+    wide = partition(settings(processors=3, reserve=0))
+
+    assert told(findings(build.create(wide))) == [("RARMS246", "partition/vision")]
+
+
+class TestStops:
+    RUNNING = partition(settings(reserve=40))
+    LIVE = build.update(RUNNING, partition(settings(reserve=60)))
+    STOP = build.step(
+        operation=StopPartition(partition="vision"), comment="no order of the steps keeps within the host"
+    )
+    START = build.step(operation=StartPartition(partition="vision"))
+
+    def test_a_partition_that_is_stopped_only_to_make_room_is_told(self) -> None:
+        (one,) = findings(self.LIVE, machines=[self.RUNNING], steps=[self.STOP, self.START])
+
+        assert (one.code, one.address) == ("RARMS041", "partition/vision")
+        assert "no order of the steps" in one.detail
+
+    def test_one_whose_own_change_stops_it_is_told_once(self) -> None:
+        stopping = replace(self.LIVE, disruption=Disruption.PARTITION_STOP)
+
+        found = findings(stopping, machines=[self.RUNNING], steps=[self.STOP, self.START])
+
+        assert told(found) == [("RARMS041", "partition/vision")]
