@@ -2,17 +2,20 @@
 
 from collections.abc import Sequence
 
-from rarms_iac.diff.claims import claim_of
+from rarms_iac.diff.claims import NO_CLAIM, claim_of
 from rarms_iac.model.capacity import claim_of_settings, foreign_claims, load_of
 from rarms_iac.model.changes import Adopt, Change, Release
 from rarms_iac.model.plan import Step, Totals
 from rarms_iac.model.state import Partition, State
 
 
-def totals_of(observed: State, application: str, changes: Sequence[Change], steps: Sequence[Step]) -> Totals:
+def totals_of(
+    observed: State, desired: State, application: str, changes: Sequence[Change], steps: Sequence[Step]
+) -> Totals:
     """The promises to this application's partitions after these steps, and those to all others then.
 
-    A machine that is taken over or let go of changes sides, and keeps what it has.
+    A machine that is taken over or let go of changes sides, and keeps what it has. One that is wanted and does not run
+    is promised what the layout gives it, as the planner counts it.
     """
     ours = {one.mark.name: claim_of(one) for one in observed.of(application).partitions if one.mark}
     renamed: dict[str, str] = {one.id: one.mark.name for one in observed.of(application).partitions if one.mark}
@@ -31,5 +34,14 @@ def totals_of(observed: State, application: str, changes: Sequence[Change], step
                 others += [claim_of_settings(before.settings)] if before.claims_resources else []
             case _:
                 pass
+    layout = {one.settings.name: claim_of_settings(one.settings) for one in desired.partitions}
+    idle = load_of(layout[name] for name, claim in ours.items() if claim == NO_CLAIM and name in layout)
     mine, theirs = load_of(ours.values()), load_of(others)
-    return Totals(percent=mine.percent, memory=mine.memory, others_percent=theirs.percent, others_memory=theirs.memory)
+    return Totals(
+        percent=mine.percent + idle.percent,
+        memory=mine.memory + idle.memory,
+        others_percent=theirs.percent,
+        others_memory=theirs.memory,
+        idle_percent=idle.percent,
+        idle_memory=idle.memory,
+    )

@@ -90,6 +90,8 @@ class Totals:
     memory: int  # bytes
     others_percent: int = 0
     others_memory: int = 0
+    idle_percent: int = 0  # of `percent`: to partitions that do not run then
+    idle_memory: int = 0  # of `memory`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -68,12 +68,17 @@ class StepOutput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TotalsOutput:
-    """What the host has promised once the plan is done; `percent` is of one logical processor (140: 1.4 LP)."""
+    """What the host has promised once the plan is done; `percent` is of one logical processor (140: 1.4 LP).
+
+    `idle` is that part of `reserved` which is promised to partitions that do not run then.
+    """
 
     reserved_percent: int
     reserved_memory: int
     unmanaged_percent: int
     unmanaged_memory: int
+    idle_percent: int
+    idle_memory: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -79,6 +79,8 @@ def _totals(totals: Totals) -> TotalsOutput:
         reserved_memory=totals.memory,
         unmanaged_percent=totals.others_percent,
         unmanaged_memory=totals.others_memory,
+        idle_percent=totals.idle_percent,
+        idle_memory=totals.idle_memory,
     )
 
 

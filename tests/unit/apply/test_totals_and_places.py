@@ -4,6 +4,8 @@ from rarms_iac.apply.totals import totals_of
 from rarms_iac.model.changes import Address
 from rarms_iac.model.plan import Claim, Purpose, Step, Totals
 from rarms_iac.model.state import State
+from rarms_iac.model.system import StartMode
+from rarms_iac.views.plan import plan_text
 from tests.builders import a_component, a_host, a_partition, a_system, the_delivery_robot
 from tests.builders_plan import facts, partition, settings, step
 from tests.lab import a_lab
@@ -23,6 +25,7 @@ def test_totals_are_what_is_promised_after_the_steps_with_strangers_apart() -> N
 
     after = totals_of(
         observed,
+        State(facts=facts()),
         "robot",
         (),
         [
@@ -46,6 +49,23 @@ def test_a_machine_that_changes_sides_is_counted_once() -> None:
     memory = eyes.settings.memory
     assert release.hosts[0].totals == Totals(percent=0, memory=0, others_percent=80, others_memory=memory)
     assert taking_over.hosts[0].totals == Totals(percent=80, memory=memory)
+
+
+def test_a_partition_that_is_started_by_hand_is_promised_what_the_planner_counts() -> None:
+    by_hand = a_partition("eyes", components=["eyes"], start=StartMode.MANUAL)
+    with a_lab(
+        a_system(hosts=[a_host("onboard")], components=[a_component("eyes", reserve="40 %")], partitions=[by_hand])
+    ) as lab:
+        first = lab.plan()
+        lab.apply(first)
+        again = lab.plan()
+        (eyes,) = lab.observe()["onboard"].partitions
+
+    memory = eyes.settings.memory
+    assert not eyes.settings.running
+    assert first.hosts[0].totals == Totals(percent=80, memory=memory, idle_percent=80, idle_memory=memory)
+    assert again.hosts[0].totals == first.hosts[0].totals
+    assert "      not running    0.8 LP     40 %" in plan_text(first)
 
 
 def step_with(one: Step, claim: Claim) -> Step:
