@@ -3,24 +3,36 @@
 from collections.abc import Iterator
 
 from rarms_iac.apply.doctor.examination import Examination
-from rarms_iac.cli.hosts import Hosts, observed
+from rarms_iac.cli.hosts import Hosts, observe, telling
 from rarms_iac.cli.wiring import seen_by_script
 from rarms_iac.model.condition import HostCondition
+from rarms_iac.providers.interface import ExaminableHost, Looked
 
 
 def examinations(hosts: Hosts) -> Iterator[Examination]:
-    """Every chosen host, by name.
+    """Every chosen host, by name, each looked at once.
 
     Raises:
         Halted: one of them cannot be reached or read.
     """
-    states = observed(hosts)
     for name in hosts.chosen:
-        file = hosts.snapshots.hosts.get(name)
-        seen = seen_by_script(file.data, name) if file else None
+        looked = _look(hosts, name)
         yield Examination(
-            state=states[name],
-            condition=seen.condition if seen else HostCondition(),
-            told=seen.findings if seen else (),
+            state=looked.state,
+            condition=looked.condition,
+            told=looked.findings,
             place=hosts.opened.loaded.places.key("hosts", name),
         )
+
+
+def _look(hosts: Hosts, name: str) -> Looked:
+    file = hosts.snapshots.hosts.get(name)
+    if file is not None:
+        seen = seen_by_script(file.data, name)
+        condition = seen.condition if seen else HostCondition()
+        return Looked(state=file.state, condition=condition, findings=file.findings)
+    host = hosts.open(name)
+    if isinstance(host, ExaminableHost):
+        with telling():
+            return host.examined()
+    return Looked(state=observe(host), condition=HostCondition(), findings=())

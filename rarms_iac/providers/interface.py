@@ -7,6 +7,8 @@ from enum import StrEnum
 from typing import Protocol, runtime_checkable
 
 from rarms_iac.model.changes import Address
+from rarms_iac.model.condition import HostCondition
+from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Journal, JournalRecord, RunStarted, ScriptRun
 from rarms_iac.model.operations import Operation
 from rarms_iac.model.plan import Readings, Scope
@@ -231,6 +233,24 @@ class ScriptedHost(Protocol):
         Raises:
             HostError: the host cannot be reached or runs no scripts; nothing happened.
         """
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Looked:
+    """One look at a host: its State, what else was seen, and what of it is odd."""
+
+    state: State
+    condition: HostCondition
+    findings: tuple[Diagnostic, ...]
+
+
+@runtime_checkable
+class ExaminableHost(Protocol):
+    """A host of which more can be seen than its State."""
+
+    def examined(self) -> Looked:
+        """Everything that can be seen, in one look; it raises as `observe` does."""
         ...
 
 

@@ -5,12 +5,14 @@ from rarms_iac.model.state import State
 from rarms_iac.model.system import Host
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.providers.hyperv.bootstrap import arguments_of
+from rarms_iac.providers.hyperv.condition import condition_of
 from rarms_iac.providers.hyperv.events import read_event
+from rarms_iac.providers.hyperv.findings import findings_of
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted, NoJournal
 from rarms_iac.providers.hyperv.observation import Observation, is_denied, observation_of
 from rarms_iac.providers.hyperv.parse import last_run_of, to_state
 from rarms_iac.providers.hyperv.transport import LocalTransport, SshTransport, Transport
-from rarms_iac.providers.interface import Exited, Failed, Hearing, HostDamaged, Lost, Script, Waits
+from rarms_iac.providers.interface import Exited, Failed, Hearing, HostDamaged, Looked, Lost, Script, Waits
 from rarms_iac.storage.codec import NotDecodable
 from rarms_iac.storage.digest import parse_json
 
@@ -37,6 +39,15 @@ class HypervHost:
             return to_state(self.observation(), self.name)
         except NotDecodable as error:
             raise self._unreadable(str(error)) from None
+
+    def examined(self) -> Looked:
+        """As the interface says."""
+        seen = self.observation()
+        try:
+            state = to_state(seen, self.name)
+        except NotDecodable as error:
+            raise self._unreadable(str(error)) from None
+        return Looked(state=state, condition=condition_of(seen), findings=findings_of(seen, self.name))
 
     def journal(self) -> ScriptRun | None:
         """As the interface says."""
