@@ -1,6 +1,7 @@
 """Applying a plan to live hosts, and finishing what an earlier run left (DESIGN section 4)."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import assert_never
 
 from rarms_iac.apply import refusals
@@ -88,7 +89,8 @@ def apply_plan(
                 case StepwiseHost():
                     reports.append(walk(host, _begun(host, plan, part, owner), reporter, should_stop))
                 case ScriptedHost():
-                    reports.append(run_order(host, applying(plan.id, part), reporter, should_stop, waits))
+                    told = run_order(host, applying(plan.id, part), reporter, should_stop, waits)
+                    reports.append(replace(told, hosts=tuple(replace(one, changes=part.changes) for one in told.hosts)))
                 case _:
                     assert_never(host)
         except HostError as error:

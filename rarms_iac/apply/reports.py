@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol
 
-from rarms_iac.model.changes import Address
+from rarms_iac.model.changes import Address, Change
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import RunKind, StepStatus
 
@@ -31,6 +31,7 @@ class HostReport:
     unchanged: int
     total: int
     resumed: bool = False  # it finished a run that had been begun earlier
+    changes: tuple[Change, ...] = ()  # of an apply: what its plan does to resources
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,7 +13,7 @@ from rarms_iac.apply.reports import Ending, HostReport, RunReport, RunReporter
 from rarms_iac.diff.readings import readings
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.journal import Closing, Journal, RunClosed, RunStarted, StepRecorded, StepStatus
+from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunStarted, StepRecorded, StepStatus
 from rarms_iac.model.plan import Reading, Readings, Scope, Step
 from rarms_iac.providers.interface import HostError, LiveHost, StepwiseHost
 
@@ -43,6 +43,7 @@ def walk(host: StepwiseHost, journal: Journal, reporter: RunReporter, should_sto
             unchanged=len(done) - changed,
             total=len(started.steps),
             resumed=resumed,
+            changes=started.host_plan.changes if started.run is RunKind.APPLY else (),
         )
         return RunReport(ending=ending, hosts=(told,), diagnostics=problems)
 

@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator
 
+from rarms_iac.apply.refusals import UNDO_PARTIAL
 from rarms_iac.apply.reports import Ending, HostReport, RunReport
 from rarms_iac.model.journal import RunKind
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap
 from rarms_iac.views.diagnostics.text import counted
 from rarms_iac.views.output import HostRunOutput, RunOutput
+from rarms_iac.views.plan import count
 
 GO_ON = "Run `rarms apply` to finish it, `rarms undo` to take it back, or `rarms apply --abandon` to leave it as it is."
 
@@ -19,7 +21,7 @@ def run_text(report: RunReport, *, width: int) -> str:
 
 def _sentences(report: RunReport) -> Iterator[str]:
     for one in report.hosts:
-        yield f"{one.host}: {_host(one)}"
+        yield f"{one.host}: {_host(one, lasting=_lasting(report))}"
     match report.ending:
         case Ending.NOTHING:
             yield "Nothing to do."
@@ -29,14 +31,30 @@ def _sentences(report: RunReport) -> Iterator[str]:
             pass
 
 
-def _host(one: HostReport) -> str:
+def _lasting(report: RunReport) -> bool:
+    """Whether something of what an undo was to take back cannot be."""
+    return any(one.code == UNDO_PARTIAL.code for one in report.diagnostics)
+
+
+def _host(one: HostReport, *, lasting: bool) -> str:
     what = "Apply" if one.run is RunKind.APPLY else "Undo"
     begun = f"{what} of plan {one.plan}{', begun earlier,' if one.resumed else ''}"
+    if one.run is RunKind.UNDO and one.ending is Ending.DONE and not one.total:
+        return f"{begun}: nothing of it can be taken back." if lasting else f"{begun}: it had changed nothing."
     steps = f"{counted(one.changed, 'step')} changed something, {one.unchanged} found all as wanted"
-    if one.ending is Ending.DONE:
-        return f"{begun} complete: {steps}."
-    left = one.total - one.changed - one.unchanged
-    return f"{begun} not complete: {steps}, {left} of {one.total} left."
+    if one.ending is not Ending.DONE:
+        left = one.total - one.changed - one.unchanged
+        return f"{begun} not complete: {steps}, {left} of {one.total} left."
+    if one.changes:
+        steps = f"{_resources(one)} ({counted(one.total, 'step')}; {one.unchanged} found all as wanted)"
+    return f"{begun} complete: {steps}."
+
+
+def _resources(one: HostReport) -> str:
+    counts = count(iter(one.changes))
+    told = [f"{counts['add']} added", f"{counts['change']} changed", f"{counts['remove']} removed"]
+    told += [f"{counts[name]} {says}" for name, says in (("adopt", "adopted"), ("release", "released")) if counts[name]]
+    return ", ".join(told)
 
 
 def run_json(report: RunReport) -> str:

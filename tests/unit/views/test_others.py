@@ -1,5 +1,7 @@
 import json
+from dataclasses import replace
 
+from rarms_iac.apply.refusals import UNDO_PARTIAL
 from rarms_iac.apply.reports import Ending, HostReport, RunReport
 from rarms_iac.diff.drift import Drifted, DriftKind
 from rarms_iac.model.changes import Address
@@ -10,7 +12,7 @@ from rarms_iac.views.graph import GraphFormat, dot_quoted, graph_json, graph_tex
 from rarms_iac.views.progress import StepProgress, fitting
 from rarms_iac.views.run import run_json, run_text
 from tests.builders import the_delivery_robot
-from tests.builders_plan import facts, host_plan, partition, placed, plan, settings, step, update
+from tests.builders_plan import create, facts, host_plan, partition, placed, plan, settings, step, update
 from tests.unit.views.test_json import check
 
 
@@ -54,6 +56,28 @@ def test_a_run_says_how_it_ended_and_what_is_left() -> None:
     assert "1 of 4 left" in stopped
     assert "rarms undo" in stopped
     check(run_json(a_report(Ending.DONE)))
+
+
+def test_an_apply_counts_the_resources_as_the_plan_did() -> None:
+    report = a_report(Ending.DONE, changed=3)
+    changes = (create(partition(settings("speech"))), update(partition(settings()), partition(settings(reserve=30))))
+    done = replace(report, hosts=tuple(replace(one, changes=changes) for one in report.hosts))
+
+    assert run_text(done, width=120) == (
+        "onboard: Apply of plan 0123456789ab complete: 1 added, 1 changed, 0 removed "
+        "(4 steps; 1 found all as wanted).\n"
+    )
+
+
+def test_an_undo_without_a_step_says_why() -> None:
+    host = HostReport(
+        host="onboard", plan="0123456789ab", run=RunKind.UNDO, ending=Ending.DONE, changed=0, unchanged=0, total=0
+    )
+    idle = RunReport(ending=Ending.DONE, hosts=(host,))
+    lost = replace(idle, diagnostics=(UNDO_PARTIAL.at(None, "what", "do"),))
+
+    assert run_text(idle, width=100) == "onboard: Undo of plan 0123456789ab: it had changed nothing.\n"
+    assert run_text(lost, width=100) == "onboard: Undo of plan 0123456789ab: nothing of it can be taken back.\n"
 
 
 def a_start() -> RunStarted:
