@@ -28,9 +28,11 @@ def plan_text(plan: Plan, *, sources: Sources | None = None, steps: bool = False
         width: columns; only text is wrapped to it.
     """
     lines = [*_head(plan)]
-    for part in plan.hosts:
-        if len(plan.hosts) > 1 or is_worth_showing(part):
-            lines += ["", *_host(part, plan, width, steps=steps)]
+    told = [part for part in plan.hosts if is_worth_showing(part)]
+    for part in told:
+        lines += ["", *_host(part, plan, width, steps=steps)]
+    if told:
+        lines += _as_wanted([part.host.name for part in plan.hosts if part not in told], width)
     if plan.findings:
         lines += ["", *_findings(plan.findings, sources or {})]
     if plan.accepted:
@@ -104,6 +106,12 @@ def _nothing(plan: Plan) -> str:
             return "No changes."
         case _:
             assert_never(plan.purpose)
+
+
+def _as_wanted(hosts: Sequence[str], width: int) -> Iterator[str]:
+    if hosts:
+        yield ""
+        yield from wrap(f"No changes on {counted(len(hosts), 'more host')}: {', '.join(hosts)}.", width, "  ")
 
 
 def _head(plan: Plan) -> Iterator[str]:

@@ -6,6 +6,7 @@ from rarms_iac.model.changes import Adopt, Change, Release
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.system import Disruption
 from rarms_iac.views.plan import plan_text, summary
+from tests.builders import a_host
 from tests.builders_plan import (
     a_rich_plan,
     address_of,
@@ -174,3 +175,14 @@ def test_hostile_names_cannot_act_on_a_terminal() -> None:
     hostile = update(partition(settings("\x1b[2Jboom")), partition(settings("vision")))
 
     assert "\x1b" not in plan_text(plan(host_plan(changes=[hostile])))
+
+
+def test_hosts_without_changes_are_one_line_together() -> None:
+    changed = host_plan(changes=[create(partition(settings()))])
+    quiet = [host_plan(host=a_host(name), unchanged=3) for name in ("spare", "workshop")]
+
+    lines = lines_of(plan(changed, *quiet))
+
+    assert [line for line in lines if line.startswith("Host ")] == ["Host onboard (simulated, 2 LP, 4 GiB)"]
+    assert "  No changes on 2 more hosts: spare, workshop." in lines
+    assert lines_of(plan(*quiet)) == ["No changes. The hosts are as the manifest wants them."]
