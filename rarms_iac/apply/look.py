@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from rarms_iac.apply.wanted import wanted
 from rarms_iac.diff.drift import Drifted, drift
@@ -19,13 +20,20 @@ class HostDrift:
 
 
 def look(
-    system: System, observed: Mapping[str, State], places: Places, limit: Disruption
+    system: System,
+    observed: Mapping[str, State],
+    places: Places,
+    limit: Disruption,
+    left: Mapping[str, frozenset[str] | None] = MappingProxyType({}),
 ) -> tuple[tuple[HostDrift, ...], tuple[Diagnostic, ...]]:
-    """The drift of every observed host, by name, and what the planner found. Without a layout nothing is compared."""
+    """The drift of every observed host, by name, and what the planner found. Without a layout nothing is compared.
+
+    `left` says by host which partitions the last run left there, where that is known.
+    """
     wishes = wanted(system, observed, places, limit)
     application = system.application.name
     drifts = tuple(
-        HostDrift(host=name, drifted=drift(wish.desired, wish.observed, application, wish.unused))
+        HostDrift(host=name, drifted=drift(wish.desired, wish.observed, application, wish.unused, left.get(name)))
         for name, wish in wishes.hosts.items()
     )
     return drifts, wishes.findings

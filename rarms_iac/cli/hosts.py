@@ -134,6 +134,18 @@ def unfinished_runs(hosts: Hosts) -> Iterator[tuple[str, Journal | ScriptRun]]:
                 yield name, journal
 
 
+def last_runs(hosts: Hosts) -> Iterator[tuple[str, Journal | ScriptRun | None]]:
+    """The chosen live hosts with the journal of the last run there; none where snapshots are looked at.
+
+    Raises:
+        Halted: a journal cannot be read.
+    """
+    for name in hosts.chosen:
+        if name not in hosts.snapshots.hosts:
+            with telling():
+                yield name, hosts.open(name).journal()
+
+
 @contextmanager
 def telling() -> Iterator[None]:
     """Inside, what goes wrong at a host ends the command with a finding."""

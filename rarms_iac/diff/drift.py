@@ -15,13 +15,14 @@ class DriftKind(StrEnum):
     HOST_CHANGED = "host_changed"  # it is not as it was written
     NOT_APPLIED = "not_applied"  # the manifest wants something else than was written
     BOTH = "both"
-    MISSING = "missing"  # wanted, and there is nothing of ours: never applied, or removed by somebody
+    MISSING = "missing"  # wanted, and there is nothing of ours: never applied, or taken away again
+    REMOVED = "removed"  # rarms left it on the host, and it is gone
     UNUSED = "unused"  # ours, and the manifest no longer wants it; stopped already
 
     @property
     def is_of_the_host(self) -> bool:
         """Whether somebody changed the host behind rarms' back."""
-        return self in {DriftKind.HOST_CHANGED, DriftKind.BOTH}
+        return self in {DriftKind.HOST_CHANGED, DriftKind.BOTH, DriftKind.REMOVED}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,21 +35,49 @@ class Drifted:
 
 
 def drift(
-    desired: State, observed: State, application: str, unused: frozenset[str] = frozenset()
+    desired: State,
+    observed: State,
+    application: str,
+    unused: frozenset[str] = frozenset(),
+    left: frozenset[str] | None = None,
 ) -> tuple[Drifted, ...]:
-    """What drifted, by address. Only what is ours or wanted is looked at; reads, and changes nothing."""
-    found = [*_partitions(desired, observed, application, unused), *_tasks(desired, observed, application, unused)]
+    """What drifted, by address. Only what is ours or wanted is looked at; reads, and changes nothing.
+
+    Args:
+        desired: what the manifest wants.
+        observed: what is there.
+        application: whose.
+        unused: partitions that the manifest no longer wants.
+        left: partitions that the last run left on the host; None where nobody knows.
+    """
+    found = [
+        *_partitions(desired, observed, application, unused, left),
+        *_tasks(desired, observed, application, unused),
+    ]
     return tuple(sorted(found, key=lambda one: one.address))
 
 
-def _partitions(desired: State, observed: State, application: str, unused: frozenset[str]) -> Iterator[Drifted]:
+def _partitions(
+    desired: State, observed: State, application: str, unused: frozenset[str], left: frozenset[str] | None
+) -> Iterator[Drifted]:
     there = {one.mark.name: one for one in observed.of(application).partitions if one.mark}
     wanted = {one.settings.name: one for one in desired.partitions}
     for name in sorted({*there, *wanted}):
         address = Address(partition=name, machine=there[name].id if name in there else "")
         kind = _kind(wanted.get(name), there.get(name), is_unused=name in unused)
-        if kind is not None:
+        if kind is DriftKind.MISSING and left is not None:
+            yield _gone(address) if name in left else _not_there(address)
+        elif kind is not None:
             yield Drifted(address=address, kind=kind, says=_says(kind))
+
+
+def _gone(address: Address) -> Drifted:
+    return Drifted(address=address, kind=DriftKind.REMOVED, says=_says(DriftKind.REMOVED))
+
+
+def _not_there(address: Address) -> Drifted:
+    says = "the host has nothing of ours under this name: never applied, or taken away again by rarms itself"
+    return Drifted(address=address, kind=DriftKind.MISSING, says=says)
 
 
 def _kind(wanted: Partition | None, there: Partition | None, *, is_unused: bool) -> DriftKind | None:
@@ -119,5 +148,7 @@ def _says(kind: DriftKind) -> str:
             return "somebody changed it on the host, and the manifest wants something else than was last applied"
         case DriftKind.MISSING:
             return "the host has nothing of ours under this name: never applied, or removed by somebody"
+        case DriftKind.REMOVED:
+            return "rarms left it on the host, and it is gone: somebody removed it, or its mark"
         case DriftKind.UNUSED:
             return "the manifest no longer wants it; it is stopped"

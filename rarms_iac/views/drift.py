@@ -30,6 +30,7 @@ TITLES = {
     DriftKind.NOT_APPLIED: "not applied yet",
     DriftKind.BOTH: "changed on the host, and not applied yet",
     DriftKind.MISSING: "not there",
+    DriftKind.REMOVED: "removed from the host",
     DriftKind.UNUSED: "unused",
 }
 

@@ -160,7 +160,7 @@ class DriftedOutput:
 
     host: str
     address: str
-    drift: Literal["host_changed", "not_applied", "both", "missing", "unused"]
+    drift: Literal["host_changed", "not_applied", "both", "missing", "removed", "unused"]
     says: str
     attributes: tuple[AttributeOutput, ...]
 

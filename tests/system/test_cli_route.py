@@ -249,6 +249,41 @@ def test_drift_tells_a_changed_host_from_a_changed_manifest(robot: Robot) -> Non
     assert "  partition/display: changed on the host" in changed.lines
 
 
+def test_drift_tells_what_somebody_removed_from_what_rarms_took_away(robot: Robot) -> None:
+    never = robot.run("drift")
+    robot.applied()
+    host = robot.host()
+    content = host.load()
+    control = next(key for key, one in content.machines.items() if one.settings.name == "control")
+    host.save(replace(content, machines={key: one for key, one in content.machines.items() if key != control}))
+    removed = robot.run("drift")
+    host.save(content)
+    assert robot.run("destroy", "--auto-approve").code == 0
+    destroyed = robot.run("drift")
+    robot.applied()
+    assert robot.run("undo", "--auto-approve").code == 0
+    undone = robot.run("drift")
+
+    assert [one.code for one in (never, removed, destroyed, undone)] == [5, 2, 5, 5]
+    assert "partition/control: removed from the host" in removed.out
+    assert "partition/control: not there" in destroyed.out
+    assert "taken away again by rarms itself" in " ".join(undone.out.split())
+
+
+def test_a_partition_that_the_last_apply_did_not_touch_is_known_all_the_same(robot: Robot) -> None:
+    robot.applied().edit("reserve: 20 %", "reserve: 25 %")
+    robot.applied()
+    host = robot.host()
+    content = host.load()
+    host.save(
+        replace(content, machines={key: one for key, one in content.machines.items() if one.settings.name != "control"})
+    )
+
+    assert robot.run("drift").code == 2
+    assert robot.run("undo", "--auto-approve").code == 0
+    assert "partition/control: removed from the host" in robot.run("drift").out
+
+
 def test_drift_says_that_a_run_is_unfinished(robot: Robot) -> None:
     robot.fails_at("start_partition")
     assert robot.run("apply", "--auto-approve").code == 1

@@ -3,7 +3,7 @@
 from rarms_iac.apply.look import look
 from rarms_iac.apply.prepare import prepare
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.hosts import hosts_of, observed, unfinished_runs
+from rarms_iac.cli.hosts import hosts_of, last_runs, observed
 from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.options import (
     ChangeOptions,
@@ -17,6 +17,7 @@ from rarms_iac.cli.planning import Wish, code_of_errors, request_of
 from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.diff.drift import DriftKind
+from rarms_iac.diff.left import left_by
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.system import Disruption
 from rarms_iac.views.diagnostics.layout import wrap
@@ -36,7 +37,9 @@ def command(session: Session, *, source: ManifestOptions, where: HostOptions, as
     hosts = hosts_of(system, opened, source, where)
     states = observed(hosts)
     limit = system.policy.max_disruption
-    found, problems = look(system, states, opened.loaded.places, limit)
+    journals = dict(last_runs(hosts))
+    left = {name: left_by(journal, system.application.name) for name, journal in journals.items()}
+    found, problems = look(system, states, opened.loaded.places, limit, left)
     if not found and has_errors(problems):
         raise Halted(code_of_errors(problems), problems, opened.loaded.sources)
     # The changes say what differs, attribute by attribute; nothing is held back, so that all of them are there.
@@ -56,7 +59,9 @@ def command(session: Session, *, source: ManifestOptions, where: HostOptions, as
     ]
     name = system.application.name
     session.terminal.data(drift_json(name, shown) if as_json else drift_text(shown))
-    for host, journal in unfinished_runs(hosts):
+    for host, journal in journals.items():
+        if journal is None or not journal.unfinished:
+            continue
         says = f"{host}: a run of plan {journal.started.plan} is unfinished; what it has yet to do is told as changed."
         session.terminal.talk("\n".join(wrap(says, session.terminal.width, "")))
     return code_of([one.kind for host in shown for one in host.drifted])
