@@ -13,6 +13,7 @@ from rarms_iac.diff.moved import part_digests, what_moved
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Closing, Journal, RunKind, RunStarted, ScriptRun
 from rarms_iac.model.plan import HostPlan, Plan
+from rarms_iac.powershell.render import script_name
 from rarms_iac.providers.interface import NO_WAITS, HostError, LiveHost, ScriptedHost, StepwiseHost, Waits
 
 LastRun = Journal | ScriptRun | None
@@ -82,7 +83,7 @@ def apply_plan(
     reports: list[RunReport] = []
     for part in plan.hosts:
         host, journal = hosts[part.host.name], journals[part.host.name]
-        if finished_by(plan, journal) or not part.steps:
+        if finished_by(plan, journal) or not _runs_here(host, part):
             continue
         try:
             match host:
@@ -126,6 +127,13 @@ def finished_by(plan: Plan, journal: LastRun) -> bool:
         and journal.started.plan == plan.id
         and journal.started.run is RunKind.APPLY
     )
+
+
+def _runs_here(host: LiveHost, part: HostPlan) -> bool:
+    """Whether the host has anything to do itself: what lies in a guest of a Hyper-V host is done there, by hand."""
+    if isinstance(host, ScriptedHost):
+        return script_name(part) in part.scripts
+    return bool(part.steps)
 
 
 def _begun(host: StepwiseHost, plan: Plan, part: HostPlan, owner: str) -> Journal:

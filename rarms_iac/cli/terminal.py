@@ -34,6 +34,17 @@ class Terminal:
         self.answered = True
         self.out = _write(self.out, text)
 
+    def exactly(self, text: str) -> None:
+        """Write ASCII text with its own line ends, also where the system would change them."""
+        self.out = _flush(self.out)
+        if isinstance(self.out, io.TextIOWrapper):
+            try:
+                self.out.buffer.write(text.encode("ascii"))
+            except OSError as error:
+                self.out = _nowhere(self.out, error)
+        else:
+            self.data(text)
+
     def talk(self, text: str) -> None:
         """Write what is said beside it, with a line end."""
         self.out = _flush(self.out)

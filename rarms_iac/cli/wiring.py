@@ -86,6 +86,13 @@ def seen_by_script(data: bytes, host: str) -> Seen | None:
     )
 
 
+def bootstrap_script() -> str:
+    """What travels over ssh to a Hyper-V host ahead of every script, as a reader sees it; with LF."""
+    from rarms_iac.providers.hyperv.bootstrap import render_bootstrap
+
+    return render_bootstrap().decode("ascii").replace("\r\n", "\n")
+
+
 def state_path(host: str, folder: str, overlays: Sequence[str]) -> str:
     """Where a simulated host's file lies: one for each host name and set of overlays, as each is a machine."""
     if not overlays:

@@ -1,0 +1,136 @@
+"""What `rarms show --script` shows: scripts as they run, compared, checked, and what carries them over ssh."""
+
+from dataclasses import dataclass
+
+import click
+
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.scripts import (
+    Choice,
+    PlanScript,
+    check_file,
+    chosen,
+    outline_in,
+    outline_of,
+    plan_scripts,
+    write_scripts,
+)
+from rarms_iac.cli.session import Session
+from rarms_iac.cli.wiring import bootstrap_script
+from rarms_iac.model.diagnostics import has_errors
+from rarms_iac.model.plan import Plan
+from rarms_iac.powershell.difference import difference
+from rarms_iac.views.as_json import as_json as written
+from rarms_iac.views.diagnostics import OutputFormat, render
+from rarms_iac.views.output import ScriptOutput, ScriptsOutput
+from rarms_iac.views.script import script_text
+from rarms_iac.views.script_difference import difference_json, difference_text
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScriptOptions:
+    """Which scripts, and how."""
+
+    hosts: tuple[str, ...] = ()
+    guest: str = ""
+    undo: bool = False
+    whole: bool = False
+    raw: bool = False
+    out: str | None = None
+    against: str | None = None
+    as_json: bool = False
+
+
+def show_scripts(session: Session, plan: Plan, options: ScriptOptions) -> ExitCode:
+    """Show, write or compare the scripts of a plan that the options choose."""
+    everything = plan_scripts(plan)
+    found = chosen(everything, Choice(hosts=options.hosts, guest=options.guest, undo=options.undo), plan)
+    if options.out is not None:
+        return _write(session, _with_undo(everything, found, options), options)
+    if options.against is not None:
+        return _compare(session, found, options.against, as_json=options.as_json)
+    if options.as_json:
+        session.terminal.data(written(ScriptsOutput(plan=plan.id, scripts=tuple(map(_output, found)))))
+    elif options.raw:
+        _raw(session, found)
+    else:
+        for one in found:
+            session.terminal.data(_headed(one.name, one.text, session, whole=options.whole))
+    _tell_others(session, everything, found)
+    return ExitCode.DONE
+
+
+def show_check(session: Session, path: str, *, as_json: bool) -> ExitCode:
+    """What is wrong with a script that somebody edited; nothing else is looked at."""
+    text, found = check_file(path)
+    form = OutputFormat.JSON if as_json else OutputFormat.TEXT
+    if as_json or found:
+        session.terminal.data(render(form, found, {path: text}))
+    else:
+        session.terminal.data(f"{path} may run: it is made as rarms makes its scripts, whatever values it holds.\n")
+    return ExitCode.FOUND if has_errors(found) else ExitCode.DONE
+
+
+def show_transport(session: Session, options: ScriptOptions) -> ExitCode:
+    """The one fixed command that receives scripts at the other end of ssh."""
+    script = bootstrap_script()
+    if options.raw:
+        session.terminal.data(script)
+    else:
+        session.terminal.data(_headed("bootstrap.ps1, given to ssh as one command", script, session, whole=True))
+    return ExitCode.DONE
+
+
+def _headed(name: str, text: str, session: Session, *, whole: bool) -> str:
+    return f"{name}\n{script_text(text, colour=session.terminal.colour, whole=whole)}\n"
+
+
+def _output(one: PlanScript) -> ScriptOutput:
+    return ScriptOutput(name=one.name, host=one.host, guest=one.guest, undo=one.undo, sha256=one.sha256, text=one.text)
+
+
+def _raw(session: Session, found: tuple[PlanScript, ...]) -> None:
+    if len(found) != 1:
+        raise _one_only("--raw", found)
+    session.terminal.exactly(found[0].text)
+
+
+def _compare(session: Session, found: tuple[PlanScript, ...], against: str, *, as_json: bool) -> ExitCode:
+    if len(found) != 1:
+        raise _one_only("--against", found)
+    told = difference(outline_in(against, found[0]), outline_of(found[0]))
+    shown = difference_json if as_json else difference_text
+    session.terminal.data(shown(told, against, found[0].name))
+    return ExitCode.DONE
+
+
+def _with_undo(
+    everything: tuple[PlanScript, ...], found: tuple[PlanScript, ...], options: ScriptOptions
+) -> tuple[PlanScript, ...]:
+    """What is written out: without a choice all, and beside every script the one that takes it back."""
+    if not options.guest and not options.undo:
+        return tuple(one for one in everything if not options.hosts or one.host in options.hosts)
+    pairs = {(one.host, one.guest) for one in found}
+    return tuple(one for one in everything if (one.host, one.guest) in pairs)
+
+
+def _write(session: Session, found: tuple[PlanScript, ...], options: ScriptOptions) -> ExitCode:
+    assert options.out is not None
+    for path in write_scripts(found, options.out):
+        session.terminal.talk(f"Wrote {path}.")
+    if not found:
+        session.terminal.talk("The plan changes nothing, so it has no scripts.")
+    return ExitCode.DONE
+
+
+def _tell_others(session: Session, everything: tuple[PlanScript, ...], found: tuple[PlanScript, ...]) -> None:
+    guests = sorted({one.guest for one in everything if one.guest} - {one.guest for one in found})
+    if not found:
+        session.terminal.talk("The plan changes nothing on the hosts themselves.")
+    if guests:
+        session.terminal.talk(f"Guests have scripts of their own: {', '.join(guests)} (--guest NAME).")
+
+
+def _one_only(option: str, found: tuple[PlanScript, ...]) -> click.UsageError:
+    told = f"those of {', '.join(one.host for one in found)} are meant" if found else "the plan has none of that kind"
+    return click.UsageError(f"{option} takes one script, and {told}: choose with --host.", click.get_current_context())

@@ -1,0 +1,145 @@
+"""What two scripts do differently, step by step and not line by line. Pure.
+
+A step is known again by its address and by what it calls; of several alike the first stands for the first. The ids of
+plans stand in names that scripts give while they make something, so they are taken out before values are compared.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from rarms_iac.powershell.literals import Scalar
+from rarms_iac.powershell.outline import Machine, Outline, ScriptCall, ScriptStep
+
+THIS_PLAN = "<plan>"
+Value = Scalar | Machine | ScriptCall
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Detail:
+    """One reading or parameter that differs; None: it is not there."""
+
+    name: str  # before.reserve, after.reserve, Hyper-V\\Set-VMProcessor -Reserve, run.Serial
+    old: str | None
+    new: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepDifference:
+    """A step that only one of them has, or that differs; numbers count from 0."""
+
+    address: str
+    action: str
+    old: int | None
+    new: int | None
+    details: tuple[Detail, ...] = ()
+    moved: bool = False  # it stands elsewhere in the order of the steps that both have
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScriptDifference:
+    """All that differs: of the run as a whole, and of its steps in the new script's order, gone ones last."""
+
+    run: tuple[Detail, ...]
+    steps: tuple[StepDifference, ...]
+    same: int  # steps that both have
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether both do the same."""
+        return not self.run and not self.steps
+
+
+def difference(old: Outline, new: Outline) -> ScriptDifference:
+    """What the new script does that the old one does not, and the other way round."""
+    keys_old, keys_new = _keys(old), _keys(new)
+    common = [key for key in keys_new if key in keys_old]
+    stay = _longest_rising([list(keys_old).index(key) for key in common])
+    found: list[StepDifference] = []
+    for key, step in keys_new.items():
+        before = keys_old.get(key)
+        if before is None:
+            found.append(StepDifference(address=step.address, action=step.action, old=None, new=step.number))
+            continue
+        details = tuple(_details(_facts(before, old), _facts(step, new)))
+        moved = list(keys_old).index(key) not in stay
+        if details or moved:
+            found.append(
+                StepDifference(
+                    address=step.address,
+                    action=step.action,
+                    old=before.number,
+                    new=step.number,
+                    details=details,
+                    moved=moved,
+                )
+            )
+    found += [
+        StepDifference(address=step.address, action=step.action, old=step.number, new=None)
+        for key, step in keys_old.items()
+        if key not in keys_new
+    ]
+    changed = sum(one.old is not None and one.new is not None for one in found)
+    return ScriptDifference(run=tuple(_run(old, new)), steps=tuple(found), same=len(common) - changed)
+
+
+def _keys(script: Outline) -> dict[tuple[str, tuple[str, ...], int], ScriptStep]:
+    found: dict[tuple[str, tuple[str, ...], int], ScriptStep] = {}
+    for step in script.steps:
+        kind = (step.address, tuple(one.name for one in step.calls))
+        at = 0
+        while (*kind, at) in found:
+            at += 1
+        found[*kind, at] = step
+    return found
+
+
+def _longest_rising(numbers: Sequence[int]) -> frozenset[int]:
+    """Of numbers that differ, as many as can be kept in rising order: the others have moved."""
+    best: list[list[int]] = [[]]
+    for number in numbers:
+        before = [one for one in best if not one or one[-1] < number]
+        best.append([*max(before, key=len), number])
+    longest = max(best, key=len)
+    return frozenset(longest)
+
+
+def _run(old: Outline, new: Outline) -> Iterator[Detail]:
+    counted = {"Total", "UndoDigest"}  # they follow from the steps
+    before = {f"run.{name}": _shown(value, "") for name, value in old.run.items() if name not in counted}
+    after = {f"run.{name}": _shown(value, "") for name, value in new.run.items() if name not in counted}
+    yield from _details(before, after)
+
+
+def _facts(step: ScriptStep, script: Outline) -> dict[str, str]:
+    """Everything about a step that can differ, by name."""
+    plan = str(script.run.get("Plan", ""))
+    found = {f"before.{name}": _shown(value, plan) for name, value in step.before.items()}
+    found |= {f"after.{name}": _shown(value, plan) for name, value in step.after.items()}
+    found |= {f"claim.{name}": _shown(value, plan) for name, value in (step.claim or {}).items()}
+    found |= {f"{step.read.name} -{name}": _shown(value, plan) for name, value in step.read.parameters.items()}
+    for at, one in enumerate(step.calls):
+        name = f"{one.name}" if [call.name for call in step.calls].count(one.name) == 1 else f"{one.name}[{at}]"
+        found |= {f"{name} -{key}": _shown(value, plan) for key, value in one.parameters.items()}
+    if step.undoes is not None:
+        found["undoes step"] = str(step.undoes + 1)
+    return found
+
+
+def _details(old: Mapping[str, str], new: Mapping[str, str]) -> Iterator[Detail]:
+    for name in dict.fromkeys([*old, *new]):
+        if old.get(name) != new.get(name):
+            yield Detail(name=name, old=old.get(name), new=new.get(name))
+
+
+def _shown(value: Value, plan: str) -> str:
+    match value:
+        case bool():
+            return "yes" if value else "no"
+        case ScriptCall(name=name, parameters=parameters):
+            return " ".join([name, *(f"-{key} {_shown(one, plan)}" for key, one in parameters.items())])
+        case Machine():
+            return "the machine"
+        case str() if plan:
+            return value.replace(plan, THIS_PLAN)
+        case _:
+            return str(value)

@@ -1,0 +1,138 @@
+"""`rarms show --script`: numbered, coloured, raw, written, compared and checked."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.storage.shipped import shipped
+from rarms_iac.views.script import script_text
+from tests.unit.cli.running import rarms
+
+CELL = shipped("manifests/hyperv-cell")
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The plan of the example."""
+    path = str(tmp_path_factory.mktemp("cell") / "cell.plan")
+    assert rarms("plan", "-f", str(CELL), "--snapshot", f"cell={CELL / 'host.json'}", "--out", path).code == 2
+    return path
+
+
+@pytest.fixture(scope="module")
+def folder(plan: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Its scripts, written out."""
+    path = tmp_path_factory.mktemp("scripts")
+    assert rarms("show", "--script", plan, "--out", str(path)).code == 0
+    return path
+
+
+def test_numbers_are_those_of_the_file_and_the_runtime_is_left_out(plan: str, folder: Path) -> None:
+    lines = (folder / "cell.ps1").read_bytes().decode("ascii").split("\r\n")
+
+    shown = rarms("show", "--script", plan).out
+
+    numbered = re.findall(r"^ *([0-9]+)(?:  (.*))?$", shown, re.MULTILINE)
+    assert all(lines[int(number) - 1].rstrip() == text for number, text in numbered)
+    assert "the runtime, the same bytes in every script (SHA-256" in shown
+    assert "function Enter-Host" not in shown
+    assert "function Enter-Host" in rarms("show", "--script", plan, "--whole").out
+    assert "Hyper-V\\New-VM -Name 'torch-motion.rarms-" in shown
+
+
+def test_the_bytes_that_are_shown_raw_are_those_that_are_written(plan: str, folder: Path) -> None:
+    scripts = {one["name"]: one for one in json.loads(rarms("show", "--script", plan, "--json").out)["scripts"]}
+
+    assert scripts["cell.ps1"]["text"].encode("ascii") == (folder / "cell.ps1").read_bytes()
+    raw = rarms("show", "--script", plan, "--guest", "torch-motion", "--undo", "--raw").out
+    written = (folder / "cell.guest.torch-motion.undo.ps1").read_bytes().decode("ascii")
+    assert raw.replace("\r\n", "\n") == written.replace("\r\n", "\n")
+    assert len(list(folder.iterdir())) == 6
+
+
+def test_without_a_plan_it_is_made_first(folder: Path) -> None:
+    ran = rarms("show", "--script", "-f", str(CELL), "--snapshot", f"cell={CELL / 'host.json'}", "--json")
+
+    (script,) = json.loads(ran.out)["scripts"]
+    assert script["text"].encode("ascii") == (folder / "cell.ps1").read_bytes()
+    assert "seam-tracking, torch-motion (--guest NAME)" in ran.err
+
+
+def test_colour_changes_no_character() -> None:
+    text = "# remark\n$vm = Get-Machine -Name 'it''s'\nif ($true) { Hyper-V\\Start-VM -VM $vm }\n"
+
+    coloured = script_text(text, colour=True)
+
+    assert re.sub("\x1b\\[[0-9;]*m", "", coloured) == script_text(text)
+    assert "\x1b[33m'it''s'\x1b[0m" in coloured
+    assert script_text("'open", colour=True) == "1  'open\n"
+
+
+def test_scripts_of_two_plans_are_compared_by_steps(plan: str, folder: Path, tmp_path: Path) -> None:
+    text = (CELL / "rarms.yaml").read_text(encoding="utf-8")
+    (tmp_path / "rarms.yaml").write_text(text.replace("reserve: 35 %", "reserve: 30 %"), encoding="utf-8", newline="\n")
+    other = str(tmp_path / "other.plan")
+    assert rarms("plan", "-f", str(tmp_path), "--snapshot", f"cell={CELL / 'host.json'}", "--out", other).code == 2
+
+    against_file = rarms("show", "--script", other, "--against", str(folder / "cell.ps1"))
+    against_plan = rarms("show", "--script", other, "--against", plan)
+
+    assert against_file.code == 0
+    assert "  ~ partition/seam-tracking, step " in against_file.out
+    assert "      Hyper-V\\Set-VMProcessor -Reserve  70 -> 60" in against_file.out
+    assert "0 only there" in against_file.out
+    assert against_plan.out.splitlines()[1:] == against_file.out.splitlines()[1:]
+    told = json.loads(rarms("show", "--script", other, "--against", plan, "--json").out)
+    assert {one["address"] for one in told["steps"]} == {"partition/seam-tracking"}
+    assert "do the same" in rarms("show", "--script", plan, "--against", plan).out
+
+
+def test_a_script_that_was_edited_is_checked(folder: Path, tmp_path: Path) -> None:
+    good = (folder / "cell.ps1").read_bytes()
+    (tmp_path / "edited.ps1").write_bytes(good.replace(b"-Reserve 80", b"-Reserve 75"))
+    (tmp_path / "worse.ps1").write_bytes(good.replace(b"-Reserve 80", b"-Reserve (Get-Random)"))
+    (tmp_path / "other.ps1").write_bytes(b"Write-Output 1\r\n")
+
+    edited, worse, other = (
+        rarms("show", "--check", str(tmp_path / f"{name}.ps1")) for name in ["edited", "worse", "other"]
+    )
+
+    assert (edited.code, "may run" in edited.out) == (0, True)
+    assert (worse.code, "error[RARMS" in worse.out) == (2, True)
+    assert (other.code, "error[RARMS164]" in other.out) == (2, True)
+    assert json.loads(rarms("show", "--check", str(tmp_path / "worse.ps1"), "--json").out)["counts"]["errors"] > 0
+    observe = str(tmp_path / "observe.ps1")
+    assert rarms("snapshot", "--script", "--out", observe).code == 0
+    assert rarms("show", "--check", observe).code == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--script", "--host", "cel"), "The plan has no host 'cel'. Did you mean"),
+        (("--script", "--guest", "torch"), "no script for a guest 'torch'"),
+        (("--undo",), "add --script"),
+        (("--script", "--snapshot", "x.json"), "A PLAN takes no --snapshot"),
+    ],
+)
+def test_what_cannot_be_meant_is_a_wrong_usage(plan: str, words: tuple[str, ...], says: str) -> None:
+    ran = rarms("show", plan, *words)
+
+    assert (ran.code, says in ran.err) == (64, True), ran.err
+
+
+def test_what_travels_over_ssh_is_shown() -> None:
+    assert "bootstrap" in rarms("show", "--transport").out
+
+
+def test_a_simulated_host_shows_what_a_hyperv_host_would_get(tmp_path: Path) -> None:
+    assert rarms("init", str(tmp_path / "robot"), "--name", "robot").code == 0
+    path = str(tmp_path / "plan")
+    assert rarms("plan", "-f", str(tmp_path / "robot"), "--out", path).code == 2
+
+    ran = rarms("show", "--script", path)
+
+    assert ran.code == 0
+    assert "Hyper-V\\New-VM" in ran.out
