@@ -25,8 +25,11 @@ def in_words(problem: ValidationError, document: Any, places: Places) -> list[Di
     """Every error of the document as a finding; of more than `MOST`, the first ones and how many follow."""
     number = problem.error_count()
     errors = _listable(problem, document).errors(include_url=False, include_input=False)
-    told = [_told(_case(error, document, places)) for error in errors[:MOST]]
-    more = number - len(told)
+    cases = [_case(error, document, places) for error in errors[:MOST]]
+    # A key that is missing because it is misspelt is told once: where it is misspelt.
+    misspelt = {meant for case in cases if (meant := structure.probably_meant(case)) is not None}
+    told = [_told(case) for case in cases if not (case.kind == "missing" and case.path in misspelt)]
+    more = number - len(cases)
     return [*told, structure.and_more(more, told[-1].place)] if more else told
 
 

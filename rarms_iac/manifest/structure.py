@@ -4,7 +4,7 @@ import json
 import re
 from typing import Any
 
-from rarms_iac.manifest.case import Case
+from rarms_iac.manifest.case import Case, Path
 from rarms_iac.manifest.document.texts import FORMS
 from rarms_iac.manifest.places import dotted
 from rarms_iac.manifest.shape import choices_at, described, keys_at
@@ -59,6 +59,15 @@ def _unknown_key(case: Case) -> Diagnostic:
     known = keys_at(tuple(around))
     advice = question(did_you_mean(str(key), known)) or f"Keys that may stand here: {', '.join(known)}."
     return UNKNOWN_KEY.at(case.places.key(*case.path), f"{case.name}: there is no key {shown(key)} here.", advice)
+
+
+def probably_meant(case: Case) -> Path | None:
+    """The key that was probably meant by one that does not exist; None of every other error."""
+    if case.kind != "extra_forbidden":
+        return None
+    *around, key = case.path
+    meant = did_you_mean(str(key), keys_at(tuple(around)))
+    return None if meant is None else (*around, meant)
 
 
 def _missing(case: Case) -> Diagnostic:

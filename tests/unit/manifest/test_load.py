@@ -85,3 +85,12 @@ def test_a_flood_that_cannot_be_listed_is_counted_too(tmp_path: Path) -> None:
     assert len(read.diagnostics) == 1001
     assert "99,000 more errors" in read.diagnostics[-1].detail
     assert "RARMS016" not in {one.code for one in read.diagnostics}
+
+
+def test_a_misspelt_key_is_not_missing_too(tmp_path: Path) -> None:
+    misspelt = loaded(tmp_path, SMALL.replace("criticality:", "criticallity:")).diagnostics
+    both = loaded(tmp_path, SMALL.replace("criticality: 40", "rank: 40")).diagnostics
+
+    assert [one.code for one in misspelt] == ["RARMS015"]
+    assert "criticality" in misspelt[0].advice
+    assert sorted(one.code for one in both) == ["RARMS015", "RARMS016"]
