@@ -28,7 +28,7 @@ from rarms_iac.model.operations import (
 )
 from rarms_iac.model.plan import Readings, Step, Undo, UndoLevel
 from rarms_iac.model.quantities import show_bytes, show_percent
-from rarms_iac.model.state import Facet, Mark, Partition, PartitionSettings, RunState
+from rarms_iac.model.state import Checkpoints, Facet, Mark, Partition, PartitionSettings, RunState
 from rarms_iac.model.system import Disruption
 
 _STARTS_ANEW = "it starts anew: what its programs had in memory is lost"
@@ -306,12 +306,17 @@ def _set(machine: _Machine, facet: Facet, old: PartitionSettings, new: Partition
                     ),
                 ),
                 ("start_action", "stop_action", "checkpoints"),
-                f"with its host: start {new.start_action.value}, stop {new.stop_action.value}; "
-                f"checkpoints {new.checkpoints.value}",
+                _with_its_host(new),
                 "what its host does with it",
             )
         case Facet.NAME | Facet.GENERATION:
             raise AssertionError("names and generations have steps of their own")
+
+
+def _with_its_host(to: PartitionSettings) -> str:
+    start, stop = to.start_action.value.replace("_", " "), to.stop_action.value.replace("_", " ")
+    kept = "no" if to.checkpoints is Checkpoints.DISABLED else to.checkpoints.value.replace("_", " ")
+    return f"when the host starts: {start}, when it stops: {stop}; {kept} checkpoints"
 
 
 def _cpu(at: Address, to: PartitionSettings) -> SetCpu:

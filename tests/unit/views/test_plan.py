@@ -6,7 +6,7 @@ from rarms_iac.model.changes import Adopt, Change, Release
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.system import Disruption
 from rarms_iac.views.plan import plan_text, summary
-from tests.builders import a_host
+from tests.builders import a_component, a_host, a_system
 from tests.builders_plan import (
     a_rich_plan,
     address_of,
@@ -22,6 +22,7 @@ from tests.builders_plan import (
     task,
     update,
 )
+from tests.lab import a_lab
 
 
 def lines_of(shown: Plan) -> list[str]:
@@ -186,3 +187,10 @@ def test_hosts_without_changes_are_one_line_together() -> None:
     assert [line for line in lines if line.startswith("Host ")] == ["Host onboard (simulated, 2 LP, 4 GiB)"]
     assert "  No changes on 2 more hosts: spare, workshop." in lines
     assert lines_of(plan(*quiet)) == ["No changes. The hosts are as the manifest wants them."]
+
+
+def test_a_step_speaks_of_the_host_in_the_words_of_the_plan() -> None:
+    with a_lab(a_system(components=[a_component("eyes")])) as lab:
+        shown = plan_text(lab.plan(), steps=True, width=120)
+
+    assert "partition/eyes: when the host starts: start, when it stops: shut down; no checkpoints" in shown
