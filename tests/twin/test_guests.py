@@ -1,0 +1,159 @@
+"""The scripts of guests on the twin, where nobody could look: done once and again, killed everywhere, undone."""
+
+from functools import cache
+
+import pytest
+
+from rarms_iac.model.plan import Plan
+from rarms_iac.model.state import RegistryValue, TaskClass, ValueKind
+from rarms_iac.model.system import TaskWish
+from rarms_iac.providers.hyperv.observation import observation_of
+from rarms_iac.providers.hyperv.parse import tasks_of
+from tests.builders import a_component
+from tests.twin.cell import Cell, scripts_of
+from tests.twin.cells import a_cell_system, a_windows
+from tests.twin.host import Entry, WindowsHost
+from tests.twin.observing import PROFILE, document_of
+from tests.twin.run import Ran, put, run
+
+SCRIPT, UNDO = "onboard.guest.vision.ps1", "onboard.guest.vision.undo.ps1"
+
+
+@cache
+def the_plan() -> Plan:
+    """A partition whose guest gets a class of its own and one that Windows ships."""
+    system = a_cell_system(
+        a_component("vision", criticality=9, reserve="40 %", processors=2, task="MotionControl"),
+        a_component("player", criticality=2, reserve="10 %", processors=1, task="Games", together=("vision",)),
+        tasks=(TaskWish(name="Games", replace_shipped=True),),
+    )
+    return Cell(system, a_windows()).plan()
+
+
+@cache
+def the_scripts() -> dict[str, bytes]:
+    return {name: text for name, text in scripts_of(the_plan()).items() if ".guest." in name}
+
+
+def a_guest(**faults: object) -> WindowsHost:
+    """A Windows of another name, with Games as it ships."""
+    host = a_windows(computer="VISION-1").copy(**faults)
+    put(host, the_scripts())
+    return host
+
+
+def classes(host: WindowsHost) -> dict[str, TaskClass]:
+    return {one.name: one for one in tasks_of(observation_of(document_of(host)))}
+
+
+def statuses(ran: Ran) -> list[str]:
+    return [one["status"] for one in ran.events if one["kind"] == "step" and one["status"] != "begun"]
+
+
+@pytest.mark.parametrize("windows_powershell", [True, False], ids=["5.1", "7"])
+def test_the_classes_are_written_and_what_was_there_is_kept(windows_powershell: bool) -> None:
+    guest = a_guest()
+    before = classes(guest)
+
+    ran = run(guest, SCRIPT, windows_powershell=windows_powershell)
+
+    assert (ran.code, statuses(ran)) == (0, ["changed", "changed"]), ran.says
+    after = classes(guest)
+    assert after["MotionControl"].values["Scheduling Category"] == RegistryValue(kind=ValueKind.SZ, data="Medium")
+    games, motion = after["Games"].record, after["MotionControl"].record
+    assert games is not None
+    assert motion is not None
+    assert (games.application, games.before, motion.before) == (motion.application, before["Games"].values, None)
+    assert "Latency Sensitive" not in after["Games"].values
+
+
+def test_a_second_run_finds_all_as_wanted_and_the_undo_brings_back_what_was_there() -> None:
+    guest = a_guest()
+    before = classes(guest)
+    assert run(guest, SCRIPT).code == 0
+    done = classes(guest)
+
+    again = run(guest, SCRIPT)
+    assert (again.code, statuses(again), classes(guest)) == (0, ["unchanged", "unchanged"], done)
+
+    undone = run(guest, UNDO)
+    assert (undone.code, classes(guest)) == (0, before), undone.says
+
+
+def test_values_that_an_earlier_run_wrote_do_not_become_what_was_there_before() -> None:
+    guest = a_guest()
+    before = classes(guest)
+    assert run(guest, SCRIPT).code == 0
+    edited = guest.add_key(f"{PROFILE}\\Tasks\\Games").values
+    edited["priority"] = Entry(name="Priority", kind="String", data="7")
+    guest.files = {path: file for path, file in guest.files.items() if "journal" not in path}  # as another plan's
+
+    assert run(guest, SCRIPT).code == 0
+    record = classes(guest)["Games"].record
+
+    assert record is not None
+    assert record.before == before["Games"].values
+
+
+def test_a_class_that_is_somebody_elses_is_left_alone() -> None:
+    guest = a_guest()
+    guest.add_key(f"{PROFILE}\\Tasks\\MotionControl").values["priority"] = Entry(name="Priority", kind="DWord", data=3)
+
+    ran = run(guest, SCRIPT)
+
+    assert ran.code == 3
+    assert ran.status_of("partition/vision/task/MotionControl") == ["refused"]
+    assert classes(guest)["MotionControl"].values == {"Priority": RegistryValue(kind=ValueKind.DWORD, data=3)}
+
+
+def test_the_script_does_not_run_on_the_host_itself() -> None:
+    (part,) = the_plan().hosts
+    host = a_windows(computer=part.facts.computer_name)
+    put(host, the_scripts())
+
+    assert run(host, SCRIPT).code == 3
+
+
+@cache
+def calls() -> int:
+    """How many effects a calm run has."""
+    guest = a_guest()
+    assert run(guest, SCRIPT).code == 0
+    return len(guest.effects)
+
+
+@pytest.mark.parametrize("fault", ["kill_before", "kill_after", "fail_at"])
+def test_a_run_that_was_killed_anywhere_is_finished_by_the_next(fault: str) -> None:
+    calm = a_guest()
+    before = classes(calm)
+    assert run(calm, SCRIPT).code == 0
+    done = classes(calm)
+    assert calls() > 20
+
+    for number in range(calls()):
+        guest = a_guest(**{fault: number})
+        assert run(guest, SCRIPT).code != 0, f"{fault} {number}"
+        guest = guest.copy()
+
+        ran = run(guest, SCRIPT)
+
+        assert (ran.code, classes(guest)) == (0, done), f"{fault} {number}\n{ran.says}"
+        undone = run(guest, UNDO)
+        assert (undone.code, classes(guest)) == (0, before), f"{fault} {number}\n{undone.says}"
+
+
+def test_an_undo_that_was_killed_anywhere_is_finished_by_the_next() -> None:
+    done = a_guest()
+    before = classes(done)
+    assert run(done, SCRIPT).code == 0
+    calm = done.copy()
+    assert run(calm, UNDO).code == 0
+
+    for number in range(len(calm.effects)):
+        guest = done.copy(kill_after=number)
+        run(guest, UNDO)
+        guest = guest.copy()
+
+        ran = run(guest, UNDO)
+
+        assert (ran.code, classes(guest)) == (0, before), f"kill_after {number}\n{ran.says}"
