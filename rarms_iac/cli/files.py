@@ -49,3 +49,16 @@ def write_file(path: str, data: bytes) -> None:
     except (OSError, ValueError) as error:
         problem = error if isinstance(error, OSError) else OSError(0, "no file can have this name")
         raise Halted(ExitCode.FAILED, [not_written(path, problem)]) from error
+
+
+def make_folder(path: str) -> None:
+    """Have this folder, and those above it.
+
+    Raises:
+        Halted: the system does not let us, or a file has its name.
+    """
+    try:
+        Path(path).mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        problem = error if isinstance(error, OSError) else OSError(0, "no folder can have this name")
+        raise Halted(ExitCode.FAILED, [not_written(path, problem)]) from error

@@ -69,10 +69,10 @@ def load(
 
     Never raises for what a user wrote: that stands in the diagnostics.
     """
-    trees = [read(path), *(read(overlay) for overlay in overlays)]
+    trees = [read(path), *(read(overlay, overlay=True) for overlay in overlays)]
     if any(not tree.readable for tree in trees):
         return _loaded(trees, None, NoPlaces(trees[0].source.file), [])
-    empty = [_is_empty(tree) for tree in trees if tree.value is None]
+    empty = [_is_empty(tree, overlay=tree is not trees[0]) for tree in trees if tree.value is None]
     if empty:
         return _loaded(trees, None, NoPlaces(trees[0].source.file), empty)
     combined = combine(trees)
@@ -98,11 +98,13 @@ def _to_system(combined: Combined) -> tuple[System | None, list[Diagnostic]]:
         return None, in_words(problem, combined.value, combined.places)
 
 
-def _is_empty(tree: Tree) -> Diagnostic:
+def _is_empty(tree: Tree, *, overlay: bool) -> Diagnostic:
     return EMPTY.at(
         Place(file=tree.source.file, line=1, column=1),
         "There is nothing in it but comments.",
-        "Write a manifest, or let `rarms init` write one.",
+        "Write what differs from the manifest, or leave the overlay out."
+        if overlay
+        else "Write a manifest, or let `rarms init` write one.",
     )
 
 

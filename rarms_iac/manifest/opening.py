@@ -30,8 +30,10 @@ def shown(path: str) -> str:
     return "<stdin>" if path == STANDARD_INPUT else Path(path).as_posix()
 
 
-def read_bytes(path: str) -> bytes:
+def read_bytes(path: str, *, overlay: bool = False) -> bytes:
     """The bytes of a regular file, or of standard input for `-`; at most `MAX_BYTES`.
+
+    Of an overlay, other advice is given where there is none.
 
     Raises:
         Refused: it is missing, not regular, too large, or the system says no.
@@ -42,7 +44,7 @@ def read_bytes(path: str) -> bytes:
         _check_kind(Path(path).stat(), path)
         return _read_regular(path)
     except (OSError, ValueError) as problem:  # ValueError: a NUL in the name
-        raise Refused(_not_readable(path, problem)) from None
+        raise Refused(_not_readable(path, problem, overlay=overlay)) from None
 
 
 def _read_regular(path: str) -> bytes:
@@ -81,11 +83,15 @@ def _too_large(path: str, size: str) -> Diagnostic:
     )
 
 
-def _not_readable(path: str, problem: OSError | ValueError) -> Diagnostic:
+def _not_readable(path: str, problem: OSError | ValueError, *, overlay: bool = False) -> Diagnostic:
     place = Place(file=shown(path), line=1, column=1)
     match problem:
         case FileNotFoundError():
-            advice = "Check the path, or make a manifest with `rarms init`."
+            advice = (
+                "Check the path; an overlay is a file of what differs from the manifest."
+                if overlay
+                else "Check the path, or make a manifest with `rarms init`."
+            )
             return NOT_READABLE.at(place, f"There is no file {shown(path)!r}.", advice)
         case PermissionError():
             return NOT_READABLE.at(place, f"The system does not let rarms read {shown(path)!r}.", "Check its rights.")

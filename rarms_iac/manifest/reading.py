@@ -25,11 +25,11 @@ class Tree:
     diagnostics: tuple[Diagnostic, ...]
 
 
-def read(path: str) -> Tree:
+def read(path: str, *, overlay: bool = False) -> Tree:
     """Reads a regular file, or standard input for `-`; what is wrong stands in `diagnostics`."""
     folder = os.curdir if path == STANDARD_INPUT else str(Path(path).parent)
     try:
-        data = read_bytes(path)
+        data = read_bytes(path, overlay=overlay)
     except Refused as refused:
         return Tree(
             source=source(shown(path), folder, b""), value=None, readable=False, diagnostics=refused.diagnostics

@@ -197,7 +197,11 @@ def test_two_hosts_are_planned_applied_and_undone_together(tmp_path: Path) -> No
     assert run("apply", "--auto-approve").code == 0
     assert run("plan").code == 0
     assert run("snapshot").code == 64
-    assert run("snapshot", "--out", str(tmp_path)).code == 0
+    assert run("snapshot", "--out", str(manifest)).code == 64
+    assert run("snapshot", "--out", str(tmp_path / "new" / "folder")).code == 0
+    assert len(list((tmp_path / "new" / "folder").iterdir())) == 2
+    unknown = run("release", "nobody", "--auto-approve")
+    assert (unknown.code, unknown.err.count("error[RARMS197]")) == (4, 2), "each host is asked"
     assert run("undo", "--auto-approve").code == 0
     assert run("plan").code == 2
 

@@ -17,12 +17,18 @@ from rarms_iac.views.output import ExplanationOutput
 def command(session: Session, *, finding: str, as_json: bool) -> ExitCode:
     """Say what a finding means, show an example of it, and say how to mend it.
 
-    FINDING is the id that stands before it, such as RARMS014.
+    FINDING is the id that stands before it, such as RARMS014; its number alone is enough.
     """
-    code = finding.upper()
+    code = code_of(finding)
     page = finding_page(code)
     text = explain_finding(code)
     if page is None or text is None:
         raise click.UsageError(unknown_code(finding), click.get_current_context())
     session.terminal.data(to_json(ExplanationOutput(subject=code, page=page)) if as_json else text)
     return ExitCode.DONE
+
+
+def code_of(finding: str) -> str:
+    """The code that is meant: `14`, `rarms14` and `RARMS014` are one."""
+    number = finding.upper().removeprefix("RARMS")
+    return f"RARMS{number:0>3}" if number.isascii() and number.isdecimal() else finding.upper()

@@ -5,9 +5,9 @@ from pathlib import Path
 import click
 
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.files import write_file
+from rarms_iac.cli.files import make_folder, write_file
 from rarms_iac.cli.options import json_option
-from rarms_iac.cli.problems import Halted, in_the_way, not_written
+from rarms_iac.cli.problems import Halted, in_the_way
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.manifest.init import initial_manifest, name_from
 from rarms_iac.manifest.load import DEFAULT_NAME
@@ -35,17 +35,10 @@ def command(session: Session, *, folder: str, name: str | None, as_json: bool) -
     if path.exists() or path.is_symlink():
         raise Halted(ExitCode.FAILED, [in_the_way(path.as_posix())])
     text = initial_manifest(name or name_from(path.resolve().parent.name))
-    _make(path.parent)
+    make_folder(path.parent.as_posix())
     write_file(str(path), text.encode())
     if as_json:
         session.terminal.data(to_json(WrittenOutput(files=(path.as_posix(),))))
     else:
         session.terminal.talk(f"Wrote {path.as_posix()}. Edit it, then: rarms validate, rarms plan, rarms apply.")
     return ExitCode.DONE
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise Halted(ExitCode.FAILED, [not_written(folder.as_posix(), error)]) from error

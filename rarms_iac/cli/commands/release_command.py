@@ -47,7 +47,7 @@ def command(
 
 
 def where_it_is_ours(hosts: Hosts, partition: str) -> Hosts:
-    """The host on which the partition carries our mark; where none does, the first, which then says so."""
+    """The host on which the partition carries our mark; where none does, all, and each then says so."""
     if len(hosts.chosen) == 1:
         return hosts
     states = observed(hosts)
@@ -61,4 +61,4 @@ def where_it_is_ours(hosts: Hosts, partition: str) -> Hosts:
         raise click.UsageError(
             f"{partition} is on {', '.join(having)}: name one of them with --host.", click.get_current_context()
         )
-    return replace(hosts, where=HostOptions(hosts=tuple(having or hosts.chosen[:1])))
+    return replace(hosts, where=HostOptions(hosts=tuple(having))) if having else hosts

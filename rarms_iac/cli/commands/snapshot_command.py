@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.files import write_file
+from rarms_iac.cli.files import make_folder, write_file
 from rarms_iac.cli.hosts import hosts_of, observe
 from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.options import HostOptions, ManifestOptions, host_options, manifest_options
@@ -33,12 +33,15 @@ def command(
         return _script(session, out)
     system, opened = system_of(source)
     hosts = hosts_of(system, opened, source, where)
-    into_folder = out is not None and Path(out).is_dir()
-    if len(hosts.chosen) != 1 and not into_folder:
+    several = len(hosts.chosen) != 1
+    if several and (out is None or Path(out).is_file()):
         raise click.UsageError(
-            f"There are {len(hosts.chosen)} hosts: name one with --host, or a folder that exists with --out.",
+            f"There are {len(hosts.chosen)} hosts: name one with --host, or a folder with --out.",
             click.get_current_context(),
         )
+    if several and out is not None:
+        make_folder(out)
+    into_folder = out is not None and Path(out).is_dir()
     for name in hosts.chosen:
         data = write_snapshot(observe(hosts.open(name)))
         if out is None:

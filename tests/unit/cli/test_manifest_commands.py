@@ -221,6 +221,11 @@ def test_explain_shows_a_findings_page_whatever_its_case() -> None:
     check(rarms("explain", "RARMS199", "--json").out)
 
 
+@pytest.mark.parametrize("word", ["14", "014", "rarms14", "rarms014", "RARMS014"])
+def test_explain_takes_a_findings_number_alone(word: str) -> None:
+    assert rarms("explain", word).lines[0] == "RARMS014: Reservations exceed the platform"
+
+
 def test_explain_of_a_finding_that_does_not_exist_offers_the_nearest() -> None:
     answer = rarms("explain", "RARMS1999")
 

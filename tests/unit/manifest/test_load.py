@@ -5,6 +5,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from rarms_iac.manifest.load import Loaded, load, manifest_path, no_checks
+from rarms_iac.model.diagnostics import Severity
 from rarms_iac.model.system import AtMost, Measured, ProviderKind, SampleCount
 
 SMALL = """\
@@ -94,3 +95,13 @@ def test_a_misspelt_key_is_not_missing_too(tmp_path: Path) -> None:
     assert [one.code for one in misspelt] == ["RARMS015"]
     assert "criticality" in misspelt[0].advice
     assert sorted(one.code for one in both) == ["RARMS015", "RARMS016"]
+
+
+def test_a_missing_or_empty_overlay_is_not_advised_to_become_a_manifest(tmp_path: Path) -> None:
+    manifest, empty = write(tmp_path, SMALL), write(tmp_path, "# nothing yet\n", "empty.yaml")
+
+    for overlay in (empty, str(tmp_path / "missing.yaml")):
+        read = load(manifest, [overlay], today=date(2026, 11, 21), checks=no_checks)
+        (told,) = [one for one in read.diagnostics if one.severity is Severity.ERROR]
+        assert "differs from the manifest" in told.advice
+        assert "rarms init" not in told.advice
