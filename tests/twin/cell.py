@@ -8,10 +8,10 @@ from datetime import date
 
 from rarms_iac.apply.prepare import Prepared, Request, prepare
 from rarms_iac.model.diagnostics import Places
-from rarms_iac.model.plan import HostPlan, Plan
+from rarms_iac.model.plan import Plan
 from rarms_iac.model.state import State
 from rarms_iac.model.system import System
-from rarms_iac.powershell.render import render_scripts, script_name
+from rarms_iac.powershell.render import script_name
 from tests.builders import PathPlaces
 from tests.twin.host import WindowsHost
 from tests.twin.observing import state_of
@@ -54,13 +54,9 @@ class Cell:
 
 
 def scripts_of(plan: Plan) -> Mapping[str, bytes]:
-    """The scripts of its only host."""
+    """The scripts of its only host, as they lie in the plan."""
     (part,) = plan.hosts
-    return {name: data if isinstance(data, bytes) else data.encode("ascii") for name, data in _rendered(part, plan)}
-
-
-def _rendered(part: HostPlan, plan: Plan) -> list[tuple[str, bytes | str]]:
-    return list(part.scripts.items()) or list(render_scripts(part, plan).items())
+    return {name: text.encode("ascii") for name, text in part.scripts.items()}
 
 
 def apply_script(plan: Plan) -> str:
@@ -72,11 +68,18 @@ def undo_script(plan: Plan) -> str:
 
 
 def apply(host: WindowsHost, plan: Plan, **how: bool) -> Ran:
-    """Lay the plan's scripts on the host and run the one for the host itself."""
-    put(host, scripts_of(plan))
-    return run(host, apply_script(plan), **how)  # type: ignore[arg-type]  # names of options, said by tests
+    """Lay the plan's scripts on the host and run the one for the host itself; a plan without one does nothing."""
+    return _run_of(host, plan, apply_script(plan), **how)
 
 
 def undo(host: WindowsHost, plan: Plan) -> Ran:
-    put(host, scripts_of(plan))
-    return run(host, undo_script(plan))
+    """The same with the undo script."""
+    return _run_of(host, plan, undo_script(plan))
+
+
+def _run_of(host: WindowsHost, plan: Plan, name: str, **how: bool) -> Ran:
+    scripts = scripts_of(plan)
+    if name not in scripts:
+        return Ran(code=0, lines=(), talk=("the plan has no such script",))
+    put(host, scripts)
+    return run(host, name, **how)  # type: ignore[arg-type]  # names of options, said by tests

@@ -322,8 +322,10 @@ def test_a_damaged_record_stops_the_run_before_anything_is_touched() -> None:
     assert seen(host) == before
 
 
-LOOKALIKES = ("planning.rarms-ffffffffffff", "planning", "PLANNING.rarms-{}", "planning.rarms-{} ")
-LOOKALIKES += ("plan\u00adning.rarms-{}",)  # comparing by culture sees no soft hyphen
+LOOKALIKES = [
+    *("planning.rarms-ffffffffffff", "planning", "PLANNING.rarms-{}", "planning.rarms-{} "),
+    "plan\u00adning.rarms-{}",  # comparing by culture sees no soft hyphen
+]
 
 
 @pytest.mark.parametrize("name", LOOKALIKES)

@@ -1,0 +1,127 @@
+"""The loop as a law: a random system on a random host is planned, its scripts run, and then there is nothing to do."""
+
+from collections import Counter
+from copy import deepcopy
+
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+
+from rarms_iac.model.plan import Plan
+from rarms_iac.model.system import Host, ProviderKind, System
+from rarms_iac.providers.simulated.packing import packs
+from tests.builders import a_host
+from tests.effort import examples
+from tests.strategies import FOREIGN_NAMES, systems
+from tests.twin.cell import Cell, apply, undo
+from tests.twin.cells import a_stranger, a_windows
+from tests.twin.host import Vm, WindowsHost
+
+FEW = settings(
+    max_examples=examples(6), deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much]
+)
+
+
+def a_hyperv_host(logical_processors: int) -> Host:
+    return a_host("onboard", provider=ProviderKind.HYPERV, logical_processors=logical_processors, memory="8 GiB")
+
+
+@st.composite
+def hosts(draw: st.DrawFn) -> WindowsHost:
+    """A server with up to three machines of others: running, off, saved, starting by themselves."""
+    found: list[Vm] = []
+    for number, name in enumerate(draw(st.lists(st.sampled_from(FOREIGN_NAMES), max_size=3))):
+        state = draw(st.sampled_from(["Off", "Running", "Saved", "Paused"]))
+        start = draw(st.sampled_from(["Nothing", "Start", "StartIfRunning"]))
+        reserve = draw(st.integers(0, 9))
+        notes = draw(st.sampled_from(["", "keep me", "rarms/1 robot/arm vm=00000000 set=000000000000"]))
+        stranger = a_stranger(name, number, state=state, start_action=start, reserve=reserve, notes=notes)
+        found.append(stranger)
+    return a_windows(*found, logical_processors=draw(st.integers(2, 4)))
+
+
+@st.composite
+def laid_out(draw: st.DrawFn) -> Cell:
+    host = draw(hosts())
+    return Cell(draw(systems(a_hyperv_host(host.logical_processors))), host)
+
+
+def within(host: WindowsHost) -> None:
+    """What the host has promised to what runs fits: per processor, and in memory."""
+    active = [one for one in host.vms.values() if one.active]
+    sizes: Counter[int] = Counter()
+    for one in active:
+        sizes[one.reserve] += one.processors
+    assert packs(sizes, host.logical_processors), sizes
+    assert sum(one.memory for one in active) <= host.memory
+
+
+def strangers_of(host: WindowsHost) -> list[Vm]:
+    return deepcopy([one for name, one in sorted(host.vms.items()) if name.startswith("ffff")])
+
+
+def possible(cell: Cell) -> Plan:
+    """The plan; what cannot be planned is no case of a law about running."""
+    plan = cell.prepare().plan
+    assume(plan is not None)
+    assert plan is not None
+    return plan
+
+
+@FEW
+@given(laid_out())
+def test_plan_run_observe_plan_again_is_empty(cell: Cell) -> None:
+    plan, host = possible(cell), cell.host.copy(watch=within)
+    before = strangers_of(host)
+
+    ran = apply(host, plan)
+
+    assert ran.code == 0, ran.says
+    again = cell.on(host).plan()
+    assert [str(step.address) for step in again.hosts[0].steps] == []
+    assert strangers_of(host) == before
+
+
+@FEW
+@given(laid_out(), st.data())
+def test_a_change_of_mind_is_run_and_then_there_is_nothing_to_do(cell: Cell, data: st.DataObject) -> None:
+    first, host = possible(cell), cell.host.copy(watch=within)
+    before = strangers_of(host)
+    assert apply(host, first).code == 0
+    other = Cell(data.draw(systems(a_hyperv_host(host.logical_processors))), host)
+    plan = possible(other)
+    seen = other.observe()
+
+    ran = apply(host, plan)
+
+    assert ran.code == 0, ran.says
+    assert [str(step.address) for step in other.plan().hosts[0].steps] == []
+    assert strangers_of(host) == before
+    if not any(step.undo.says for step in plan.hosts[0].steps):
+        assert undo(host, plan).code == 0
+        assert other.observe().partitions == seen.partitions
+
+
+@FEW
+@given(laid_out(), st.integers(0, 120), st.sampled_from(["kill_before", "kill_after", "fail_at"]))
+def test_a_run_that_ends_anywhere_is_finished_by_the_next(cell: Cell, number: int, fault: str) -> None:
+    plan = possible(cell)
+    host = cell.host.copy(**{fault: number}, watch=within)
+    apply(host, plan)
+    host = host.copy(watch=within)
+
+    ran = apply(host, plan)
+
+    assert ran.code == 0, ran.says
+    assert [str(step.address) for step in cell.on(host).plan().hosts[0].steps] == []
+
+
+def test_the_systems_that_are_drawn_are_of_hyperv() -> None:
+    found: list[System] = []
+
+    @settings(max_examples=1, database=None)
+    @given(laid_out())
+    def draw(cell: Cell) -> None:
+        found.append(cell.system)
+
+    draw()
+    assert found[0].hosts["onboard"].provider is ProviderKind.HYPERV
