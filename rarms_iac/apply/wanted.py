@@ -6,16 +6,18 @@ from dataclasses import dataclass, replace
 from rarms_iac.apply.void import ignored, unproven
 from rarms_iac.diff.compare import Wishes, in_the_way
 from rarms_iac.diff.disruption import Surroundings
+from rarms_iac.diff.findings import FOREIGN_AT_NAME
 from rarms_iac.diff.order import Room, room_of
 from rarms_iac.model.capacity import capacity_of, foreign_claims
 from rarms_iac.model.changes import Address
-from rarms_iac.model.diagnostics import Diagnostic, Place, Places
+from rarms_iac.model.diagnostics import Diagnostic, Place, Places, Related
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.state import State, TaskClass
 from rarms_iac.model.system import Disruption, SimulatedHost, System
 from rarms_iac.model.where import partition_place
 from rarms_iac.planner.classes import ClassValues
 from rarms_iac.planner.desired import desired_state
+from rarms_iac.planner.findings import MEMORY, PACKING, RESERVATIONS
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.problem import host_view
@@ -52,7 +54,9 @@ def wanted(system: System, observed: Mapping[str, State], places: Places, limit:
     views = {name: host_view(state, system.application.name) for name, state in sorted(observed.items())}
     planning = plan_layout(system, FixedReservations(), views, places, max_disruption=limit)
     if not isinstance(planning.answer, Layout):
-        told = (*planning.findings, *_namesakes(system, observed, places))
+        namesakes = tuple(map(_told_first, _namesakes(system, observed, places)))
+        lacking = map(_behind_a_namesake, planning.findings) if namesakes else planning.findings
+        told = (*namesakes, *lacking)
         return Wanted(layout=None, hosts={}, findings=told)
     hosts: dict[str, HostWish] = {}
     found = planning.findings
@@ -80,6 +84,21 @@ def _namesakes(system: System, observed: Mapping[str, State], places: Places) ->
             is_ours = one.mark is not None and one.mark.application == system.application.name
             if not is_ours and one.settings.name in names:
                 yield in_the_way(one, partition_place(system, places, one.settings.name))
+
+
+def _told_first(one: Diagnostic) -> Diagnostic:
+    """The same without a line of its own, because findings are told in the order of their lines."""
+    if one.place is None:
+        return one
+    return replace(one, place=None, related=(*one.related, Related(place=one.place, says="wanted here")))
+
+
+def _behind_a_namesake(one: Diagnostic) -> Diagnostic:
+    """What lacks room: ways out were sought beside the namesake, and taking it over may need none of them."""
+    if one.code not in {RESERVATIONS.code, MEMORY.code, PACKING.code}:
+        return one
+    advice = f"First settle the machine that has a wanted name ({FOREIGN_AT_NAME.code}): it takes room, too."
+    return replace(one, advice=advice)
 
 
 def _where(

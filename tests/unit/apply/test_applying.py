@@ -267,7 +267,8 @@ def test_a_released_partition_goes_on_and_can_be_imported_again(lab: Lab) -> Non
     (vision,) = (one for one in lab.observe()["onboard"].partitions if one.settings.name == "vision")
     assert (vision.mark, vision.settings) == (None, was["vision"].settings)
     in_the_way = lab.prepare()
-    assert codes(in_the_way.findings) == ["RARMS014", "RARMS150"], "there is no room beside it, and it is why"
+    assert codes(in_the_way.findings) == ["RARMS150", "RARMS014"], "there is no room beside it, and it is why"
+    assert "would fit" not in in_the_way.findings[1].advice
 
     lab.apply(lab.plan(purpose=Purpose.IMPORT, partition="vision", machine=vision.id))
 
