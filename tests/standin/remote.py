@@ -17,6 +17,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from rarms_iac.storage.lock import hold
 from tests.needs import CHECKOUT
 from tests.standin import powershell
 from tests.twin.host import WindowsHost
@@ -70,7 +71,9 @@ class Remote:
         return powershell.load(self.folder)
 
     def put(self, host: WindowsHost) -> None:
-        powershell.save(self.folder, host)
+        """Have this host there, once nothing runs on it any more."""
+        with hold(self.folder / powershell.LOCK, "a test", 30_000):
+            powershell.save(self.folder, host)
 
     def ask(self, **how: object) -> None:
         powershell.ask(self.folder, **how)

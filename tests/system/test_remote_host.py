@@ -1,0 +1,257 @@
+"""A Hyper-V host behind a real sshd, with a stand-in for its PowerShell: the command itself, to an empty plan."""
+
+import json
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.needs import CHECKOUT, require
+from tests.standin.powershell import STAND_IN
+from tests.standin.remote import Ended, Remote, a_remote, finish
+from tests.twin.host import WindowsHost
+from tests.twin.observing import JOURNAL, host_from
+
+pytestmark = [pytest.mark.needs("ssh", "linux")]
+
+MANIFEST = """\
+schema: rarms/v1
+application: { name: robot }
+hosts:
+  onboard:
+    provider: hyperv
+    connect: { ssh: cell, shell: pwsh }
+    logical_processors: 8
+    memory: 16 GiB
+components:
+  vision: { criticality: 50, memory: 1 GiB, processors: 2, cpu: { reserve: 20 % } }
+  speech: { criticality: 40, memory: 1 GiB, processors: 2, cpu: { reserve: 10 % } }
+"""
+EMPTY = "No changes."
+
+
+def an_empty_host() -> WindowsHost:
+    recorded = CHECKOUT / "tests" / "recorded" / "hyperv" / "empty-host.json"
+    return host_from(json.loads(recorded.read_text(encoding="utf-8")))
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Remote]:
+    require("ssh", "linux")
+    folder = tmp_path_factory.mktemp("remote")
+    with a_remote(folder, an_empty_host()) as remote:
+        yield remote
+
+
+@pytest.fixture
+def remote(server: Remote) -> Remote:
+    """The server with an empty host that behaves, and a fresh manifest."""
+    server.put(an_empty_host())
+    server.ask()
+    (server.folder / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
+    return server
+
+
+def apply(remote: Remote, *more: str) -> Ended:
+    return remote.rarms("apply", "--auto-approve", *more)
+
+
+def is_as_wanted(remote: Remote) -> bool:
+    planned = remote.rarms("plan")
+    return planned.code == 0 and EMPTY in planned.out
+
+
+def journal_of(remote: Remote) -> list[dict[str, object]]:
+    file = remote.host.file(JOURNAL)
+    assert file is not None
+    assert file.data is not None
+    return [json.loads(line) for line in file.data.splitlines()]
+
+
+def after_steps(remote: Remote, count: int) -> None:
+    """Wait until a run on the host has recorded so many."""
+    until = time.monotonic() + 60
+    while time.monotonic() < until:
+        file = remote.host.file(JOURNAL)
+        if file is not None and file.data is not None and file.data.count(b'"status":"changed"') >= count:
+            return
+        time.sleep(0.02)
+    raise AssertionError("the run does not get on")
+
+
+def test_apply_ends_with_an_empty_plan_and_undo_takes_all_of_it_back(remote: Remote) -> None:
+    applied = apply(remote)
+
+    assert applied.code == 0, applied
+    assert "[16/16]" in applied.err
+    assert "2 added, 0 changed, 0 removed" in " ".join(applied.err.split())
+    assert is_as_wanted(remote)
+    assert {vm.name: vm.state for vm in remote.host.vms.values()} == {"vision": "Running", "speech": "Running"}
+
+    undone = remote.rarms("undo", "--auto-approve")
+    assert undone.code == 0, undone
+    assert not remote.host.vms
+
+
+def test_the_host_runs_the_very_bytes_of_the_plan_and_keeps_no_copy(remote: Remote) -> None:
+    assert remote.rarms("plan", "--out", "plan.json").code == 2
+    scripts = json.loads((remote.folder / "plan.json").read_text(encoding="utf-8"))["hosts"][0]["scripts"]
+
+    applied = remote.rarms("apply", "plan.json")
+
+    assert applied.code == 0, applied
+    assert journal_of(remote)[0]["script"] == scripts["onboard.ps1"]
+    assert journal_of(remote)[0]["undo"] == scripts["onboard.undo.ps1"]
+    received = Path((remote.folder / "received").read_text(encoding="utf-8"))
+    assert not received.exists()
+    assert remote.rarms("apply", "plan.json").code == 3, "a plan is used once"
+
+
+def test_a_host_that_moved_since_the_plan_is_not_touched(remote: Remote) -> None:
+    assert remote.rarms("plan", "--out", "plan.json").code == 2
+    host = remote.host
+    host.logical_processors = 4
+    remote.put(host)
+
+    refused = remote.rarms("apply", "plan.json")
+
+    assert refused.code == 3, refused
+    assert "RARMS182" in refused.err
+    assert not remote.host.vms
+
+
+def test_scripts_that_do_not_arrive_as_sent_are_not_run(remote: Remote) -> None:
+    remote.ask(garbles=True)
+
+    refused = remote.rarms("plan")
+
+    assert refused.code == 1
+    assert "did not arrive as sent" in " ".join(refused.err.split())
+    assert remote.host.file(JOURNAL) is None
+
+
+def test_a_connection_that_breaks_in_the_middle_is_unknown_and_the_next_apply_finishes(remote: Remote) -> None:
+    remote.ask(step_ms=100)
+    running = remote.start("apply", "--auto-approve")
+    after_steps(remote, 3)
+
+    remote.cut()
+
+    lost = finish(running)
+    assert lost.code == 1, lost
+    assert "RARMS250" in lost.err
+    remote.ask()
+    finished = apply(remote)
+    while finished.code == 3:  # the script there goes on until its next step
+        time.sleep(0.2)
+        finished = apply(remote)
+    assert finished.code == 0, finished
+    assert "finished the run that was begun earlier" in " ".join(finished.err.split())
+    assert is_as_wanted(remote)
+
+
+def test_ctrl_c_stops_after_the_running_step_and_the_next_apply_goes_on(remote: Remote) -> None:
+    remote.ask(step_ms=100)
+    running = remote.start("apply", "--auto-approve")
+    after_steps(remote, 2)
+
+    running.send_signal(signal.SIGINT)
+
+    stopped = finish(running)
+    assert stopped.code == 130, stopped
+    assert "rarms apply" in stopped.err
+    statuses = [one.get("status") for one in journal_of(remote)]
+    assert statuses.count("begun") == statuses.count("changed") < 16
+    remote.ask()
+    assert apply(remote).code == 0
+    assert is_as_wanted(remote)
+
+
+def test_noise_on_both_streams_is_shown_or_ignored_but_harms_nothing(remote: Remote) -> None:
+    noise = ["Welcome to CELL-4", "{", '{"format":"rarms-event/9"}', "\u001b[31mred"]
+    remote.ask(noise=noise, beside=["WARNING: a module was loaded twice"])
+
+    applied = apply(remote)
+
+    assert applied.code == 0, applied
+    assert "onboard says: Welcome to CELL-4" in applied.err
+    assert "\x1b" not in applied.err
+    assert is_as_wanted(remote)
+
+
+def test_a_script_that_says_nothing_for_too_long_is_unknown(remote: Remote) -> None:
+    assert remote.rarms("plan", "--out", "plan.json").code == 2
+    remote.ask(step_ms=3000)
+
+    lost = remote.rarms("apply", "plan.json", "--event-timeout", "1s")
+
+    assert lost.code == 1, lost
+    assert "it said nothing for 1 s" in " ".join(lost.err.split())
+
+
+def test_what_powershell_says_instead_of_running_a_script_is_told(remote: Remote) -> None:
+    remote.ask(refuses="observe.ps1 cannot be loaded because running scripts is disabled on this system.")
+
+    failed = remote.rarms("plan")
+
+    assert failed.code == 1
+    assert "running scripts is disabled" in " ".join(failed.err.split())
+
+
+def test_a_run_that_is_left_as_it_is_stands_in_nobodys_way(remote: Remote) -> None:
+    remote.ask(step_ms=100)
+    running = remote.start("apply", "--auto-approve")
+    after_steps(remote, 2)
+    running.send_signal(signal.SIGINT)
+    assert finish(running).code == 130
+    remote.ask()
+    assert remote.rarms("plan", "--out", "plan.json").code == 3
+
+    abandoned = remote.rarms("apply", "--abandon")
+
+    assert abandoned.code == 0, abandoned
+    assert journal_of(remote)[-1]["closing"] == "abandoned"
+    assert remote.rarms("plan").code == 2
+
+
+def test_a_planted_journal_is_not_believed(remote: Remote) -> None:
+    host = remote.host
+    host.write_file(JOURNAL, b"", owner="S-1-5-21-1-2-3-1001")
+    remote.put(host)
+
+    refused = apply(remote)
+
+    assert refused.code == 1, refused
+    assert "S-1-5-21-1-2-3-1001" in refused.err
+    assert not remote.host.vms
+
+
+def test_a_host_that_nobody_reaches_is_told_with_sshs_words(remote: Remote) -> None:
+    manifest = remote.folder / "rarms.yaml"
+    manifest.write_text(MANIFEST.replace("ssh: cell", "ssh: nobody@127.0.0.1"), encoding="utf-8", newline="\n")
+
+    failed = remote.rarms("plan")
+
+    assert failed.code == 1
+    assert "ssh does not reach nobody@127.0.0.1" in " ".join(failed.err.split())
+    assert "ssh -o BatchMode=yes" in failed.err
+
+
+def test_a_host_without_that_powershell_is_told(remote: Remote) -> None:
+    manifest = remote.folder / "rarms.yaml"
+    manifest.write_text(MANIFEST.replace("shell: pwsh", "shell: powershell"), encoding="utf-8", newline="\n")
+
+    failed = remote.rarms("plan")
+
+    assert failed.code == 1
+    assert "powershell.exe does not start on cell" in " ".join(failed.err.split())
+    assert "connect.shell" in failed.err
+
+
+def test_the_stand_in_says_what_it_is(remote: Remote) -> None:
+    remote.ask(refuses="no")
+
+    assert "stand-in" in STAND_IN
+    assert STAND_IN in " ".join(remote.rarms("plan").err.split())
