@@ -108,6 +108,8 @@ def why_not(plan: Plan, part: HostPlan, host: LiveHost, journal: LastRun) -> lis
         return [] if same else [refusals.unfinished(host.name, journal)]
     if finished_by(plan, journal):
         return []
+    if part.steps and isinstance(host, ScriptedHost) and script_name(part) not in part.scripts:
+        return [refusals.no_script(host.name, plan.id)]
     state = host.observe()
     serial = state.serials.get(plan.application, 0)
     if serial > part.serial:

@@ -156,6 +156,16 @@ def unknown(host: str, plan: str, why: str) -> Diagnostic:
     )
 
 
+def no_script(host: str, plan: str) -> Diagnostic:
+    """The plan was made for a host that walks steps, or by a version that wrote no scripts."""
+    return SCRIPT_REFUSED.at(
+        None,
+        f"Plan {plan} holds no script for {host}.",
+        "Make a new plan: `rarms plan --out FILE`.",
+        address=f"host/{host}",
+    )
+
+
 def script_refused(host: str, event: RunEvent) -> Diagnostic:
     """The script ended with exit code 3: before a step, or before any."""
     if event.kind is EventKind.LOCK:

@@ -90,6 +90,8 @@ def test_apply_ends_with_an_empty_plan_and_undo_takes_all_of_it_back(remote: Rem
     assert is_as_wanted(remote)
     assert {vm.name: vm.state for vm in remote.host.vms.values()} == {"vision": "Running", "speech": "Running"}
 
+    assert remote.rarms("drift").code == 0
+
     undone = remote.rarms("undo", "--auto-approve")
     assert undone.code == 0, undone
     assert not remote.host.vms
