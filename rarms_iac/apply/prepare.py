@@ -152,6 +152,7 @@ def _host_plan(request: Request, wish: HostWish, layout: Layout | None) -> _Part
         unchanged=difference.unchanged,
         scripts={},
         totals=totals_of(wish.observed, wish.desired, application, held.kept, steps),
+        threads=wish.threads,
     )
     where, replaceable = wish.wishes.where, wish.wishes.replaceable
     guests = guest_tasks(wish.by_hand, application, replaceable, request.targets, where)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
+from rarms_iac.apply.threads import threads_of
 from rarms_iac.apply.void import ignored, unproven
 from rarms_iac.diff.compare import Wishes, in_the_way
 from rarms_iac.diff.disruption import Surroundings
@@ -12,6 +13,7 @@ from rarms_iac.model.capacity import capacity_of, foreign_claims
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, Related
 from rarms_iac.model.layout import Layout
+from rarms_iac.model.plan import ThreadClass
 from rarms_iac.model.state import State, TaskClass
 from rarms_iac.model.system import Disruption, SimulatedHost, System
 from rarms_iac.model.where import partition_place
@@ -36,6 +38,7 @@ class HostWish:
     room: Room
     unused: frozenset[str]
     by_hand: tuple[TaskClass, ...] = ()  # wanted in guests that nobody could look into
+    threads: tuple[ThreadClass, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +75,10 @@ def wanted(system: System, observed: Mapping[str, State], places: Places, limit:
         )
         around = replace(_around(system, state), making=desired.making, criticality=desired.criticality)
         wish = _wish(system, state, desired.state, wishes, around, limit)
-        hosts[name] = replace(wish, by_hand=desired.by_hand)
+        members = {one.name: one.components for one in planning.answer.partitions if one.host == name}
+        members[""] = tuple(one for one, place in planning.answer.on_hosts if place == name)
+        threads = threads_of(desired.classes, system, members)
+        hosts[name] = replace(wish, by_hand=desired.by_hand, threads=threads)
     return Wanted(layout=planning.answer, hosts=hosts, findings=found)
 
 

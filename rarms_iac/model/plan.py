@@ -95,6 +95,17 @@ class Totals:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ThreadClass:
+    """What the threads of a task class run at in one operating system, once its Windows has started again."""
+
+    inside: str  # the partition whose guest it is; empty: the host itself
+    task: str
+    category: str
+    thread_priority: int
+    components: tuple[str, ...]  # those that name it, the most critical first
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class HostPlan:
     """What is to be done on one host."""
 
@@ -110,6 +121,7 @@ class HostPlan:
     unchanged: int  # resources that are as wanted
     scripts: Mapping[str, str]  # file name -> text, one an operating system
     totals: Totals | None = None  # for the reader; nothing is decided by it
+    threads: tuple[ThreadClass, ...] = ()  # by operating system, highest priority first; for the reader, too
 
 
 class Purpose(StrEnum):

@@ -6,6 +6,7 @@ run at 26; in Low it is BackgroundPriority + 7. The order is promised among the 
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.state import RegistryValue, ValueKind
@@ -15,6 +16,22 @@ from rarms_iac.planner.groups import most_critical_first
 
 LEVELS = 8
 """Priorities of a category: 1 to 8."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spacing:
+    """Where in Medium the most critical class lies, and how far below it the next one."""
+
+    top: int
+    apart: int
+
+
+SPACINGS = (Spacing(top=7, apart=2), Spacing(top=7, apart=1), Spacing(top=LEVELS, apart=1))
+"""The first that keeps the order is taken.
+
+Windows was seen to raise some threads of Medium by one, and none above 23 (FACTS 6.2): two apart are in order even
+then, and priority 8 may be no more than 7 is.
+"""
 
 CLOCK_RATE = 10_000
 """In 100 ns: other values were seen to stop the task from working."""
@@ -37,13 +54,18 @@ class ClassValues:
     @property
     def thread_priority(self) -> int:
         """What its threads run at (FACTS 6.2, measured)."""
-        match self.category:
-            case TaskCategory.HIGH:
-                return 26
-            case TaskCategory.MEDIUM:
-                return 16 + self.priority
-            case TaskCategory.LOW:
-                return 7 + self.background_priority
+        return thread_priority(self.category, self.priority, self.background_priority)
+
+
+def thread_priority(category: TaskCategory, priority: int, background_priority: int) -> int:
+    """What threads of a class run at while they have their share (FACTS 6.2, measured)."""
+    match category:
+        case TaskCategory.HIGH:
+            return 26
+        case TaskCategory.MEDIUM:
+            return 16 + priority
+        case TaskCategory.LOW:
+            return 7 + background_priority
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,9 +87,10 @@ def classes_of(components: Iterable[Component], wishes: Mapping[str, TaskWish], 
             named.setdefault(one.task.lower(), []).append(one)
     fixed = {name.lower(): wish for name, wish in wishes.items()}
     by_weight = sorted(named.values(), key=lambda users: (-_criticality(users), _called(users, fixed)))
-    decided = _decide(by_weight, fixed)
-    problems = tuple(_out_of_order(decided, fixed, inside, places))
-    return Classes(classes=tuple(sorted(decided, key=lambda one: one.name)), findings=problems)
+    ways = [_decide(by_weight, fixed, spacing) for spacing in SPACINGS]
+    decided = next((one for one in ways if not any(_out_of_order(one, fixed, inside, places))), ways[-1])
+    told = (*_out_of_order(decided, fixed, inside, places), *_neighbours(decided, inside, places))
+    return Classes(classes=tuple(sorted(decided, key=lambda one: one.name)), findings=told)
 
 
 def _criticality(users: Sequence[Component]) -> int:
@@ -81,10 +104,12 @@ def _called(users: Sequence[Component], fixed: Mapping[str, TaskWish]) -> str:
     return fixed[first.lower()].name if first.lower() in fixed else first
 
 
-def _decide(by_weight: Sequence[Sequence[Component]], fixed: Mapping[str, TaskWish]) -> list[ClassValues]:
+def _decide(
+    by_weight: Sequence[Sequence[Component]], fixed: Mapping[str, TaskWish], spacing: Spacing
+) -> list[ClassValues]:
     """From the most critical down; each level as high as those above allow, which leaves the most room below."""
     decided: list[ClassValues] = []
-    ceiling, level, last = LEVELS, LEVELS, None
+    ceiling, level, last = spacing.top, spacing.top, None
     for users in by_weight:
         weight, name = _criticality(users), _called(users, fixed)
         if weight != last:
@@ -104,7 +129,7 @@ def _decide(by_weight: Sequence[Sequence[Component]], fixed: Mapping[str, TaskWi
             )
         )
         if category is TaskCategory.MEDIUM:
-            ceiling = min(ceiling, priority - 1)
+            ceiling = min(ceiling, priority - spacing.apart)
     return decided
 
 
@@ -130,6 +155,28 @@ def _out_of_order(
                 f"or let components of similar criticality share a class.",
                 address=_address(inside, upper.name),
             )
+
+
+def _neighbours(decided: Sequence[ClassValues], inside: str, places: Places) -> Iterator[Diagnostic]:
+    """Classes whose threads may meet where Windows raises the lower one by one."""
+    ordered = sorted(decided, key=lambda one: (-one.criticality, one.name))
+    pairs = [
+        (upper, lower)
+        for upper, lower in pairwise(ordered)
+        if upper.criticality > lower.criticality
+        and upper.category is lower.category is TaskCategory.MEDIUM
+        and upper.thread_priority == lower.thread_priority + 1
+    ]
+    if pairs:
+        upper, lower = pairs[0]
+        more = f", as may {len(pairs) - 1} more" if len(pairs) > 1 else ""
+        yield findings.NEIGHBOURS.at(
+            places.key("components", upper.user),
+            f"In {_where(inside)}, {upper.name} runs at {upper.thread_priority} and {lower.name} at "
+            f"{lower.thread_priority}: Windows was seen to raise some threads by one, and then the two meet{more}.",
+            "Nothing, if that can be borne. Four criticalities in one operating system leave room between them.",
+            address=_address(inside, upper.name),
+        )
 
 
 def _is_fixed(one: ClassValues, fixed: Mapping[str, TaskWish]) -> bool:

@@ -19,6 +19,9 @@ BETTER_ELSEWHERE = Finding(
 CLASS_ORDER = Finding(
     code="RARMS128", severity=_WARNING, summary="Task classes cannot express the order of criticalities"
 )
+NEIGHBOURS = Finding(
+    code="RARMS129", severity=Severity.NOTE, summary="Threads of different criticality are one priority apart"
+)
 KINDS = {
     one.code: one for one in (RESERVATIONS, UNMEASURED, MEMORY, PACKING, PLACEMENT, PARALLELISM, TOO_WIDE, COMPANY)
 }

@@ -82,6 +82,17 @@ class TotalsOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ThreadsOutput:
+    """What the threads of a robotic task class run at, once its Windows has started again; `inside`: whose guest."""
+
+    inside: str
+    task: str
+    category: str
+    thread_priority: int
+    components: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class HostOutput:
     """What a plan does on one host."""
 
@@ -96,6 +107,7 @@ class HostOutput:
     unused: tuple[str, ...]
     unchanged: int
     totals: TotalsOutput | None
+    threads: tuple[ThreadsOutput, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

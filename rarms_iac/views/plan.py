@@ -12,6 +12,7 @@ from rarms_iac.views.attributes import Attribute, attributes_of
 from rarms_iac.views.diagnostics.layout import columns, visible, wrap
 from rarms_iac.views.diagnostics.source import Sources
 from rarms_iac.views.diagnostics.text import as_text, counted
+from rarms_iac.views.threads import threads_lines
 from rarms_iac.views.totals import totals_lines
 
 WIDTH = 80
@@ -158,6 +159,7 @@ def _host(part: HostPlan, plan: Plan, width: int, *, steps: bool) -> Iterator[st
     yield from _disruption(part, width)
     if steps and part.steps:
         yield from _steps(part, width)
+    yield from threads_lines(part, width)
     yield from totals_lines(part)
 
 

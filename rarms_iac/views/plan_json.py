@@ -5,7 +5,7 @@ from dataclasses import fields
 from typing import Literal, assert_never
 
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Resource, Update
-from rarms_iac.model.plan import HostPlan, Plan, Step, Totals
+from rarms_iac.model.plan import HostPlan, Plan, Step, ThreadClass, Totals
 from rarms_iac.model.state import Partition, TaskClass
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.attributes import forced_by
@@ -17,6 +17,7 @@ from rarms_iac.views.output import (
     HostOutput,
     PlanOutput,
     StepOutput,
+    ThreadsOutput,
     TotalsOutput,
     UndoOutput,
     Value,
@@ -70,6 +71,17 @@ def _host(part: HostPlan) -> HostOutput:
         unused=part.unused,
         unchanged=part.unchanged,
         totals=None if part.totals is None else _totals(part.totals),
+        threads=tuple(map(_threads, part.threads)),
+    )
+
+
+def _threads(one: ThreadClass) -> ThreadsOutput:
+    return ThreadsOutput(
+        inside=one.inside,
+        task=one.task,
+        category=one.category,
+        thread_priority=one.thread_priority,
+        components=one.components,
     )
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from rarms_iac.apply.review import (
+    classes_above,
     disks_stay,
     limit_below_reserve,
     limit_widens,
@@ -24,6 +25,7 @@ REVIEWS = (
     disks_stay,
     not_undone,
     wide_partition,
+    classes_above,
 )
 
 

@@ -1,3 +1,5 @@
+import pytest
+
 from rarms_iac.model.system import Component, TaskCategory, TaskWish
 from rarms_iac.planner.classes import Classes, classes_of, registry_values
 from tests.builders import a_component, a_task, codes
@@ -20,7 +22,7 @@ def threads(found: Classes) -> dict[str, int]:
 def test_threads_run_in_the_order_of_criticalities_and_equals_alike() -> None:
     found = decided(users(Localization=10, MotionControl=40, SpeechRecognition=10))
 
-    assert threads(found) == {"MotionControl": 24, "Localization": 23, "SpeechRecognition": 23}
+    assert threads(found) == {"MotionControl": 23, "Localization": 21, "SpeechRecognition": 21}
     assert found.findings == ()
 
 
@@ -29,13 +31,13 @@ def test_a_shared_class_counts_as_its_most_critical_component() -> None:
 
     found = decided([*shared, a_component("b", task="motioncontrol", criticality=50)])
 
-    assert threads(found) == {"MotionControl": 24, "Localization": 23}
+    assert threads(found) == {"MotionControl": 23, "Localization": 21}
 
 
 def test_what_is_fixed_stands_and_the_rest_goes_around_it() -> None:
     found = decided(users(Localization=30, MotionControl=20, SpeechRecognition=10), a_task("MotionControl", priority=3))
 
-    assert threads(found) == {"Localization": 24, "MotionControl": 19, "SpeechRecognition": 18}
+    assert threads(found) == {"Localization": 23, "MotionControl": 19, "SpeechRecognition": 17}
 
 
 def test_more_levels_than_medium_has_are_told() -> None:
@@ -43,7 +45,7 @@ def test_more_levels_than_medium_has_are_told() -> None:
 
     found = decided(nine)
 
-    assert codes(found.findings) == ["RARMS128"]
+    assert codes(found.findings) == ["RARMS128", "RARMS129"]
     assert threads(decided(nine[1:])) == {f"Class{at}": 16 + at for at in range(1, 9)}
 
 
@@ -66,10 +68,18 @@ def test_all_values_have_their_types() -> None:
     assert {name: (value.kind.value, value.data) for name, value in registry_values(one).items()} == {
         "Affinity": ("dword", 0),
         "Background Only": ("sz", "False"),
-        "BackgroundPriority": ("dword", 8),
+        "BackgroundPriority": ("dword", 7),
         "Clock Rate": ("dword", 10000),
         "GPU Priority": ("dword", 8),
-        "Priority": ("dword", 8),
+        "Priority": ("dword", 7),
         "Scheduling Category": ("sz", "Medium"),
         "SFIO Priority": ("sz", "Normal"),
     }
+
+
+@pytest.mark.parametrize(("count", "spread"), [(4, [23, 21, 19, 17]), (5, [23, 22, 21, 20, 19])])
+def test_up_to_four_criticalities_keep_a_level_between_them(count: int, spread: list[int]) -> None:
+    found = decided([a_component(f"c{at}", task=f"Class{at}", criticality=-at) for at in range(count)])
+
+    assert sorted(threads(found).values(), reverse=True) == spread
+    assert codes(found.findings) == ([] if count == 4 else ["RARMS129"])

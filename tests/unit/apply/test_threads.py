@@ -1,0 +1,99 @@
+from dataclasses import replace
+
+import pytest
+
+from rarms_iac.apply.review import classes_above
+from rarms_iac.apply.review.reviewed import Reviewed
+from rarms_iac.apply.threads import above, threads_of
+from rarms_iac.model.plan import Purpose, ThreadClass
+from rarms_iac.model.state import RegistryValue, State, TaskClass, TaskRecord, ValueKind
+from rarms_iac.planner.classes import classes_of
+from rarms_iac.providers.simulated.content import SHIPPED
+from tests import builders_plan as build
+from tests.builders import PathPlaces, a_component, a_system
+from tests.planning import PLACES
+
+
+def other(name: str, category: str, priority: int | str, *, record: TaskRecord | None = None) -> TaskClass:
+    kind = ValueKind.DWORD if isinstance(priority, int) else ValueKind.SZ
+    values = {
+        "Scheduling Category": RegistryValue(kind=ValueKind.SZ, data=category),
+        "Priority": RegistryValue(kind=kind, data=priority),
+    }
+    return TaskClass(name=name, values=values, record=record)
+
+
+ROBOTIC = (ThreadClass(inside="", task="MotionControl", category="Medium", thread_priority=20, components=("arm",)),)
+OURS = TaskRecord(application="robot", set="0" * 12, before=None)
+
+
+def names(*tasks: TaskClass) -> list[tuple[str, int]]:
+    observed = State(facts=build.facts(), tasks=tasks)
+    return [(task.name, runs_at) for _, task, runs_at in above(ROBOTIC, observed, "robot")]
+
+
+def test_of_the_classes_of_windows_those_in_high_and_the_higher_ones_in_medium_are_above() -> None:
+    shipped = [TaskClass(name=name, values=values) for name, values in SHIPPED.items()]
+
+    assert names(*shipped) == [
+        ("Audio", 22),
+        ("Capture", 21),
+        ("DisplayPostProcessing", 26),
+        ("Pro Audio", 26),
+        ("Window Manager", 21),
+    ]
+
+
+@pytest.mark.parametrize(
+    "task",
+    [
+        other("Equal", "Medium", 4),
+        other("Low", "Low", 8),
+        other("Nonsense", "Top", 8),
+        other("Text", "Medium", "8"),
+        other("Empty", "", 8),
+        other("Ours", "High", 1, record=OURS),
+        other("motioncontrol", "High", 1),
+    ],
+)
+def test_what_is_not_above_or_not_known_or_ours_is_not_told(task: TaskClass) -> None:
+    assert names(task) == []
+
+
+def test_what_a_maker_added_is_told_once_a_host_where_classes_change() -> None:
+    plan = build.host_plan(changes=[build.create(build.task())])
+    part = Reviewed(
+        system=a_system(),
+        places=PathPlaces(),
+        purpose=Purpose.APPLY,
+        layout=None,
+        observed=State(facts=build.facts(), tasks=(other("Vendor Sound", "high", 1),)),
+        plan=plan,
+    )
+
+    assert list(classes_above.review(part)) == []
+    with_threads = Reviewed(
+        system=part.system,
+        places=part.places,
+        purpose=part.purpose,
+        layout=None,
+        observed=part.observed,
+        plan=replace(plan, threads=ROBOTIC),
+    )
+    (one,) = classes_above.review(with_threads)
+    assert (one.code, one.address, "Vendor Sound (26)" in one.detail) == ("RARMS226", "host/onboard", True)
+
+
+def test_classes_are_listed_system_by_system_with_who_names_them() -> None:
+    arm = a_component("arm", task="MotionControl", criticality=5)
+    leg = a_component("leg", task="motioncontrol", criticality=9)
+    eye = a_component("eye", task="Localization", criticality=1)
+    system = a_system(components=[arm, leg, eye])
+    decided = {("body", one.name): one for one in classes_of([arm, leg, eye], {}, "body", PLACES).classes}
+
+    found = threads_of(decided, system, {"body": ("leg", "arm", "eye")})
+
+    assert [(one.inside, one.task.lower(), one.thread_priority, one.components) for one in found] == [
+        ("body", "motioncontrol", 23, ("leg", "arm")),
+        ("body", "localization", 21, ("eye",)),
+    ]
