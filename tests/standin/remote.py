@@ -84,21 +84,24 @@ class Remote:
         path = f"{self.folder}/here{os.pathsep}{os.environ['PATH']}"
         return {**os.environ, "PATH": path, "PYTHONPATH": str(CHECKOUT), "NO_COLOR": "1"}
 
-    def start(self, *words: str) -> subprocess.Popen[bytes]:
-        """`rarms` as a process, in the host's folder."""
+    def start(self, *words: str, beside_pwsh: bool = False) -> subprocess.Popen[bytes]:
+        """`rarms` as a process, in the host's folder; `beside_pwsh`: on the host itself."""
+        environment = dict(self.environment)
+        if beside_pwsh:
+            environment["PATH"] = f"{self.folder}/there{os.pathsep}{environment['PATH']}"
         program = [sys.executable, "-m", "rarms_iac.cli.main"]
         pipe = subprocess.PIPE
         return subprocess.Popen(
             [*program, *words],
             cwd=self.folder,
-            env=self.environment,
+            env=environment,
             stdin=subprocess.DEVNULL,
             stdout=pipe,
             stderr=pipe,
         )
 
-    def rarms(self, *words: str) -> Ended:
-        return finish(self.start(*words))
+    def rarms(self, *words: str, beside_pwsh: bool = False) -> Ended:
+        return finish(self.start(*words, beside_pwsh=beside_pwsh))
 
     def cut(self) -> None:
         """Break every connection, as if a cable were pulled: the sessions' processes end, and tell nobody."""

@@ -252,6 +252,50 @@ def test_a_host_without_that_powershell_is_told(remote: Remote) -> None:
     assert "connect.shell" in failed.err
 
 
+def test_a_host_that_another_run_holds_is_told(remote: Remote) -> None:
+    remote.ask(step_ms=150)
+    running = remote.start("apply", "--auto-approve")
+    after_steps(remote, 1)
+
+    held = apply(remote)
+
+    assert held.code == 3, held
+    assert "RARMS184" in held.err
+    assert finish(running).code == 0
+    assert is_as_wanted(remote)
+
+
+LOCAL = MANIFEST.replace("    connect: { ssh: cell, shell: pwsh }\n", "")
+
+
+def test_on_the_host_itself_no_ssh_is_needed(remote: Remote) -> None:
+    (remote.folder / "rarms.yaml").write_text(LOCAL, encoding="utf-8", newline="\n")
+    elsewhere = remote.rarms("plan")
+
+    applied = remote.rarms("apply", "--auto-approve", beside_pwsh=True)
+
+    assert elsewhere.code == 1
+    assert "is not on this computer" in " ".join(elsewhere.err.split())
+    assert applied.code == 0, applied
+    assert EMPTY in remote.rarms("plan", beside_pwsh=True).out
+    assert remote.rarms("undo", "--auto-approve", beside_pwsh=True).code == 0
+    assert not remote.host.vms
+
+
+def test_ctrl_c_stops_a_script_of_this_computer_too(remote: Remote) -> None:
+    (remote.folder / "rarms.yaml").write_text(LOCAL, encoding="utf-8", newline="\n")
+    remote.ask(step_ms=100)
+    running = remote.start("apply", "--auto-approve", beside_pwsh=True)
+    after_steps(remote, 2)
+
+    running.send_signal(signal.SIGINT)
+
+    assert finish(running).code == 130
+    remote.ask()
+    assert remote.rarms("apply", beside_pwsh=True).code == 0
+    assert EMPTY in remote.rarms("plan", beside_pwsh=True).out
+
+
 def test_the_stand_in_says_what_it_is(remote: Remote) -> None:
     remote.ask(refuses="no")
 
