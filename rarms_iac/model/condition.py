@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from rarms_iac.model.state import RegistryValue
+
 
 class PolicyScope(StrEnum):
     """Where an execution policy is set, in PowerShell's own words; the first that is set decides."""
@@ -43,4 +45,5 @@ class HostCondition:
     seen_processors: int | None = None  # logical processors that the host's own Windows sees
     numa_nodes: int | None = None
     machines: tuple[MachineCondition, ...] = ()
+    responsiveness: RegistryValue | None = None  # SystemResponsiveness of the host's own Windows, where it is set
     unread: Mapping[str, str] = field(default_factory=dict)  # what could not be looked at -> why

@@ -5,7 +5,9 @@ from collections.abc import Iterator, Mapping
 from typing import TypeVar
 
 from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
+from rarms_iac.model.state import RegistryValue
 from rarms_iac.providers.hyperv.observation import Machine, Observation, Probe, Read, Unread, or_else
+from rarms_iac.providers.hyperv.parse import values_of
 
 T = TypeVar("T")
 
@@ -32,6 +34,7 @@ def condition_of(seen: Observation) -> HostCondition:
         seen_processors=sum(one.logical for one in sockets) if sockets else None,
         numa_nodes=len(nodes) if nodes else None,
         machines=tuple(_machine(one, groups.get(one.id, "")) for one in or_else(seen.machines, ())),
+        responsiveness=_responsiveness(seen),
         unread=dict(_unread(seen)),
     )
 
@@ -54,6 +57,11 @@ def _groups(seen: Observation) -> Mapping[str, str]:
         if instance and group and group != NO_GROUP:
             found[instance["id"].lower()] = group
     return found
+
+
+def _responsiveness(seen: Observation) -> RegistryValue | None:
+    values = {name.lower(): value for name, value in values_of(or_else(seen.profile, ())).items()}
+    return values.get("systemresponsiveness")
 
 
 def _known(scope: str) -> bool:

@@ -14,12 +14,14 @@ from rarms_iac.apply.doctor.checks import (
     old_powershell,
     pending_restart,
     power_plan,
+    responsiveness,
     threads_of_a_core,
     void_host,
     wide_machine,
 )
 
 OWN = (
+    responsiveness,
     no_module,
     threads_of_a_core,
     cpu_group,

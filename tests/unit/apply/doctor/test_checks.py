@@ -5,11 +5,12 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.apply.doctor.checks import ASKED_BY_THE_DOCTOR
+from rarms_iac.apply.doctor.checks.responsiveness import effective
 from rarms_iac.apply.doctor.examination import Examination
 from rarms_iac.apply.doctor.examine import examine
 from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.state import HostFacts, Partition, Rights, RunState, State
+from rarms_iac.model.state import HostFacts, Partition, RegistryValue, Rights, RunState, State, ValueKind
 from rarms_iac.model.system import SchedulerType
 from tests.builders_plan import facts, partition, settings
 
@@ -22,6 +23,11 @@ def examination(
 
 def odd(condition: MachineCondition) -> HostCondition:
     return HostCondition(machines=(condition,))
+
+
+def responsive(data: int | str) -> HostCondition:
+    kind = ValueKind.DWORD if isinstance(data, int) else ValueKind.SZ
+    return HostCondition(responsiveness=RegistryValue(kind=kind, data=data))
 
 
 VISION = partition(settings("vision"))
@@ -45,6 +51,7 @@ CASES = {
     "unknown": ("RARMS159", "host/onboard", examination(of=replace(facts(), scheduler=SchedulerType.UNKNOWN))),
     "no rights": ("RARMS158", "host/onboard", examination(of=replace(facts(), rights=Rights.MISSING))),
     "rights not proven": ("RARMS158", "host/onboard", examination(of=replace(facts(), rights=Rights.UNKNOWN))),
+    "responsiveness": ("RARMS230", "host/onboard", examination(how=responsive(15))),
     "no module": ("RARMS233", "host/onboard", examination(how=HostCondition(module=()))),
     "SMT": ("RARMS234", "host/onboard", examination(of=replace(facts(), smt=True, scheduler=SchedulerType.CORE))),
     "group": (
@@ -162,3 +169,14 @@ def test_what_the_provider_found_is_told_with_the_rest() -> None:
     told: Diagnostic = examine(CASES["root"][2])[0]
 
     assert examine(replace(examination(), told=(told,))) == (told,)
+
+
+@pytest.mark.parametrize(
+    ("data", "means"),
+    [(0, 20), (9, 20), (10, 10), (19, 10), (20, 20), (95, 90), (100, 100), (101, 20), (4294967295, 20), ("20", 20)],
+)
+def test_windows_rounds_down_and_takes_20_for_what_is_out_of_range(data: int | str, means: int) -> None:
+    how = responsive(data)
+
+    assert effective(how.responsiveness) == means
+    assert len(examine(examination(how=how))) == (0 if data in range(10, 100, 10) else 1)
