@@ -8,7 +8,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import floor
 
+from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind
+from rarms_iac.model.operations import RemovePartition
 from rarms_iac.model.plan import Claim, HostPlan, Plan, Readings, Scope, Step, UndoLevel
 from rarms_iac.model.quantities import in_processors
 from rarms_iac.powershell.calls import Part, parts_of
@@ -42,12 +44,16 @@ class _Ready:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Numbered:
-    """A part with its place in the script; `undoes`: the number of the step of the apply script that it takes back."""
+    """A part with its place in the script.
+
+    `undoes`: the number of the apply script's step that it takes back; `lost`: of the one that removes its machine.
+    """
 
     number: int
     part: Part
     step: Step
     undoes: int | None
+    lost: int | None = None
 
 
 def script_name(host_plan: HostPlan, inside: str = "", *, undo: bool = False) -> str:
@@ -106,12 +112,16 @@ def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_sch
     for number, (_, step) in enumerate(_forward(host_plan, plan, inside)):
         first.setdefault(id(step), (number, step))
     steps: list[_Numbered] = []
+    lost: dict[Address, int] = {}  # what was done to a machine before it was removed went with it
     for undoes, step in reversed(first.values()):
+        if isinstance(step.operation, RemovePartition):
+            lost[step.address] = undoes
         if step.undo.operation is None:
             continue
         back = _taken_back(step)
         for part in parts_of(back, _scope(plan)):
-            steps.append(_Numbered(number=len(steps), part=part, step=back, undoes=undoes))
+            gone = lost.get(step.address)
+            steps.append(_Numbered(number=len(steps), part=part, step=back, undoes=undoes, lost=gone))
     run = {"undo": literal(""), "undo_digest": literal(""), "accept_scheduler": literal(accept_scheduler)}
     return _fill("undo.ps1.j2", RunKind.UNDO, host_plan, plan, inside, steps, run)
 
@@ -243,6 +253,8 @@ def _needs(address: str) -> tuple[str, ...]:
 def _extra(one: _Numbered) -> Iterable[tuple[str, Literal]]:
     if one.undoes is not None:
         yield "Undoes", literal(one.undoes)
+    if one.lost is not None:
+        yield "Lost", literal(one.lost)
     claim = one.step.claim_after
     if _grows(one.step.claim_before, claim):
         fields = {"Processors": claim.processors, "Reserve": claim.reserve, "Memory": claim.memory}

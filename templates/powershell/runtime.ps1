@@ -669,6 +669,11 @@ function Invoke-Step {
         Write-RunEvent -Kind 'step' -Address $step.Address -Number $step.Number -Status 'unchanged' -Detail 'was not done'
         return
     }
+    $read = $step.Read
+    if ($step.Contains('Lost') -and $script:Touched.Contains([string] $step.Lost) -and -not (& $read)['exists']) {
+        Write-RunEvent -Kind 'step' -Address $step.Address -Number $step.Number -Status 'unchanged' -Detail 'went with its machine'
+        return
+    }
     Add-Expectation -Step $step
     if ($script:Ended -or $script:Done.Contains([string] $step.Number)) {
         Write-RunEvent -Kind 'step' -Address $step.Address -Number $step.Number -Status 'unchanged' -Detail 'done before'
@@ -680,7 +685,6 @@ function Invoke-Step {
         exit 1
     }
     $begun = $script:Begun.Contains([string] $step.Number)
-    $read = $step.Read
     $set = $step.Set
     $live = & $read
     if (-not @(Compare-Reading -Live $live -Expected $step.After).Count) {

@@ -118,7 +118,7 @@ _CHANGING_MEMBERS = _HYPERV_MEMBERS | words(
     """
     ASCII AcceptScheduler Action AddMilliseconds Address After Application Before Claim ComputeHash Computer Contains
     Create CreateDirectory Dispose Exception Flush GetBytes GetOwner GetString GetValue GetValueKind GetValueNames
-    Guest Keys Length LogicalProcessors MachineName Memory Message Move Needs Number OpenOrCreate Ordinal Out
+    Guest Keys Length LogicalProcessors Lost MachineName Memory Message Move Needs Number OpenOrCreate Ordinal Out
     PSChildName PSObject Percent Plan Position Processors Properties Read ReadAllBytes ReadAllText ReleaseMutex
     Replace Run Serial Set SetLength
     SetSecurityDescriptorSddlForm ShouldProcess Sort Substring ToLowerInvariant ToString Total Undo UndoDigest

@@ -23,7 +23,7 @@ RUN_KEYS = words("""
     Run Plan Application Serial Total Undo UndoDigest Guest Computer LogicalProcessors Percent Memory AcceptScheduler
     """)
 STEP_KEYS = words("Number Address Action Needs Read Before After Set")
-_STEP_OPTIONAL = frozenset({"Undoes", "Claim"})
+_STEP_OPTIONAL = frozenset({"Undoes", "Lost", "Claim"})
 _TABLES = frozenset({"Before", "After", "Claim"})
 _READERS = frozenset({"Read-Partition", "Read-TaskClass", "Read-GuestTaskClass", "Read-Disk"})
 _WRITERS = words("""
@@ -124,7 +124,7 @@ def _check_literals(
 def _check_step(script: Script, node: "Node", table: Mapping[str, "Node"]) -> Iterator[Diagnostic]:
     plain = {name: value for name, value in table.items() if name not in _TABLES | {"Read", "Set"}}
     names = STEP_KEYS - _TABLES - {"Read", "Set"}
-    yield from _check_literals(script, node, plain, names, names | {"Undoes"})
+    yield from _check_literals(script, node, plain, names, names | {"Undoes", "Lost"})
     if not table.keys() >= STEP_KEYS or not table.keys() <= STEP_KEYS | _STEP_OPTIONAL:
         yield script.problem(STEP, node, "the step lacks a part, or has one too many", _ADVICE)
     for name in sorted(_TABLES & table.keys()):
