@@ -1,0 +1,114 @@
+"""Situations of a Hyper-V host as plain files: `rarms.yaml`, `host.json` as observe.ps1 printed it, and what follows.
+
+`COMMAND` is what is asked (`plan`, `destroy`, ...), `plan.txt` what rarms shows, `findings.txt` what it says beside it,
+and `*.ps1` are the scripts. `python -m tests.cases.situations` writes the last three anew; read the difference before
+it is committed. The scripts hold the whole runtime: a change of it changes all of them.
+"""
+
+import contextlib
+import json
+import shutil
+from dataclasses import dataclass
+from datetime import date
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from rarms_iac.apply.prepare import Request, prepare
+from rarms_iac.manifest.load import load
+from rarms_iac.model.plan import Plan, Purpose
+from rarms_iac.planfile.sealing import read_plan
+from rarms_iac.providers.hyperv.observation import read_observation
+from rarms_iac.providers.hyperv.parse import to_state
+from rarms_iac.views.diagnostics import OutputFormat, render
+from rarms_iac.views.plan import plan_text
+from tests.twin.host import WindowsHost
+from tests.twin.observing import host_from
+from tests.unit.cli.running import rarms
+
+CASES = Path(__file__).parent
+TODAY = date(2026, 11, 21)
+INPUTS = ("rarms.yaml", "host.json")
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """What rarms makes of a situation: the plan where there is one, and the files by name."""
+
+    plan: Plan | None
+    files: dict[str, bytes]
+
+
+def folders() -> list[Path]:
+    return sorted(path.parent for path in CASES.glob("*/host.json"))
+
+
+def command_of(folder: Path) -> list[str]:
+    return (folder / "COMMAND").read_text(encoding="utf-8").split()
+
+
+def made(folder: Path, seen: bytes | None = None) -> Made:
+    """The plan and the files; of another observation of the host where one is given."""
+    with TemporaryDirectory() as name, contextlib.chdir(name):
+        here = Path(name)
+        for one in INPUTS:
+            shutil.copyfile(folder / one, here / one)
+        if seen is not None:
+            (here / "host.json").write_bytes(seen)
+        words = command_of(folder)
+        plan, texts = _by_command(words) if words[0] == "plan" else _by_library(words)
+    for part in plan.hosts if plan else ():
+        texts |= part.scripts
+    return Made(plan=plan, files={name: text.encode("utf-8") for name, text in texts.items()})
+
+
+def _by_command(words: list[str]) -> tuple[Plan | None, dict[str, str]]:
+    ran = rarms(*words, "--snapshot", "host.json", "--out", "made.plan", "--today", TODAY.isoformat())
+    plan = read_plan(Path("made.plan").read_bytes()) if Path("made.plan").exists() else None
+    return plan, {"plan.txt": ran.out, "findings.txt": f"{ran.err}exit {ran.code}\n"}
+
+
+def _by_library(words: list[str]) -> tuple[Plan | None, dict[str, str]]:
+    """`destroy`, `import` and `release` want the host itself, not what it looked like: the same without a command."""
+    loaded = load("rarms.yaml", today=TODAY)
+    assert loaded.system is not None
+    (name,) = loaded.system.hosts
+    options = dict(pairwise(words))
+    request = Request(
+        system=loaded.system,
+        places=loaded.places,
+        manifest="rarms.yaml",
+        manifest_digest=loaded.digest,
+        today=TODAY,
+        purpose=Purpose(words[0]),
+        targets=(options["--target"],) if "--target" in options else (),
+        partition=words[1] if words[0] in ("import", "release") else "",
+        machine=options.get("--id", ""),
+    )
+    prepared = prepare(request, {name: to_state(read_observation(Path("host.json").read_bytes()), name)})
+    shown = plan_text(prepared.plan, sources=loaded.sources) if prepared.plan else ""
+    findings = render(OutputFormat.TEXT, prepared.findings, loaded.sources, accepted=prepared.accepted)
+    return prepared.plan, {"plan.txt": shown, "findings.txt": findings}
+
+
+def stand_in(folder: Path) -> WindowsHost:
+    """The host of the situation, with every image that its manifest names."""
+    document = json.loads((folder / "host.json").read_text(encoding="utf-8"))
+    words = (folder / "rarms.yaml").read_text(encoding="utf-8").splitlines()
+    images = [line.partition("image:")[2].strip().strip("'\"") for line in words if "image:" in line]
+    return host_from(document, *(one.replace("''", "'") for one in images))
+
+
+def outputs(folder: Path) -> dict[str, bytes]:
+    """The files that lie there now."""
+    inputs = {*INPUTS, "WHY", "COMMAND"}
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.name not in inputs}
+
+
+if __name__ == "__main__":
+    for case in folders():
+        fresh = made(case).files
+        for gone in outputs(case).keys() - fresh.keys():
+            (case / gone).unlink()
+        for file, data in fresh.items():
+            (case / file).write_bytes(data)

@@ -1,0 +1,57 @@
+"""Situations of a Hyper-V host: what rarms makes of each lies beside it, passes the inspection, and does it."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.powershell.inspection.inspect import inspect
+from rarms_iac.powershell.inspection.lists import ScriptKind
+from tests.cases.situations import command_of, folders, made, outputs, stand_in
+from tests.twin.cell import apply, undo
+from tests.twin.observing import document_of
+
+FOLDERS = folders()
+situations = pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
+
+
+def test_there_are_enough_of_them() -> None:
+    assert len(FOLDERS) >= 25
+
+
+@situations
+def test_a_situation_says_why_it_is_there(folder: Path) -> None:
+    assert len((folder / "WHY").read_text(encoding="utf-8").strip().splitlines()) == 1
+
+
+@situations
+def test_what_lies_beside_a_situation_is_what_rarms_makes_of_it(folder: Path) -> None:
+    lies, fresh = outputs(folder), made(folder).files
+
+    assert sorted(lies) == sorted(fresh)
+    for name, data in sorted(lies.items()):
+        assert data == fresh[name], f"{folder.name}/{name}: run `python -m tests.cases.situations`, read the difference"
+        if name.endswith(".ps1"):
+            assert inspect(data, ScriptKind.UNDO if name.endswith(".undo.ps1") else ScriptKind.APPLY, name) == ()
+
+
+@situations
+def test_the_scripts_of_a_situation_do_what_its_plan_says_and_take_it_back(folder: Path) -> None:
+    plan, host = made(folder).plan, stand_in(folder)
+    if plan is None or not plan.hosts[0].steps:
+        assert not list(folder.glob("onboard.ps1"))
+        return
+    before = host.copy()
+
+    ran = apply(host, plan)
+
+    assert ran.code == 0, ran.says
+    if command_of(folder)[0] in ("plan", "destroy") and "--target" not in command_of(folder):
+        left = made(folder, json.dumps(document_of(host)).encode()).plan
+        assert left is not None
+        assert [str(step.address) for step in left.hosts[0].steps] == []
+    taken_back = undo(host, plan)
+    assert taken_back.code == 0, taken_back.says
+    if not any(step.undo.says for step in plan.hosts[0].steps):
+        assert document_of(host)["machines"] == document_of(before)["machines"]
+        assert document_of(host)["tasks"] == document_of(before)["tasks"]
