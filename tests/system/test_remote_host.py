@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.needs import CHECKOUT, require
-from tests.standin.powershell import STAND_IN
+from tests.standin.powershell import STAND_IN, mutex
 from tests.standin.remote import Ended, Remote, a_remote, finish
 from tests.twin.host import WindowsHost
 from tests.twin.observing import JOURNAL, host_from
@@ -135,7 +135,7 @@ def test_scripts_that_do_not_arrive_as_sent_are_not_run(remote: Remote) -> None:
 
 
 def test_a_connection_that_breaks_in_the_middle_is_unknown_and_the_next_apply_finishes(remote: Remote) -> None:
-    remote.ask(step_ms=100)
+    remote.ask(step_ms=250)
     running = remote.start("apply", "--auto-approve")
     after_steps(remote, 3)
 
@@ -155,7 +155,7 @@ def test_a_connection_that_breaks_in_the_middle_is_unknown_and_the_next_apply_fi
 
 
 def test_ctrl_c_stops_after_the_running_step_and_the_next_apply_goes_on(remote: Remote) -> None:
-    remote.ask(step_ms=100)
+    remote.ask(step_ms=250)
     running = remote.start("apply", "--auto-approve")
     after_steps(remote, 2)
 
@@ -203,7 +203,7 @@ def test_what_powershell_says_instead_of_running_a_script_is_told(remote: Remote
 
 
 def test_a_run_that_is_left_as_it_is_stands_in_nobodys_way(remote: Remote) -> None:
-    remote.ask(step_ms=100)
+    remote.ask(step_ms=250)
     running = remote.start("apply", "--auto-approve")
     after_steps(remote, 2)
     running.send_signal(signal.SIGINT)
@@ -253,16 +253,14 @@ def test_a_host_without_that_powershell_is_told(remote: Remote) -> None:
 
 
 def test_a_host_that_another_run_holds_is_told(remote: Remote) -> None:
-    remote.ask(step_ms=150)
-    running = remote.start("apply", "--auto-approve")
-    after_steps(remote, 1)
-
-    held = apply(remote)
+    with mutex(remote.folder) as free:
+        assert free
+        held = apply(remote)
 
     assert held.code == 3, held
     assert "RARMS184" in held.err
-    assert finish(running).code == 0
-    assert is_as_wanted(remote)
+    assert not remote.host.vms
+    assert apply(remote).code == 0
 
 
 LOCAL = MANIFEST.replace("    connect: { ssh: cell, shell: pwsh }\n", "")
@@ -284,7 +282,7 @@ def test_on_the_host_itself_no_ssh_is_needed(remote: Remote) -> None:
 
 def test_ctrl_c_stops_a_script_of_this_computer_too(remote: Remote) -> None:
     (remote.folder / "rarms.yaml").write_text(LOCAL, encoding="utf-8", newline="\n")
-    remote.ask(step_ms=100)
+    remote.ask(step_ms=250)
     running = remote.start("apply", "--auto-approve", beside_pwsh=True)
     after_steps(remote, 2)
 
