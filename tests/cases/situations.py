@@ -7,7 +7,6 @@ it is committed. The scripts hold the whole runtime: a change of it changes all 
 
 import contextlib
 import json
-import shutil
 from dataclasses import dataclass
 from datetime import date
 from itertools import pairwise
@@ -52,7 +51,7 @@ def made(folder: Path, seen: bytes | None = None) -> Made:
     with TemporaryDirectory() as name, contextlib.chdir(name):
         here = Path(name)
         for one in INPUTS:
-            shutil.copyfile(folder / one, here / one)
+            (here / one).write_bytes((folder / one).read_bytes())
         if seen is not None:
             (here / "host.json").write_bytes(seen)
         words = command_of(folder)

@@ -24,6 +24,7 @@ from rarms_iac.storage import disk
 from tests import builders
 from tests.crashing import Crash, CrashingDisk, When
 from tests.effort import LONG
+from tests.files import copy_files
 
 STEP = 5 if sys.platform == "win32" and not LONG else 1
 """Every effect is tried; on the slow Windows leg every fifth, unless the run is a long one."""
@@ -97,15 +98,6 @@ def test_applied_twice_changes_nothing_and_undo_brings_all_back_but_the_serial(t
 
     assert as_left(a_host(folder)) == before
     assert dict(a_host(folder).observe().serials) == {"robot": 3}
-
-
-def copy_files(source: Path, target: Path) -> None:
-    """A copy of the folder. `shutil` calls for it a function that wine 8 does not have."""
-    for path in source.rglob("*"):
-        if path.is_file():
-            copy = target / path.relative_to(source)
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            copy.write_bytes(path.read_bytes())
 
 
 def go_on(folder: Path) -> None:

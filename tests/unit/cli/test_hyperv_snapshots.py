@@ -1,7 +1,6 @@
 """A Hyper-V host from the file that observe.ps1 printed: planned, refused, and looked into a guest of."""
 
 import json
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +8,7 @@ import pytest
 
 from rarms_iac.planfile.sealing import read_plan
 from rarms_iac.storage.shipped import shipped
+from tests.files import copy_files
 from tests.recorded_hosts import document, recorded_bytes
 from tests.unit.cli.running import Ran, rarms
 
@@ -18,7 +18,7 @@ CELL = shipped("manifests/hyperv-cell")
 @pytest.fixture
 def cell(tmp_path: Path) -> Path:
     """The example with its recorded host, to change."""
-    return Path(shutil.copytree(CELL, tmp_path / "cell"))
+    return copy_files(CELL, tmp_path / "cell")
 
 
 def plan(cell: Path, *words: str) -> Ran:
