@@ -29,10 +29,14 @@ from rarms_iac.model.operations import (
     WriteTaskRecord,
 )
 from rarms_iac.model.plan import Reading, Readings, Scope, Step
+from rarms_iac.model.quantities import show_bytes
 from rarms_iac.model.state import RegistryValue, StartAction, StopAction, ValueKind
 from rarms_iac.powershell.literals import Literal, literal
 from rarms_iac.storage.codec import encode
 from rarms_iac.storage.digest import canonical
+
+_FREE: Readings = {"taken": False}
+"""Nobody else's machine has the name: one that came after the plan must not get a namesake."""
 
 VALUE = "value:"
 """Stands before a task class's value in readings."""
@@ -76,7 +80,7 @@ def _part(step: Step, operation: Operation) -> Part:
         address=str(step.address),
         action=step.title,
         read=_reader(step),
-        before=step.before,
+        before={**step.before, **(_FREE if isinstance(operation, RenamePartition) and not operation.machine else {})},
         after=step.after,
         calls=_calls(step, operation),
     )
@@ -209,7 +213,18 @@ def _making(step: Step, making: CreatePartition, scope: Scope) -> tuple[Part, ..
     def part(action: str, before: Mapping[str, Reading], after: Mapping[str, Reading], *calls: str) -> Part:
         return Part(address=address, action=action, read=read, before=before, after=after, calls=calls)
 
-    made = [part(step.title, step.before, step.after, call("Hyper-V\\New-VM", **new))]
+    made = [part(step.title, {**step.before, **_FREE}, step.after, call("Hyper-V\\New-VM", **new))]
+    # Whether a new machine's memory is static is the host's affair: a client's is dynamic.
+    static = {"DynamicMemoryEnabled": literal(False), "StartupBytes": literal(making.memory)}
+    made.append(
+        part(
+            f"memory static, {show_bytes(making.memory)}",
+            {"exists": True},
+            {"exists": True, "dynamic_memory": False, "memory": making.memory},
+            machine,
+            call("Hyper-V\\Set-VMMemory", VM="$vm", **static),
+        )
+    )
     if not making.switch:
         action = "take away the network adapter that every new machine gets"
         remove = call("Hyper-V\\Remove-VMNetworkAdapter", VM="$vm")

@@ -155,14 +155,14 @@ def _kind(given: Given) -> str:
 
 
 def _as_written(given: Given) -> int | str:
-    """What is stored; a DWord is taken for an `[int]`, so that what is above it fails."""
+    """What is stored; a DWord is given without sign, as the registry's provider gives it back (FACTS 6.6)."""
     value = given["value"]
     match _kind(given):
         case "DWord":
             data = number(value)
-            if not -(2**31) <= data < 2**31:
-                raise cannot_convert(value, "System.Int32")
-            return data % 2**32
+            if not 0 <= data < 2**32:
+                raise cannot_convert(value, "System.UInt32")
+            return data
         case "String" | "ExpandString":
             return text(value)
         case other:

@@ -138,6 +138,7 @@ def new_vm(scope: Scope, given: Given) -> Value:
         host.made += 1
         new = f"{host.made:08x}-5ade-4000-8000-{host.made:012x}"
         host.vms[new] = Vm(id=new, name=name, generation=generation, memory=memory, adapters=[(ADAPTER, switch)])
+        host.vms[new].dynamic_memory = True  # as on a client; a server's is static: a script may rely on neither
 
     host.effect(f"New-VM {name}", make)
     return Machine(list(host.vms.values())[-1])

@@ -323,7 +323,7 @@ def test_a_damaged_record_stops_the_run_before_anything_is_touched() -> None:
 
 
 LOOKALIKES = [
-    *("planning.rarms-ffffffffffff", "planning", "PLANNING.rarms-{}", "planning.rarms-{} "),
+    *("planning.rarms-ffffffffffff", "PLANNING.rarms-{}", "planning.rarms-{} "),
     "plan\u00adning.rarms-{}",  # comparing by culture sees no soft hyphen
 ]
 
@@ -342,6 +342,24 @@ def test_somebody_elses_machine_is_never_taken_for_the_half_made_one(name: str) 
     assert ran.code == 0, ran.says
     assert host.vms[lookalike.id] == lookalike
     assert sorted(vm.name for vm in host.vms.values()) == sorted(["planning", "backup", "other", lookalike.name])
+
+
+@pytest.mark.parametrize("killed", [None, 20], ids=["before the first run", "before the run that finishes"])
+def test_a_machine_that_takes_the_wanted_name_stops_the_run_and_gets_no_namesake(killed: int | None) -> None:
+    prepared = fresh()
+    host = prepared.copy(kill_after=killed)
+    namesake = a_stranger("planning", 7, state="Off", start_action="Nothing")
+    if killed:
+        apply(host, prepared.plan)
+        host = host.copy()
+    host.vms[namesake.id] = replace(namesake)
+
+    ran = apply(host, prepared.plan)
+
+    assert ran.code == 3, ran.says
+    assert "taken" in ran.says
+    assert host.vms[namesake.id] == namesake
+    assert [vm.name for vm in host.vms.values()].count("planning") == 1
 
 
 def test_two_machines_that_both_look_half_made_stop_the_run() -> None:

@@ -4,7 +4,7 @@
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
 # Plan         d2b6f389f8f1, manifest df17c0ec8df0, rarms 0.1.0
-# Steps        7
+# Steps        8
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
 param(
@@ -115,8 +115,7 @@ function Get-Operator {
 }
 
 function Protect-Folder {
-    # Only Administrators and SYSTEM may write what a later run trusts; -Confirm does not ask for that.
-    $ConfirmPreference = 'None'
+    # Only Administrators and SYSTEM may write what a later run trusts.
     if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
     else { [void] [System.IO.Directory]::CreateDirectory($script:Folder) }
     # Also where it was there: a run that was killed right here left it open to everybody.
@@ -126,6 +125,8 @@ function Protect-Folder {
 function Protect-Path {
     # The owner is said, not left to the account: what a policy or an ssh logon makes of new files differs.
     param([string] $Path, [string] $Descriptor)
+    # -Confirm asks for steps, not for what rarms keeps for itself.
+    $ConfirmPreference = 'None'
     if ($env:OS -cne 'Windows_NT') { return }
     $acl = Get-Acl -LiteralPath $Path
     $acl.SetSecurityDescriptorSddlForm($Descriptor)
@@ -416,10 +417,22 @@ function Get-Machine {
     $found[0]
 }
 
+function Test-Stranger {
+    # Whether a machine of this name is somebody else's: it carries no mark of our application.
+    param([string] $Name)
+    foreach ($vm in @(Hyper-V\Get-VM)) {
+        if (-not (Test-Same -Left $vm.Name -Right $Name)) { continue }
+        $mark = Get-Mark -Vm $vm
+        if ($null -eq $mark -or $mark.Application -cne $script:Definition.Application) { return $true }
+    }
+    $false
+}
+
 function Read-Partition {
     param([string] $Name, [string] $Machine = '')
     $found = @(Find-Machine -Name $Name -Machine $Machine)
-    if (-not $found.Count) { return @{ exists = $false } }
+    $taken = Test-Stranger -Name $Name
+    if (-not $found.Count) { return @{ exists = $false; taken = $taken } }
     if ($found.Count -gt 1) { return @{ exists = $true; machines = $found.Count } }
     $vm = $found[0]
     $cpu = Hyper-V\Get-VMProcessor -VM $vm
@@ -440,7 +453,7 @@ function Read-Partition {
         start_action = ConvertTo-Word -Value $vm.AutomaticStartAction
         stop_action = ConvertTo-Word -Value $vm.AutomaticStopAction
         checkpoints = ConvertTo-Word -Value $vm.CheckpointType
-        running = $state -ceq 'running'; state = $state; mark = $owner; set = $set
+        running = $state -ceq 'running'; state = $state; mark = $owner; set = $set; taken = $taken
         adapters = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count
         disks = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count
     }
@@ -538,8 +551,6 @@ function Write-TaskValue {
     param([string] $Task, [string] $Name, [string] $Type, $Value)
     $path = '{0}\{1}' -f $script:TaskRoot, $Task
     Add-Key -Path $path
-    # The registry's provider takes a DWord for a number with a sign.
-    if ($Type -eq 'DWord' -and [long] $Value -gt 2147483647) { $Value = [long] $Value - 4294967296 }
     [void] (New-ItemProperty -LiteralPath $path -Name $Name -PropertyType $Type -Value $Value -Force)
 }
 
@@ -772,9 +783,9 @@ try {
         Plan = 'd2b6f389f8f1'
         Application = 'robot'
         Serial = 0
-        Total = 7
+        Total = 8
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '79068a81bbe18f83b03b5c54a698605e16eb5adae1fa56efe02d95cb433ac887'
+        UndoDigest = '7cb37fcd87d08f8a7bd63948f33f27720ba793806e57139399d3e72b56974623'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4
@@ -783,7 +794,7 @@ try {
         AcceptScheduler = $false
     }
 
-    # 1/7  make a machine of generation 1 with 512 MiB
+    # 1/8  make a machine of generation 1 with 512 MiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:15:3
     Invoke-Step -Definition @{
@@ -792,19 +803,36 @@ try {
         Action = 'make a machine of generation 1 with 512 MiB'
         Needs = @('partition/speech')
         Read = { Read-Partition -Name 'speech' }
-        Before = @{ 'exists' = $false }
+        Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 1; 'memory' = 536870912 }
         Set = {
             Hyper-V\New-VM -Name 'speech.rarms-d2b6f389f8f1' -Generation 1 -MemoryStartupBytes 536870912 -NoVHD -SwitchName 'lab'
         }
     }
 
-    # 2/7  mark it as robot/speech, set 9af0a32a08de
+    # 2/8  memory static, 512 MiB
+    # why: it is not there; off and under a pending name until all is set
+    # at:  rarms.yaml:15:3
+    Invoke-Step -Definition @{
+        Number = 1
+        Address = 'partition/speech'
+        Action = 'memory static, 512 MiB'
+        Needs = @('partition/speech')
+        Read = { Read-Partition -Name 'speech' }
+        Before = @{ 'exists' = $true }
+        After = @{ 'dynamic_memory' = $false; 'exists' = $true; 'memory' = 536870912 }
+        Set = {
+            $vm = Get-Machine -Name 'speech'
+            Hyper-V\Set-VMMemory -VM $vm -DynamicMemoryEnabled $false -StartupBytes 536870912
+        }
+    }
+
+    # 3/8  mark it as robot/speech, set 9af0a32a08de
     # why: it is not there; from now on it is known as ours, whatever happens
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 1
+        Number = 2
         Address = 'partition/speech'
         Action = 'mark it as robot/speech, set 9af0a32a08de'
         Needs = @('partition/speech')
@@ -816,12 +844,12 @@ try {
         }
     }
 
-    # 3/7  processors 1
+    # 4/8  processors 1
     # why: it is not there; only while it is off
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 2
+        Number = 3
         Address = 'partition/speech'
         Action = 'processors 1'
         Needs = @('partition/speech')
@@ -834,12 +862,12 @@ try {
         }
     }
 
-    # 4/7  reserve 40 %, limit 100 %, weight 100
+    # 5/8  reserve 40 %, limit 100 %, weight 100
     # why: it is not there; while it is off nothing is promised yet
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 3
+        Number = 4
         Address = 'partition/speech'
         Action = 'reserve 40 %, limit 100 %, weight 100'
         Needs = @('partition/speech')
@@ -852,12 +880,12 @@ try {
         }
     }
 
-    # 5/7  when the host starts: start, when it stops: shut down; no checkpoints
+    # 6/8  when the host starts: start, when it stops: shut down; no checkpoints
     # why: it is not there; what its host does with it
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 4
+        Number = 5
         Address = 'partition/speech'
         Action = 'when the host starts: start, when it stops: shut down; no checkpoints'
         Needs = @('partition/speech')
@@ -870,17 +898,17 @@ try {
         }
     }
 
-    # 6/7  give it its name speech
+    # 7/8  give it its name speech
     # why: it is not there; last, so that a machine of this name is always whole
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 5
+        Number = 6
         Address = 'partition/speech'
         Action = 'give it its name speech'
         Needs = @('partition/speech')
         Read = { Read-Partition -Name 'speech' }
-        Before = @{ 'exists' = $true }
+        Before = @{ 'exists' = $true; 'taken' = $false }
         After = @{ 'exists' = $true; 'name' = 'speech' }
         Set = {
             $vm = Get-Machine -Name 'speech'
@@ -888,11 +916,11 @@ try {
         }
     }
 
-    # 7/7  start it
+    # 8/8  start it
     # why: it is not there; after all that it is to have is set
     # at:  rarms.yaml:15:3
     Invoke-Step -Definition @{
-        Number = 6
+        Number = 7
         Address = 'partition/speech'
         Action = 'start it'
         Needs = @('partition/speech')

@@ -4,7 +4,7 @@
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
 # Plan         0bccffce680a, manifest 4e5e6d808001, rarms 0.1.0
-# Steps        9
+# Steps        10
 # Not undone   the disk made from D:\images\base.vhdx stays
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -116,8 +116,7 @@ function Get-Operator {
 }
 
 function Protect-Folder {
-    # Only Administrators and SYSTEM may write what a later run trusts; -Confirm does not ask for that.
-    $ConfirmPreference = 'None'
+    # Only Administrators and SYSTEM may write what a later run trusts.
     if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
     else { [void] [System.IO.Directory]::CreateDirectory($script:Folder) }
     # Also where it was there: a run that was killed right here left it open to everybody.
@@ -127,6 +126,8 @@ function Protect-Folder {
 function Protect-Path {
     # The owner is said, not left to the account: what a policy or an ssh logon makes of new files differs.
     param([string] $Path, [string] $Descriptor)
+    # -Confirm asks for steps, not for what rarms keeps for itself.
+    $ConfirmPreference = 'None'
     if ($env:OS -cne 'Windows_NT') { return }
     $acl = Get-Acl -LiteralPath $Path
     $acl.SetSecurityDescriptorSddlForm($Descriptor)
@@ -417,10 +418,22 @@ function Get-Machine {
     $found[0]
 }
 
+function Test-Stranger {
+    # Whether a machine of this name is somebody else's: it carries no mark of our application.
+    param([string] $Name)
+    foreach ($vm in @(Hyper-V\Get-VM)) {
+        if (-not (Test-Same -Left $vm.Name -Right $Name)) { continue }
+        $mark = Get-Mark -Vm $vm
+        if ($null -eq $mark -or $mark.Application -cne $script:Definition.Application) { return $true }
+    }
+    $false
+}
+
 function Read-Partition {
     param([string] $Name, [string] $Machine = '')
     $found = @(Find-Machine -Name $Name -Machine $Machine)
-    if (-not $found.Count) { return @{ exists = $false } }
+    $taken = Test-Stranger -Name $Name
+    if (-not $found.Count) { return @{ exists = $false; taken = $taken } }
     if ($found.Count -gt 1) { return @{ exists = $true; machines = $found.Count } }
     $vm = $found[0]
     $cpu = Hyper-V\Get-VMProcessor -VM $vm
@@ -441,7 +454,7 @@ function Read-Partition {
         start_action = ConvertTo-Word -Value $vm.AutomaticStartAction
         stop_action = ConvertTo-Word -Value $vm.AutomaticStopAction
         checkpoints = ConvertTo-Word -Value $vm.CheckpointType
-        running = $state -ceq 'running'; state = $state; mark = $owner; set = $set
+        running = $state -ceq 'running'; state = $state; mark = $owner; set = $set; taken = $taken
         adapters = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count
         disks = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count
     }
@@ -539,8 +552,6 @@ function Write-TaskValue {
     param([string] $Task, [string] $Name, [string] $Type, $Value)
     $path = '{0}\{1}' -f $script:TaskRoot, $Task
     Add-Key -Path $path
-    # The registry's provider takes a DWord for a number with a sign.
-    if ($Type -eq 'DWord' -and [long] $Value -gt 2147483647) { $Value = [long] $Value - 4294967296 }
     [void] (New-ItemProperty -LiteralPath $path -Name $Name -PropertyType $Type -Value $Value -Force)
 }
 
@@ -773,9 +784,9 @@ try {
         Plan = '0bccffce680a'
         Application = 'robot'
         Serial = 0
-        Total = 9
+        Total = 10
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '79e572071c86c61128e4ca8ac87356bf774b4a54f75bac9daead9e723e918a84'
+        UndoDigest = 'ec46c6599160df3cc2d47e2e70d9c52c186010213b57adbd3f6efa9ad61ee7d4'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4
@@ -784,7 +795,7 @@ try {
         AcceptScheduler = $false
     }
 
-    # 1/9  make a machine of generation 2 with 1 GiB
+    # 1/10  make a machine of generation 2 with 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:15:3
     # undo: the disk made from D:\images\base.vhdx stays
@@ -794,19 +805,37 @@ try {
         Action = 'make a machine of generation 2 with 1 GiB'
         Needs = @('partition/vision')
         Read = { Read-Partition -Name 'vision' }
-        Before = @{ 'exists' = $false }
+        Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
             Hyper-V\New-VM -Name 'vision.rarms-0bccffce680a' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
         }
     }
 
-    # 2/9  make a disk that grows out of D:\images\base.vhdx
+    # 2/10  memory static, 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:15:3
     # undo: the disk made from D:\images\base.vhdx stays
     Invoke-Step -Definition @{
         Number = 1
+        Address = 'partition/vision'
+        Action = 'memory static, 1 GiB'
+        Needs = @('partition/vision')
+        Read = { Read-Partition -Name 'vision' }
+        Before = @{ 'exists' = $true }
+        After = @{ 'dynamic_memory' = $false; 'exists' = $true; 'memory' = 1073741824 }
+        Set = {
+            $vm = Get-Machine -Name 'vision'
+            Hyper-V\Set-VMMemory -VM $vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
+        }
+    }
+
+    # 3/10  make a disk that grows out of D:\images\base.vhdx
+    # why: it is not there; off and under a pending name until all is set
+    # at:  rarms.yaml:15:3
+    # undo: the disk made from D:\images\base.vhdx stays
+    Invoke-Step -Definition @{
+        Number = 2
         Address = 'partition/vision/disk'
         Action = 'make a disk that grows out of D:\images\base.vhdx'
         Needs = @('partition/vision', 'partition/vision/disk')
@@ -818,12 +847,12 @@ try {
         }
     }
 
-    # 3/9  attach the disk
+    # 4/10  attach the disk
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:15:3
     # undo: the disk made from D:\images\base.vhdx stays
     Invoke-Step -Definition @{
-        Number = 2
+        Number = 3
         Address = 'partition/vision'
         Action = 'attach the disk'
         Needs = @('partition/vision')
@@ -836,12 +865,12 @@ try {
         }
     }
 
-    # 4/9  mark it as robot/vision, set 361ebcdb6468
+    # 5/10  mark it as robot/vision, set 361ebcdb6468
     # why: it is not there; from now on it is known as ours, whatever happens
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 3
+        Number = 4
         Address = 'partition/vision'
         Action = 'mark it as robot/vision, set 361ebcdb6468'
         Needs = @('partition/vision')
@@ -853,12 +882,12 @@ try {
         }
     }
 
-    # 5/9  processors 2
+    # 6/10  processors 2
     # why: it is not there; only while it is off
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 4
+        Number = 5
         Address = 'partition/vision'
         Action = 'processors 2'
         Needs = @('partition/vision')
@@ -871,12 +900,12 @@ try {
         }
     }
 
-    # 6/9  reserve 80 %, limit 100 %, weight 100
+    # 7/10  reserve 80 %, limit 100 %, weight 100
     # why: it is not there; while it is off nothing is promised yet
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 5
+        Number = 6
         Address = 'partition/vision'
         Action = 'reserve 80 %, limit 100 %, weight 100'
         Needs = @('partition/vision')
@@ -889,12 +918,12 @@ try {
         }
     }
 
-    # 7/9  when the host starts: start, when it stops: shut down; no checkpoints
+    # 8/10  when the host starts: start, when it stops: shut down; no checkpoints
     # why: it is not there; what its host does with it
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 6
+        Number = 7
         Address = 'partition/vision'
         Action = 'when the host starts: start, when it stops: shut down; no checkpoints'
         Needs = @('partition/vision')
@@ -907,17 +936,17 @@ try {
         }
     }
 
-    # 8/9  give it its name vision
+    # 9/10  give it its name vision
     # why: it is not there; last, so that a machine of this name is always whole
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 7
+        Number = 8
         Address = 'partition/vision'
         Action = 'give it its name vision'
         Needs = @('partition/vision')
         Read = { Read-Partition -Name 'vision' }
-        Before = @{ 'exists' = $true }
+        Before = @{ 'exists' = $true; 'taken' = $false }
         After = @{ 'exists' = $true; 'name' = 'vision' }
         Set = {
             $vm = Get-Machine -Name 'vision'
@@ -925,11 +954,11 @@ try {
         }
     }
 
-    # 9/9  start it
+    # 10/10  start it
     # why: it is not there; after all that it is to have is set
     # at:  rarms.yaml:15:3
     Invoke-Step -Definition @{
-        Number = 8
+        Number = 9
         Address = 'partition/vision'
         Action = 'start it'
         Needs = @('partition/vision')

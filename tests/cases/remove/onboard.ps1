@@ -117,8 +117,7 @@ function Get-Operator {
 }
 
 function Protect-Folder {
-    # Only Administrators and SYSTEM may write what a later run trusts; -Confirm does not ask for that.
-    $ConfirmPreference = 'None'
+    # Only Administrators and SYSTEM may write what a later run trusts.
     if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
     else { [void] [System.IO.Directory]::CreateDirectory($script:Folder) }
     # Also where it was there: a run that was killed right here left it open to everybody.
@@ -128,6 +127,8 @@ function Protect-Folder {
 function Protect-Path {
     # The owner is said, not left to the account: what a policy or an ssh logon makes of new files differs.
     param([string] $Path, [string] $Descriptor)
+    # -Confirm asks for steps, not for what rarms keeps for itself.
+    $ConfirmPreference = 'None'
     if ($env:OS -cne 'Windows_NT') { return }
     $acl = Get-Acl -LiteralPath $Path
     $acl.SetSecurityDescriptorSddlForm($Descriptor)
@@ -418,10 +419,22 @@ function Get-Machine {
     $found[0]
 }
 
+function Test-Stranger {
+    # Whether a machine of this name is somebody else's: it carries no mark of our application.
+    param([string] $Name)
+    foreach ($vm in @(Hyper-V\Get-VM)) {
+        if (-not (Test-Same -Left $vm.Name -Right $Name)) { continue }
+        $mark = Get-Mark -Vm $vm
+        if ($null -eq $mark -or $mark.Application -cne $script:Definition.Application) { return $true }
+    }
+    $false
+}
+
 function Read-Partition {
     param([string] $Name, [string] $Machine = '')
     $found = @(Find-Machine -Name $Name -Machine $Machine)
-    if (-not $found.Count) { return @{ exists = $false } }
+    $taken = Test-Stranger -Name $Name
+    if (-not $found.Count) { return @{ exists = $false; taken = $taken } }
     if ($found.Count -gt 1) { return @{ exists = $true; machines = $found.Count } }
     $vm = $found[0]
     $cpu = Hyper-V\Get-VMProcessor -VM $vm
@@ -442,7 +455,7 @@ function Read-Partition {
         start_action = ConvertTo-Word -Value $vm.AutomaticStartAction
         stop_action = ConvertTo-Word -Value $vm.AutomaticStopAction
         checkpoints = ConvertTo-Word -Value $vm.CheckpointType
-        running = $state -ceq 'running'; state = $state; mark = $owner; set = $set
+        running = $state -ceq 'running'; state = $state; mark = $owner; set = $set; taken = $taken
         adapters = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count
         disks = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count
     }
@@ -540,8 +553,6 @@ function Write-TaskValue {
     param([string] $Task, [string] $Name, [string] $Type, $Value)
     $path = '{0}\{1}' -f $script:TaskRoot, $Task
     Add-Key -Path $path
-    # The registry's provider takes a DWord for a number with a sign.
-    if ($Type -eq 'DWord' -and [long] $Value -gt 2147483647) { $Value = [long] $Value - 4294967296 }
     [void] (New-ItemProperty -LiteralPath $path -Name $Name -PropertyType $Type -Value $Value -Force)
 }
 
@@ -776,7 +787,7 @@ try {
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '32c22cf62ecfc230785929646661cccb0e64bcf95a8fb1e9f306449bac8a0bf9'
+        UndoDigest = 'a73a653088002fefbe97f94a03caa4106757925e9c7b5cc9cb36f7bbf6729dfa'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -4,7 +4,7 @@
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
 # Plan         8477d0f1f951, manifest b1bd658d1c20, rarms 0.1.0
-# Steps        24
+# Steps        27
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
 param(
@@ -115,8 +115,7 @@ function Get-Operator {
 }
 
 function Protect-Folder {
-    # Only Administrators and SYSTEM may write what a later run trusts; -Confirm does not ask for that.
-    $ConfirmPreference = 'None'
+    # Only Administrators and SYSTEM may write what a later run trusts.
     if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
     else { [void] [System.IO.Directory]::CreateDirectory($script:Folder) }
     # Also where it was there: a run that was killed right here left it open to everybody.
@@ -126,6 +125,8 @@ function Protect-Folder {
 function Protect-Path {
     # The owner is said, not left to the account: what a policy or an ssh logon makes of new files differs.
     param([string] $Path, [string] $Descriptor)
+    # -Confirm asks for steps, not for what rarms keeps for itself.
+    $ConfirmPreference = 'None'
     if ($env:OS -cne 'Windows_NT') { return }
     $acl = Get-Acl -LiteralPath $Path
     $acl.SetSecurityDescriptorSddlForm($Descriptor)
@@ -416,10 +417,22 @@ function Get-Machine {
     $found[0]
 }
 
+function Test-Stranger {
+    # Whether a machine of this name is somebody else's: it carries no mark of our application.
+    param([string] $Name)
+    foreach ($vm in @(Hyper-V\Get-VM)) {
+        if (-not (Test-Same -Left $vm.Name -Right $Name)) { continue }
+        $mark = Get-Mark -Vm $vm
+        if ($null -eq $mark -or $mark.Application -cne $script:Definition.Application) { return $true }
+    }
+    $false
+}
+
 function Read-Partition {
     param([string] $Name, [string] $Machine = '')
     $found = @(Find-Machine -Name $Name -Machine $Machine)
-    if (-not $found.Count) { return @{ exists = $false } }
+    $taken = Test-Stranger -Name $Name
+    if (-not $found.Count) { return @{ exists = $false; taken = $taken } }
     if ($found.Count -gt 1) { return @{ exists = $true; machines = $found.Count } }
     $vm = $found[0]
     $cpu = Hyper-V\Get-VMProcessor -VM $vm
@@ -440,7 +453,7 @@ function Read-Partition {
         start_action = ConvertTo-Word -Value $vm.AutomaticStartAction
         stop_action = ConvertTo-Word -Value $vm.AutomaticStopAction
         checkpoints = ConvertTo-Word -Value $vm.CheckpointType
-        running = $state -ceq 'running'; state = $state; mark = $owner; set = $set
+        running = $state -ceq 'running'; state = $state; mark = $owner; set = $set; taken = $taken
         adapters = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count
         disks = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count
     }
@@ -538,8 +551,6 @@ function Write-TaskValue {
     param([string] $Task, [string] $Name, [string] $Type, $Value)
     $path = '{0}\{1}' -f $script:TaskRoot, $Task
     Add-Key -Path $path
-    # The registry's provider takes a DWord for a number with a sign.
-    if ($Type -eq 'DWord' -and [long] $Value -gt 2147483647) { $Value = [long] $Value - 4294967296 }
     [void] (New-ItemProperty -LiteralPath $path -Name $Name -PropertyType $Type -Value $Value -Force)
 }
 
@@ -772,9 +783,9 @@ try {
         Plan = '8477d0f1f951'
         Application = 'robot'
         Serial = 0
-        Total = 24
+        Total = 27
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'c257ea539e8581810af948a110241e08f9bb3764835651d7482115a829a57479'
+        UndoDigest = 'a0c40eceb9645e631189e4f8dc81671fe4762fda1fbb9252508b958fbc5121e8'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4
@@ -783,7 +794,7 @@ try {
         AcceptScheduler = $false
     }
 
-    # 1/24  make a machine of generation 2 with 256 MiB
+    # 1/27  make a machine of generation 2 with 256 MiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:14:3
     Invoke-Step -Definition @{
@@ -792,18 +803,35 @@ try {
         Action = 'make a machine of generation 2 with 256 MiB'
         Needs = @('partition/door')
         Read = { Read-Partition -Name 'door' }
-        Before = @{ 'exists' = $false }
+        Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 268435456 }
         Set = {
             Hyper-V\New-VM -Name 'door.rarms-8477d0f1f951' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD
         }
     }
 
-    # 2/24  take away the network adapter that every new machine gets
+    # 2/27  memory static, 256 MiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:14:3
     Invoke-Step -Definition @{
         Number = 1
+        Address = 'partition/door'
+        Action = 'memory static, 256 MiB'
+        Needs = @('partition/door')
+        Read = { Read-Partition -Name 'door' }
+        Before = @{ 'exists' = $true }
+        After = @{ 'dynamic_memory' = $false; 'exists' = $true; 'memory' = 268435456 }
+        Set = {
+            $vm = Get-Machine -Name 'door'
+            Hyper-V\Set-VMMemory -VM $vm -DynamicMemoryEnabled $false -StartupBytes 268435456
+        }
+    }
+
+    # 3/27  take away the network adapter that every new machine gets
+    # why: it is not there; off and under a pending name until all is set
+    # at:  rarms.yaml:14:3
+    Invoke-Step -Definition @{
+        Number = 2
         Address = 'partition/door'
         Action = 'take away the network adapter that every new machine gets'
         Needs = @('partition/door')
@@ -816,12 +844,12 @@ try {
         }
     }
 
-    # 3/24  mark it as robot/door, set 5fd49537c9bf
+    # 4/27  mark it as robot/door, set 5fd49537c9bf
     # why: it is not there; from now on it is known as ours, whatever happens
     # at:  rarms.yaml:14:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 2
+        Number = 3
         Address = 'partition/door'
         Action = 'mark it as robot/door, set 5fd49537c9bf'
         Needs = @('partition/door')
@@ -833,12 +861,12 @@ try {
         }
     }
 
-    # 4/24  processors 1
+    # 5/27  processors 1
     # why: it is not there; only while it is off
     # at:  rarms.yaml:14:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 3
+        Number = 4
         Address = 'partition/door'
         Action = 'processors 1'
         Needs = @('partition/door')
@@ -851,12 +879,12 @@ try {
         }
     }
 
-    # 5/24  reserve 20 %, limit 100 %, weight 100
+    # 6/27  reserve 20 %, limit 100 %, weight 100
     # why: it is not there; while it is off nothing is promised yet
     # at:  rarms.yaml:14:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 4
+        Number = 5
         Address = 'partition/door'
         Action = 'reserve 20 %, limit 100 %, weight 100'
         Needs = @('partition/door')
@@ -869,12 +897,12 @@ try {
         }
     }
 
-    # 6/24  when the host starts: start, when it stops: shut down; no checkpoints
+    # 7/27  when the host starts: start, when it stops: shut down; no checkpoints
     # why: it is not there; what its host does with it
     # at:  rarms.yaml:14:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 5
+        Number = 6
         Address = 'partition/door'
         Action = 'when the host starts: start, when it stops: shut down; no checkpoints'
         Needs = @('partition/door')
@@ -887,17 +915,17 @@ try {
         }
     }
 
-    # 7/24  give it its name door
+    # 8/27  give it its name door
     # why: it is not there; last, so that a machine of this name is always whole
     # at:  rarms.yaml:14:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 6
+        Number = 7
         Address = 'partition/door'
         Action = 'give it its name door'
         Needs = @('partition/door')
         Read = { Read-Partition -Name 'door' }
-        Before = @{ 'exists' = $true }
+        Before = @{ 'exists' = $true; 'taken' = $false }
         After = @{ 'exists' = $true; 'name' = 'door' }
         Set = {
             $vm = Get-Machine -Name 'door'
@@ -905,27 +933,44 @@ try {
         }
     }
 
-    # 8/24  make a machine of generation 2 with 512 MiB
+    # 9/27  make a machine of generation 2 with 512 MiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:13:3
     Invoke-Step -Definition @{
-        Number = 7
+        Number = 8
         Address = 'partition/speech'
         Action = 'make a machine of generation 2 with 512 MiB'
         Needs = @('partition/speech')
         Read = { Read-Partition -Name 'speech' }
-        Before = @{ 'exists' = $false }
+        Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 536870912 }
         Set = {
             Hyper-V\New-VM -Name 'speech.rarms-8477d0f1f951' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
         }
     }
 
-    # 9/24  take away the network adapter that every new machine gets
+    # 10/27  memory static, 512 MiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:13:3
     Invoke-Step -Definition @{
-        Number = 8
+        Number = 9
+        Address = 'partition/speech'
+        Action = 'memory static, 512 MiB'
+        Needs = @('partition/speech')
+        Read = { Read-Partition -Name 'speech' }
+        Before = @{ 'exists' = $true }
+        After = @{ 'dynamic_memory' = $false; 'exists' = $true; 'memory' = 536870912 }
+        Set = {
+            $vm = Get-Machine -Name 'speech'
+            Hyper-V\Set-VMMemory -VM $vm -DynamicMemoryEnabled $false -StartupBytes 536870912
+        }
+    }
+
+    # 11/27  take away the network adapter that every new machine gets
+    # why: it is not there; off and under a pending name until all is set
+    # at:  rarms.yaml:13:3
+    Invoke-Step -Definition @{
+        Number = 10
         Address = 'partition/speech'
         Action = 'take away the network adapter that every new machine gets'
         Needs = @('partition/speech')
@@ -938,12 +983,12 @@ try {
         }
     }
 
-    # 10/24  mark it as robot/speech, set 63f8fd0cdc73
+    # 12/27  mark it as robot/speech, set 63f8fd0cdc73
     # why: it is not there; from now on it is known as ours, whatever happens
     # at:  rarms.yaml:13:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 9
+        Number = 11
         Address = 'partition/speech'
         Action = 'mark it as robot/speech, set 63f8fd0cdc73'
         Needs = @('partition/speech')
@@ -955,12 +1000,12 @@ try {
         }
     }
 
-    # 11/24  processors 1
+    # 13/27  processors 1
     # why: it is not there; only while it is off
     # at:  rarms.yaml:13:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 10
+        Number = 12
         Address = 'partition/speech'
         Action = 'processors 1'
         Needs = @('partition/speech')
@@ -973,12 +1018,12 @@ try {
         }
     }
 
-    # 12/24  reserve 40 %, limit 100 %, weight 100
+    # 14/27  reserve 40 %, limit 100 %, weight 100
     # why: it is not there; while it is off nothing is promised yet
     # at:  rarms.yaml:13:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 11
+        Number = 13
         Address = 'partition/speech'
         Action = 'reserve 40 %, limit 100 %, weight 100'
         Needs = @('partition/speech')
@@ -991,12 +1036,12 @@ try {
         }
     }
 
-    # 13/24  when the host starts: start, when it stops: shut down; no checkpoints
+    # 15/27  when the host starts: start, when it stops: shut down; no checkpoints
     # why: it is not there; what its host does with it
     # at:  rarms.yaml:13:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 12
+        Number = 14
         Address = 'partition/speech'
         Action = 'when the host starts: start, when it stops: shut down; no checkpoints'
         Needs = @('partition/speech')
@@ -1009,17 +1054,17 @@ try {
         }
     }
 
-    # 14/24  give it its name speech
+    # 16/27  give it its name speech
     # why: it is not there; last, so that a machine of this name is always whole
     # at:  rarms.yaml:13:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 13
+        Number = 15
         Address = 'partition/speech'
         Action = 'give it its name speech'
         Needs = @('partition/speech')
         Read = { Read-Partition -Name 'speech' }
-        Before = @{ 'exists' = $true }
+        Before = @{ 'exists' = $true; 'taken' = $false }
         After = @{ 'exists' = $true; 'name' = 'speech' }
         Set = {
             $vm = Get-Machine -Name 'speech'
@@ -1027,27 +1072,44 @@ try {
         }
     }
 
-    # 15/24  make a machine of generation 2 with 1 GiB
+    # 17/27  make a machine of generation 2 with 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:12:3
     Invoke-Step -Definition @{
-        Number = 14
+        Number = 16
         Address = 'partition/vision'
         Action = 'make a machine of generation 2 with 1 GiB'
         Needs = @('partition/vision')
         Read = { Read-Partition -Name 'vision' }
-        Before = @{ 'exists' = $false }
+        Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
             Hyper-V\New-VM -Name 'vision.rarms-8477d0f1f951' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 
-    # 16/24  take away the network adapter that every new machine gets
+    # 18/27  memory static, 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:12:3
     Invoke-Step -Definition @{
-        Number = 15
+        Number = 17
+        Address = 'partition/vision'
+        Action = 'memory static, 1 GiB'
+        Needs = @('partition/vision')
+        Read = { Read-Partition -Name 'vision' }
+        Before = @{ 'exists' = $true }
+        After = @{ 'dynamic_memory' = $false; 'exists' = $true; 'memory' = 1073741824 }
+        Set = {
+            $vm = Get-Machine -Name 'vision'
+            Hyper-V\Set-VMMemory -VM $vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
+        }
+    }
+
+    # 19/27  take away the network adapter that every new machine gets
+    # why: it is not there; off and under a pending name until all is set
+    # at:  rarms.yaml:12:3
+    Invoke-Step -Definition @{
+        Number = 18
         Address = 'partition/vision'
         Action = 'take away the network adapter that every new machine gets'
         Needs = @('partition/vision')
@@ -1060,12 +1122,12 @@ try {
         }
     }
 
-    # 17/24  mark it as robot/vision, set 361ebcdb6468
+    # 20/27  mark it as robot/vision, set 361ebcdb6468
     # why: it is not there; from now on it is known as ours, whatever happens
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 16
+        Number = 19
         Address = 'partition/vision'
         Action = 'mark it as robot/vision, set 361ebcdb6468'
         Needs = @('partition/vision')
@@ -1077,12 +1139,12 @@ try {
         }
     }
 
-    # 18/24  processors 2
+    # 21/27  processors 2
     # why: it is not there; only while it is off
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 17
+        Number = 20
         Address = 'partition/vision'
         Action = 'processors 2'
         Needs = @('partition/vision')
@@ -1095,12 +1157,12 @@ try {
         }
     }
 
-    # 19/24  reserve 80 %, limit 100 %, weight 100
+    # 22/27  reserve 80 %, limit 100 %, weight 100
     # why: it is not there; while it is off nothing is promised yet
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 18
+        Number = 21
         Address = 'partition/vision'
         Action = 'reserve 80 %, limit 100 %, weight 100'
         Needs = @('partition/vision')
@@ -1113,12 +1175,12 @@ try {
         }
     }
 
-    # 20/24  when the host starts: start, when it stops: shut down; no checkpoints
+    # 23/27  when the host starts: start, when it stops: shut down; no checkpoints
     # why: it is not there; what its host does with it
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 19
+        Number = 22
         Address = 'partition/vision'
         Action = 'when the host starts: start, when it stops: shut down; no checkpoints'
         Needs = @('partition/vision')
@@ -1131,17 +1193,17 @@ try {
         }
     }
 
-    # 21/24  give it its name vision
+    # 24/27  give it its name vision
     # why: it is not there; last, so that a machine of this name is always whole
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 20
+        Number = 23
         Address = 'partition/vision'
         Action = 'give it its name vision'
         Needs = @('partition/vision')
         Read = { Read-Partition -Name 'vision' }
-        Before = @{ 'exists' = $true }
+        Before = @{ 'exists' = $true; 'taken' = $false }
         After = @{ 'exists' = $true; 'name' = 'vision' }
         Set = {
             $vm = Get-Machine -Name 'vision'
@@ -1149,11 +1211,11 @@ try {
         }
     }
 
-    # 22/24  start it
+    # 25/27  start it
     # why: it is not there; after all that it is to have is set
     # at:  rarms.yaml:12:3
     Invoke-Step -Definition @{
-        Number = 21
+        Number = 24
         Address = 'partition/vision'
         Action = 'start it'
         Needs = @('partition/vision')
@@ -1167,11 +1229,11 @@ try {
         }
     }
 
-    # 23/24  start it
+    # 26/27  start it
     # why: it is not there; after all that it is to have is set
     # at:  rarms.yaml:13:3
     Invoke-Step -Definition @{
-        Number = 22
+        Number = 25
         Address = 'partition/speech'
         Action = 'start it'
         Needs = @('partition/speech')
@@ -1185,11 +1247,11 @@ try {
         }
     }
 
-    # 24/24  start it
+    # 27/27  start it
     # why: it is not there; after all that it is to have is set
     # at:  rarms.yaml:14:3
     Invoke-Step -Definition @{
-        Number = 23
+        Number = 26
         Address = 'partition/door'
         Action = 'start it'
         Needs = @('partition/door')

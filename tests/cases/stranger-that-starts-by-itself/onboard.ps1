@@ -4,7 +4,7 @@
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
 # Plan         e34f8e38f116, manifest 3ba68d2b3341, rarms 0.1.0
-# Steps        8
+# Steps        9
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
 param(
@@ -115,8 +115,7 @@ function Get-Operator {
 }
 
 function Protect-Folder {
-    # Only Administrators and SYSTEM may write what a later run trusts; -Confirm does not ask for that.
-    $ConfirmPreference = 'None'
+    # Only Administrators and SYSTEM may write what a later run trusts.
     if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
     else { [void] [System.IO.Directory]::CreateDirectory($script:Folder) }
     # Also where it was there: a run that was killed right here left it open to everybody.
@@ -126,6 +125,8 @@ function Protect-Folder {
 function Protect-Path {
     # The owner is said, not left to the account: what a policy or an ssh logon makes of new files differs.
     param([string] $Path, [string] $Descriptor)
+    # -Confirm asks for steps, not for what rarms keeps for itself.
+    $ConfirmPreference = 'None'
     if ($env:OS -cne 'Windows_NT') { return }
     $acl = Get-Acl -LiteralPath $Path
     $acl.SetSecurityDescriptorSddlForm($Descriptor)
@@ -416,10 +417,22 @@ function Get-Machine {
     $found[0]
 }
 
+function Test-Stranger {
+    # Whether a machine of this name is somebody else's: it carries no mark of our application.
+    param([string] $Name)
+    foreach ($vm in @(Hyper-V\Get-VM)) {
+        if (-not (Test-Same -Left $vm.Name -Right $Name)) { continue }
+        $mark = Get-Mark -Vm $vm
+        if ($null -eq $mark -or $mark.Application -cne $script:Definition.Application) { return $true }
+    }
+    $false
+}
+
 function Read-Partition {
     param([string] $Name, [string] $Machine = '')
     $found = @(Find-Machine -Name $Name -Machine $Machine)
-    if (-not $found.Count) { return @{ exists = $false } }
+    $taken = Test-Stranger -Name $Name
+    if (-not $found.Count) { return @{ exists = $false; taken = $taken } }
     if ($found.Count -gt 1) { return @{ exists = $true; machines = $found.Count } }
     $vm = $found[0]
     $cpu = Hyper-V\Get-VMProcessor -VM $vm
@@ -440,7 +453,7 @@ function Read-Partition {
         start_action = ConvertTo-Word -Value $vm.AutomaticStartAction
         stop_action = ConvertTo-Word -Value $vm.AutomaticStopAction
         checkpoints = ConvertTo-Word -Value $vm.CheckpointType
-        running = $state -ceq 'running'; state = $state; mark = $owner; set = $set
+        running = $state -ceq 'running'; state = $state; mark = $owner; set = $set; taken = $taken
         adapters = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count
         disks = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count
     }
@@ -538,8 +551,6 @@ function Write-TaskValue {
     param([string] $Task, [string] $Name, [string] $Type, $Value)
     $path = '{0}\{1}' -f $script:TaskRoot, $Task
     Add-Key -Path $path
-    # The registry's provider takes a DWord for a number with a sign.
-    if ($Type -eq 'DWord' -and [long] $Value -gt 2147483647) { $Value = [long] $Value - 4294967296 }
     [void] (New-ItemProperty -LiteralPath $path -Name $Name -PropertyType $Type -Value $Value -Force)
 }
 
@@ -772,9 +783,9 @@ try {
         Plan = 'e34f8e38f116'
         Application = 'robot'
         Serial = 0
-        Total = 8
+        Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'faa4c2788e453c0106b642d7714c4e56b5ddef7ac421386011775f86a7caaf41'
+        UndoDigest = 'b1dc0dbee4e49b1d4d19eb731642a58d20556ed99875e56d2a4e0079915cdf65'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4
@@ -783,7 +794,7 @@ try {
         AcceptScheduler = $false
     }
 
-    # 1/8  make a machine of generation 2 with 1 GiB
+    # 1/9  make a machine of generation 2 with 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:12:3
     Invoke-Step -Definition @{
@@ -792,18 +803,35 @@ try {
         Action = 'make a machine of generation 2 with 1 GiB'
         Needs = @('partition/vision')
         Read = { Read-Partition -Name 'vision' }
-        Before = @{ 'exists' = $false }
+        Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
             Hyper-V\New-VM -Name 'vision.rarms-e34f8e38f116' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 
-    # 2/8  take away the network adapter that every new machine gets
+    # 2/9  memory static, 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:12:3
     Invoke-Step -Definition @{
         Number = 1
+        Address = 'partition/vision'
+        Action = 'memory static, 1 GiB'
+        Needs = @('partition/vision')
+        Read = { Read-Partition -Name 'vision' }
+        Before = @{ 'exists' = $true }
+        After = @{ 'dynamic_memory' = $false; 'exists' = $true; 'memory' = 1073741824 }
+        Set = {
+            $vm = Get-Machine -Name 'vision'
+            Hyper-V\Set-VMMemory -VM $vm -DynamicMemoryEnabled $false -StartupBytes 1073741824
+        }
+    }
+
+    # 3/9  take away the network adapter that every new machine gets
+    # why: it is not there; off and under a pending name until all is set
+    # at:  rarms.yaml:12:3
+    Invoke-Step -Definition @{
+        Number = 2
         Address = 'partition/vision'
         Action = 'take away the network adapter that every new machine gets'
         Needs = @('partition/vision')
@@ -816,12 +844,12 @@ try {
         }
     }
 
-    # 3/8  mark it as robot/vision, set 361ebcdb6468
+    # 4/9  mark it as robot/vision, set 361ebcdb6468
     # why: it is not there; from now on it is known as ours, whatever happens
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 2
+        Number = 3
         Address = 'partition/vision'
         Action = 'mark it as robot/vision, set 361ebcdb6468'
         Needs = @('partition/vision')
@@ -833,12 +861,12 @@ try {
         }
     }
 
-    # 4/8  processors 2
+    # 5/9  processors 2
     # why: it is not there; only while it is off
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 3
+        Number = 4
         Address = 'partition/vision'
         Action = 'processors 2'
         Needs = @('partition/vision')
@@ -851,12 +879,12 @@ try {
         }
     }
 
-    # 5/8  reserve 80 %, limit 100 %, weight 100
+    # 6/9  reserve 80 %, limit 100 %, weight 100
     # why: it is not there; while it is off nothing is promised yet
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 4
+        Number = 5
         Address = 'partition/vision'
         Action = 'reserve 80 %, limit 100 %, weight 100'
         Needs = @('partition/vision')
@@ -869,12 +897,12 @@ try {
         }
     }
 
-    # 6/8  when the host starts: start, when it stops: shut down; no checkpoints
+    # 7/9  when the host starts: start, when it stops: shut down; no checkpoints
     # why: it is not there; what its host does with it
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 5
+        Number = 6
         Address = 'partition/vision'
         Action = 'when the host starts: start, when it stops: shut down; no checkpoints'
         Needs = @('partition/vision')
@@ -887,17 +915,17 @@ try {
         }
     }
 
-    # 7/8  give it its name vision
+    # 8/9  give it its name vision
     # why: it is not there; last, so that a machine of this name is always whole
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
-        Number = 6
+        Number = 7
         Address = 'partition/vision'
         Action = 'give it its name vision'
         Needs = @('partition/vision')
         Read = { Read-Partition -Name 'vision' }
-        Before = @{ 'exists' = $true }
+        Before = @{ 'exists' = $true; 'taken' = $false }
         After = @{ 'exists' = $true; 'name' = 'vision' }
         Set = {
             $vm = Get-Machine -Name 'vision'
@@ -905,11 +933,11 @@ try {
         }
     }
 
-    # 8/8  start it
+    # 9/9  start it
     # why: it is not there; after all that it is to have is set
     # at:  rarms.yaml:12:3
     Invoke-Step -Definition @{
-        Number = 7
+        Number = 8
         Address = 'partition/vision'
         Action = 'start it'
         Needs = @('partition/vision')

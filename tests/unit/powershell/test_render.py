@@ -80,6 +80,7 @@ def test_making_a_machine_is_guarded_call_by_call() -> None:
     calls = re.findall(r"^            (?!\$vm)(\S+)", text, flags=re.MULTILINE)
     assert calls == [
         "Hyper-V\\New-VM",
+        "Hyper-V\\Set-VMMemory",
         "Hyper-V\\Remove-VMNetworkAdapter",
         "Hyper-V\\New-VHD",
         "Hyper-V\\Add-VMHardDiskDrive",
@@ -91,6 +92,8 @@ def test_making_a_machine_is_guarded_call_by_call() -> None:
         "Hyper-V\\Start-VM",
     ]
     assert "-Name 'planning.rarms-0123456789ab'" in text
+    assert "Hyper-V\\Set-VMMemory -VM $vm -DynamicMemoryEnabled $false -StartupBytes 536870912\n" in text
+    assert "Before = @{ 'exists' = $false; 'taken' = $false }" in text
     assert text.count("Claim = @{ Processors = 2; Reserve = 40; Memory = 536870912 }") == 1
 
 
@@ -101,7 +104,7 @@ def test_the_undo_goes_backwards_and_only_over_what_was_begun() -> None:
 
     calls = re.findall(r"^            (?!\$vm)(\S+)", text, flags=re.MULTILINE)
     assert calls == ["Invoke-PartitionStop", "Hyper-V\\Remove-VM"]
-    assert re.findall(r"Undoes = (\d+)", text) == ["9", "0"]
+    assert re.findall(r"Undoes = (\d+)", text) == ["10", "0"]
 
 
 def test_a_task_class_is_written_value_by_value_with_types() -> None:
