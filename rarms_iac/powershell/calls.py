@@ -196,6 +196,11 @@ def _plain(values: Mapping[str, object] | None) -> object:
     return None if values is None else {name: encode(value) for name, value in values.items()}
 
 
+def _child(making: CreatePartition) -> str:
+    """A differencing child has its parent's format."""
+    return ".vhd" if making.image.lower().endswith(".vhd") else ".vhdx"
+
+
 def _making(step: Step, making: CreatePartition, scope: Scope) -> tuple[Part, ...]:
     """The machine, its disk, the disk in its place, and the network adapter that Hyper-V adds by itself gone."""
     address, name = str(step.address), {"Name": literal(making.partition)}
@@ -230,7 +235,7 @@ def _making(step: Step, making: CreatePartition, scope: Scope) -> tuple[Part, ..
         remove = call("Hyper-V\\Remove-VMNetworkAdapter", VM="$vm")
         made.append(part(action, {"exists": True, "adapters": 1}, {"exists": True, "adapters": 0}, machine, remove))
     if making.image:
-        path = {"Folder": literal(making.vm_path), "File": literal(f"{making.partition}-{scope.plan}.vhdx")}
+        path = {"Folder": literal(making.vm_path), "File": literal(f"{making.partition}-{scope.plan}{_child(making)}")}
         disk = "(" + call("Get-DiskPath", **path) + ")"
         child = call("Hyper-V\\New-VHD", Path=disk, ParentPath=literal(making.image), Differencing="")
         made.append(

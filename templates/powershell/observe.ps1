@@ -77,7 +77,8 @@ function Read-Key {
 
 function Read-Journal {
     # What rarms keeps on this host, as it lies there, and whose it is.
-    $path = Join-Path -Path (Join-Path -Path $env:ProgramData -ChildPath 'rarms') -ChildPath 'journal.jsonl'
+    $common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
+    $path = Join-Path -Path (Join-Path -Path $common -ChildPath 'rarms') -ChildPath 'journal.jsonl'
     $item = Get-Item -LiteralPath $path
     $owner = ''
     if ($env:OS -ceq 'Windows_NT') {

@@ -46,6 +46,12 @@ def static_call(kind: str, name: str, arguments: list[Value], scope: Scope) -> V
     return made(scope, *arguments)
 
 
+def _folder(scope: Scope, which: Value) -> Value:
+    if text(which) != "CommonApplicationData":
+        raise Unsupported(f"the folder {text(which)}")
+    return "C:\\ProgramData"
+
+
 def _short(kind: str) -> str:
     return kind.removeprefix("system.")
 
@@ -285,6 +291,7 @@ _CALLS: dict[tuple[str, str], Callable[..., Value]] = {
     ("regex", "replace"): _regex_replace,
     ("io.file", "readalltext"): lambda scope, path: content(scope, path).decode("utf-8-sig", "replace"),
     ("io.file", "readallbytes"): content,
+    ("environment", "getfolderpath"): _folder,
     ("io.file", "writealltext"): _write_all,
     ("io.file", "replace"): _replace,
     ("io.file", "move"): _move,

@@ -362,6 +362,17 @@ def test_a_machine_that_takes_the_wanted_name_stops_the_run_and_gets_no_namesake
     assert [vm.name for vm in host.vms.values()].count("planning") == 1
 
 
+def test_a_process_without_programdata_keeps_its_journal_in_the_same_place() -> None:
+    prepared = fresh()
+    host = prepared.copy(environment={"os": "Windows_NT"})
+
+    ran = apply(host, prepared.plan)
+
+    assert ran.code == 0, ran.says
+    assert journal(host)[-1]["kind"] == "run_closed"
+    assert prepared.cell.on(host).plan().hosts[0].steps == ()
+
+
 def test_two_machines_that_both_look_half_made_stop_the_run() -> None:
     prepared = fresh()
     host = prepared.copy(kill_before=next(at for at, one in enumerate(calls(prepared)) if one.startswith("Set-VM ")))

@@ -108,7 +108,7 @@ _HYPERV_MEMBERS = words(
 _READING_MEMBERS = _HYPERV_MEMBERS | words(
     """
     Administrator Category CategoryInfo CpuGroupId Exception ExecutionPolicy FullName FullyQualifiedErrorId GetCurrent
-    GetOwner GetValue GetValueKind GetValueNames InstanceID IsActive IsInRole MachineName MemoryAvailable
+    GetFolderPath GetOwner GetValue GetValueKind GetValueNames InstanceID IsActive IsInRole MachineName MemoryAvailable
     MemoryCapacity MemoryTotal Message NodeId NumaSpanningEnabled NumberOfCores NumberOfLogicalProcessors Out
     PSChildName PSEdition PSObject PSVersion Properties Replace Reservation Scope Size ToLowerInvariant Value
     VirtualMachinePath WriteLine new
@@ -118,9 +118,9 @@ _CHANGING_MEMBERS = _HYPERV_MEMBERS | words(
     """
     ASCII AcceptScheduler Action AddMilliseconds Address After Application Before Claim ComputeHash Computer Contains
     Create CreateDirectory Dispose Exception Flush GetBytes GetOwner GetString GetValue GetValueKind GetValueNames
-    Guest Keys Length LogicalProcessors Lost MachineName Memory Message Move Needs Number OpenOrCreate Ordinal Out
-    PSChildName PSObject Percent Plan Position Processors Properties Read ReadAllBytes ReadAllText ReleaseMutex
-    Replace Run Serial Set SetLength
+    GetFolderPath Guest Keys Length LogicalProcessors Lost MachineName Memory Message Move Needs Number
+    OpenOrCreate Ordinal Out PSChildName PSObject Percent Plan Position Processors Properties Read ReadAllBytes
+    ReadAllText ReleaseMutex Replace Run Serial Set SetLength
     SetSecurityDescriptorSddlForm ShouldProcess Sort Substring ToLowerInvariant ToString Total Undo UndoDigest
     Undoes UserName UtcNow Value WaitOne Write WriteAllText WriteLine closing data kind new number plan record run
     serials set status touched

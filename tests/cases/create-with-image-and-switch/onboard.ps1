@@ -22,7 +22,9 @@ $ErrorActionPreference = 'Stop'
 
 $script:Cmdlet = $PSCmdlet
 $script:Json = [bool] $AsJson
-$script:Folder = Join-Path -Path $env:ProgramData -ChildPath 'rarms'
+# A service or a logon may come without the variable; Windows knows the folder all the same.
+$common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
+$script:Folder = Join-Path -Path $common -ChildPath 'rarms'
 $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
 $script:TaskRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile\Tasks'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
@@ -786,7 +788,7 @@ try {
         Serial = 0
         Total = 10
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'ec46c6599160df3cc2d47e2e70d9c52c186010213b57adbd3f6efa9ad61ee7d4'
+        UndoDigest = 'efac0a753fddf92e761e94f50b68420704f10783ed90e9bedf7123f52f717823'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4

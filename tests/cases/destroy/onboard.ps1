@@ -23,7 +23,9 @@ $ErrorActionPreference = 'Stop'
 
 $script:Cmdlet = $PSCmdlet
 $script:Json = [bool] $AsJson
-$script:Folder = Join-Path -Path $env:ProgramData -ChildPath 'rarms'
+# A service or a logon may come without the variable; Windows knows the folder all the same.
+$common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
+$script:Folder = Join-Path -Path $common -ChildPath 'rarms'
 $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
 $script:TaskRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile\Tasks'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
@@ -787,7 +789,7 @@ try {
         Serial = 1
         Total = 6
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'b75af5d3135ad542d2bd621bce1c367d979b00bb0f42ae13f148bcb86978567b'
+        UndoDigest = '672bc715f69e0904becd257e91b8026bc764593712bf57c7c900a79686a2ed50'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -21,7 +21,9 @@ $ErrorActionPreference = 'Stop'
 
 $script:Cmdlet = $PSCmdlet
 $script:Json = [bool] $AsJson
-$script:Folder = Join-Path -Path $env:ProgramData -ChildPath 'rarms'
+# A service or a logon may come without the variable; Windows knows the folder all the same.
+$common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
+$script:Folder = Join-Path -Path $common -ChildPath 'rarms'
 $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
 $script:TaskRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile\Tasks'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
@@ -785,7 +787,7 @@ try {
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '114489568016a3121f934735ae1bd633ef95feeddd54d42fe8facba7824ef441'
+        UndoDigest = '320d5e582ad6276c9a215d756e24a38582461942204a842f2a6bd8d69b03a30d'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -22,7 +22,9 @@ $ErrorActionPreference = 'Stop'
 
 $script:Cmdlet = $PSCmdlet
 $script:Json = [bool] $AsJson
-$script:Folder = Join-Path -Path $env:ProgramData -ChildPath 'rarms'
+# A service or a logon may come without the variable; Windows knows the folder all the same.
+$common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
+$script:Folder = Join-Path -Path $common -ChildPath 'rarms'
 $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
 $script:TaskRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile\Tasks'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
@@ -786,7 +788,7 @@ try {
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '7068c8689f701125919c399e79c78ed81d733ce5034aa0c3610c4a2bdce23140'
+        UndoDigest = '2b94076b69909dc2b2d9f374805f2032bbb962bc09dbdb34baa66b0e0c20249e'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -22,7 +22,9 @@ $ErrorActionPreference = 'Stop'
 
 $script:Cmdlet = $PSCmdlet
 $script:Json = [bool] $AsJson
-$script:Folder = Join-Path -Path $env:ProgramData -ChildPath 'rarms'
+# A service or a logon may come without the variable; Windows knows the folder all the same.
+$common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
+$script:Folder = Join-Path -Path $common -ChildPath 'rarms'
 $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
 $script:TaskRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile\Tasks'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
@@ -786,7 +788,7 @@ try {
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'a494f95aab6c2f3cb3384fda02f5d5a0a3575175883ecb2c7bfa955194e872dd'
+        UndoDigest = '90909cadd89738b5331158c9d6400834f11cbbc13573d4191c0addf61ac5d341'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4

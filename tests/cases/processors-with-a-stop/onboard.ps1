@@ -22,7 +22,9 @@ $ErrorActionPreference = 'Stop'
 
 $script:Cmdlet = $PSCmdlet
 $script:Json = [bool] $AsJson
-$script:Folder = Join-Path -Path $env:ProgramData -ChildPath 'rarms'
+# A service or a logon may come without the variable; Windows knows the folder all the same.
+$common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
+$script:Folder = Join-Path -Path $common -ChildPath 'rarms'
 $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
 $script:TaskRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile\Tasks'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
@@ -786,7 +788,7 @@ try {
         Serial = 1
         Total = 5
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '51bab595654481223d7dbeaa069306e0d4071ea7b268958b26d4f45ebb169b2c'
+        UndoDigest = '39fcbfb9e4b0d4fa894be65bf2806479aeface6bdc97bd91bb37059c21686851'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -21,7 +21,9 @@ $ErrorActionPreference = 'Stop'
 
 $script:Cmdlet = $PSCmdlet
 $script:Json = [bool] $AsJson
-$script:Folder = Join-Path -Path $env:ProgramData -ChildPath 'rarms'
+# A service or a logon may come without the variable; Windows knows the folder all the same.
+$common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
+$script:Folder = Join-Path -Path $common -ChildPath 'rarms'
 $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
 $script:TaskRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile\Tasks'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
@@ -785,7 +787,7 @@ try {
         Serial = 1
         Total = 1
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'c9cd9d8cbfc0f8693c77d47e413771b8c8d5969f760f0c844201c3f04c9a80b8'
+        UndoDigest = 'b35ee243b64b281cc40ff94b7263b1e378a5a12a19dcc3e4326ddf75fd62be3a'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4

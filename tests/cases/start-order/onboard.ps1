@@ -21,7 +21,9 @@ $ErrorActionPreference = 'Stop'
 
 $script:Cmdlet = $PSCmdlet
 $script:Json = [bool] $AsJson
-$script:Folder = Join-Path -Path $env:ProgramData -ChildPath 'rarms'
+# A service or a logon may come without the variable; Windows knows the folder all the same.
+$common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
+$script:Folder = Join-Path -Path $common -ChildPath 'rarms'
 $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
 $script:TaskRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile\Tasks'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
@@ -785,7 +787,7 @@ try {
         Serial = 0
         Total = 27
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'a0c40eceb9645e631189e4f8dc81671fe4762fda1fbb9252508b958fbc5121e8'
+        UndoDigest = '8140c0b7ce3574934f3bdcdf0c4ab89bf1dbce6cf5d65afddcdd25ad67f67990'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -21,7 +21,9 @@ $ErrorActionPreference = 'Stop'
 
 $script:Cmdlet = $PSCmdlet
 $script:Json = [bool] $AsJson
-$script:Folder = Join-Path -Path $env:ProgramData -ChildPath 'rarms'
+# A service or a logon may come without the variable; Windows knows the folder all the same.
+$common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
+$script:Folder = Join-Path -Path $common -ChildPath 'rarms'
 $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
 $script:TaskRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile\Tasks'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
@@ -785,7 +787,7 @@ try {
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '6737039cb6b5e2513ed592ccd8581006f0eb1f97ed913a3786e12fad6640e115'
+        UndoDigest = 'cc2f3e211e49ca9dd15a50b2440c053d243c6508605a9703911ab2de9b0a9596'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -52,11 +52,13 @@ def all_changes() -> tuple[Change, ...]:
     )
 
 
-def rendered_plan(changes: Iterable[Change] | None = None) -> tuple[HostPlan, Plan]:
+def rendered_plan(
+    changes: Iterable[Change] | None = None, image: str = "D:\\images\\robot's.vhdx"
+) -> tuple[HostPlan, Plan]:
     """The plan of these changes on one host, with a disk from an image for `planning` and a switch for `video`."""
     wanted = tuple(all_changes() if changes is None else changes)
     making = {
-        "planning": Making(image="D:\\images\\robot's.vhdx", vm_path="D:\\vms"),
+        "planning": Making(image=image, vm_path="D:\\vms"),
         "video": Making(switch="lab \u2018net\u2019"),
     }
     around = Surroundings(facts=build.facts(), making=making)

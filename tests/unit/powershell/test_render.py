@@ -97,6 +97,14 @@ def test_making_a_machine_is_guarded_call_by_call() -> None:
     assert text.count("Claim = @{ Processors = 2; Reserve = 40; Memory = 536870912 }") == 1
 
 
+def test_a_child_of_an_older_disk_has_its_parents_format() -> None:
+    new = build.create(marked(replace(build.partition(build.settings("planning")), id="")))
+
+    text = steps_of(render_apply(*rendered_plan([new], image="D:\\images\\old.VHD")))
+
+    assert "-File 'planning-0123456789ab.vhd') -ParentPath 'D:\\images\\old.VHD' -Differencing\n" in text
+
+
 def test_the_undo_goes_backwards_and_only_over_what_was_begun() -> None:
     new = build.create(marked(replace(build.partition(build.settings("planning")), id="")))
 
