@@ -15,11 +15,11 @@ def review(part: Reviewed) -> Iterator[Diagnostic]:
     """Tells of partitions whose reserve, together and rounded up, is above the limit that was asked for."""
     if part.layout is None:
         return
-    groups = {one.name: one for one in groups_of(part.system)}
     host = part.plan.host
-    for placed in part.layout.partitions:
-        if placed.host != host.name or placed.name not in groups:
-            continue
+    # A limit that was raised equals the reserve; only then the whole system is worth grouping again.
+    raised = [one for one in part.layout.partitions if one.host == host.name and one.limit == one.reserve]
+    groups = {one.name: one for one in groups_of(part.system)} if raised else {}
+    for placed in raised:
         asked = limit_of(groups[placed.name], host, placed.processors)
         if asked < placed.reserve:
             yield FINDING.at(
