@@ -168,11 +168,6 @@ def show_milliseconds(value: Fraction | int) -> str:
     return f"{plain(exact)} ms"
 
 
-def show_rate(value: Fraction | int) -> str:
-    """`24 /s`."""
-    return f"{plain(value)} /s"
-
-
 def show_amount(amount: CpuAmount) -> str:
     """The amount as the manifest would write it."""
     match amount:

@@ -1,6 +1,6 @@
 """What a host must offer, whatever enforces its reservations (DESIGN sections 4 and 8)."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from enum import StrEnum
@@ -255,4 +255,3 @@ class ExaminableHost(Protocol):
 
 
 LiveHost = StepwiseHost | ScriptedHost
-OpenHost = Callable[[], LiveHost]
