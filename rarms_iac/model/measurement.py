@@ -2,6 +2,16 @@
 
 from dataclasses import dataclass
 
+from rarms_iac.model.system import ProviderKind, SchedulerType
+
+P1 = "rarms-p1"
+"""The test partition of the components; what its mark calls it. No partition of a manifest may be called so."""
+
+P2 = "rarms-p2"
+"""The test partition of the interfering load."""
+
+TEST_PARTITIONS = (P1, P2)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sample:
@@ -30,3 +40,31 @@ class Setting:
 
     reserve: int  # CR: per cent of P1's own processors, 1..100
     series: tuple[Series, ...]  # by component name
+    beside: int = 0  # what P2 reserved meanwhile: per cent of each of its processors
+    seed: int = 0  # that chance was drawn from, where the host draws it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bench:
+    """The machine that was measured on, as far as it can change what is measured there."""
+
+    provider: ProviderKind
+    processor: str  # its model, as it names itself
+    logical_processors: int
+    smt: bool
+    scheduler: SchedulerType
+    guest_image: str  # what the test partitions run; empty: nothing of their own
+    os_build: int  # 0: there is none
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EnvironmentSetup:
+    """What P1 and P2 are while one data log is measured; only their reserves change from setting to setting."""
+
+    members: tuple[str, ...]  # the components in P1, by name
+    interference: str  # the load in P2, by its name in the manifest
+    processors: int  # virtual ones, of P1; P2 has as many as the host has logical ones
+    memory: int  # bytes, of P1
+    limit: int  # of P1: per cent of each of its processors
+    weight: int  # of P1
+    beside: tuple[str, ...] = ()  # what else ran on the host, and was overridden: partitions by name

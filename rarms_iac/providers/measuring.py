@@ -1,0 +1,77 @@
+"""What a host must offer to be measured on: P1 and P2 are made by its ordinary operations; here something runs in them.
+
+A host that is measured on is also changed (`StepwiseHost`): lock, marks and removal are the same as everywhere.
+"""
+
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from rarms_iac.model.measurement import Bench, Sample
+from rarms_iac.model.system import Component, Elapsed, Interference, SampleCount
+from rarms_iac.providers.interface import StepwiseHost
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Inside:
+    """What is to run in one running partition of the application, or in the host's own operating system."""
+
+    partition: str  # as its mark calls it (P1, P2, vision); empty: the host's own operating system
+    components: tuple[Component, ...] = ()
+    load: Interference | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Work:
+    """Everything that is to run on a host at the same time."""
+
+    application: str
+    inside: tuple[Inside, ...]
+    until: Mapping[str, SampleCount | Elapsed]  # by component: when there is enough of it
+    seed: int  # of chance, where the host draws it: the same work with the same seed shows the same samples
+
+
+class Running(Protocol):
+    """Components at work."""
+
+    def samples(self) -> Iterator[tuple[str, Sample]]:
+        """A component's name and what a job of it showed, in the order in which the jobs ended.
+
+        It ends when every component had its `until`; a component that has enough goes on meanwhile, so that the
+        others see it. Whoever has seen enough before stops asking.
+
+        Raises:
+            HostError: it cannot go on.
+        """
+        ...
+
+    def elapsed_ms(self) -> float:
+        """The time on the host's clock since all of it began to run."""
+        ...
+
+    def cpu_ms(self, component: str) -> float | None:
+        """The processor time that the component consumed so far; None where it cannot be told."""
+        ...
+
+
+@runtime_checkable
+class MeasuringHost(StepwiseHost, Protocol):
+    """A host on which components can be run and looked at."""
+
+    def bench(self) -> Bench:
+        """What of this machine can change what is measured on it.
+
+        Raises:
+            HostError: the host cannot be reached or read.
+        """
+        ...
+
+    def run(self, work: Work) -> AbstractContextManager[Running]:
+        """Have all of it running while the context lasts; when it ends, whatever still runs of it is ended.
+
+        Raises:
+            Refused: a partition is not there or does not run, or something of the work cannot run on this host.
+            HostError: it cannot be started.
+        """
+        ...
