@@ -177,6 +177,7 @@ def a_host(
     platform: str | None = None,
     connect: Connect | None = None,
     settings: HostSettings | None = None,
+    system_responsiveness: int | None = None,
 ) -> Host:
     """A simulated host with two processors and 4 GiB, nothing kept; the settings are its provider's own."""
     own: dict[ProviderKind, HostSettings] = {
@@ -193,6 +194,7 @@ def a_host(
         platform=platform or name,
         connect=connect,
         settings=settings or own[provider],
+        system_responsiveness=system_responsiveness,
     )
 
 

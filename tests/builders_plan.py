@@ -26,6 +26,7 @@ from rarms_iac.model.state import (
     Partition,
     PartitionSettings,
     RegistryValue,
+    Responsiveness,
     Rights,
     RunState,
     StartAction,
@@ -113,6 +114,8 @@ def address_of(resource: Resource) -> Address:
             return Address(partition=own.name)
         case TaskClass(name=name, inside=inside):
             return Address(partition=inside, task=name)
+        case Responsiveness():
+            return Address(responsiveness=True)
 
 
 def create(after: Resource, reason: Reason | None = None) -> Create:

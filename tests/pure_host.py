@@ -6,11 +6,14 @@ from rarms_iac.diff.readings import readings
 from rarms_iac.model.operations import (
     CreatePartition,
     EraseMark,
+    EraseResponsiveness,
+    EraseResponsivenessRecord,
     EraseTaskRecord,
     Operation,
     RemovePartition,
     RemoveTaskClass,
     RenamePartition,
+    ResponsivenessOperation,
     SetActions,
     SetCpu,
     SetMemory,
@@ -18,6 +21,8 @@ from rarms_iac.model.operations import (
     StartPartition,
     StopPartition,
     WriteMark,
+    WriteResponsiveness,
+    WriteResponsivenessRecord,
     WriteTaskClass,
     WriteTaskRecord,
 )
@@ -27,6 +32,7 @@ from rarms_iac.model.state import (
     Mark,
     Partition,
     PartitionSettings,
+    Responsiveness,
     RunState,
     StartAction,
     State,
@@ -64,6 +70,14 @@ class PureHost:
                 self._create(operation)
             case WriteTaskClass() | RemoveTaskClass() | WriteTaskRecord() | EraseTaskRecord():
                 self._task(operation)
+            case (
+                WriteResponsiveness()
+                | EraseResponsiveness()
+                | WriteResponsivenessRecord()
+                | EraseResponsivenessRecord()
+            ):
+                now = self.state.responsiveness or Responsiveness()
+                self.state = replace(self.state, responsiveness=_set(now, operation))
             case RemovePartition():
                 gone = self._find(operation.partition, operation.machine)
                 self.state = replace(
@@ -139,6 +153,18 @@ class PureHost:
             case EraseTaskRecord():
                 now = replace(now, record=None)
         self.state = replace(self.state, tasks=(*others, now) if now.values or now.record else others)
+
+
+def _set(now: Responsiveness, operation: ResponsivenessOperation) -> Responsiveness:
+    match operation:
+        case WriteResponsiveness(value=value):
+            return replace(now, value=value)
+        case EraseResponsiveness():
+            return replace(now, value=None)
+        case WriteResponsivenessRecord(record=record):
+            return replace(now, record=record)
+        case EraseResponsivenessRecord():
+            return replace(now, record=None)
 
 
 def _changed(old: Partition, operation: Operation) -> Partition:

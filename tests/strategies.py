@@ -13,6 +13,7 @@ from rarms_iac.model.state import (
     Partition,
     PartitionSettings,
     RegistryValue,
+    Responsiveness,
     Rights,
     RunState,
     StartAction,
@@ -79,6 +80,7 @@ def components(draw: st.DrawFn, name: str, most: int) -> Component:
 def systems(draw: st.DrawFn, host: Host | None = None) -> System:
     """A system of one host whose components fit it with some room for others."""
     host = host or a_host(logical_processors=draw(st.integers(2, 4)), memory="8 GiB")
+    host = replace(host, system_responsiveness=draw(st.none() | st.sampled_from((10, 20, 90))))
     names = draw(st.lists(st.sampled_from(NAMES), unique=True, min_size=1, max_size=len(NAMES)))
     most = 70 // len(names)
     chosen = [draw(components(name, most)) for name in names]
@@ -104,6 +106,7 @@ class Strangers:
 
     partitions: tuple[Partition, ...]
     tasks: tuple[TaskClass, ...]
+    responsiveness: RegistryValue | None = None
 
 
 @st.composite
@@ -119,7 +122,7 @@ def strangers(draw: st.DrawFn) -> Strangers:
         TaskClass(name=name, values={"Priority": number(draw(st.integers(1, 8)))})
         for name in draw(st.lists(st.sampled_from(["Games", "Audio", "OEM Thing"]), unique=True))
     ]
-    return Strangers(tuple(machines), tuple(tasks))
+    return Strangers(tuple(machines), tuple(tasks), draw(st.none() | st.sampled_from((10, 20, 35)).map(number)))
 
 
 def some_settings(name: str) -> PartitionSettings:
@@ -147,7 +150,12 @@ def number(data: int) -> RegistryValue:
 def empty_state(host: Host, others: Strangers | None = None) -> State:
     """A host that rarms has never seen."""
     others = others or Strangers((), ())
-    return State(facts=facts_for(host), partitions=others.partitions, tasks=others.tasks)
+    return State(
+        facts=facts_for(host),
+        partitions=others.partitions,
+        tasks=others.tasks,
+        responsiveness=Responsiveness(value=others.responsiveness),
+    )
 
 
 @st.composite

@@ -71,7 +71,7 @@ def wanted(system: System, observed: Mapping[str, State], places: Places, limit:
             protected=desired.protected,
             replaceable=desired.replaceable,
             unused=desired.unused,
-            where=_where(system, places, desired.classes),
+            where=_where(system, places, name, desired.classes),
         )
         around = replace(_around(system, state), making=desired.making, criticality=desired.criticality)
         wish = _wish(system, state, desired.state, wishes, around, limit)
@@ -108,11 +108,13 @@ def _behind_a_namesake(one: Diagnostic) -> Diagnostic:
 
 
 def _where(
-    system: System, places: Places, classes: Mapping[tuple[str, str], ClassValues]
+    system: System, places: Places, host: str, classes: Mapping[tuple[str, str], ClassValues]
 ) -> Callable[[Address], Place | None]:
     """Which line asks for what stands at an address: of a task class, the component that names it."""
 
     def where(address: Address) -> Place | None:
+        if address.responsiveness:
+            return places.value("hosts", host, "system_responsiveness")
         if address.task:
             values = classes.get((address.partition, address.task))
             return places.value("components", values.user, "task") if values else None
@@ -132,8 +134,8 @@ def nothing_wanted(system: System, observed: Mapping[str, State], places: Places
         name: _wish(
             system,
             state,
-            replace(state, partitions=(), tasks=()),
-            Wishes(protected=protected, where=_where(system, places, {})),
+            replace(state, partitions=(), tasks=(), responsiveness=None),
+            Wishes(protected=protected, where=_where(system, places, name, {})),
             _around(system, state),
             Disruption.REMOVAL,
         )

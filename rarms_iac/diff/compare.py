@@ -13,10 +13,11 @@ from rarms_iac.diff.disruption import (
     stops,
 )
 from rarms_iac.diff.moves import Ours, ours_of
+from rarms_iac.diff.responsiveness_steps import ADDRESS as RESPONSIVENESS
 from rarms_iac.model.changes import Address, Change, Create, Delete, Reason, Update
 from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.names import is_shipped_task
-from rarms_iac.model.state import Facet, Partition, RunState, State, TaskClass
+from rarms_iac.model.state import Facet, Partition, Responsiveness, RunState, State, TaskClass
 from rarms_iac.model.system import Disruption
 
 
@@ -61,6 +62,7 @@ def compare(
     parts = (
         _partitions(wanted, ours, observed, application, around, wishes),
         _tasks(desired, ours, observed, application, wishes),
+        _responsiveness(desired.responsiveness, observed.responsiveness, application, wishes),
     )
     at_rest = tuple(name for part in parts for name in part.unused)
     return Difference(
@@ -308,6 +310,51 @@ def _one_task(
                 disruption=disruption_of_task(inside),
             )
         )
+
+
+def _responsiveness(
+    after: Responsiveness | None, before: Responsiveness | None, application: str, wishes: Wishes
+) -> _Found:
+    """Unlike a task class of others the value may be taken over: Windows sets it itself, and it is brought back."""
+    found = _Found()
+    record = before.record if before else None
+    is_ours = record is not None and record.application == application
+    disruption = disruption_of_task("")
+    if after is None:
+        if before is not None and is_ours:
+            reason = Reason(says=f"the manifest no longer sets it; {_restored(before)}")
+            found.changes.append(Delete(address=RESPONSIVENESS, before=before, reason=reason, disruption=disruption))
+        return found
+    place = wishes.where(RESPONSIVENESS)
+    reason = Reason(says="the manifest sets it", place=place)
+    if before is None or (record is not None and not is_ours):
+        found.findings.append(_undecided(record.application if record else "", place))
+    elif before == after:
+        found.unchanged += 1
+    elif before.value is None and record is None:
+        found.changes.append(Create(address=RESPONSIVENESS, after=after, reason=reason, disruption=disruption))
+    else:
+        found.changes.append(
+            Update(address=RESPONSIVENESS, before=before, after=after, reason=reason, disruption=disruption)
+        )
+    return found
+
+
+def _restored(before: Responsiveness) -> str:
+    kept = before.record.before if before.record else None
+    return f"{', '.join(str(one.data) for one in kept.values())} comes back" if kept else "it was not there before"
+
+
+def _undecided(application: str, place: Place | None) -> Diagnostic:
+    if application:
+        says = f"application {application!r} set it"
+        advice = "Take `system_responsiveness` out of one of the two manifests."
+    else:
+        says = "what it is now could not be read, so it could not be brought back"
+        advice = "Look at the host again with the rights of an administrator."
+    return findings.RESPONSIVENESS.at(
+        place, f"`system_responsiveness` is wanted, but {says}.", advice, address=str(RESPONSIVENESS)
+    )
 
 
 def _task_address(inside: str, task: TaskClass, there: TaskClass | None = None) -> Address:

@@ -4,8 +4,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from rarms_iac.diff.responsiveness_steps import ADDRESS as RESPONSIVENESS
 from rarms_iac.model.changes import Address
-from rarms_iac.model.state import Partition, StartAction, State
+from rarms_iac.model.state import Partition, Responsiveness, StartAction, State, TaskClass
 from rarms_iac.storage.sets import set_of_settings, set_of_values
 
 
@@ -53,6 +54,7 @@ def drift(
     found = [
         *_partitions(desired, observed, application, unused, left),
         *_tasks(desired, observed, application, unused),
+        *_responsiveness(desired.responsiveness, observed.of(application).responsiveness),
     ]
     return tuple(sorted(found, key=lambda one: one.address))
 
@@ -129,13 +131,24 @@ def _tasks(desired: State, observed: State, application: str, unused: frozenset[
         named = old or new
         assert named is not None
         address = Address(partition=key[0], task=(new or named).name)
-        if old is None or old.record is None:
-            kind: DriftKind | None = DriftKind.MISSING
-        else:
-            host = set_of_values(old.values) != old.record.set
-            kind = _of(host=host, manifest=new is None or new.record is None or new.record.set != old.record.set)
+        kind = _kind_in_registry(old, new)
         if kind is not None:
             yield Drifted(address=address, kind=kind, says=_says(kind))
+
+
+def _responsiveness(wanted: Responsiveness | None, there: Responsiveness | None) -> Iterator[Drifted]:
+    kind = _kind_in_registry(there, wanted) if wanted or there else None
+    if kind is not None:
+        yield Drifted(address=RESPONSIVENESS, kind=kind, says=_says(kind))
+
+
+def _kind_in_registry(
+    there: TaskClass | Responsiveness | None, wanted: TaskClass | Responsiveness | None
+) -> DriftKind | None:
+    if there is None or there.record is None:
+        return DriftKind.MISSING
+    host = set_of_values(there.values) != there.record.set
+    return _of(host=host, manifest=wanted is None or wanted.record is None or wanted.record.set != there.record.set)
 
 
 def _says(kind: DriftKind) -> str:

@@ -15,6 +15,9 @@ NOT_AT_REST = Finding(
     code="RARMS155", severity=Severity.ERROR, summary="A partition is in a state that it cannot be changed in"
 )
 NOTHING_TO_MOVE = Finding(code="RARMS156", severity=Severity.WARNING, summary="Both names of a move exist on the host")
+RESPONSIVENESS = Finding(
+    code="RARMS228", severity=Severity.ERROR, summary="SystemResponsiveness of this host cannot be decided here"
+)
 GUEST_FIRST = Finding(
     code="RARMS157", severity=Severity.NOTE, summary="A shipped task class of a new guest waits for the next plan"
 )

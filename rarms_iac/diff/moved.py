@@ -5,7 +5,8 @@ Nothing that moves by itself is in them: no load, no uptime, no assigned memory.
 
 from collections.abc import Mapping
 
-from rarms_iac.diff.readings import partition_readings, task_readings
+from rarms_iac.diff.readings import partition_readings, responsiveness_readings, task_readings
+from rarms_iac.model.changes import Address
 from rarms_iac.model.state import HostFacts, Partition, State, TaskClass
 from rarms_iac.storage.digest import digest, short
 
@@ -13,8 +14,8 @@ from rarms_iac.storage.digest import digest, short
 def part_digests(state: State, application: str) -> Mapping[str, str]:
     """12 hex digits for each part of the state, by what people call it.
 
-    Facts, every setting of what is ours, of other machines what weighs on the host, task classes with types, and the
-    application's serial.
+    Facts, every setting of what is ours, of other machines what weighs on the host, task classes with types,
+    SystemResponsiveness, and the application's serial.
     """
     parts: dict[str, object] = {
         "the host itself": _facts(state.facts),
@@ -33,6 +34,8 @@ def part_digests(state: State, application: str) -> Mapping[str, str]:
         else:
             parts[f"task/{task.name}"] = dict(task_readings(task))
     parts.update(inside)
+    if state.responsiveness is not None:
+        parts[str(Address(responsiveness=True))] = dict(responsiveness_readings(state.responsiveness))
     return {name: short(digest(part)) for name, part in parts.items()}
 
 

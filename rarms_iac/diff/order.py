@@ -217,7 +217,7 @@ class _Walk:
 
 def _rank(change: Change) -> int:
     """Removals before all, changes of what is there before what is made, task classes when their partition is."""
-    if change.address.task:
+    if change.address.task or change.address.responsiveness:
         return 3
     match change:
         case Delete():

@@ -6,13 +6,14 @@ step's guard compares like with like. For a partition: `exists`, `machine` (id),
 `running`, `state` (a paused machine is neither running nor off), `mark` (`<application>/<partition>` or empty), `set`.
 For a task class: `exists`, `values` (their names), `value:<name>` as `<kind>:<data>`, `record` (`<application>` or
 empty), `set`.
+For SystemResponsiveness the same as for a task class with that one value.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from rarms_iac.model.changes import Address
-from rarms_iac.model.plan import Reading, Readings, Scope
-from rarms_iac.model.state import Partition, State, TaskClass
+from rarms_iac.model.plan import Readings, Scope
+from rarms_iac.model.state import Partition, RegistryValue, Responsiveness, State, TaskClass, TaskRecord
 
 NOTHING: Readings = {"exists": False}
 """What is read where nothing is."""
@@ -26,6 +27,8 @@ def readings(state: State, address: Address, scope: Scope) -> Readings:
 
     Where several machines answer to the name, only `exists` and `machines`, their number: no guard accepts that.
     """
+    if address.responsiveness:
+        return responsiveness_readings(state.responsiveness)
     if not address.partition:
         return task_readings(find_task(state.tasks, address.task, inside="", machine=""))
     found = resolve(state.partitions, address.partition, scope, address.machine)
@@ -96,16 +99,26 @@ def task_readings(task: TaskClass | None) -> Readings:
 
     Its record may outlive its key, and may stand before it.
     """
-    if task is None:
-        return {**NOTHING, "values": "", "record": "", "set": ""}
-    values: dict[str, Reading] = {
-        f"{VALUE}{name}": f"{value.kind.value}:{value.data}" for name, value in sorted(task.values.items())
-    }
-    record = task.record
+    return {**values_readings(task.values), **record_readings(task.record)} if task else _NO_TASK
+
+
+def responsiveness_readings(one: Responsiveness | None) -> Readings:
+    """What is read at the address of SystemResponsiveness."""
+    return {**values_readings(one.values), **record_readings(one.record)} if one else _NO_TASK
+
+
+def values_readings(values: Mapping[str, RegistryValue]) -> Readings:
+    """What is read of registry values."""
     return {
-        "exists": bool(task.values),
-        "values": ", ".join(sorted(task.values)),
-        **values,
-        "record": record.application if record else "",
-        "set": record.set if record else "",
+        "exists": bool(values),
+        "values": ", ".join(sorted(values)),
+        **{f"{VALUE}{name}": f"{value.kind.value}:{value.data}" for name, value in sorted(values.items())},
     }
+
+
+def record_readings(record: TaskRecord | None) -> Readings:
+    """What is read of rarms' own record."""
+    return {"record": record.application if record else "", "set": record.set if record else ""}
+
+
+_NO_TASK: Readings = {**values_readings({}), **record_readings(None)}

@@ -12,10 +12,11 @@ from rarms_iac.diff.partition_steps import (
     take_out,
     update_partition,
 )
+from rarms_iac.diff.responsiveness_steps import remove_responsiveness, write_responsiveness
 from rarms_iac.diff.task_steps import remove_task, write_task
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Update
 from rarms_iac.model.plan import Step
-from rarms_iac.model.state import Partition, TaskClass
+from rarms_iac.model.state import Partition, Responsiveness, TaskClass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,17 +40,11 @@ def steps_for(change: Change, around: Surroundings) -> tuple[Step, ...]:
 def _steps(change: Change, around: Surroundings) -> Iterator[Step]:
     match change:
         case Create():
-            if isinstance(change.after, Partition):
-                yield from create_partition(change.address, change.after, change.reason, around)
-            else:
-                yield from write_task(change.address, None, change.after, change.reason)
+            yield from _create(change, around)
         case Update():
             yield from _update(change, around)
         case Delete():
-            if isinstance(change.before, Partition):
-                yield from remove_partition(change.address, change.before, change.reason)
-            else:
-                yield from remove_task(change.address, change.before, change.reason)
+            yield from _delete(change)
         case Adopt():
             yield from take_in(change.address, change.before, change.after, change.reason)
         case Release():
@@ -58,11 +53,37 @@ def _steps(change: Change, around: Surroundings) -> Iterator[Step]:
             assert_never(change)
 
 
+def _create(change: Create, around: Surroundings) -> Iterator[Step]:
+    match change.after:
+        case Partition() as after:
+            yield from create_partition(change.address, after, change.reason, around)
+        case TaskClass() as task:
+            yield from write_task(change.address, None, task, change.reason)
+        case Responsiveness() as one:
+            yield from write_responsiveness(None, one, change.reason)
+        case _:
+            assert_never(change.after)
+
+
+def _delete(change: Delete) -> Iterator[Step]:
+    match change.before:
+        case Partition() as before:
+            yield from remove_partition(change.address, before, change.reason)
+        case TaskClass() as task:
+            yield from remove_task(change.address, task, change.reason)
+        case Responsiveness() as one:
+            yield from remove_responsiveness(one, change.reason)
+        case _:
+            assert_never(change.before)
+
+
 def _update(change: Update, around: Surroundings) -> Iterator[Step]:
     match change.before, change.after:
         case Partition() as before, Partition() as after:
             yield from update_partition(change.address, before, after, change.reason, around)
         case TaskClass() as old, TaskClass() as task:
             yield from write_task(change.address, old, task, change.reason)
+        case Responsiveness() as there, Responsiveness() as wanted:
+            yield from write_responsiveness(there, wanted, change.reason)
         case _:
             raise AssertionError("a partition does not become a task class")

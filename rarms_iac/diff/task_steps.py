@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 
 from rarms_iac.diff.claims import NO_CLAIM
 from rarms_iac.diff.disruption import disruption_of_task
-from rarms_iac.diff.readings import VALUE, task_readings
+from rarms_iac.diff.readings import record_readings, values_readings
 from rarms_iac.model.changes import Address, Reason
 from rarms_iac.model.operations import (
     EraseTaskRecord,
@@ -49,12 +49,12 @@ def _record_step(address: Address, old: TaskClass, new: TaskRecord | None, reaso
 
     title = "record that it is ours, and what was there" if new else "forget it: it is no longer ours"
     why = "first, so that what was there before can be brought back" if new else "last, after what was there is back"
-    return _step(
+    return registry_step(
         address,
         keep(new, old.record),
         keep(old.record, new),
-        _record(old.record),
-        _record(new),
+        record_readings(old.record),
+        record_readings(new),
         title,
         reason,
         why,
@@ -73,28 +73,19 @@ def _values_step(address: Address, old: Values, new: Values, reason: Reason) -> 
         if old.get(name) != new[name]
     ]
     title = f"set {', '.join(words)}" if words else ("remove the class" if not new else "remove what is not wanted")
-    return _step(
+    return registry_step(
         address,
         write(new),
         write(old),
-        _values(address, old),
-        _values(address, new),
+        values_readings(old),
+        values_readings(new),
         title,
         reason,
         "threads see it when their Windows starts again",
     )
 
 
-def _record(record: TaskRecord | None) -> Readings:
-    return {"record": record.application if record else "", "set": record.set if record else ""}
-
-
-def _values(address: Address, values: Values) -> Readings:
-    everything = task_readings(TaskClass(name=address.task, inside=address.partition, values=values))
-    return {name: value for name, value in everything.items() if name in {"exists", "values"} or name.startswith(VALUE)}
-
-
-def _step(
+def registry_step(
     address: Address,
     operation: Operation,
     back: Operation,
@@ -104,6 +95,7 @@ def _step(
     reason: Reason,
     why: str,
 ) -> Step:
+    """A step in the registry of the operating system at this address, all of which an undo takes back."""
     return Step(
         address=address,
         title=title,

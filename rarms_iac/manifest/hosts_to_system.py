@@ -36,6 +36,7 @@ def to_host(name: str, block: HostBlock) -> Host:
         platform=block.platform or name,
         connect=to_connect(block.connect) if block.connect else None,
         settings=_settings(block),
+        system_responsiveness=block.system_responsiveness,
     )
 
 

@@ -4,22 +4,28 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from rarms_iac.model.diagnostics import Place
-from rarms_iac.model.state import Partition, TaskClass
+from rarms_iac.model.state import Partition, Responsiveness, TaskClass
 from rarms_iac.model.system import Disruption
 
-Resource = Partition | TaskClass
+Resource = Partition | TaskClass | Responsiveness
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, order=True)
 class Address:
-    """What a change is about: `partition/vision`, `task/MotionControl`, `partition/vision/task/MotionControl`."""
+    """What a change is about: `partition/vision`, `task/MotionControl`, `partition/vision/task/MotionControl`.
+
+    SystemResponsiveness of the host itself is at `mmcss/responsiveness`.
+    """
 
     partition: str = ""
     task: str = ""
     machine: str = field(default="", compare=False)  # id, where the mark does not say it: import and release
+    responsiveness: bool = False  # SystemResponsiveness of the host itself; then there is no partition and no task
 
     def __str__(self) -> str:
         """As findings, plans and `--target` write it."""
+        if self.responsiveness:
+            return "mmcss/responsiveness"
         parts = [f"partition/{self.partition}"] if self.partition else []
         return "/".join([*parts, *([f"task/{self.task}"] if self.task else [])])
 

@@ -168,6 +168,37 @@ class EraseTaskRecord:
     kind: Literal["erase_task_record"] = "erase_task_record"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WriteResponsiveness:
+    """Set SystemResponsiveness of the host's own Windows, with its type."""
+
+    value: RegistryValue
+    kind: Literal["write_responsiveness"] = "write_responsiveness"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EraseResponsiveness:
+    """Take the value away: there was none before rarms."""
+
+    kind: Literal["erase_responsiveness"] = "erase_responsiveness"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WriteResponsivenessRecord:
+    """Keep whose SystemResponsiveness is and what was there before, where the records of task classes are."""
+
+    record: TaskRecord
+    kind: Literal["write_responsiveness_record"] = "write_responsiveness_record"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EraseResponsivenessRecord:
+    """Forget it: it is no longer ours."""
+
+    application: str
+    kind: Literal["erase_responsiveness_record"] = "erase_responsiveness_record"
+
+
 PartitionOperation = (
     CreatePartition
     | RemovePartition
@@ -182,4 +213,7 @@ PartitionOperation = (
     | StopPartition
 )
 TaskOperation = WriteTaskClass | RemoveTaskClass | WriteTaskRecord | EraseTaskRecord
-Operation = PartitionOperation | TaskOperation
+ResponsivenessOperation = (
+    WriteResponsiveness | EraseResponsiveness | WriteResponsivenessRecord | EraseResponsivenessRecord
+)
+Operation = PartitionOperation | TaskOperation | ResponsivenessOperation

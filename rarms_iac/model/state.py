@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
+from rarms_iac.model.responsiveness import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.system import ProviderKind, SchedulerType
 
 
@@ -172,6 +173,19 @@ class TaskClass:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Responsiveness:
+    """SystemResponsiveness of the host's own Windows (FACTS 6.1)."""
+
+    value: RegistryValue | None = None  # None: it is not there
+    record: TaskRecord | None = None  # `before` holds at most this one value
+
+    @property
+    def values(self) -> Mapping[str, RegistryValue]:
+        """The value by its name, as those of a task class; nothing where it is not there."""
+        return {} if self.value is None else {SYSTEM_RESPONSIVENESS: self.value}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class State:
     """One host: facts, machines by name, then id, task classes by place and name, serials by application."""
 
@@ -179,6 +193,7 @@ class State:
     partitions: tuple[Partition, ...] = ()
     tasks: tuple[TaskClass, ...] = ()
     serials: Mapping[str, int] = field(default_factory=dict)  # how many applies and undos there were
+    responsiveness: Responsiveness | None = None  # wanted, None: as it is; observed, None: nobody could look
 
     def of(self, application: str) -> "State":
         """Only what carries this application's mark; facts and serials stay."""
@@ -186,4 +201,9 @@ class State:
             self,
             partitions=tuple(p for p in self.partitions if p.mark and p.mark.application == application),
             tasks=tuple(t for t in self.tasks if t.record and t.record.application == application),
+            responsiveness=self.responsiveness if _is_of(self.responsiveness, application) else None,
         )
+
+
+def _is_of(one: Responsiveness | None, application: str) -> bool:
+    return one is not None and one.record is not None and one.record.application == application

@@ -177,6 +177,7 @@ class Host:
     platform: str  # hosts of one platform share measurements
     connect: Connect | None
     settings: HostSettings
+    system_responsiveness: int | None = None  # per cent that MMCSS leaves to everybody else; None: left as it is
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,14 +12,17 @@ from rarms_iac.model.state import (
     Mark,
     Partition,
     PartitionSettings,
+    RegistryValue,
+    Responsiveness,
     RunState,
     StartAction,
     State,
     StopAction,
     TaskClass,
     TaskRecord,
+    ValueKind,
 )
-from rarms_iac.model.system import ProviderKind, StartMode, System
+from rarms_iac.model.system import Host, ProviderKind, StartMode, System
 from rarms_iac.planner.classes import ClassValues, classes_of, registry_values
 from rarms_iac.storage.sets import set_of_settings, set_of_values
 
@@ -61,6 +64,7 @@ def desired_state(system: System, layout: Layout, observed: State, places: Place
             partitions=tuple(sorted([*wanted, *map(_kept, unused)], key=lambda one: one.settings.name)),
             tasks=tuple(one for one in tasks if one.inside not in unseen),
             serials=observed.serials,
+            responsiveness=_responsiveness(system.hosts[observed.facts.name], observed, application),
         ),
         unused=frozenset(one.mark.name for one in unused if one.mark),
         protected=frozenset(name for name, wish in system.partitions.items() if wish.protect),
@@ -145,6 +149,17 @@ def _tasks(
             there = _task_there(observed, current.get(inside, inside), values.name)
             tasks.append(_task(values, inside, there, system.application.name))
     return tasks, decided, tuple(problems)
+
+
+def _responsiveness(host: Host, observed: State, application: str) -> Responsiveness | None:
+    """What the manifest sets of the host's own Windows, with what was there before rarms."""
+    if host.system_responsiveness is None or host.provider is ProviderKind.LINUX:
+        return None
+    wanted = Responsiveness(value=RegistryValue(kind=ValueKind.DWORD, data=host.system_responsiveness))
+    there = observed.responsiveness or Responsiveness()
+    is_ours = there.record is not None and there.record.application == application
+    before = there.record.before if there.record and is_ours else there.values or None
+    return replace(wanted, record=TaskRecord(application=application, set=set_of_values(wanted.values), before=before))
 
 
 def _systems(layout: Layout, host: str, here: Iterable[PlacedPartition]) -> Iterator[tuple[str, tuple[str, ...]]]:

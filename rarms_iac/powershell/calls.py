@@ -11,12 +11,15 @@ from typing import assert_never
 from rarms_iac.model.operations import (
     CreatePartition,
     EraseMark,
+    EraseResponsiveness,
+    EraseResponsivenessRecord,
     EraseTaskRecord,
     Operation,
     PartitionOperation,
     RemovePartition,
     RemoveTaskClass,
     RenamePartition,
+    ResponsivenessOperation,
     SetActions,
     SetCpu,
     SetMemory,
@@ -25,12 +28,15 @@ from rarms_iac.model.operations import (
     StopPartition,
     TaskOperation,
     WriteMark,
+    WriteResponsiveness,
+    WriteResponsivenessRecord,
     WriteTaskClass,
     WriteTaskRecord,
 )
 from rarms_iac.model.plan import Reading, Readings, Scope, Step
 from rarms_iac.model.quantities import show_bytes
-from rarms_iac.model.state import RegistryValue, StartAction, StopAction, ValueKind
+from rarms_iac.model.responsiveness import SYSTEM_RESPONSIVENESS
+from rarms_iac.model.state import RegistryValue, StartAction, StopAction, TaskRecord, ValueKind
 from rarms_iac.powershell.literals import Literal, literal
 from rarms_iac.storage.codec import encode
 from rarms_iac.storage.digest import canonical
@@ -93,6 +99,8 @@ def call(name: str, **parameters: Literal) -> str:
 
 def _reader(step: Step) -> str:
     at = step.address
+    if at.responsiveness:
+        return call("Read-Responsiveness")
     if at.task:
         return call("Read-TaskClass", Task=literal(at.task))
     return call("Read-Partition", Name=literal(at.partition), **_machine(at.machine))
@@ -106,6 +114,8 @@ def _calls(step: Step, operation: Operation) -> tuple[str, ...]:
     match operation:
         case WriteTaskClass() | RemoveTaskClass() | WriteTaskRecord() | EraseTaskRecord():
             return _task_calls(step, operation)
+        case WriteResponsiveness() | EraseResponsiveness() | WriteResponsivenessRecord() | EraseResponsivenessRecord():
+            return (_responsiveness_call(operation),)
         case _:
             return _partition_calls(operation)
 
@@ -183,11 +193,31 @@ def _task_calls(step: Step, operation: TaskOperation) -> tuple[str, ...]:
         case RemoveTaskClass():
             return (call("Clear-TaskClass", **task),)
         case WriteTaskRecord(record=record):
-            before = literal(canonical(_plain(record.before)))
-            own = {"Application": literal(record.application), "Digest": literal(record.set), "Before": before}
-            return (call("Write-TaskRecord", **task, **own),)
+            return (_record_call(operation.task, record),)
         case EraseTaskRecord(application=application):
             return (call("Clear-TaskRecord", **task, Application=literal(application)),)
+        case _:
+            assert_never(operation)
+
+
+def _record_call(name: str, record: TaskRecord) -> str:
+    before = literal(canonical(_plain(record.before)))
+    own = {"Application": literal(record.application), "Digest": literal(record.set), "Before": before}
+    return call("Write-TaskRecord", Task=literal(name), **own)
+
+
+def _responsiveness_call(operation: ResponsivenessOperation) -> str:
+    """Its record is kept where those of task classes are, under the value's own name."""
+    match operation:
+        case WriteResponsiveness(value=value):
+            return call("Write-Responsiveness", Type=literal(_TYPES[value.kind]), Value=literal(value.data))
+        case EraseResponsiveness():
+            return call("Clear-Responsiveness")
+        case WriteResponsivenessRecord(record=record):
+            return _record_call(SYSTEM_RESPONSIVENESS, record)
+        case EraseResponsivenessRecord(application=application):
+            whose = {"Task": literal(SYSTEM_RESPONSIVENESS), "Application": literal(application)}
+            return call("Clear-TaskRecord", **whose)
         case _:
             assert_never(operation)
 

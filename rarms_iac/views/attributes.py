@@ -7,7 +7,7 @@ from typing import Literal, assert_never
 
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Resource, Update
 from rarms_iac.model.quantities import guaranteed, show_bytes, show_percent, show_processors
-from rarms_iac.model.state import HostFacts, Partition, PartitionSettings, RegistryValue, TaskClass
+from rarms_iac.model.state import HostFacts, Partition, PartitionSettings, RegistryValue, Responsiveness, TaskClass
 from rarms_iac.model.system import Disruption
 
 FORCES_RESTART = "forces restart"
@@ -60,7 +60,7 @@ def _values(resource: Resource, facts: HostFacts) -> _Shown:
     match resource:
         case Partition(settings=settings):
             return _settings(settings, facts)
-        case TaskClass(values=values):
+        case TaskClass(values=values) | Responsiveness(values=values):
             return {name: (_registry(value), "") for name, value in sorted(values.items())}
         case _:
             assert_never(resource)

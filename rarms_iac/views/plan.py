@@ -177,7 +177,8 @@ def _change(change: Change, part: HostPlan, new: frozenset[str], width: int) -> 
 
 def _made_here(part: HostPlan) -> frozenset[str]:
     """The partitions that this plan makes."""
-    return frozenset(one.address.partition for one in part.changes if isinstance(one, Create) and not one.address.task)
+    made = (one.address for one in part.changes if isinstance(one, Create) and not one.address.task)
+    return frozenset(address.partition for address in made if address.partition)
 
 
 def _note_on(change: Change, new: frozenset[str]) -> str:

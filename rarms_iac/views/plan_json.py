@@ -6,7 +6,7 @@ from typing import Literal, assert_never
 
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Resource, Update
 from rarms_iac.model.plan import HostPlan, Plan, Step, ThreadClass, Totals
-from rarms_iac.model.state import Partition, TaskClass
+from rarms_iac.model.state import Partition, Responsiveness, TaskClass
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.attributes import forced_by
 from rarms_iac.views.output import (
@@ -136,7 +136,7 @@ def raw(resource: Resource) -> Mapping[str, Value]:
     match resource:
         case Partition(settings=settings):
             return {one.name: _plain(getattr(settings, one.name)) for one in fields(settings)}
-        case TaskClass(values=values):
+        case TaskClass(values=values) | Responsiveness(values=values):
             return {name: f"{value.kind.value}:{value.data}" for name, value in sorted(values.items())}
         case _:
             assert_never(resource)

@@ -20,6 +20,8 @@ from rarms_iac.model.journal import Closing, RunClosed, StepRecorded, StepStatus
 from rarms_iac.model.operations import (
     CreatePartition,
     EraseMark,
+    EraseResponsiveness,
+    EraseResponsivenessRecord,
     EraseTaskRecord,
     Operation,
     RemovePartition,
@@ -32,6 +34,8 @@ from rarms_iac.model.operations import (
     StartPartition,
     StopPartition,
     WriteMark,
+    WriteResponsiveness,
+    WriteResponsivenessRecord,
     WriteTaskClass,
     WriteTaskRecord,
 )
@@ -40,6 +44,7 @@ from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.state import (
     Checkpoints,
     RegistryValue,
+    Responsiveness,
     Rights,
     RunState,
     StartAction,
@@ -297,6 +302,34 @@ def test_a_task_class_is_written_recorded_forgotten_and_removed(room: Room) -> N
     assert host.read(address, SCOPE)["value:Priority"] == "dword:6"
     do(host, RemoveTaskClass(task="motioncontrol", inside=""))
     do(host, EraseTaskRecord(task="MOTIONCONTROL", inside="", application="robot"))
+
+    assert host.observe() == before
+
+
+def test_the_responsiveness_is_written_recorded_forgotten_and_taken_away(room: Room) -> None:
+    host = room.host()
+    before = host.observe()
+    address, twenty = Address(responsiveness=True), RegistryValue(kind=ValueKind.DWORD, data=20)
+    assert before.responsiveness == Responsiveness(value=twenty)
+
+    do(host, WriteResponsivenessRecord(record=RECORD))
+    do(host, WriteResponsiveness(value=replace(twenty, data=10)))
+    assert host.read(address, SCOPE) == {
+        "exists": True,
+        "values": "SystemResponsiveness",
+        "value:SystemResponsiveness": "dword:10",
+        "record": "robot",
+        "set": "a" * 12,
+    }
+    with pytest.raises(Refused, match="belongs to the application robot"):
+        do(host, EraseResponsivenessRecord(application="kiosk"))
+    with pytest.raises(Refused, match="32-bit"):
+        do(host, WriteResponsiveness(value=replace(twenty, data=2**32)))
+    do(host, EraseResponsiveness())
+    assert host.read(address, SCOPE)["exists"] is False
+    with pytest.raises(Refused, match="there is no SystemResponsiveness"):
+        do(host, EraseResponsiveness())
+    do(host, WriteResponsiveness(value=twenty), EraseResponsivenessRecord(application="robot"))
 
     assert host.observe() == before
 

@@ -13,7 +13,8 @@ from rarms_iac.model.capacity import foreign_claims, load_of, packs
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import Step, UndoLevel
 from rarms_iac.model.quantities import Bytes
-from rarms_iac.model.state import State
+from rarms_iac.model.responsiveness import SYSTEM_RESPONSIVENESS
+from rarms_iac.model.state import RegistryValue, Responsiveness, State
 from rarms_iac.model.system import System
 from tests.planning import Route, layout_of, route
 from tests.pure_host import PureHost
@@ -40,7 +41,15 @@ def strangers_of(state: State) -> Strangers:
     return Strangers(
         tuple(one for one in state.partitions if one.mark is None),
         tuple(one for one in state.tasks if one.record is None),
+        _before(state.responsiveness),
     )
+
+
+def _before(one: Responsiveness | None) -> RegistryValue | None:
+    """What was there before rarms, or is there without it."""
+    if one is None or one.record is None:
+        return one.value if one else None
+    return (one.record.before or {}).get(SYSTEM_RESPONSIVENESS)
 
 
 @given(systems(), strangers())
@@ -64,7 +73,7 @@ def test_a_state_has_no_difference_to_itself(system: System, others: Strangers) 
     state = applied(system, start)
 
     for one in (start, state):
-        ours = replace(one, partitions=one.of("robot").partitions, tasks=one.of("robot").tasks)
+        ours = one.of("robot")
         found = compare(ours, one, "robot", route(system, one).wish.around)
         assert found.changes == ()
         assert drift(ours, one, "robot") == ()

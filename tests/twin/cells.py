@@ -1,6 +1,6 @@
 """Cells that tests begin from: one fresh, and one whose change touches everything that a script can do."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 from rarms_iac.model.plan import Plan
@@ -49,10 +49,14 @@ def a_stranger(name: str = "backup", number: int = 1, **settings: object) -> Vm:
 
 
 def a_cell_system(
-    *components: Component, partitions: tuple[PartitionWish, ...] = (), tasks: tuple[TaskWish, ...] = ()
+    *components: Component,
+    partitions: tuple[PartitionWish, ...] = (),
+    tasks: tuple[TaskWish, ...] = (),
+    responsiveness: int | None = None,
 ) -> System:
     """The same application on the same host, each time."""
     host = a_host("onboard", provider=ProviderKind.HYPERV, logical_processors=4, memory="8 GiB")
+    host = replace(host, system_responsiveness=responsiveness)
     return a_system(hosts=[host], components=components, partitions=partitions, tasks=tasks)
 
 
@@ -63,6 +67,7 @@ def earlier() -> System:
         a_component("speech", criticality=5, reserve="10 %", processors=1, memory="1 GiB"),
         a_component("former", criticality=1, reserve="5 %"),
         a_component("watcher", runs_on=RunsOn.HOST, task="Localization", criticality=3),
+        responsiveness=10,
     )
 
 
@@ -84,6 +89,7 @@ def later() -> System:
             TaskWish(name="Games", replace_shipped=True),
             TaskWish(name="Localization", category=TaskCategory.MEDIUM, priority=2),
         ),
+        responsiveness=30,
     )
 
 
@@ -107,6 +113,7 @@ def fresh() -> Prepared:
         a_component("planning", reserve="10 %", processors=1),
         a_component("watcher", runs_on=RunsOn.HOST, task="Localization", criticality=3),
         partitions=(a_partition("planning", hyperv=made),),
+        responsiveness=10,
     )
     cell = Cell(system, a_windows(a_stranger(), a_stranger("other", 2, state="Off", start_action="Nothing")))
     return Prepared(cell, cell.plan())

@@ -36,7 +36,7 @@ class Reviewed:
         now = {one.mark.name: one.settings for one in self.observed.of(self.application).partitions if one.mark}
         by_id = {one.id: one.mark.name for one in self.observed.of(self.application).partitions if one.mark}
         for change in self.plan.changes:
-            if not change.address.task:
+            if change.address.partition and not change.address.task:
                 now.pop(by_id.get(change.address.machine, change.address.partition), None)
         for change in self.plan.changes:
             after = made_of(change)

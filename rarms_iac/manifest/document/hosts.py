@@ -95,6 +95,10 @@ class HostBlock(Block):
     logical_processors: int = needed("How many logical processors (LPs) the host has.", ge=1, le=2048)
     memory: PositiveMemory = needed("How much memory the host has: `4 GiB`.")
     keep_for_host: Maybe[KeepForHostBlock] = optional("What is never promised to a partition; absent: nothing.")
+    system_responsiveness: Maybe[Annotated[int, Field(ge=0, le=0xFFFFFFFF)]] = optional(
+        "What per cent of a processor MMCSS leaves to everybody else in the host's own Windows: 10, 20, ... 90. "
+        "It takes effect when the host starts again. Absent: it stays as it is."
+    )
     platform: Maybe[Name] = optional("Hosts of one platform share measurements; absent: the host's own name.")
     connect: Maybe[ConnectBlock] = optional("How the host is reached; absent: it is this machine.")
     hyperv: Maybe[HypervHostBlock] = optional("Settings of a host with `provider: hyperv`.")

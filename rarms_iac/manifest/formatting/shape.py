@@ -41,7 +41,7 @@ _CONNECT = _map("ssh shell")
 _CPU = _map("reserve limit weight", reserve=QUANTITY, limit=QUANTITY)
 
 _HOST = _map(
-    "provider platform connect logical_processors memory keep_for_host simulated hyperv linux",
+    "provider platform connect logical_processors memory keep_for_host system_responsiveness simulated hyperv linux",
     connect=_CONNECT,
     memory=QUANTITY,
     keep_for_host=_quantities("processor memory"),

@@ -25,10 +25,10 @@ RUN_KEYS = words("""
 STEP_KEYS = words("Number Address Action Needs Read Before After Set")
 _STEP_OPTIONAL = frozenset({"Undoes", "Lost", "Claim"})
 _TABLES = frozenset({"Before", "After", "Claim"})
-_READERS = frozenset({"Read-Partition", "Read-TaskClass", "Read-GuestTaskClass", "Read-Disk"})
+_READERS = frozenset({"Read-Partition", "Read-TaskClass", "Read-GuestTaskClass", "Read-Disk", "Read-Responsiveness"})
 _WRITERS = words("""
     Write-Mark Clear-Mark Invoke-PartitionStop Write-TaskValue Clear-TaskValue Clear-TaskClass Write-TaskRecord
-    Clear-TaskRecord Save-TaskRecord Restore-TaskClass Clear-OtherTaskValue
+    Write-Responsiveness Clear-Responsiveness Clear-TaskRecord Save-TaskRecord Restore-TaskClass Clear-OtherTaskValue
     """)
 _VALUES = frozenset({"Get-Machine", "Get-DiskPath"})
 

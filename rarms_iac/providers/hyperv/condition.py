@@ -7,7 +7,7 @@ from typing import TypeVar
 from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
 from rarms_iac.model.state import RegistryValue
 from rarms_iac.providers.hyperv.observation import Machine, Observation, Probe, Read, Unread, or_else
-from rarms_iac.providers.hyperv.parse import values_of
+from rarms_iac.providers.hyperv.parse import responsiveness_of
 
 T = TypeVar("T")
 
@@ -60,8 +60,8 @@ def _groups(seen: Observation) -> Mapping[str, str]:
 
 
 def _responsiveness(seen: Observation) -> RegistryValue | None:
-    values = {name.lower(): value for name, value in values_of(or_else(seen.profile, ())).items()}
-    return values.get("systemresponsiveness")
+    there = responsiveness_of(seen)
+    return there.value if there else None
 
 
 def _known(scope: str) -> bool:

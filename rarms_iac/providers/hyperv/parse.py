@@ -4,12 +4,14 @@ from collections.abc import Iterable, Mapping
 from typing import TypeVar
 
 from rarms_iac.model.journal import ScriptRun
+from rarms_iac.model.responsiveness import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.state import (
     Checkpoints,
     HostFacts,
     Partition,
     PartitionSettings,
     RegistryValue,
+    Responsiveness,
     Rights,
     RunState,
     StartAction,
@@ -53,6 +55,7 @@ _CHECKPOINTS = {
     "ProductionOnly": Checkpoints.PRODUCTION_ONLY,
     "Standard": Checkpoints.STANDARD,
 }
+_RESPONSIVENESS = SYSTEM_RESPONSIVENESS.lower()
 _KINDS = {"dword": ValueKind.DWORD, "string": ValueKind.SZ} | {one.value: one for one in ValueKind}
 
 
@@ -68,6 +71,7 @@ def to_state(seen: Observation, name: str) -> State:
         partitions=partitions_of(seen) if facts.rights is Rights.PROVEN else (),
         tasks=tasks_of(seen),
         serials=serials_of(seen),
+        responsiveness=responsiveness_of(seen),
     )
 
 
@@ -132,6 +136,7 @@ def partitions_of(seen: Observation) -> tuple[Partition, ...]:
 def tasks_of(seen: Observation, inside: str = "", machine: str = "") -> tuple[TaskClass, ...]:
     """The task classes of one operating system by name, a record without its key included."""
     records = _records(or_else(seen.records, ()))
+    records.pop(_RESPONSIVENESS, None)
     keys = {one.name.lower(): one for one in or_else(seen.tasks, ())}
     return tuple(
         TaskClass(
@@ -143,6 +148,15 @@ def tasks_of(seen: Observation, inside: str = "", machine: str = "") -> tuple[Ta
         )
         for lower in sorted({*keys, *records})
     )
+
+
+def responsiveness_of(seen: Observation) -> Responsiveness | None:
+    """SystemResponsiveness of that operating system with its record; None where the caller may not read it."""
+    if is_denied(seen.profile) or is_denied(seen.records):
+        return None
+    values = {name.lower(): value for name, value in values_of(or_else(seen.profile, ())).items()}
+    _, record = _records(or_else(seen.records, ())).get(_RESPONSIVENESS, ("", None))
+    return Responsiveness(value=values.get(_RESPONSIVENESS), record=record)
 
 
 def last_run_of(seen: Observation) -> LastRun:

@@ -8,12 +8,15 @@ from rarms_iac.model.changes import Address
 from rarms_iac.model.operations import (
     CreatePartition,
     EraseMark,
+    EraseResponsiveness,
+    EraseResponsivenessRecord,
     EraseTaskRecord,
     Operation,
     PartitionOperation,
     RemovePartition,
     RemoveTaskClass,
     RenamePartition,
+    ResponsivenessOperation,
     SetActions,
     SetCpu,
     SetMemory,
@@ -22,10 +25,13 @@ from rarms_iac.model.operations import (
     StopPartition,
     TaskOperation,
     WriteMark,
+    WriteResponsiveness,
+    WriteResponsivenessRecord,
     WriteTaskClass,
     WriteTaskRecord,
 )
 from rarms_iac.model.plan import Scope
+from rarms_iac.model.responsiveness import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.state import (
     Checkpoints,
     PartitionSettings,
@@ -48,6 +54,8 @@ def address_of(operation: Operation) -> Address:
     match operation:
         case WriteTaskClass() | RemoveTaskClass() | WriteTaskRecord() | EraseTaskRecord():
             return Address(partition=operation.inside, task=operation.task)
+        case WriteResponsiveness() | EraseResponsiveness() | WriteResponsivenessRecord() | EraseResponsivenessRecord():
+            return Address(responsiveness=True)
         case CreatePartition():
             return Address(partition=operation.partition)
         case _:
@@ -143,6 +151,44 @@ def change_registry(registry: Registry, operation: TaskOperation) -> Registry:
             return replace(registry, records={name: one for name, one in registry.records.items() if name != record})
         case _:
             assert_never(operation)
+
+
+def refuse_responsiveness_change(registry: Registry, operation: ResponsivenessOperation) -> Refusal | None:
+    """Why this cannot be done to the registry, None where it can."""
+    there = registry.responsiveness
+    match operation:
+        case WriteResponsiveness(value=value):
+            problem = _impossible_values({SYSTEM_RESPONSIVENESS: value})
+            return Refusal(says=problem, advice="correct it") if problem else None
+        case EraseResponsiveness() if there.value is None:
+            return Refusal(says=f"there is no {SYSTEM_RESPONSIVENESS}", advice="look at the host again: rarms plan")
+        case WriteResponsivenessRecord(record=wanted):
+            asks = wanted.application
+        case EraseResponsivenessRecord(application=application):
+            asks = application
+        case _:
+            return None
+    if there.record is None or there.record.application == asks:
+        return None
+    says = f"{SYSTEM_RESPONSIVENESS} belongs to the application {there.record.application}"
+    return Refusal(says=says, advice="set it in one of the two manifests")
+
+
+def change_responsiveness(registry: Registry, operation: ResponsivenessOperation) -> Registry:
+    """The registry after the operation."""
+    there = registry.responsiveness
+    match operation:
+        case WriteResponsiveness(value=value):
+            changed = replace(there, value=value)
+        case EraseResponsiveness():
+            changed = replace(there, value=None)
+        case WriteResponsivenessRecord(record=record):
+            changed = replace(there, record=record)
+        case EraseResponsivenessRecord():
+            changed = replace(there, record=None)
+        case _:
+            assert_never(operation)
+    return replace(registry, responsiveness=changed)
 
 
 def _key(registry: Registry, task: str) -> str | None:

@@ -8,7 +8,8 @@ import uuid
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from rarms_iac.model.state import PartitionSettings, RegistryValue, RunState, TaskRecord, ValueKind
+from rarms_iac.model.responsiveness import USUAL
+from rarms_iac.model.state import PartitionSettings, RegistryValue, Responsiveness, RunState, TaskRecord, ValueKind
 
 NAMESPACE = uuid.UUID("6f1d3c52-8a0e-5b7c-9d44-72a1b0e5c301")
 """Ids of simulated hosts and machines are made in it, so that the same input gives the same bytes."""
@@ -70,6 +71,7 @@ class Registry:
 
     tasks: Mapping[str, Values] = field(default_factory=lambda: SHIPPED)
     records: Mapping[str, TaskRecord] = field(default_factory=dict)  # by the class's name in lower case
+    responsiveness: Responsiveness = Responsiveness(value=RegistryValue(kind=ValueKind.DWORD, data=USUAL))
 
 
 FRESH = Registry()

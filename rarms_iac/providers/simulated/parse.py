@@ -70,7 +70,13 @@ def to_state(content: Content, host: Host, serials: Mapping[str, int]) -> State:
     """What a look at the host shows: without the rights, no machines and no guests (FACTS 5)."""
     facts = facts_of(content, host)
     partitions = partitions_of(content) if facts.rights is Rights.PROVEN else ()
-    return State(facts=facts, partitions=partitions, tasks=tasks_of(content, partitions), serials=serials)
+    return State(
+        facts=facts,
+        partitions=partitions,
+        tasks=tasks_of(content, partitions),
+        serials=serials,
+        responsiveness=content.registry("").responsiveness,
+    )
 
 
 def partitions_of(content: Content) -> tuple[Partition, ...]:

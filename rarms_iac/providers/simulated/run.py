@@ -11,11 +11,16 @@ from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import Journal, JournalRecord, RunStarted
 from rarms_iac.model.operations import (
     CreatePartition,
+    EraseResponsiveness,
+    EraseResponsivenessRecord,
     EraseTaskRecord,
     Operation,
     PartitionOperation,
     RemoveTaskClass,
+    ResponsivenessOperation,
     TaskOperation,
+    WriteResponsiveness,
+    WriteResponsivenessRecord,
     WriteTaskClass,
     WriteTaskRecord,
 )
@@ -27,7 +32,9 @@ from rarms_iac.providers.simulated.change import (
     address_of,
     change_machine,
     change_registry,
+    change_responsiveness,
     new_settings,
+    refuse_responsiveness_change,
     refuse_task_change,
     with_new_machine,
 )
@@ -104,6 +111,8 @@ class SimulatedHostProvider:
         if address.task:
             inside = [one for one in state.partitions if stands_for(one) == address.partition]
             state = replace(state, tasks=tasks_of(content, inside))
+        if address.responsiveness:
+            state = replace(state, responsiveness=content.registry("").responsiveness)
         return readings(state, address, scope)
 
     def execute(self, operation: Operation, scope: Scope) -> None:
@@ -194,6 +203,13 @@ class SimulatedHostProvider:
         match operation:
             case WriteTaskClass() | RemoveTaskClass() | WriteTaskRecord() | EraseTaskRecord():
                 return self._after_task(content, state, operation, scope)
+            case (
+                WriteResponsiveness()
+                | EraseResponsiveness()
+                | WriteResponsivenessRecord()
+                | EraseResponsivenessRecord()
+            ):
+                return self._after_responsiveness(content, operation)
             case _:
                 return self._after_partition(content, state, operation, scope)
 
@@ -203,6 +219,12 @@ class SimulatedHostProvider:
         if refusal := refuse_task_change(registry, operation):
             raise self._refused(refusal)
         return content.with_registry(machine, change_registry(registry, operation))
+
+    def _after_responsiveness(self, content: Content, operation: ResponsivenessOperation) -> Content:
+        registry = content.registry("")
+        if refusal := refuse_responsiveness_change(registry, operation):
+            raise self._refused(refusal)
+        return content.with_registry("", change_responsiveness(registry, operation))
 
     def _after_partition(self, content: Content, state: State, operation: PartitionOperation, scope: Scope) -> Content:
         if isinstance(operation, CreatePartition):

@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         0bccffce680a, manifest 4e5e6d808001, rarms 0.1.0
+# Plan         03e78642c772, manifest 4e5e6d808001, rarms 0.1.0
 # Steps        10
 # Not undone   the disk made from D:\images\base.vhdx stays
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -26,7 +26,8 @@ $script:Json = [bool] $AsJson
 $common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
 $script:Folder = Join-Path -Path $common -ChildPath 'rarms'
 $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
-$script:TaskRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile\Tasks'
+$script:ProfileRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile'
+$script:TaskRoot = $script:ProfileRoot + '\Tasks'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
 $script:Definition = @{ Plan = ''; Total = 0 }
 $script:Mutex = $null
@@ -523,25 +524,37 @@ function Read-TaskClass {
         [Array]::Sort($names, [System.StringComparer]::Ordinal)
         $live['values'] = $names -join ', '
         foreach ($name in $names) {
-            $kind = ([string] $key.GetValueKind($name)).ToLowerInvariant()
-            $data = $key.GetValue($name)
-            if ($kind -ceq 'dword') { $data = [long] $data -band 4294967295 }
-            $live['value:' + $name] = '{0}:{1}' -f ($kind -creplace '^string$', 'sz'), $data
+            $live['value:' + $name] = Get-ValueText -Key $key -Name $name
             $live['exists'] = $true
         }
     }
+    Add-RecordReading -Live $live -Task $Task
+    $live
+}
+
+function Get-ValueText {
+    # A registry value with its type, as plans write it: dword:20.
+    param($Key, [string] $Name)
+    $kind = ([string] $Key.GetValueKind($Name)).ToLowerInvariant()
+    $data = $Key.GetValue($Name)
+    if ($kind -ceq 'dword') { $data = [long] $data -band 4294967295 }
+    '{0}:{1}' -f ($kind -creplace '^string$', 'sz'), $data
+}
+
+function Add-RecordReading {
+    # Whose record of this name counts, and what was last written.
+    param([System.Collections.IDictionary] $Live, [string] $Task)
     if (Test-Path -LiteralPath $script:RecordRoot) {
         foreach ($application in @(Get-ChildItem -LiteralPath $script:RecordRoot)) {
             $path = '{0}\{1}\{2}' -f $script:RecordRoot, $application.PSChildName, $Task
             if (-not (Test-Path -LiteralPath $path)) { continue }
             $set = [string] (Get-Item -LiteralPath $path).GetValue('set')
             if ($set) {
-                $live['record'] = [string] $application.PSChildName
-                $live['set'] = $set
+                $Live['record'] = [string] $application.PSChildName
+                $Live['set'] = $set
             }
         }
     }
-    $live
 }
 
 function Add-Key {
@@ -586,6 +599,36 @@ function Clear-TaskRecord {
     param([string] $Task, [string] $Application)
     $path = '{0}\{1}\{2}' -f $script:RecordRoot, $Application, $Task
     if (Test-Path -LiteralPath $path) { Remove-Item -LiteralPath $path }
+}
+
+# SystemResponsiveness of the host: one value beside the task classes, its record among theirs -----
+
+function Read-Responsiveness {
+    # As Read-TaskClass, of the one value.
+    $live = @{ exists = $false; values = ''; record = ''; set = '' }
+    if (Test-Path -LiteralPath $script:ProfileRoot) {
+        $key = Get-Item -LiteralPath $script:ProfileRoot
+        if ($null -ne $key.GetValue('SystemResponsiveness')) {
+            $live['exists'] = $true
+            $live['values'] = 'SystemResponsiveness'
+            $live['value:SystemResponsiveness'] = Get-ValueText -Key $key -Name 'SystemResponsiveness'
+        }
+    }
+    Add-RecordReading -Live $live -Task 'SystemResponsiveness'
+    $live
+}
+
+function Write-Responsiveness {
+    param([string] $Type, $Value)
+    Add-Key -Path $script:ProfileRoot
+    $name = 'SystemResponsiveness'
+    [void] (New-ItemProperty -LiteralPath $script:ProfileRoot -Name $name -PropertyType $Type -Value $Value -Force)
+}
+
+function Clear-Responsiveness {
+    $key = Get-Item -LiteralPath $script:ProfileRoot
+    if ($null -eq $key.GetValue('SystemResponsiveness')) { return }
+    Remove-ItemProperty -LiteralPath $script:ProfileRoot -Name 'SystemResponsiveness'
 }
 
 # Task classes of a guest that nobody could look into: its own record decides -------------------
@@ -783,12 +826,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '0bccffce680a'
+        Plan = '03e78642c772'
         Application = 'robot'
         Serial = 0
         Total = 10
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'efac0a753fddf92e761e94f50b68420704f10783ed90e9bedf7123f52f717823'
+        UndoDigest = 'a655cecc6e247c34013b19459c649b155c0a645caa522fab1a367dadec3d3e19'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4
@@ -810,7 +853,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-0bccffce680a' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
+            Hyper-V\New-VM -Name 'vision.rarms-03e78642c772' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
         }
     }
 
@@ -841,11 +884,11 @@ try {
         Address = 'partition/vision/disk'
         Action = 'make a disk that grows out of D:\images\base.vhdx'
         Needs = @('partition/vision', 'partition/vision/disk')
-        Read = { Read-Disk -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-0bccffce680a.vhdx') }
+        Read = { Read-Disk -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-03e78642c772.vhdx') }
         Before = @{ 'exists' = $false }
         After = @{ 'exists' = $true }
         Set = {
-            Hyper-V\New-VHD -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-0bccffce680a.vhdx') -ParentPath 'D:\images\base.vhdx' -Differencing
+            Hyper-V\New-VHD -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-03e78642c772.vhdx') -ParentPath 'D:\images\base.vhdx' -Differencing
         }
     }
 
@@ -863,7 +906,7 @@ try {
         After = @{ 'disks' = 1; 'exists' = $true }
         Set = {
             $vm = Get-Machine -Name 'vision'
-            Hyper-V\Add-VMHardDiskDrive -VM $vm -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-0bccffce680a.vhdx')
+            Hyper-V\Add-VMHardDiskDrive -VM $vm -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-03e78642c772.vhdx')
         }
     }
 

@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         9a7d09906697, manifest 33c499d37c22, rarms 0.1.0
+# Plan         efc207d31d45, manifest 33c499d37c22, rarms 0.1.0
 # Steps        3
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -25,7 +25,8 @@ $script:Json = [bool] $AsJson
 $common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
 $script:Folder = Join-Path -Path $common -ChildPath 'rarms'
 $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
-$script:TaskRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile\Tasks'
+$script:ProfileRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile'
+$script:TaskRoot = $script:ProfileRoot + '\Tasks'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
 $script:Definition = @{ Plan = ''; Total = 0 }
 $script:Mutex = $null
@@ -522,25 +523,37 @@ function Read-TaskClass {
         [Array]::Sort($names, [System.StringComparer]::Ordinal)
         $live['values'] = $names -join ', '
         foreach ($name in $names) {
-            $kind = ([string] $key.GetValueKind($name)).ToLowerInvariant()
-            $data = $key.GetValue($name)
-            if ($kind -ceq 'dword') { $data = [long] $data -band 4294967295 }
-            $live['value:' + $name] = '{0}:{1}' -f ($kind -creplace '^string$', 'sz'), $data
+            $live['value:' + $name] = Get-ValueText -Key $key -Name $name
             $live['exists'] = $true
         }
     }
+    Add-RecordReading -Live $live -Task $Task
+    $live
+}
+
+function Get-ValueText {
+    # A registry value with its type, as plans write it: dword:20.
+    param($Key, [string] $Name)
+    $kind = ([string] $Key.GetValueKind($Name)).ToLowerInvariant()
+    $data = $Key.GetValue($Name)
+    if ($kind -ceq 'dword') { $data = [long] $data -band 4294967295 }
+    '{0}:{1}' -f ($kind -creplace '^string$', 'sz'), $data
+}
+
+function Add-RecordReading {
+    # Whose record of this name counts, and what was last written.
+    param([System.Collections.IDictionary] $Live, [string] $Task)
     if (Test-Path -LiteralPath $script:RecordRoot) {
         foreach ($application in @(Get-ChildItem -LiteralPath $script:RecordRoot)) {
             $path = '{0}\{1}\{2}' -f $script:RecordRoot, $application.PSChildName, $Task
             if (-not (Test-Path -LiteralPath $path)) { continue }
             $set = [string] (Get-Item -LiteralPath $path).GetValue('set')
             if ($set) {
-                $live['record'] = [string] $application.PSChildName
-                $live['set'] = $set
+                $Live['record'] = [string] $application.PSChildName
+                $Live['set'] = $set
             }
         }
     }
-    $live
 }
 
 function Add-Key {
@@ -585,6 +598,36 @@ function Clear-TaskRecord {
     param([string] $Task, [string] $Application)
     $path = '{0}\{1}\{2}' -f $script:RecordRoot, $Application, $Task
     if (Test-Path -LiteralPath $path) { Remove-Item -LiteralPath $path }
+}
+
+# SystemResponsiveness of the host: one value beside the task classes, its record among theirs -----
+
+function Read-Responsiveness {
+    # As Read-TaskClass, of the one value.
+    $live = @{ exists = $false; values = ''; record = ''; set = '' }
+    if (Test-Path -LiteralPath $script:ProfileRoot) {
+        $key = Get-Item -LiteralPath $script:ProfileRoot
+        if ($null -ne $key.GetValue('SystemResponsiveness')) {
+            $live['exists'] = $true
+            $live['values'] = 'SystemResponsiveness'
+            $live['value:SystemResponsiveness'] = Get-ValueText -Key $key -Name 'SystemResponsiveness'
+        }
+    }
+    Add-RecordReading -Live $live -Task 'SystemResponsiveness'
+    $live
+}
+
+function Write-Responsiveness {
+    param([string] $Type, $Value)
+    Add-Key -Path $script:ProfileRoot
+    $name = 'SystemResponsiveness'
+    [void] (New-ItemProperty -LiteralPath $script:ProfileRoot -Name $name -PropertyType $Type -Value $Value -Force)
+}
+
+function Clear-Responsiveness {
+    $key = Get-Item -LiteralPath $script:ProfileRoot
+    if ($null -eq $key.GetValue('SystemResponsiveness')) { return }
+    Remove-ItemProperty -LiteralPath $script:ProfileRoot -Name 'SystemResponsiveness'
 }
 
 # Task classes of a guest that nobody could look into: its own record decides -------------------
@@ -782,7 +825,7 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '9a7d09906697'
+        Plan = 'efc207d31d45'
         Application = 'robot'
         Serial = 1
         Total = 3

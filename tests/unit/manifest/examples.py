@@ -10,6 +10,7 @@ hosts:
     logical_processors: 4
     memory: 8 GiB
     keep_for_host: { processor: 0.5 LP, memory: 1 GiB }
+    system_responsiveness: 30
     simulated:
       windows_build: 20348
       guest_windows_build: 19045

@@ -33,6 +33,7 @@ def test_hosts() -> None:
         keep_for_host=m.KeepForHost(
             processor=ProcessorTime(LogicalProcessors(Fraction(1, 2))), memory=Bytes(1024 * MIB)
         ),
+        system_responsiveness=30,
         platform="atom",
         connect=None,
         settings=m.SimulatedHost(

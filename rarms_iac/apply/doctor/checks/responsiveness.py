@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from rarms_iac.apply.doctor.examination import Examination
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.responsiveness import OFF, USUAL, taken_for
 from rarms_iac.model.state import RegistryValue, ValueKind
 
 FINDING = Finding(
@@ -12,16 +13,12 @@ FINDING = Finding(
     summary="SystemResponsiveness is not a value that Windows takes as it is",
 )
 
-USUAL = 20
-"""What Windows takes for a value that is out of range, missing or of another type; per cent."""
-OFF = 100
-
 
 def effective(value: RegistryValue | None) -> int:
-    """What Windows makes of the value: out of range it is 20, otherwise rounded down to tens (the page of May 2025)."""
+    """What Windows makes of the value; of one that is missing or of another type, the usual one."""
     if value is None or value.kind is not ValueKind.DWORD or not isinstance(value.data, int):
         return USUAL
-    return value.data // 10 * 10 if 10 <= value.data <= OFF else USUAL
+    return taken_for(value.data)
 
 
 def check(host: Examination) -> Iterator[Diagnostic]:

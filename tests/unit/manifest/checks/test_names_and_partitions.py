@@ -246,3 +246,42 @@ def test_a_measured_reserve_needs_an_apt_and_something_to_run() -> None:
 def test_what_is_not_used_is_noted() -> None:
     assert found(a_system(tasks=[a_task("Grasping")])) == [("RARMS087", "tasks.Grasping")]
     assert found(a_system(tasks=[a_task("Grasping")], components=[a_component(task="grasping")])) == []
+
+
+@pytest.mark.parametrize(
+    ("percent", "says"),
+    [
+        (25, "Windows would take 25 for 20: it rounds down to tens."),
+        (99, "Windows would take 99 for 90: it rounds down to tens."),
+        (0, "Windows would take 0 for 20: it does so below 10 and above 100."),
+        (101, "Windows would take 101 for 20: it does so below 10 and above 100."),
+        (100, "100 switches MMCSS off: no task class would have any effect."),
+    ],
+)
+def test_a_responsiveness_that_windows_takes_for_another_one(percent: int, says: str) -> None:
+    system = a_system(hosts=[a_host(system_responsiveness=percent)])
+
+    assert found(system) == [("RARMS227", "hosts.onboard.system_responsiveness")]
+    assert details(system) == says
+
+
+@pytest.mark.parametrize("percent", range(10, 100, 10))
+def test_every_responsiveness_that_windows_takes_as_it_is(percent: int) -> None:
+    assert found(a_system(hosts=[a_host(system_responsiveness=percent)])) == []
+
+
+def test_a_linux_host_has_no_responsiveness() -> None:
+    system = a_system(hosts=[a_host(provider=ProviderKind.LINUX, system_responsiveness=20)])
+
+    assert found(system) == [("RARMS227", "hosts.onboard.system_responsiveness")]
+    assert details(system) == '"onboard" is a Linux host, and MMCSS is of Windows.'
+
+
+def test_no_task_class_is_called_like_the_value() -> None:
+    vision = a_component("vision", task="systemResponsiveness")
+    system = a_system(components=[vision], tasks=[a_task("SystemResponsiveness")])
+
+    assert sorted(one for one in found(system) if one[0] == "RARMS229") == [
+        ("RARMS229", "components.vision.task"),
+        ("RARMS229", "tasks.SystemResponsiveness"),
+    ]

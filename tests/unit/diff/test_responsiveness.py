@@ -1,0 +1,113 @@
+from dataclasses import replace
+
+from rarms_iac.diff.drift import DriftKind, drift
+from rarms_iac.diff.moved import part_digests, what_moved
+from rarms_iac.model.changes import Address, Create, Delete, Update
+from rarms_iac.model.operations import EraseResponsiveness, WriteResponsiveness, WriteResponsivenessRecord
+from rarms_iac.model.state import RegistryValue, Responsiveness, State, TaskRecord, ValueKind
+from rarms_iac.model.system import Disruption, System
+from rarms_iac.views.plan import disturbs
+from tests.builders import a_host, a_system, codes
+from tests.planning import Route, route
+from tests.pure_host import PureHost
+from tests.strategies import empty_state
+
+ADDRESS = Address(responsiveness=True)
+
+
+def dword(data: int) -> RegistryValue:
+    return RegistryValue(kind=ValueKind.DWORD, data=data)
+
+
+def wanting(percent: int | None) -> System:
+    return a_system(hosts=[a_host(system_responsiveness=percent)])
+
+
+def a_state(there: Responsiveness | None) -> State:
+    return replace(empty_state(a_host()), responsiveness=there)
+
+
+def applied(system: System, state: State) -> State:
+    host = PureHost(state, made=len(state.partitions))
+    host.walk(route(system, state).ordered.steps)  # type: ignore[union-attr]  # these tests have no cycles
+    return host.state
+
+
+def of_it(found: Route) -> list[object]:
+    return [one for one in found.difference.changes if one.address == ADDRESS]
+
+
+def test_a_value_of_windows_is_taken_over_with_what_was_there() -> None:
+    found = route(wanting(10), a_state(Responsiveness(value=dword(20))))
+
+    (change,) = of_it(found)
+    assert isinstance(change, Update)
+    assert change.disruption is Disruption.HOST_RESTART
+    assert disturbs(change) == "when the host starts again"
+    assert isinstance(change.after, Responsiveness)
+    assert change.after.record is not None
+    assert change.after.record.before == {"SystemResponsiveness": dword(20)}
+    assert change.reason.place is not None
+    assert change.reason.place.path == "hosts.onboard.system_responsiveness"
+    steps = [one for one in found.ordered.steps if one.address == ADDRESS]  # type: ignore[union-attr]  # no cycle
+    assert [type(one.operation) for one in steps] == [WriteResponsivenessRecord, WriteResponsiveness]
+    assert steps[1].title == "set 20 -> 10"
+    assert steps[1].undo.operation == WriteResponsiveness(value=dword(20))
+
+
+def test_a_value_that_is_not_there_is_created_and_an_undo_takes_it_away() -> None:
+    found = route(wanting(10), a_state(Responsiveness()))
+
+    assert [type(one) for one in of_it(found)] == [Create]
+    steps = [one for one in found.ordered.steps if one.address == ADDRESS]  # type: ignore[union-attr]  # no cycle
+    assert steps[1].undo.operation == EraseResponsiveness()
+
+
+def test_without_the_line_it_goes_back() -> None:
+    state = applied(wanting(10), a_state(Responsiveness(value=dword(20))))
+
+    (change,) = of_it(route(wanting(None), state))
+
+    assert isinstance(change, Delete)
+    assert change.reason.says == "the manifest no longer sets it; 20 comes back"
+    assert applied(wanting(None), state).responsiveness == Responsiveness(value=dword(20))
+
+
+def test_without_the_line_a_value_of_others_stays() -> None:
+    assert of_it(route(wanting(None), a_state(Responsiveness(value=dword(0))))) == []
+
+
+def test_another_applications_value_and_an_unknown_one_are_refused() -> None:
+    theirs = TaskRecord(application="kiosk", set="a" * 12, before=None)
+
+    for there, says in (
+        (Responsiveness(value=dword(20), record=theirs), "application 'kiosk' set it"),
+        (None, "could not be read"),
+    ):
+        found = route(wanting(10), a_state(there))
+        assert of_it(found) == []
+        assert codes(found.difference.findings) == ["RARMS228"]
+        assert says in found.difference.findings[0].detail
+
+
+def test_drift_tells_who_changed_it() -> None:
+    state = applied(wanting(10), a_state(Responsiveness(value=dword(20))))
+    assert state.responsiveness is not None
+    by_hand = replace(state, responsiveness=replace(state.responsiveness, value=dword(50)))
+
+    def kinds(system: System, there: State) -> list[DriftKind]:
+        told = drift(route(system, there).wish.desired, there, "robot")
+        return [one.kind for one in told if one.address == ADDRESS]
+
+    assert kinds(wanting(10), state) == []
+    assert kinds(wanting(10), by_hand) == [DriftKind.HOST_CHANGED]
+    assert kinds(wanting(30), state) == [DriftKind.NOT_APPLIED]
+    assert kinds(wanting(None), state) == [DriftKind.NOT_APPLIED]
+    assert kinds(wanting(30), by_hand) == [DriftKind.BOTH]
+    assert kinds(wanting(10), a_state(Responsiveness())) == [DriftKind.MISSING]
+
+
+def test_a_plan_is_stale_where_it_was_changed() -> None:
+    before, after = (part_digests(a_state(Responsiveness(value=dword(one))), "robot") for one in (20, 30))
+
+    assert what_moved(before, after) == ("mmcss/responsiveness has changed",)
