@@ -1,0 +1,21 @@
+"""Where measurements lie: `measurements/` beside the manifest, in git (DESIGN section 2)."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+FOLDER = "measurements"
+
+
+def log_path(folder: Path, platform: str, components: Iterable[str], interference: str) -> Path:
+    """The data log of components that are in one partition, below the manifest's folder."""
+    return folder / FOLDER / platform / joined(components) / f"{interference}.jsonl"
+
+
+def configuration_path(folder: Path, component: str) -> Path:
+    """The configuration log of a component, below the manifest's folder."""
+    return folder / FOLDER / "configuration" / f"{component}.jsonl"
+
+
+def joined(components: Iterable[str]) -> str:
+    """Components of one partition as one name: `path-planning+video-streaming`, in name order."""
+    return "+".join(sorted(components))

@@ -1,0 +1,76 @@
+"""Measured things for tests: settings, headers and logs, by what a test is about."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from rarms_iac.datalog.identity import Subject, header_of, identity_of
+from rarms_iac.datalog.log import DataLog, Header, Provenance, Recorded
+from rarms_iac.model.measurement import Bench, EnvironmentSetup, Sample, Series, Setting
+from rarms_iac.model.system import BusyLoop, Component, Interference, ProviderKind, SchedulerType, TaskWish
+from tests.builders import a_component, memory
+
+TAKEN = Provenance(rarms_version="0.1", when="2027-01-31T12:00:00Z")
+
+
+def a_series(component: str = "vision", responses: Iterable[float | None] = (90.0, 100.0)) -> Series:
+    """One after the other; a job without an answer is a failed one."""
+    samples, began = [], 0.0
+    for each in responses:
+        failure = "" if each is not None else "it died"
+        samples.append(Sample(began_ms=began, response_ms=each, successful=each is not None, failure=failure))
+        began += each or 0.0
+    return Series(component=component, samples=tuple(samples), elapsed_ms=began, cpu_ms=began / 2)
+
+
+def a_setting(reserve: int = 70, *series: Series) -> Setting:
+    """A reservation of P1 with what was measured; P2 has the rest."""
+    return Setting(reserve=reserve, series=series or (a_series(),), beside=100 - reserve, seed=7)
+
+
+def a_bench() -> Bench:
+    """The simulated host with two LPs that everything is tried on."""
+    return Bench(
+        provider=ProviderKind.SIMULATED,
+        processor="simulated",
+        logical_processors=2,
+        smt=False,
+        scheduler=SchedulerType.CLASSIC,
+        guest_image="",
+        os_build=26100,
+    )
+
+
+def a_subject(
+    *components: Component,
+    load: Interference | None = None,
+    tasks: Mapping[str, TaskWish] | None = None,
+    platform: str = "onboard",
+) -> Subject:
+    """Components in P1 with two VPs against busy loops."""
+    members = components or (a_component(),)
+    return Subject(
+        platform=platform,
+        components=members,
+        setup=EnvironmentSetup(
+            members=tuple(one.name for one in members),
+            interference="busy-loop",
+            processors=2,
+            memory=memory("512 MiB"),
+            limit=100,
+            weight=100,
+        ),
+        load=load or BusyLoop(),
+        tasks=tasks or {},
+    )
+
+
+def a_header(subject: Subject | None = None, files: Mapping[str, str] | None = None) -> Header:
+    """The header of a log of the subject."""
+    chosen = subject or a_subject()
+    return header_of(chosen, identity_of(chosen, files or {}, {}), a_bench())
+
+
+def a_log(settings: Sequence[Setting], subject: Subject | None = None) -> DataLog:
+    """A log of these settings."""
+    return DataLog(
+        header=a_header(subject), recorded=tuple(Recorded(setting=one, provenance=TAKEN) for one in settings)
+    )
