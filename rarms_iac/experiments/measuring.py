@@ -1,0 +1,161 @@
+"""The loop of measuring: a strategy asks for a setting, the host runs it, samples are judged, the log records it.
+
+A strategy is a pure function of the recorded settings. So whoever is killed goes on by asking it again, and a setting
+that is recorded is never run a second time.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Protocol
+
+from rarms_iac.experiments.conclusions import Conclusion, Measure, NoVerdict, Step, Stopped
+from rarms_iac.experiments.findings import FAILED_SAMPLES
+from rarms_iac.experiments.partitions import Shape, set_reserves, shapes_of, standing
+from rarms_iac.experiments.reporter import MeasuringReporter
+from rarms_iac.experiments.room import Room, load_memory, reserve_beside
+from rarms_iac.experiments.setup import Experiment
+from rarms_iac.experiments.watching import Look, TooManyFailed, watch
+from rarms_iac.model.measurement import P1, P2, Series, Setting
+from rarms_iac.providers.measuring import Inside, MeasuringHost, Work
+
+SHOWN_FAILURES = 3
+"""How many of the reasons why samples failed are told."""
+
+
+class Strategy(Protocol):
+    """Which setting is next; the same settings give the same answer."""
+
+    def step(self, settings: Sequence[Setting]) -> Step:
+        """What to do after these settings, in the order in which they were run."""
+        ...
+
+    def look(self, reserve: int, seen: Mapping[str, Series]) -> Look:
+        """What the samples of a running setting come to so far, and whether more are needed."""
+        ...
+
+    def unusable(self, setting: Setting) -> NoVerdict | None:
+        """Why a setting that was run can say nothing; None where it can."""
+        ...
+
+
+class SettingsLog(Protocol):
+    """Where settings are recorded."""
+
+    def settings(self) -> tuple[Setting, ...]:
+        """All that count for this run, in the order in which they were recorded."""
+        ...
+
+    def add(self, setting: Setting) -> None:
+        """Record one, whole or not at all; it is on the disk when this returns.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Surroundings:
+    """What a run of the loop is given beside the experiment."""
+
+    host: MeasuringHost  # its lock is held by who calls
+    room: Callable[[], Room]  # asked once, before the first setting that must be run; may refuse
+    seed: int
+    reporter: MeasuringReporter
+    should_stop: Callable[[], bool]
+
+
+def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, around: Surroundings) -> Conclusion:
+    """Run settings until the strategy has its answer; P1 and P2 are there only meanwhile.
+
+    Raises:
+        HostError: the host did not do what was asked; what is recorded stays.
+        OSError: the log cannot be written.
+    """
+    settings = log.settings()
+    around.reporter.experiment_started(experiment, settings)
+    with ExitStack() as ends:
+        bench: _Bench | None = None
+        while isinstance(step := strategy.step(settings), Measure):
+            if around.should_stop():
+                step = Stopped()
+                break
+            bench = bench or _made(experiment, around, ends)
+            around.reporter.setting_started(experiment, step.reserve, len(settings) + 1)
+            setting = _run(experiment, strategy, around, bench, step.reserve)
+            if not isinstance(setting, Setting):
+                step = setting
+                break
+            if unusable := strategy.unusable(setting):
+                step = unusable
+                break
+            log.add(setting)
+            settings = (*settings, setting)
+            says = strategy.look(setting.reserve, {one.component: one for one in setting.series}).says
+            around.reporter.setting_ended(experiment, setting, says)
+    around.reporter.experiment_ended(experiment, step, settings)
+    return step
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Bench:
+    """The test partitions, and what there is room for."""
+
+    room: Room
+    shapes: tuple[Shape, Shape]
+
+
+def _made(experiment: Experiment, around: Surroundings, ends: ExitStack) -> _Bench:
+    room = around.room()
+    memory = load_memory(room, experiment.setup)
+    shapes = shapes_of(experiment.setup, room.capacity.logical_processors, memory)
+    ends.enter_context(standing(around.host, experiment.application, shapes))
+    return _Bench(room=room, shapes=shapes)
+
+
+def _run(
+    experiment: Experiment, strategy: Strategy, around: Surroundings, bench: _Bench, reserve: int
+) -> Setting | NoVerdict | Stopped:
+    """One setting, from the reserves to the last sample."""
+    beside = reserve_beside(bench.room, experiment.setup, reserve)
+    if beside is None:
+        raise ValueError(f"{reserve} % was asked for, and the host cannot give that")
+    set_reserves(around.host, experiment.application, bench.shapes, {P1: reserve, P2: beside})
+    with around.host.run(_work(experiment, around.seed)) as running:
+        seen = watch(running, experiment.members, _looking(experiment, strategy, around, reserve), around.should_stop)
+    match seen:
+        case None:
+            return Stopped()
+        case TooManyFailed(component=component, failures=failures):
+            return NoVerdict(
+                reserve=reserve, component=component, code=FAILED_SAMPLES.code, says=_failed(component, failures)
+            )
+        case _:
+            series = tuple(seen[name] for name in sorted(seen))
+            return Setting(reserve=reserve, series=series, beside=beside, seed=around.seed)
+
+
+def _looking(
+    experiment: Experiment, strategy: Strategy, around: Surroundings, reserve: int
+) -> Callable[[Mapping[str, Series]], Look]:
+    def look(seen: Mapping[str, Series]) -> Look:
+        answer = strategy.look(reserve, seen)
+        around.reporter.looked(experiment, reserve, seen, answer.says)
+        return answer
+
+    return look
+
+
+def _work(experiment: Experiment, seed: int) -> Work:
+    return Work(
+        application=experiment.application,
+        inside=(Inside(partition=P1, components=experiment.members), Inside(partition=P2, load=experiment.load)),
+        until=experiment.until,
+        seed=seed,
+    )
+
+
+def _failed(component: str, failures: Sequence[str]) -> str:
+    told = "; ".join(dict.fromkeys(failures[:SHOWN_FAILURES]))
+    return f"{len(failures)} samples of {component} failed, and `run.failures` allows fewer: {told}."

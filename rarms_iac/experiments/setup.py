@@ -1,0 +1,98 @@
+"""What is to be measured: components together in P1, a load in P2, on one host (DESIGN section 2)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+
+from rarms_iac.model.measurement import EnvironmentSetup
+from rarms_iac.model.quantities import LogicalProcessors, in_processors, per_virtual_processor
+from rarms_iac.model.system import Component, Elapsed, Host, Interference, PartitionWish, SampleCount, System
+
+USUAL_UNTIL = SampleCount(samples=200)
+"""When there is enough of a component whose `run` does not say it."""
+
+USUAL_WEIGHT = 100
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Experiment:
+    """One data log's worth of measuring."""
+
+    application: str
+    host: Host
+    members: tuple[Component, ...]  # by name
+    load: Interference
+    setup: EnvironmentSetup
+    until: Mapping[str, SampleCount | Elapsed]  # by component
+
+    @property
+    def name(self) -> str:
+        """What people call it: `vision`, `speech+vision`."""
+        return "+".join(self.setup.members)
+
+
+def experiment_of(
+    system: System, host: Host, members: tuple[str, ...], interference: str, samples: int | None = None
+) -> Experiment:
+    """The experiment with these components together in P1; what a partition of just these asks for stands.
+
+    Args:
+        system: names the components and the interference.
+        host: where it is to be.
+        members: in any order.
+        interference: a name of `interference`.
+        samples: how many of each component; None: as its `run.until` says.
+    """
+    names = tuple(sorted(members))
+    components = tuple(system.components[name] for name in names)
+    wish = _wish(system, names)
+    processors = wish.processors or max(one.processors or host.logical_processors for one in components)
+    setup = EnvironmentSetup(
+        members=names,
+        interference=interference,
+        processors=processors,
+        memory=int(wish.memory if wish.memory is not None else sum(one.memory for one in components)),
+        limit=_limit(wish, components, host, processors),
+        weight=wish.cpu.weight or max(one.cpu.weight or USUAL_WEIGHT for one in components),
+    )
+    return Experiment(
+        application=system.application.name,
+        host=host,
+        members=components,
+        load=system.interference[interference],
+        setup=setup,
+        until={one.name: until_of(one, samples) for one in components},
+    )
+
+
+def until_of(component: Component, samples: int | None) -> SampleCount | Elapsed:
+    """When there is enough of a component."""
+    if samples is not None:
+        return SampleCount(samples=samples)
+    return component.run.until if component.run is not None else USUAL_UNTIL
+
+
+def interference_of(system: System, members: tuple[str, ...]) -> str:
+    """The load that a reservation of these must stand up to: their own where they agree on one, else the policy's."""
+    own = {system.components[name].interference for name in members}
+    only = own.pop() if len(own) == 1 else None
+    return only or system.policy.interference
+
+
+def _wish(system: System, names: tuple[str, ...]) -> PartitionWish:
+    """What the manifest says of the partition of just these components."""
+    for wish in system.partitions.values():
+        if tuple(sorted(wish.components)) == names:
+            return wish
+    return PartitionWish(name=names[0], components=names)
+
+
+def _limit(wish: PartitionWish, components: tuple[Component, ...], host: Host, processors: int) -> int:
+    """Fixed by the manifest, in the provider's grain; open: none, as a cap would falsify what is measured."""
+    amounts = [wish.cpu.limit] if wish.cpu.limit is not None else [one.cpu.limit for one in components]
+    total = Fraction(0)
+    for amount in amounts:
+        if amount is None:
+            return 100
+        total += in_processors(amount, host.logical_processors)
+    return min(100, per_virtual_processor(LogicalProcessors(total), processors))
