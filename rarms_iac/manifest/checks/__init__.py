@@ -46,11 +46,8 @@ from rarms_iac.manifest.checks import (
     shared_task,
     shipped_task,
     task_differs_in_case,
-<<<<<<< HEAD
     task_like_a_value,
-=======
     test_partition_name,
->>>>>>> 26f9922 (P1 and P2 are made, set and removed by ordinary operations, and a loop asks, runs, judges and records)
     timeout_before_threshold,
     together_and_apart,
     together_is_separated,
@@ -105,11 +102,8 @@ CHECKS = (
     shared_task,
     shipped_task,
     task_differs_in_case,
-<<<<<<< HEAD
     task_like_a_value,
-=======
     test_partition_name,
->>>>>>> 26f9922 (P1 and P2 are made, set and removed by ordinary operations, and a loop asks, runs, judges and records)
     timeout_before_threshold,
     together_and_apart,
     together_is_separated,
