@@ -1,0 +1,110 @@
+"""What a search is told and what it answers; a strategy is a pure function from the one to the other."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from rarms_iac.model.measurement import Series, Setting
+from rarms_iac.model.system import Run, Threshold
+from rarms_iac.statistics.verdict import VERDICT_ERROR, Met, Missed, Verdict, decide, judge
+
+TOLERANCE = 0.01
+"""Within which part of its threshold (of a share: how many hundredths) an APT is decided."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Member:
+    """One component in P1 with what it must reach there."""
+
+    name: str
+    apt: Mapping[str, Threshold]
+    run: Run
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Goal:
+    """What is searched: the least CR at which all members meet their APTs."""
+
+    members: tuple[Member, ...]
+    processors: int  # VPs of P1
+    error: float = VERDICT_ERROR
+    tolerance: float = TOLERANCE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """A setting with the verdict on each member."""
+
+    setting: Setting
+    verdicts: Mapping[str, Verdict]
+
+    @property
+    def reserve(self) -> int:
+        """The CR of the setting."""
+        return self.setting.reserve
+
+    @property
+    def passed(self) -> bool:
+        """Whether every member was shown to meet its APT; within the noise, the safe side is no."""
+        return all(isinstance(verdict, Met) for verdict in self.verdicts.values())
+
+    @property
+    def judged(self) -> bool:
+        """Whether it says anything of the APT: failures and a missing steady state do not."""
+        return self.passed or any(isinstance(verdict, Missed) for verdict in self.verdicts.values())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measure:
+    """Measure this setting next."""
+
+    reserve: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """The least reservation: measured as passing, and one at most `reserve - failed` points below it as failing."""
+
+    reserve: int
+    failed: int | None  # the highest setting below that failed; None: there is none below
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NotAchievable:
+    """The APT is missed with all of the platform: the paper's message is `MESSAGE`."""
+
+    message: str = "Threshold performance is not achievable on this platform."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NotResolved:
+    """The samples allowed do not settle it."""
+
+    why: str
+
+
+Step = Measure | Found | NotAchievable | NotResolved
+Strategy = Callable[[Sequence[Trial], Goal], Step]
+
+
+def trial_of(setting: Setting, goal: Goal) -> Trial:
+    """The setting with its verdicts, as they were when it ended: the same for a setting read from a data log."""
+    found = {member.name: _verdict(setting, member, goal) for member in goal.members}
+    return Trial(setting=setting, verdicts=found)
+
+
+def settled(series: Mapping[str, Series], goal: Goal) -> bool:
+    """Whether a setting that is being measured may stop now; to be asked at `next_look` counts of samples.
+
+    One member that misses settles it; otherwise every member must be settled.
+    """
+    verdicts = [
+        decide(series[member.name], member.apt, member.run, error=goal.error, tolerance=goal.tolerance)
+        for member in goal.members
+    ]
+    return any(isinstance(verdict, Missed) for verdict in verdicts) or None not in verdicts
+
+
+def _verdict(setting: Setting, member: Member, goal: Goal) -> Verdict:
+    series = next(series for series in setting.series if series.component == member.name)
+    early = decide(series, member.apt, member.run, error=goal.error, tolerance=goal.tolerance)
+    return early or judge(series, member.apt, member.run, error=goal.error, tolerance=goal.tolerance)

@@ -1,0 +1,191 @@
+"""The curve of a performance index over the reservation: the one place where a value is looked up (DESIGN section 2).
+
+Measured settings made monotone (isotonic regression weighted by samples), straight between them, nothing outside.
+The band is made monotone likewise; its safe side is the one away from what is good: above for response times.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from rarms_iac.model.indexes import find_index
+from rarms_iac.model.measurement import Series, Setting
+from rarms_iac.model.system import AtLeast, AtMost, Run, Threshold
+from rarms_iac.statistics import isotonic, values
+from rarms_iac.statistics.estimates import USUAL_ERROR, Estimate, NoEstimate, estimate
+from rarms_iac.statistics.steadiness import Steady, steady_part
+from rarms_iac.statistics.verdict import without_warm_up
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Point:
+    """The curve at one reservation; measured there, or looked up between two that were."""
+
+    reserve: float  # CR, 1..100 per cent of the partition's own VPs
+    value: float
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Curve:
+    """One index of one component, from the settings of its data log; points in the order of their reserves."""
+
+    component: str
+    index: str
+    error: float  # of the band, at each measured point
+    points: tuple[Point, ...]
+    estimates: tuple[Estimate, ...]  # as measured, before they were made monotone; one a point
+
+    def value_at(self, reserve: float) -> Point | None:
+        """The curve there, None outside of what was measured."""
+        for left, right in zip(self.points, self.points[1:], strict=False):
+            if left.reserve <= reserve <= right.reserve:
+                return _between(left, right, reserve)
+        lone = [point for point in self.points if point.reserve == reserve]
+        return lone[0] if lone else None
+
+    def safe_value_at(self, reserve: float) -> float | None:
+        """The safe side of the band there: what a reservation rests on."""
+        point = self.value_at(reserve)
+        if point is None:
+            return None
+        return point.upper if _smaller_is_better(self.index) else point.lower
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeastReserve:
+    """The least whole per cent at which every APT holds on the safe side of its band."""
+
+    reserve: int
+    interpolated: bool  # it was not itself measured
+
+
+def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run, *, error: float = USUAL_ERROR) -> Curve:
+    """The curve of a component's index; a setting without an estimate (no answer, no steady state) gives no point.
+
+    Several settings at one reservation are taken together, each by its samples.
+    """
+    measured: dict[int, list[Estimate]] = {}
+    for setting in settings:
+        for series in setting.series:
+            found = _steady_estimate(series, index, run, error) if series.component == component else None
+            if isinstance(found, Estimate):
+                measured.setdefault(setting.reserve, []).append(found)
+    reserves = sorted(measured)
+    estimates = tuple(_together(measured[reserve]) for reserve in reserves)
+    return Curve(
+        component=component, index=index, error=error, points=_monotone(reserves, estimates, index), estimates=estimates
+    )
+
+
+def least_reserve(apts: Iterable[tuple[Curve, Threshold]]) -> LeastReserve | None:
+    """The least whole per cent at which all these curves meet their thresholds; None: none that was measured does.
+
+    Several members of a partition, and several indexes of one APT, are so many pairs.
+    """
+    pairs = list(apts)
+    for reserve in range(1, 101):
+        if pairs and all(_holds(curve, threshold, reserve) for curve, threshold in pairs):
+            measured = all(any(point.reserve == reserve for point in curve.points) for curve, _ in pairs)
+            return LeastReserve(reserve=reserve, interpolated=not measured)
+    return None
+
+
+def curves_of(
+    settings: Sequence[Setting], runs: Mapping[str, Run], apts: Mapping[str, Mapping[str, Threshold]]
+) -> tuple[tuple[Curve, Threshold], ...]:
+    """The curve of every index that an APT names, component by component: what `least_reserve` asks for."""
+    return tuple(
+        (curve_of(settings, component, index, runs[component]), threshold)
+        for component, apt in apts.items()
+        for index, threshold in apt.items()
+    )
+
+
+def _holds(curve: Curve, threshold: Threshold, reserve: int) -> bool:
+    safe = curve.safe_value_at(reserve)
+    if safe is None:
+        return False
+    match threshold:
+        case AtMost(value=limit):
+            return safe <= float(limit)
+        case AtLeast(value=limit):
+            return safe >= float(limit)
+
+
+def _steady_estimate(series: Series, index: str, run: Run, error: float) -> Estimate | NoEstimate:
+    begin = steady_part(values.response_times(series.samples))
+    if not isinstance(begin, Steady):
+        return NoEstimate(why=begin.why)
+    found = estimate(index, without_warm_up(series, begin.first), run, error=error)
+    if isinstance(found, Estimate) and found.beyond is not None:
+        # An extreme has no bound of its own: the curve shows what was seen.
+        return Estimate(
+            value=found.value,
+            lower=found.value,
+            upper=found.value,
+            error=error,
+            samples=found.samples,
+            effective_samples=found.effective_samples,
+            beyond=found.beyond,
+        )
+    return found
+
+
+def _together(estimates: Sequence[Estimate]) -> Estimate:
+    """Repeated settings as one: means weighted by samples; the band narrows as its samples grow."""
+    if len(estimates) == 1:
+        return estimates[0]
+    total = sum(one.effective_samples for one in estimates)
+    parts = [one.effective_samples / total for one in estimates]
+    value = sum(part * one.value for part, one in zip(parts, estimates, strict=True))
+    below = sum((part * (one.value - one.lower)) ** 2 for part, one in zip(parts, estimates, strict=True)) ** 0.5
+    above = sum((part * (one.upper - one.value)) ** 2 for part, one in zip(parts, estimates, strict=True)) ** 0.5
+    return Estimate(
+        value=value,
+        lower=value - below,
+        upper=value + above,
+        error=estimates[0].error,
+        samples=sum(one.samples for one in estimates),
+        effective_samples=total,
+    )
+
+
+def _monotone(reserves: Sequence[int], estimates: Sequence[Estimate], index: str) -> tuple[Point, ...]:
+    fit = isotonic.falling if _smaller_is_better(index) else isotonic.rising
+    weights = [one.effective_samples for one in estimates]
+    value, lower, upper = (
+        fit(side, weights)
+        for side in (
+            [one.value for one in estimates],
+            [one.lower for one in estimates],
+            [one.upper for one in estimates],
+        )
+    )
+    return tuple(
+        Point(reserve=float(reserve), value=value[at], lower=lower[at], upper=upper[at])
+        for at, reserve in enumerate(reserves)
+    )
+
+
+def _between(left: Point, right: Point, reserve: float) -> Point:
+    part = (reserve - left.reserve) / (right.reserve - left.reserve)
+    value, lower, upper = (
+        _mix(one, other, part)
+        for one, other in ((left.value, right.value), (left.lower, right.lower), (left.upper, right.upper))
+    )
+    return Point(reserve=reserve, value=value, lower=lower, upper=upper)
+
+
+def _mix(left: float, right: float, part: float) -> float:
+    """Straight between; exact at the ends, also where the other end is infinite."""
+    if part <= 0.0 or left == right:
+        return left
+    return right if part >= 1.0 else (1.0 - part) * left + part * right
+
+
+def _smaller_is_better(index: str) -> bool:
+    found = find_index(index)
+    if found is None:
+        raise ValueError(f"{index!r} is no performance index")
+    return found.smaller_is_better

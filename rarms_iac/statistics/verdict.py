@@ -1,0 +1,218 @@
+"""Verdicts on an APT: met, missed or neither, each with the probability that it is wrong."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import sqrt
+from typing import Final
+
+from rarms_iac.model.indexes import find_index
+from rarms_iac.model.measurement import Series
+from rarms_iac.model.quantities import Unit
+from rarms_iac.model.system import AtLeast, AtMost, Elapsed, Run, SampleCount, Threshold
+from rarms_iac.statistics import values
+from rarms_iac.statistics.estimates import Estimate, NoEstimate, estimate
+from rarms_iac.statistics.steadiness import Steady, Unsteady, steady_part
+
+VERDICT_ERROR: Final = 0.01
+"""The probability with which a verdict may be wrong unless somebody asks for another."""
+
+FIRST_LOOK: Final = 40
+"""Samples before the first look: a luckier few have ended settings too early, with rare large errors."""
+
+_NEXT_LOOK = sqrt(2.0)
+_LAST_EARLY_LOOK = 0.75  # of a setting: a later one would leave too little error for its end
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """One index of the APT with what was estimated."""
+
+    index: str
+    threshold: Threshold
+    estimate: Estimate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Met:
+    """Every index meets its threshold, but for this error; of a maximum: so far (`Estimate.beyond`)."""
+
+    error: float
+    tolerance: float  # met within this part of the threshold, or so many points of a share; 0: met itself
+    judged: tuple[Judged, ...]
+    warm_up: int  # samples that were left out
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Missed:
+    """At least one index misses its threshold, but for this error."""
+
+    error: float
+    tolerance: float
+    judged: tuple[Judged, ...]
+    warm_up: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WithinTheNoise:
+    """The samples allowed cannot tell; the truth lies within the estimates' bounds, but for this error."""
+
+    error: float
+    judged: tuple[Judged, ...]
+    warm_up: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TooManyFailures:
+    """More failed samples than `run.failures` allows."""
+
+    failed: int
+    allowed: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TooFewSamples:
+    """There is nothing to estimate an index from."""
+
+    why: str
+
+
+Verdict = Met | Missed | WithinTheNoise | Unsteady | TooManyFailures | TooFewSamples
+
+
+def judge(
+    series: Series,
+    apt: Mapping[str, Threshold],
+    run: Run,
+    *,
+    error: float = VERDICT_ERROR,
+    tolerance: float = 0.0,
+) -> Verdict:
+    """The verdict on a whole series, looked at once.
+
+    With a tolerance of 0.01, `Met` says "within 1 % (of a share: 1 point) of the threshold, or better" and `Missed`
+    "not better than the threshold by as much": so every series that is long enough has one of the two.
+    """
+    failed = values.failed(series)
+    if failed > run.failures:
+        return TooManyFailures(failed=failed, allowed=run.failures)
+    begin = steady_part(values.response_times(series.samples))
+    match begin:
+        case Unsteady():
+            return begin
+        case Steady(first=first):
+            return _judge_steady(series, first, apt, run, error, tolerance)
+
+
+def decide(
+    series: Series,
+    apt: Mapping[str, Threshold],
+    run: Run,
+    *,
+    error: float = VERDICT_ERROR,
+    tolerance: float = 0.0,
+) -> Verdict | None:
+    """The verdict on the samples so far; None: not settled, go on.
+
+    To be asked at `next_look` counts of samples and at the setting's end, where it is never None. The error holds
+    for all looks of a setting together: each has spent no more of it than its share of the setting (an alpha
+    spending function), so that early looks need the clearest evidence.
+    """
+    share = _done(series, run)
+    if share >= 1.0:
+        return judge(series, apt, run, error=error * (1.0 - _LAST_EARLY_LOOK), tolerance=tolerance)
+    if values.failed(series) > run.failures:
+        return TooManyFailures(failed=values.failed(series), allowed=run.failures)
+    if share > _LAST_EARLY_LOOK or len(series.samples) < FIRST_LOOK:
+        return None
+    spent = error * share * (1.0 - 1.0 / _NEXT_LOOK)
+    verdict = judge(series, apt, run, error=spent, tolerance=tolerance)
+    match verdict:
+        case Met() | Missed():
+            return replace(verdict, error=error)
+        case _:
+            return None
+
+
+def next_look(samples: int) -> int:
+    """The count of samples at which to ask `decide` next."""
+    look = float(FIRST_LOOK)
+    while round(look) <= samples:
+        look *= _NEXT_LOOK
+    return round(look)
+
+
+def _done(series: Series, run: Run) -> float:
+    """How much of the setting is done, 1 at its end."""
+    match run.until:
+        case SampleCount(samples=samples):
+            return len(series.samples) / samples
+        case Elapsed(time=time):
+            return series.elapsed_ms / float(time)
+
+
+def _judge_steady(
+    series: Series, first: int, apt: Mapping[str, Threshold], run: Run, error: float, tolerance: float
+) -> Verdict:
+    part = without_warm_up(series, first)
+    each = error / max(1, len(apt))
+    judged: list[Judged] = []
+    for index, threshold in apt.items():
+        whole = series if index == "maximum_response_time" else part  # no warm-up excuses a late answer
+        found = estimate(index, whole, run, error=min(1.0, 2 * each))  # each side is wrong with half of it
+        if isinstance(found, NoEstimate):
+            return TooFewSamples(why=found.why)
+        judged.append(Judged(index=index, threshold=threshold, estimate=found))
+    if any(_misses(one, tolerance) for one in judged):
+        return Missed(error=error, tolerance=tolerance, judged=tuple(judged), warm_up=first)
+    if all(_meets(one, tolerance) for one in judged):
+        return Met(error=error, tolerance=tolerance, judged=tuple(judged), warm_up=first)
+    return WithinTheNoise(error=2 * error, judged=tuple(judged), warm_up=first)
+
+
+def without_warm_up(series: Series, first: int) -> Series:
+    """The steady part, its clock set back, so that a throughput counts its own time only."""
+    if first == 0:
+        return series
+    answered = [number for number, sample in enumerate(series.samples) if sample.response_ms is not None]
+    samples = series.samples[answered[first] :]
+    began = samples[0].began_ms
+    return replace(
+        series,
+        samples=tuple(replace(sample, began_ms=sample.began_ms - began) for sample in samples),
+        elapsed_ms=series.elapsed_ms - began,
+    )
+
+
+def _meets(one: Judged, tolerance: float) -> bool:
+    worst, _best = _bounds(one)
+    return worst <= _slack(one, tolerance) and _excess(one, one.estimate.value) <= 0.0
+
+
+def _misses(one: Judged, tolerance: float) -> bool:
+    _worst, best = _bounds(one)
+    return best > -_slack(one, tolerance) and _excess(one, one.estimate.value) > 0.0
+
+
+def _excess(one: Judged, value: float) -> float:
+    """By how much the value is on the wrong side of the threshold."""
+    match one.threshold:
+        case AtMost(value=limit):
+            return value - float(limit)
+        case AtLeast(value=limit):
+            return float(limit) - value
+
+
+def _bounds(one: Judged) -> tuple[float, float]:
+    """The worst and the best excess that the samples allow; an extreme is judged by what was seen."""
+    found = one.estimate
+    ends = (found.value, found.value) if found.beyond is not None else (found.lower, found.upper)
+    first, second = (_excess(one, end) for end in ends)
+    return max(first, second), min(first, second)
+
+
+def _slack(one: Judged, tolerance: float) -> float:
+    """The tolerance in the index's unit."""
+    index = find_index(one.index)
+    if index is not None and index.unit is Unit.SHARE:
+        return 100 * tolerance
+    return tolerance * float(one.threshold.value)

@@ -1,0 +1,63 @@
+"""Strategies on components without noise: what they measure, and what they find."""
+
+from dataclasses import replace
+
+import pytest
+
+from rarms_iac.experiments.search import (
+    STRATEGIES,
+    Found,
+    Goal,
+    Measure,
+    Member,
+    NotAchievable,
+    Step,
+    Trial,
+    trial_of,
+)
+from rarms_iac.model.measurement import Setting
+from tests.builders import a_run, at_most
+from tests.measured import a_series, noisy
+
+RUN = replace(a_run(), deadline=None)
+GOAL = Goal(members=(Member(name="coi", apt={"mean_response_time": at_most(100)}, run=RUN),), processors=2)
+
+
+def walk(strategy: str, least: int) -> tuple[list[int], Step]:
+    """The settings a strategy measures, and its end, where the APT is met from a reservation on (101: never)."""
+    history: list[Trial] = []
+    while True:
+        step = STRATEGIES[strategy](history, GOAL)
+        if not isinstance(step, Measure):
+            return [trial.reserve for trial in history], step
+        times = noisy(step.reserve, 80.0 if step.reserve >= least else 120.0, variation=0.01, count=100)
+        history.append(trial_of(Setting(reserve=step.reserve, series=(a_series(times),)), GOAL))
+
+
+def test_the_paper_walks_by_ten_and_stops_at_the_first_that_passes() -> None:
+    assert walk("paper", 62) == ([10, 20, 30, 40, 50, 60, 70], Found(reserve=70, failed=60))
+    assert walk("paper", 3) == ([10], Found(reserve=10, failed=None))
+
+
+def test_the_paper_ends_with_its_message() -> None:
+    settings, step = walk("paper", 101)
+
+    assert settings == [10, 20, 30, 40, 50, 60, 70, 80, 90, 100]
+    assert isinstance(step, NotAchievable)
+    assert step.message == "Threshold performance is not achievable on this platform."
+
+
+@pytest.mark.parametrize("least", [1, 2, 37, 99, 100])
+def test_halving_finds_the_least_whole_per_cent(least: int) -> None:
+    settings, step = walk("bisection", least)
+
+    assert step == Found(reserve=least, failed=least - 1 or None)
+    assert len(settings) <= 8
+    assert len(set(settings)) == len(settings)
+
+
+def test_halving_ends_when_all_of_the_platform_is_not_enough() -> None:
+    settings, step = walk("bisection", 101)
+
+    assert settings[-1] == 100
+    assert isinstance(step, NotAchievable)

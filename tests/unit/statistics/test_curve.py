@@ -1,0 +1,57 @@
+"""The curve: monotone, straight between settings, nothing outside."""
+
+from dataclasses import replace
+
+import pytest
+
+from rarms_iac.model.measurement import Setting
+from rarms_iac.statistics.curve import Curve, LeastReserve, curve_of, least_reserve
+from tests.builders import a_run, at_least, at_most
+from tests.measured import a_series, noisy
+
+RUN = replace(a_run(), deadline=None)
+
+
+def measured(values: dict[int, float], index: str = "mean_response_time") -> Curve:
+    settings = [
+        Setting(reserve=reserve, series=(a_series(noisy(reserve, value, variation=0.001)),))
+        for reserve, value in values.items()
+    ]
+    return curve_of(settings, "coi", index, RUN)
+
+
+def test_it_is_straight_between_settings_and_nothing_outside() -> None:
+    curve = measured({20: 400.0, 40: 200.0})
+
+    middle = curve.value_at(30)
+    assert middle is not None
+    assert middle.value == pytest.approx(300.0, rel=0.001)
+    assert curve.value_at(19) is None
+    assert curve.value_at(41) is None
+
+
+def test_a_setting_that_breaks_the_order_is_pooled_with_its_neighbour() -> None:
+    points = measured({20: 400.0, 40: 200.0, 60: 210.0}).points
+
+    assert points[1].value == points[2].value == pytest.approx(205.0, rel=0.01)
+
+
+def test_the_least_reservation_is_a_whole_per_cent_on_the_safe_side() -> None:
+    curve = measured({20: 400.0, 40: 200.0})
+
+    assert least_reserve([(curve, at_most(300))]) == LeastReserve(reserve=31, interpolated=True)
+    assert least_reserve([(curve, at_most(201))]) == LeastReserve(reserve=40, interpolated=False)
+    assert least_reserve([(curve, at_most(199))]) is None
+
+
+def test_all_members_and_all_indexes_must_hold() -> None:
+    fast, slow = measured({20: 100.0, 40: 50.0}), measured({20: 400.0, 40: 200.0})
+
+    assert least_reserve([(fast, at_most(110)), (slow, at_most(300))]) == LeastReserve(reserve=31, interpolated=True)
+
+
+def test_a_throughput_is_read_from_below() -> None:
+    curve = measured({20: 400.0, 40: 200.0}, "throughput")  # 2.5 and 5 jobs a second
+
+    assert least_reserve([(curve, at_least("3.75"))]) == LeastReserve(reserve=31, interpolated=True)
+    assert least_reserve([(curve, at_least("5.01"))]) is None

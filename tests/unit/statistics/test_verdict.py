@@ -1,0 +1,85 @@
+"""Verdicts: which there is, and how sequential looks end a setting early."""
+
+from dataclasses import replace
+
+import pytest
+
+from rarms_iac.model.measurement import Sample
+from rarms_iac.model.system import SampleCount, Threshold
+from rarms_iac.statistics.steadiness import Unsteady
+from rarms_iac.statistics.verdict import (
+    FIRST_LOOK,
+    Met,
+    Missed,
+    TooFewSamples,
+    TooManyFailures,
+    WithinTheNoise,
+    decide,
+    judge,
+    next_look,
+)
+from tests.builders import a_run, at_least, at_most
+from tests.measured import a_series, noisy
+
+RUN = replace(a_run(until=SampleCount(samples=400)), deadline=None)
+SERIES = a_series(noisy(1, 100.0, count=400))
+
+
+@pytest.mark.parametrize(
+    ("limit", "kind"), [("110", Met), ("90", Missed), (str(sum(noisy(1, 100.0, count=400)) / 400), WithinTheNoise)]
+)
+def test_a_mean_against_its_threshold(limit: str, kind: type) -> None:
+    assert isinstance(judge(SERIES, {"mean_response_time": at_most(limit)}, RUN), kind)
+
+
+def test_one_missed_index_misses_the_apt() -> None:
+    apt: dict[str, Threshold] = {"mean_response_time": at_most(110), "success_rate": at_least(95)}
+
+    assert isinstance(judge(SERIES, apt, RUN), Met)
+    assert isinstance(judge(a_series(noisy(1, 100.0), successful=False), apt, RUN), Missed)
+
+
+def test_a_series_that_keeps_rising_gets_no_verdict() -> None:
+    rising = a_series([100.0 + number / 10 for number in range(400)])
+
+    assert isinstance(judge(rising, {"mean_response_time": at_most(200)}, RUN), Unsteady)
+
+
+def test_a_warm_up_is_left_out() -> None:
+    verdict = judge(a_series([500.0] * 20 + noisy(4, 100.0, count=380)), {"mean_response_time": at_most(103)}, RUN)
+
+    assert isinstance(verdict, Met)
+    assert 20 <= verdict.warm_up <= 30
+
+
+def test_more_failures_than_allowed_end_without_a_verdict() -> None:
+    broken = replace(
+        SERIES,
+        samples=(*SERIES.samples, Sample(began_ms=1.0, response_ms=None, successful=False, failure="killed")),
+    )
+
+    assert judge(broken, {"mean_response_time": at_most(110)}, RUN) == TooManyFailures(failed=1, allowed=0)
+
+
+def test_nothing_measured_gets_no_verdict() -> None:
+    assert isinstance(judge(a_series([]), {"mean_response_time": at_most(110)}, RUN), TooFewSamples)
+
+
+def test_a_clear_setting_stops_at_the_first_look_and_a_close_one_goes_on() -> None:
+    early = a_series(noisy(1, 100.0, count=FIRST_LOOK))
+
+    assert isinstance(decide(early, {"mean_response_time": at_most(200)}, RUN), Met)
+    assert isinstance(decide(early, {"mean_response_time": at_most(50)}, RUN), Missed)
+    assert decide(early, {"mean_response_time": at_most(101)}, RUN) is None
+
+
+def test_a_setting_that_is_over_has_a_verdict() -> None:
+    assert decide(SERIES, {"mean_response_time": at_most(100)}, RUN) is not None
+
+
+def test_looks_grow_apart() -> None:
+    looks = [next_look(0)]
+    while len(looks) < 5:
+        looks.append(next_look(looks[-1]))
+
+    assert looks == [40, 57, 80, 113, 160]
