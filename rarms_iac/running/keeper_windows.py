@@ -1,0 +1,167 @@
+"""The keeper where there are no signals: the same orders and the same words as `keeper.py`, on Windows.
+
+Job objects do what process groups and adoption do there: the keeper and everything below it are in one that ends
+with the keeper, and every process of the component is in one of its own besides. There is nothing to ask with but
+Ctrl-Break; a process that it cannot reach is ended at once.
+"""
+
+import contextlib
+import ctypes
+import json
+import os
+import queue
+import signal
+import subprocess
+import sys
+import threading
+import time
+from typing import Any
+
+EXTENDED_LIMITS, ACCOUNTING = 9, 1
+KILL_ON_CLOSE = 0x2000
+NEW_GROUP = 0x200
+CRASHED = 0xC0000000
+LIMITS_SIZE = 144 if ctypes.sizeof(ctypes.c_void_p) == 8 else 112
+FLAGS_AT = 16
+
+
+class Jobs:
+    """The few calls of the system that a keeper needs; where one is missing, it does without."""
+
+    def __init__(self) -> None:
+        self._kernel = ctypes.WinDLL("kernel32", use_last_error=True)  # type: ignore[attr-defined]  # Windows only
+        self._kernel.CreateJobObjectW.restype = ctypes.c_void_p
+        self._kernel.GetCurrentProcess.restype = ctypes.c_void_p
+
+    def make(self) -> int:
+        """A job object whose processes end with its last handle."""
+        job = int(self._kernel.CreateJobObjectW(None, None) or 0)
+        limits = (ctypes.c_ubyte * LIMITS_SIZE)()
+        ctypes.c_uint32.from_buffer(limits, FLAGS_AT).value = KILL_ON_CLOSE
+        self._kernel.SetInformationJobObject(ctypes.c_void_p(job), EXTENDED_LIMITS, limits, LIMITS_SIZE)
+        return job
+
+    def put(self, job: int, process: int) -> None:
+        """Have this process, and all that it starts, in the job."""
+        self._kernel.AssignProcessToJobObject(ctypes.c_void_p(job), ctypes.c_void_p(process))
+
+    def put_this(self, job: int) -> None:
+        """Have the keeper itself in the job."""
+        self.put(job, self._kernel.GetCurrentProcess())
+
+    def end(self, job: int) -> float | None:
+        """End every process of the job; the processor time that they had in ms, None where it is not told."""
+        self._kernel.TerminateJobObject(ctypes.c_void_p(job), 1)
+        told = (ctypes.c_int64 * 6)()
+        known = self._kernel.QueryInformationJobObject(ctypes.c_void_p(job), ACCOUNTING, told, 48, None)
+        self._kernel.CloseHandle(ctypes.c_void_p(job))
+        used = (told[0] + told[1]) / 10_000  # in units of 100 ns
+        return used if known and used else None
+
+
+class Keeper:
+    """One component's process at a time, and all that it starts."""
+
+    def __init__(self, order: dict[str, Any], jobs: Jobs) -> None:
+        self._order = order
+        self._jobs = jobs
+        self._said: queue.Queue[tuple[str, float]] = queue.Queue()
+        self._due: float | None = None
+        self._process: subprocess.Popen[bytes] | None = None
+        self._job = 0
+        self._kill_at: float | None = None
+        self._cpu_ms: float | None = 0.0
+
+    def run(self) -> None:
+        """Obey until standard input ends."""
+        threading.Thread(target=self._listen, daemon=True).start()
+        ending = False
+        while not (ending and self._process is None):
+            word, at = self._next()
+            if word == "start":
+                self._due = at
+            elif word in {"stop", "end"}:
+                ending = ending or word == "end"
+                self._stop()
+            elif word == "exit":
+                self._ended(at)
+            now = time.perf_counter()
+            if self._kill_at is not None and now >= self._kill_at and self._process is not None:
+                self._process.kill()
+                self._kill_at = None
+            if self._due is not None and self._process is None and now >= self._due:
+                self._start()
+        self._say(event="bye", cpu_ms=self._cpu_ms)
+
+    def _listen(self) -> None:
+        for line in sys.stdin.buffer:
+            word, _, value = line.decode("ascii").strip().partition(" ")
+            self._said.put((word, float(value or 0)))
+        self._said.put(("end", 0.0))
+
+    def _next(self) -> tuple[str, float]:
+        due = self._due if self._process is None else None
+        soon = [one - time.perf_counter() for one in (due, self._kill_at) if one is not None]
+        try:
+            return self._said.get(timeout=max(0.0, min(soon)) if soon else None)
+        except queue.Empty:
+            return "", 0.0
+
+    def _start(self) -> None:
+        self._due = None
+        self._say(event="started", at=time.perf_counter())
+        try:
+            self._process = subprocess.Popen(
+                self._order["words"],
+                stdin=subprocess.DEVNULL,
+                cwd=self._order["folder"],
+                env=self._order["environment"],
+                creationflags=NEW_GROUP,
+            )
+        except OSError as error:
+            self._say(event="cannot", says=f"{self._order['words'][0]}: {error.strerror or error}")
+            return
+        self._job = self._jobs.make()
+        self._jobs.put(self._job, int(self._process._handle))  # type: ignore[attr-defined]  # noqa: SLF001 - Windows only
+        threading.Thread(target=self._watch, args=(self._process,), daemon=True).start()
+
+    def _watch(self, process: "subprocess.Popen[bytes]") -> None:
+        process.wait()
+        self._said.put(("exit", time.perf_counter()))
+
+    def _stop(self) -> None:
+        self._due = None
+        if self._process is None or self._kill_at is not None:
+            return
+        self._kill_at = time.perf_counter()
+        if self._order["signal"] != "KILL":
+            with contextlib.suppress(OSError):
+                os.kill(self._process.pid, signal.CTRL_BREAK_EVENT)  # type: ignore[attr-defined]  # Windows only
+                self._kill_at += self._order["grace_ms"] / 1000
+
+    def _ended(self, at: float) -> None:
+        code = (self._process.returncode if self._process else 0) or 0
+        used = self._jobs.end(self._job)
+        self._cpu_ms = None if used is None or self._cpu_ms is None else self._cpu_ms + used
+        self._process, self._kill_at = None, None
+        crashed = code % 2**32 >= CRASHED
+        self._say(event="ended", at=at, code=0 if crashed else code, signal=code % 2**32 if crashed else 0)
+
+    def _say(self, **what: object) -> None:
+        os.write(1, b"\n" + self._order["mark"].encode() + json.dumps(what).encode() + b"\n")
+
+
+def main() -> None:
+    """Read the order, then keep."""
+    order = sys.stdin.buffer.readline()
+    if order:
+        jobs = Jobs()
+        jobs.put_this(jobs.make())
+        with contextlib.suppress(OSError):
+            Keeper(json.loads(order), jobs).run()
+    os._exit(0)  # the job object goes with the keeper, and whatever is left in it
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    main()

@@ -1,0 +1,258 @@
+"""Rarms' end of a keeper: start and stop a component's process, and hear what it says, with times and limits."""
+
+import contextlib
+import json
+import os
+import queue
+import secrets
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+from rarms_iac.running.errors import CannotStart, KeeperLost
+from rarms_iac.running.order import Order
+
+LONGEST_LINE = 64 * 1024
+FLOOD = 16 * 1024 * 1024
+"""So many bytes without a line end are no line any more."""
+TAIL = 4096
+PIECE = 64 * 1024
+WAITING = 64
+"""So many pieces wait to be read; a component that prints more waits, and rarms' memory stays small."""
+GOING_S = 10.0
+"""How much longer than its grace a component's end may take."""
+
+_PROGRAM = "keeper_windows.py" if sys.platform == "win32" else "keeper.py"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """A line of standard output."""
+
+    at: float  # time.perf_counter
+    text: str
+    size: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TooLong:
+    """A line that is too long to be one; `flood`: it goes on and on."""
+
+    at: float
+    flood: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Started:
+    """The process is about to begin."""
+
+    at: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ended:
+    """The process has ended, and all that it started with it."""
+
+    at: float  # when it ended itself
+    code: int
+    signal: int  # 0: it was not killed by one; on Windows the code of a crash
+
+
+Event = Line | TooLong | Started | Ended
+
+
+class Kept:
+    """A keeper with a component's process, or none at the moment.
+
+    Raises:
+        CannotStart: from `next`, when the process cannot be started.
+        KeeperLost: from anything, when the keeper is gone.
+    """
+
+    def __init__(self, order: Order) -> None:
+        self._name = order.name
+        self._grace_s = float(order.stop.grace) / 1000
+        self._mark = secrets.token_hex(16).encode()
+        self._events: queue.Queue[list[Event | dict[str, Any]]] = queue.Queue(WAITING)
+        self._ready: list[Event | dict[str, Any]] = []
+        self._tail = b""
+        self._deaf = threading.Event()
+        self._quiet = threading.Event()  # nobody reads lines: they go nowhere
+        self._cpu_ms: float | None = None
+        self._process = subprocess.Popen(
+            [sys.executable, "-I", "-S", str(Path(__file__).resolve().with_name(_PROGRAM))],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            bufsize=0,
+            start_new_session=True,  # a Ctrl-C in the terminal is for rarms, which then stops the component
+        )
+        self._threads = [
+            threading.Thread(target=listens, args=(stream,), daemon=True)
+            for listens, stream in ((self._hear, self._process.stdout), (self._remember, self._process.stderr))
+        ]
+        for thread in self._threads:
+            thread.start()
+        self._tell(json.dumps(self._as_json(order)))
+
+    def start(self, at: float = 0.0) -> None:
+        """Start the process when `time.perf_counter` is so far."""
+        self._tell(f"start {at!r}")
+
+    def stop(self) -> None:
+        """Ask the process to end, and kill it with all that it started after its grace; `Ended` tells when."""
+        self._tell("stop")
+
+    def unheard(self) -> None:
+        """Nobody reads the lines of this component."""
+        self._quiet.set()
+
+    def next(self, until: float | None = None) -> Event | None:
+        """The next thing that happened; None when nothing has by then. What happened already always comes first."""
+        while not self._ready:
+            try:
+                # Waited for in short pieces: on Windows a wait without end would not hear a Ctrl-C.
+                left = None if until is None else until - time.perf_counter()
+                self._ready = self._events.get(timeout=0.5 if left is None else max(0.0, min(left, 0.5)))[::-1]
+            except queue.Empty:
+                if until is not None and time.perf_counter() >= until:
+                    return None
+        event = self._ready.pop()
+        return event if not isinstance(event, dict) else self._word(event)
+
+    def close(self) -> None:
+        """End it all and wait for it; may be called twice."""
+        self._deaf.set()
+        with contextlib.suppress(OSError):
+            self._commands().close()
+        deadline = time.perf_counter() + self._grace_s + GOING_S
+        while self._process.poll() is None and time.perf_counter() < deadline:
+            with contextlib.suppress(queue.Empty):
+                self._note(self._events.get(timeout=0.02))
+        if self._process.poll() is None:
+            self._process.kill()
+        self._process.wait()
+        while any(thread.is_alive() for thread in self._threads) and time.perf_counter() < deadline:
+            with contextlib.suppress(queue.Empty):
+                self._note(self._events.get(timeout=0.02))
+        while not self._events.empty():
+            self._note(self._events.get_nowait())
+        if not any(thread.is_alive() for thread in self._threads):  # else: something escaped with the pipe in its hand
+            for pipe in (self._process.stdout, self._process.stderr):
+                if pipe is not None:
+                    pipe.close()
+
+    @property
+    def cpu_ms(self) -> float | None:
+        """The processor time of all of the component's processes, once closed; None where it is not told."""
+        return self._cpu_ms
+
+    @property
+    def tail(self) -> str:
+        """The last that was written to standard error."""
+        return self._tail.decode("utf-8", "replace")
+
+    @property
+    def pid(self) -> int:
+        """The keeper's process id."""
+        return self._process.pid
+
+    def _commands(self) -> IO[bytes]:
+        assert self._process.stdin is not None
+        return self._process.stdin
+
+    def _as_json(self, order: Order) -> dict[str, Any]:
+        return {
+            "mark": self._mark.decode(),
+            "words": order.words,
+            "folder": str(order.folder),
+            "environment": dict(order.environment),
+            "join": [str(file) for file in order.join],
+            "signal": order.stop.signal,
+            "grace_ms": float(order.stop.grace),
+        }
+
+    def _tell(self, line: str) -> None:
+        try:
+            self._commands().write(line.encode("ascii") + b"\n")
+        except OSError as error:
+            raise KeeperLost(self._name, f"its keeper (process {self._process.pid}) is gone") from error
+
+    def _word(self, said: dict[str, Any]) -> Event:
+        match said:
+            case {"event": "started", "at": at}:
+                return Started(at=at)
+            case {"event": "ended", "at": at, "code": code, "signal": number}:
+                return Ended(at=at, code=code, signal=number)
+            case {"event": "cannot", "says": says}:
+                raise CannotStart(self._name, says)
+            case _:
+                raise KeeperLost(self._name, f"its keeper (process {self._process.pid}) ended: {self.tail[-200:]}")
+
+    def _note(self, events: list[Event | dict[str, Any]]) -> None:
+        for event in events:
+            if isinstance(event, dict) and event.get("event") == "bye":
+                self._cpu_ms = event["cpu_ms"]
+
+    def _hear(self, stream: IO[bytes]) -> None:
+        """In a thread: read standard output to its end."""
+        lines = _Lines(self._mark)
+        while piece := _read(stream):
+            events = lines.cut(piece, time.perf_counter())
+            if self._deaf.is_set() or self._quiet.is_set():
+                events = [one for one in events if not isinstance(one, Line | TooLong)]
+            if events:
+                self._put(events)
+        self._put([{"event": "gone"}])
+
+    def _put(self, events: list[Event | dict[str, Any]]) -> None:
+        self._events.put(events)
+
+    def _remember(self, stream: IO[bytes]) -> None:
+        """In a thread: keep the end of standard error."""
+        while piece := _read(stream):
+            self._tail = (self._tail + piece)[-TAIL:]
+
+
+class _Lines:
+    """Cuts a stream into lines of a bearable length, and finds the keeper's words between them."""
+
+    def __init__(self, mark: bytes) -> None:
+        self._mark = mark
+        self._rest = b""
+        self._skipped = 0  # bytes of the line that is too long; 0: none is
+
+    def cut(self, piece: bytes, at: float) -> list[Event | dict[str, Any]]:
+        """What this piece completes."""
+        found: list[Event | dict[str, Any]] = []
+        *lines, rest = (self._rest + piece).split(b"\n")
+        for line in lines:
+            if self._skipped:
+                self._skipped = 0  # its end
+            elif line.startswith(self._mark):
+                found.append(json.loads(line[len(self._mark) :]))
+            elif len(line) > LONGEST_LINE:
+                found.append(TooLong(at=at))
+            elif line.strip():
+                found.append(Line(at=at, text=line.decode("utf-8", "replace").rstrip("\r"), size=len(line)))
+        if self._skipped:
+            before, self._skipped = self._skipped, self._skipped + len(rest)
+            if before < FLOOD <= self._skipped:
+                found.append(TooLong(at=at, flood=True))
+            rest = b""
+        elif len(rest) > LONGEST_LINE:
+            found.append(TooLong(at=at))
+            self._skipped, rest = len(rest), b""
+        self._rest = rest
+        return found
+
+
+def _read(stream: IO[bytes]) -> bytes:
+    try:
+        return os.read(stream.fileno(), PIECE)
+    except (OSError, ValueError):
+        return b""

@@ -1,0 +1,150 @@
+"""What is to be started: the words, the folder and the environment of a component, with every name resolved."""
+
+import os
+import shutil
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rarms_iac.model.system import Call, Command, FromEnvironment, Periodic, Run, Stop
+from rarms_iac.running.errors import CannotStart
+
+PERIOD_VARIABLE = "RARMS_PERIOD_MS"
+"""Tells a command that paces itself its period, as a number of milliseconds."""
+
+CALLER = Path(__file__).resolve().with_name("caller.py")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Inside:
+    """Where a component's processes are to be: nothing said, they run beside everything else.
+
+    `words` stand before the component's own (`chrt`, `taskset`); `join` are files that take the process' id before
+    the component begins (`cgroup.procs`), so that nothing of it ever runs outside.
+    """
+
+    words: tuple[str, ...] = ()
+    join: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Order:
+    """A process as the keeper starts it."""
+
+    name: str
+    words: tuple[str, ...]  # the program's whole path first
+    folder: Path
+    environment: Mapping[str, str]
+    stop: Stop
+    join: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Surroundings:
+    """What a component finds when it starts: the manifest's folder, rarms' own environment, and the partition."""
+
+    base: Path
+    environment: Mapping[str, str] = field(default_factory=lambda: dict(os.environ))
+    inside: Inside = field(default_factory=Inside)
+
+
+def order_of(component: str, run: Run, around: Surroundings) -> Order:
+    """How the component is started.
+
+    Raises:
+        CannotStart: a folder, a program or a variable of rarms' own environment is not there.
+    """
+    folder = around.base / run.folder
+    if not folder.is_dir():
+        raise CannotStart(component, f"its folder {folder} is not there")
+    environment = environment_of(component, run, around.environment)
+    return order_of_words(component, _words(run, around.base), folder, around, environment=environment, stop=run.stop)
+
+
+def order_of_words(
+    name: str,
+    words: tuple[str, ...],
+    folder: Path,
+    around: Surroundings,
+    *,
+    environment: Mapping[str, str] | None = None,
+    stop: Stop | None = None,
+) -> Order:
+    """A program and its arguments as they are started in a folder.
+
+    Raises:
+        CannotStart: the program is not there.
+    """
+    known = around.environment if environment is None else environment
+    found = words if folder.resolve() == around.base.resolve() else tuple(_word(one, around.base) for one in words)
+    before = around.inside.words
+    program = _program(name, (*before, *found)[0], folder, known)
+    if before:
+        found = (_program(name, found[0], folder, known), *found[1:])
+    return Order(
+        name=name,
+        words=(program, *(*before, *found)[1:]),
+        folder=folder.resolve(),
+        environment=known,
+        stop=stop or Stop(),
+        join=around.inside.join,
+    )
+
+
+def environment_of(component: str, run: Run, own: Mapping[str, str]) -> dict[str, str]:
+    """Rarms' own environment with what the manifest says, and the period for a command that paces itself.
+
+    Raises:
+        CannotStart: a variable that a value is to be read from is not set.
+    """
+    environment = dict(own)
+    if isinstance(run.arrival, Periodic):
+        environment[PERIOD_VARIABLE] = f"{float(run.arrival.period):.12g}"
+    for name, value in run.environment.items():
+        if isinstance(value, FromEnvironment):
+            if value.name not in own:
+                raise CannotStart(component, f"{name} is to come from the variable {value.name}, which is not set here")
+            environment[name] = own[value.name]
+        else:
+            environment[name] = value
+    return environment
+
+
+def _words(run: Run, base: Path) -> tuple[str, ...]:
+    match run.start:
+        case Command(words=words):
+            return words
+        case Call(module=module, function=function):
+            return (sys.executable, "-P", str(CALLER), str(base.resolve()), module, function, *_pace(run))
+
+
+def _pace(run: Run) -> tuple[str, str]:
+    period = str(float(run.arrival.period)) if isinstance(run.arrival, Periodic) else "0"
+    asked = any((run.samples.response_time, run.samples.success, run.samples.count))
+    return period, "values" if asked else "none"
+
+
+def _word(word: str, base: Path) -> str:
+    """A word that names a file is relative to the manifest, wherever the component runs."""
+    try:
+        names_a_file = bool(word) and not word.startswith("-") and (base / word).exists()
+    except (OSError, ValueError):  # too long, or with a character that no file's name has
+        names_a_file = False
+    return str((base / word).resolve()) if names_a_file else word
+
+
+def _program(component: str, word: str, folder: Path, environment: Mapping[str, str]) -> str:
+    if not word or "\0" in word:
+        raise CannotStart(component, "its command names no program")
+    if os.sep in word or (os.altsep and os.altsep in word):
+        path = folder.resolve() / word
+        if not path.is_file():
+            raise CannotStart(component, f"there is no program {path}")
+        return str(path)
+    found = shutil.which(word, path=environment.get("PATH", os.defpath))
+    if found is None and word in {"python3", "python"}:
+        found = sys.executable  # rarms itself runs on one: Windows has no python3, a venv is not always on the PATH
+    if found is None:
+        raise CannotStart(component, f'there is no program "{word}" on the PATH')
+    return str(Path(found).absolute())

@@ -1,0 +1,146 @@
+"""A piece of a component's output -> what it says of a job (`run.samples`)."""
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rarms_iac.model.system import Field, Samples
+
+SHOWN = 60
+"""Characters of an unreadable line that its message shows."""
+
+PATTERN_MEMORY = 2**20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """What a component said of one job."""
+
+    response_ms: float | None = None
+    successful: bool = True
+    count: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unreadable:
+    """Why something that should have been a sample is none."""
+
+    says: str
+
+
+Read = Callable[[str], Reading | Unreadable | None]
+"""A line to what it says; None where it is no sample at all."""
+
+
+def reader(samples: Samples) -> Read:
+    """How the lines of a command are read, as `run.samples` says."""
+    if samples.source == "pattern":
+        match = _matcher(samples.pattern)
+
+        def read_match(line: str) -> Reading | Unreadable | None:
+            groups = match(line)
+            return None if groups is None else read_values(samples, groups, line)
+
+        return read_match
+    return lambda line: read_json(samples, line)
+
+
+def read_json(samples: Samples, line: str) -> Reading | Unreadable:
+    """One JSON object."""
+    try:
+        values = json.loads(line, parse_constant=_refused)
+    except (ValueError, RecursionError):
+        return Unreadable(says=f"not a JSON object: {quoted(line)}")
+    if not isinstance(values, dict):
+        return Unreadable(says=f"not a JSON object: {quoted(line)}")
+    return read_values(samples, values, line)
+
+
+def read_values(samples: Samples, values: Mapping[str, Any], line: str) -> Reading | Unreadable:
+    """The fields that the manifest names, from the values of an object or of a pattern's groups.
+
+    A response time that is null (a group that took no part) is a job without an answer; it succeeded only if its
+    `success` says so.
+    """
+    response: float | None = None
+    count: float | None = 1.0
+    if samples.response_time is not None:
+        there, value = look_up(values, samples.response_time)
+        response = None if value is None else number(value)
+        if not there or (value is not None and response is None):
+            return _wrong(samples.response_time, "a time", value, line, there=there)
+        response = None if response is None else response * float(samples.response_time.factor)
+    successful: bool | None = samples.response_time is None or response is not None
+    if samples.success is not None:
+        there, value = look_up(values, samples.success)
+        successful = truth(value)
+        if successful is None:
+            return _wrong(samples.success, "1 or 0, true or false", value, line, there=there)
+    if samples.count is not None:
+        there, value = look_up(values, samples.count)
+        count = number(value)
+        if count is None:
+            return _wrong(samples.count, "a number", value, line, there=there)
+    return Reading(response_ms=response, successful=bool(successful), count=1.0 if count is None else count)
+
+
+def look_up(values: Mapping[str, Any], field: Field) -> tuple[bool, Any]:
+    """Whether the field is there, and its value: a key as it is written, or a path of keys with dots between."""
+    if field.name in values:
+        return True, values[field.name]
+    value: Any = values
+    for key in field.name.split("."):
+        if not isinstance(value, Mapping) or key not in value:
+            return False, None
+        value = value[key]
+    return True, value
+
+
+def number(value: object) -> float | None:
+    """A finite number that is not negative, also as text; None where it is none."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return None
+    try:
+        found = float(value)
+    except (ValueError, OverflowError):
+        return None
+    return found if math.isfinite(found) and found >= 0 else None
+
+
+def truth(value: object) -> bool | None:
+    """1 or 0, true or false, also as text; None where it is neither."""
+    text = str(value).strip().lower() if isinstance(value, bool | int | float | str) else ""
+    return {"1": True, "1.0": True, "true": True, "0": False, "0.0": False, "false": False}.get(text)
+
+
+def quoted(line: str) -> str:
+    """The beginning of a line, with nothing in it that a terminal would obey."""
+    short = line[:SHOWN] + ("..." if len(line) > SHOWN else "")
+    return '"' + "".join(one if one.isprintable() else repr(one)[1:-1] for one in short) + '"'
+
+
+def _matcher(pattern: str) -> Callable[[str], Mapping[str, Any] | None]:
+    import re2
+
+    options = re2.Options()
+    options.max_mem = PATTERN_MEMORY
+    options.log_errors = False
+    compiled = re2.compile(pattern, options=options)
+
+    def match(line: str) -> Mapping[str, Any] | None:
+        found = compiled.search(line)
+        return None if found is None else found.groupdict()
+
+    return match
+
+
+def _refused(name: str) -> float:
+    raise ValueError(name)
+
+
+def _wrong(field: Field, wanted: str, value: object, line: str, *, there: bool) -> Unreadable:
+    if not there:
+        return Unreadable(says=f'no field "{field.name}" in {quoted(line)}')
+    return Unreadable(says=f'the field "{field.name}" is {quoted(json.dumps(value, default=str))}, not {wanted}')

@@ -1,0 +1,88 @@
+"""Small real components for the tests: Python programs, and the `run` that starts them."""
+
+import sys
+from collections.abc import Iterable, Mapping
+from fractions import Fraction
+from pathlib import Path
+
+from rarms_iac.model.measurement import Sample
+from rarms_iac.model.quantities import Milliseconds
+from rarms_iac.model.system import (
+    Call,
+    Closed,
+    Command,
+    Elapsed,
+    Field,
+    FromEnvironment,
+    Periodic,
+    Run,
+    SampleCount,
+    Samples,
+    Stop,
+)
+from rarms_iac.running.component import ComponentRun, run_component
+from rarms_iac.running.order import Surroundings
+
+PER_RUN = Samples(source="per_run")
+JSON_LINES = Samples(source="json_lines", response_time=Field(name="ms"))
+HEARD = "import sys, time, json, os, signal\ndef say(text): print(text, flush=True)\n"
+"""What every program begins with."""
+
+
+def ms(value: float) -> Milliseconds:
+    return Milliseconds(Fraction(value))
+
+
+def a_run(
+    program: str | Call | tuple[str, ...],
+    *,
+    samples: Samples = JSON_LINES,
+    until: int | float = 3,
+    every: float | None = None,
+    timeout: float = 20_000,
+    failures: int = 0,
+    stop: Stop | None = None,
+    environment: Mapping[str, str | FromEnvironment] | None = None,
+    folder: str = ".",
+) -> Run:
+    """A `run`: Python text, words or a function; `until` is a count, or milliseconds where it is no whole number."""
+    start: Command | Call
+    match program:
+        case Call():
+            start = program
+        case tuple():
+            start = Command(words=program)
+        case str():
+            start = Command(words=(sys.executable, "-S", "-c", HEARD + program))
+    return Run(
+        start=start,
+        files=(),
+        environment=environment or {},
+        folder=folder,
+        until=SampleCount(samples=until) if isinstance(until, int) else Elapsed(time=ms(until)),
+        timeout=ms(timeout),
+        stop=stop or Stop(grace=ms(2000)),
+        arrival=Closed() if every is None else Periodic(period=ms(every)),
+        samples=samples,
+        deadline=None,
+        failures=failures,
+    )
+
+
+def component(run: Run, base: Path, environment: Mapping[str, str] | None = None) -> ComponentRun:
+    around = Surroundings(base=base) if environment is None else Surroundings(base=base, environment=dict(environment))
+    return run_component("vision", run, around)
+
+
+def all_of(run: Run, base: Path) -> list[Sample]:
+    """Every sample, the run being over and closed."""
+    with component(run, base) as one:
+        return list(one)
+
+
+def responses(samples: Iterable[Sample]) -> list[float | None]:
+    return [one.response_ms for one in samples]
+
+
+def failures(samples: Iterable[Sample]) -> list[str]:
+    return [one.failure for one in samples if one.failure]

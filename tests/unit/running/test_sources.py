@@ -1,0 +1,170 @@
+"""Where samples come from: lines of JSON, lines that match, runs, calls; and when the next job starts."""
+
+import sys
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.model.system import Call, Field, Samples
+from rarms_iac.running.record import Ending
+from tests.unit.running.programs import PER_RUN, a_run, all_of, component, failures, responses
+
+PATTERN = Samples(
+    source="pattern",
+    pattern=r"^heard .* ok=(?P<ok>[01]) s=(?P<time>[0-9.]+)",
+    response_time=Field(name="time", factor=Fraction(1000)),
+    success=Field(name="ok"),
+)
+
+
+def module(folder: Path, text: str) -> Call:
+    (folder / "parts").mkdir()
+    (folder / "parts" / "planning.py").write_text(text, encoding="utf-8")
+    return Call(module="parts.planning", function="plan")
+
+
+def test_a_json_line_is_a_sample(tmp_path: Path) -> None:
+    run = a_run("for n in range(9): say(json.dumps({'ms': n + 0.5}))\ntime.sleep(60)")
+
+    samples = all_of(run, tmp_path)
+
+    assert responses(samples) == [0.5, 1.5, 2.5]
+    assert all(one.successful and one.count == 1 for one in samples)
+
+
+def test_lines_that_match_are_samples_and_others_are_not(tmp_path: Path) -> None:
+    lines = ["model loaded", "heard stop ok=1 s=0.25", "", "noise", "heard go ok=0 s=1.5"]
+    run = a_run(f"for line in {lines}: say(line)\ntime.sleep(60)", samples=PATTERN, until=2)
+
+    samples = all_of(run, tmp_path)
+
+    assert [(one.response_ms, one.successful) for one in samples] == [(250, True), (1500, False)]
+
+
+def test_a_run_is_a_job_and_its_exit_code_its_success(tmp_path: Path) -> None:
+    program = (
+        "from pathlib import Path\nseen = Path('seen')\nfirst = not seen.exists()\nseen.touch()\n"
+        "time.sleep(0.05)\nsys.exit(0 if first else 7)"
+    )
+
+    samples = all_of(a_run(program, samples=PER_RUN, until=2), tmp_path)
+
+    assert [one.successful for one in samples] == [True, False]
+    assert failures(samples) == []
+    assert all(50 <= (one.response_ms or 0) < 5000 for one in samples)
+
+
+def test_the_schedule_of_periodic_runs_is_not_shifted_by_an_overrun(tmp_path: Path) -> None:
+    program = (
+        "from pathlib import Path\nfirst = not Path('seen').exists()\nPath('seen').touch()\n"
+        "time.sleep(0.5 if first else 0)"
+    )
+
+    samples = all_of(a_run(program, samples=PER_RUN, until=4, every=300), tmp_path)
+
+    assert [round(one.began_ms) for one in samples] == [0, 300, 600, 900]
+    assert (samples[0].response_ms or 0) >= 500
+    assert (samples[1].response_ms or 0) >= 200  # it was due at 300 and could start at 500
+
+
+def test_a_function_is_called_job_after_job(tmp_path: Path) -> None:
+    call = module(tmp_path, "import time\nprint('loading')\ndef plan():\n    print('noise')\n    time.sleep(0.01)\n")
+
+    with component(a_run(call, samples=PER_RUN, until=3), tmp_path) as one:
+        samples = list(one)
+
+    assert all(10 <= (sample.response_ms or 0) < 2000 and sample.successful for sample in samples)
+    assert samples[0].began_ms < samples[1].began_ms < samples[2].began_ms
+    assert "loading" in one.tail
+    assert one.ending is Ending.UNTIL
+
+
+def test_a_periodic_call_counts_from_its_scheduled_start(tmp_path: Path) -> None:
+    text = "import time\ntook = [0.25, 0, 0, 0]\ndef plan():\n    time.sleep(took.pop(0))\n"
+
+    samples = all_of(a_run(module(tmp_path, text), samples=PER_RUN, until=4, every=100), tmp_path)
+
+    assert [round(one.began_ms) for one in samples] == [0, 100, 200, 300]
+    assert [(one.response_ms or 0) >= least for one, least in zip(samples, (250, 150, 50, 0), strict=True)] == [
+        True
+    ] * 4
+
+
+def test_fields_of_what_a_function_returns_are_read(tmp_path: Path) -> None:
+    text = "def plan():\n    return {'way': {'found': True}, 'cells': 12}\n"
+    samples = Samples(source="json_lines", success=Field(name="way.found"), count=Field(name="cells"))
+
+    found = all_of(a_run(module(tmp_path, text), samples=samples, until=1), tmp_path)
+
+    assert [(one.successful, one.count) for one in found] == [(True, 12)]
+    assert found[0].response_ms is not None
+
+
+def test_an_exception_of_a_function_is_a_failed_sample_and_the_next_job_is_done(tmp_path: Path) -> None:
+    text = "turn = [0, 1, 1]\ndef plan():\n    return 1 / turn.pop(0)\n"
+
+    samples = all_of(a_run(module(tmp_path, text), samples=PER_RUN, until=3, failures=1), tmp_path)
+
+    assert [one.failure for one in samples] == ["ZeroDivisionError: division by zero", "", ""]
+    assert samples[0].response_ms is None
+
+
+def test_a_program_that_has_done_its_part_is_started_again(tmp_path: Path) -> None:
+    samples = all_of(a_run("say('{\"ms\": 1}')\nsay('{\"ms\": 2}')", until=5), tmp_path)
+
+    assert responses(samples) == [1, 2, 1, 2, 1]
+
+
+def test_a_setting_may_last_a_time(tmp_path: Path) -> None:
+    run = a_run("while True:\n    say('{\"ms\": 1}')\n    time.sleep(0.02)", until=400.0)
+
+    with component(run, tmp_path) as one:
+        samples = list(one)
+
+    assert one.ending is Ending.UNTIL
+    assert one.series().elapsed_ms == pytest.approx(400)
+    assert 0 < len(samples) <= 21
+    assert all(sample.began_ms < 400 for sample in samples)
+
+
+def test_a_job_that_runs_when_the_time_is_over_is_no_sample(tmp_path: Path) -> None:
+    assert all_of(a_run("time.sleep(60)", samples=PER_RUN, until=200.0), tmp_path) == []
+
+
+def test_who_reads_the_samples_may_stop_at_any_moment(tmp_path: Path) -> None:
+    run = a_run("while True: say('{\"ms\": 1}')", until=1_000_000)
+
+    with component(run, tmp_path) as one:
+        assert next(one).response_ms == 1
+        one.close()
+        one.close()
+
+    assert one.ending is Ending.CLOSED
+    assert len(one.series().samples) == 1
+
+
+def test_the_processor_time_of_all_processes_is_told(tmp_path: Path) -> None:
+    busy = "t = time.process_time()\nwhile time.process_time() - t < 0.15: pass\n"
+    run = a_run(
+        f"import subprocess\nsubprocess.run([sys.executable, '-S', '-c', {('import time' + chr(10) + busy)!r}])\n{busy}"
+        "say('{\"ms\": 1}')\ntime.sleep(60)",
+        until=1,
+    )
+
+    with component(run, tmp_path) as one:
+        list(one)
+
+    told = one.series().cpu_ms
+    if told is None:
+        assert sys.platform == "win32"
+        pytest.skip("needs posix: this system does not tell the processor time of a job")
+    assert 300 <= told < 3000
+
+
+def test_without_a_field_for_it_a_line_has_no_response_time(tmp_path: Path) -> None:
+    samples = Samples(source="json_lines", count=Field(name="frames"))
+
+    found = all_of(a_run("say('{\"frames\": 3}')\ntime.sleep(9)", samples=samples, until=1), tmp_path)
+
+    assert [(one.response_ms, one.successful, one.count, one.failure) for one in found] == [(None, True, 3, "")]
