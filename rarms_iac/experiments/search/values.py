@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from rarms_iac.model.measurement import Series, Setting
 from rarms_iac.model.system import Run, Threshold
+from rarms_iac.statistics.estimates import NoEstimate, estimate
 from rarms_iac.statistics.verdict import VERDICT_ERROR, Met, Missed, Verdict, decide, judge
 
 TOLERANCE = 0.01
@@ -58,6 +59,7 @@ class Measure:
     """Measure this setting next."""
 
     reserve: int
+    precision: float | None = None  # not before the index is known within this part of it; None: the verdict is all
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,16 +94,24 @@ def trial_of(setting: Setting, goal: Goal) -> Trial:
     return Trial(setting=setting, verdicts=found)
 
 
-def settled(series: Mapping[str, Series], goal: Goal) -> bool:
+def settled(series: Mapping[str, Series], goal: Goal, *, precision: float | None = None) -> bool:
     """Whether a setting that is being measured may stop now; to be asked at `next_look` counts of samples.
 
-    One member that misses settles it; otherwise every member must be settled.
+    One member that misses settles it; otherwise every member must be settled. The precision is `Measure.precision`.
     """
+    if precision is not None and not all(_known(series[member.name], member, precision) for member in goal.members):
+        return False
     verdicts = [
         decide(series[member.name], member.apt, member.run, error=goal.error, tolerance=goal.tolerance)
         for member in goal.members
     ]
     return any(isinstance(verdict, Missed) for verdict in verdicts) or None not in verdicts
+
+
+def _known(series: Series, member: Member, precision: float) -> bool:
+    """Whether its response times, whose mean says most to a search, are known that well; True if it shows none."""
+    mean = estimate("mean_response_time", series, member.run)
+    return isinstance(mean, NoEstimate) or mean.upper - mean.value <= precision * mean.value
 
 
 def _verdict(setting: Setting, member: Member, goal: Goal) -> Verdict:

@@ -1,0 +1,121 @@
+"""Searching a component whose truth is known: its settings are drawn job by job, until the verdict may be given."""
+
+import math
+import random
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+from benchmarks.shapes import PROCESSORS, Truth, deviation_of_logarithm
+from rarms_iac.experiments.search import Goal, Measure, Member, Step, Strategy, Trial, settled, trial_of
+from rarms_iac.model.measurement import Sample, Series, Setting
+from rarms_iac.model.quantities import Milliseconds
+from rarms_iac.model.system import AtLeast, AtMost, Closed, Command, Run, SampleCount, Samples, Stop
+from rarms_iac.statistics.verdict import next_look
+
+ALLOWED = 4000
+"""Samples a setting may have: with a CV of 15 % and a correlation of 0.5, a mean is then known within 0.4 %."""
+
+MOST_SETTINGS = 100
+NAME = "coi"
+
+
+def goal_of(truth: Truth) -> Goal:
+    """What is searched."""
+    run = Run(
+        start=Command(words=("job",)),
+        files=(),
+        environment={},
+        folder=".",
+        until=SampleCount(samples=ALLOWED),
+        timeout=Milliseconds(Fraction(60_000)),
+        stop=Stop(),
+        arrival=Closed(),
+        samples=Samples(source="json_lines"),
+        deadline=None,
+        failures=0,
+    )
+    threshold = Fraction(truth.apt)
+    if truth.limit_ms is None:
+        member = Member(name=NAME, apt={"mean_response_time": AtMost(value=threshold)}, run=run)
+    else:
+        member = Member(name=NAME, apt={"success_rate": AtLeast(value=threshold)}, run=run)
+    return Goal(members=(member,), processors=PROCESSORS)
+
+
+def jobs(truth: Truth, reserve: int) -> Iterator[tuple[Sample, float]]:
+    """Jobs without end at this CR, each with the processor time that it took; the same for the same component."""
+    chance = random.Random(f"{truth.shape}/{truth.seed}/{truth.noise}/{reserve}")
+    spread = deviation_of_logarithm(truth.noise)
+    fresh = math.sqrt(1.0 - truth.correlation**2)
+    level, state, clock = truth.level[reserve - 1], chance.gauss(0.0, 1.0), 0.0
+    while True:
+        factor = math.exp(spread * state - spread**2 / 2)
+        mode = 3.0 if truth.heavy and chance.random() < truth.heavy else 1.0
+        response = level * factor * mode
+        sample = Sample(
+            began_ms=clock,
+            response_ms=response if truth.visible else None,
+            successful=truth.limit_ms is None or response <= truth.limit_ms,
+        )
+        yield sample, truth.work * factor * mode
+        clock += response
+        state = truth.correlation * state + fresh * chance.gauss(0.0, 1.0)
+
+
+@dataclass
+class Bench:
+    """Measures settings of one component; what was drawn once is not drawn again by the next strategy."""
+
+    truth: Truth
+    goal: Goal
+    done: dict[tuple[int, float | None], Trial] = field(default_factory=dict)
+
+    def measure(self, step: Measure) -> Trial:
+        """The setting, ended as soon as its verdict may be given."""
+        key = (step.reserve, step.precision)
+        if key not in self.done:
+            self.done[key] = trial_of(self._setting(step), self.goal)
+        return self.done[key]
+
+    def _setting(self, step: Measure) -> Setting:
+        samples: list[Sample] = []
+        consumed, look = 0.0, next_look(0)
+        for sample, work in jobs(self.truth, step.reserve):
+            samples.append(sample)
+            consumed += work
+            if len(samples) < min(look, ALLOWED):
+                continue
+            series = self._series(samples, consumed, step.reserve)
+            if len(samples) >= ALLOWED or settled({NAME: series}, self.goal, precision=step.precision):
+                return Setting(reserve=step.reserve, series=(series,))
+            look = next_look(len(samples))
+        raise AssertionError("jobs never end")
+
+    def _series(self, samples: list[Sample], consumed: float, reserve: int) -> Series:
+        last = samples[-1]
+        elapsed = last.began_ms + (last.response_ms or self.truth.level[reserve - 1])
+        return Series(component=NAME, samples=tuple(samples), elapsed_ms=elapsed, cpu_ms=consumed)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Walk:
+    """A whole search: its settings in order, and how it ended."""
+
+    trials: tuple[Trial, ...]
+    end: Step
+
+    @property
+    def samples(self) -> int:
+        return sum(len(series.samples) for trial in self.trials for series in trial.setting.series)
+
+
+def walk(strategy: Strategy | Callable[[list[Trial], Goal], Step], bench: Bench) -> Walk:
+    """What the strategy measures of this component until it ends."""
+    history: list[Trial] = []
+    while len(history) < MOST_SETTINGS:
+        step = strategy(history, bench.goal)
+        if not isinstance(step, Measure):
+            return Walk(trials=tuple(history), end=step)
+        history.append(bench.measure(step))
+    raise AssertionError(f"{bench.truth.shape} {bench.truth.seed}: no end after {MOST_SETTINGS} settings")
