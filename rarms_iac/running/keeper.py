@@ -97,8 +97,12 @@ class Keeper:
         if self._order["signal"] == "KILL":
             self._kill_at = time.perf_counter()
         else:
+            self._send(getattr(signal, "SIG" + self._order["signal"]))
+
+    def _send(self, number: int) -> None:
+        for pid in descendants(os.getpid()) if self._prctl else [-self._pid]:  # negative: its process group
             with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.killpg(self._pid, getattr(signal, "SIG" + self._order["signal"]))
+                os.kill(pid, number)
 
     def _start(self) -> None:
         self._due = None
@@ -161,9 +165,7 @@ class Keeper:
             return
         until = time.perf_counter() + KILLING_S
         while self._pid and time.perf_counter() < until:
-            for pid in descendants(os.getpid()) if self._prctl else [-self._pid]:  # negative: its process group
-                with contextlib.suppress(ProcessLookupError, PermissionError):
-                    os.kill(pid, signal.SIGKILL)
+            self._send(signal.SIGKILL)
             select.select([self._woken], [], [], PAUSE_S)
             with contextlib.suppress(BlockingIOError):
                 os.read(self._woken, 4096)

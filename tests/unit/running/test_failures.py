@@ -1,0 +1,223 @@
+"""Failed samples: what dies, hangs, raises, floods or cannot be read is unsuccessful, shown, and never dropped."""
+
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.model.quantities import show_milliseconds
+from rarms_iac.model.system import Call, Field, FromEnvironment, Run, Samples, Stop
+from rarms_iac.running.errors import CannotStart
+from rarms_iac.running.order import Surroundings
+from rarms_iac.running.record import Ending
+from tests.needs import ON_WINDOWS
+from tests.unit.running.programs import PER_RUN, a_run, all_of, component, failures, ms, responses
+
+PATIENT = 6000 if ON_WINDOWS else 700
+"""A time-out that a small program keeps where its interpreter starts at its usual speed."""
+
+GOOD = "say('{\"ms\": 1}')\n"
+
+
+def test_an_unreadable_line_is_a_failed_sample_and_the_next_is_read(tmp_path: Path) -> None:
+    samples = all_of(a_run(f"say('oops')\n{GOOD}time.sleep(60)", until=2, failures=1), tmp_path)
+
+    assert [(one.response_ms, one.successful) for one in samples] == [(None, False), (1, True)]
+    assert failures(samples) == ['not a JSON object: "oops"']
+
+
+def test_bytes_that_are_no_text_are_an_unreadable_line(tmp_path: Path) -> None:
+    program = f"os.write(1, bytes(range(256)) + b'\\n')\n{GOOD}time.sleep(60)"
+
+    samples = all_of(a_run(program, until=3, failures=2), tmp_path)
+
+    assert [one.successful for one in samples] == [False, False, True]  # it holds a line end
+    assert all(one.isprintable() for one in failures(samples))
+
+
+def test_a_job_without_an_answer_is_no_failed_sample(tmp_path: Path) -> None:
+    samples = all_of(a_run("say('{\"ms\": null}')\ntime.sleep(60)", until=1), tmp_path)
+
+    assert [(one.response_ms, one.successful, one.failure) for one in samples] == [(None, False, "")]
+
+
+def test_more_failed_samples_than_allowed_end_the_setting(tmp_path: Path) -> None:
+    with component(a_run("while True: say('oops')", until=100, failures=2), tmp_path) as one:
+        samples = list(one)
+
+    assert len(samples) == one.failed == 3
+    assert one.ending is Ending.FAILURES
+
+
+def test_a_program_that_ends_with_another_code_is_a_failed_sample_and_starts_again(tmp_path: Path) -> None:
+    samples = all_of(a_run(f"{GOOD}sys.exit(3)", until=4, failures=9), tmp_path)
+
+    assert responses(samples) == [1, None, 1, None]
+    assert failures(samples) == ["it ended with exit code 3"] * 2
+
+
+def test_a_program_that_ends_without_a_sample_is_a_failed_sample(tmp_path: Path) -> None:
+    assert failures(all_of(a_run("say('')", until=2, failures=9), tmp_path)) == ["it ended without a sample"] * 2
+
+
+@pytest.mark.needs("posix")
+@pytest.mark.parametrize("samples", [PER_RUN, Samples(source="json_lines")], ids=["per run", "lines"])
+def test_death_by_a_signal_is_a_failed_sample(tmp_path: Path, samples: Samples) -> None:
+    found = all_of(a_run("os.kill(os.getpid(), signal.SIGSEGV)", samples=samples, until=1), tmp_path)
+
+    assert [(one.response_ms, one.successful, one.failure) for one in found] == [
+        (None, False, "it was killed by SIGSEGV")
+    ]
+
+
+def test_a_run_that_takes_too_long_is_a_failed_sample_and_the_next_is_started(tmp_path: Path) -> None:
+    program = "from pathlib import Path\nif not Path('seen').exists():\n    Path('seen').touch()\n    time.sleep(60)"
+
+    samples = all_of(
+        a_run(program, samples=PER_RUN, until=2, timeout=PATIENT, failures=1, stop=Stop(signal="KILL")), tmp_path
+    )
+
+    assert failures(samples) == [f"no exit within {show_milliseconds(ms(PATIENT))}"]
+    assert [one.successful for one in samples] == [False, True]
+
+
+def test_a_program_that_says_nothing_for_too_long_is_started_again(tmp_path: Path) -> None:
+    samples = all_of(a_run(f"{GOOD}time.sleep(60)", until=3, timeout=PATIENT, failures=1), tmp_path)
+
+    assert [one.failure for one in samples] == ["", f"no sample within {show_milliseconds(ms(PATIENT))}", ""]
+
+
+def test_a_function_that_hangs_is_a_failed_sample(tmp_path: Path) -> None:
+    (tmp_path / "planning.py").write_text("import time\ndef plan():\n    time.sleep(60)\n", encoding="utf-8")
+    run = a_run(Call(module="planning", function="plan"), samples=PER_RUN, until=1, timeout=PATIENT)
+
+    assert failures(all_of(run, tmp_path)) == [f"no sample within {show_milliseconds(ms(PATIENT))}"]
+
+
+def test_a_function_that_ends_its_process_is_a_failed_sample(tmp_path: Path) -> None:
+    (tmp_path / "planning.py").write_text("import os\ndef plan():\n    os._exit(9)\n", encoding="utf-8")
+    run = a_run(Call(module="planning", function="plan"), samples=PER_RUN, until=1)
+
+    assert failures(all_of(run, tmp_path)) == ["it ended with exit code 9"]
+
+
+def test_a_line_that_is_too_long_is_a_failed_sample(tmp_path: Path) -> None:
+    program = f"say('x' * 300_000)\n{GOOD}time.sleep(60)"
+
+    samples = all_of(a_run(program, until=2, failures=1), tmp_path)
+
+    assert [one.failure for one in samples] == ["a line of more than 64 KiB", ""]
+
+
+def test_a_line_without_end_ends_the_process(tmp_path: Path) -> None:
+    run = a_run("while True: os.write(1, b'x' * 65536)", until=9, failures=1, stop=Stop(signal="KILL"))
+
+    assert failures(all_of(run, tmp_path)) == ["a line of more than 64 KiB", "a line of more than 16 MiB"]
+
+
+def test_a_flood_of_lines_that_are_no_samples_ends_the_process(tmp_path: Path) -> None:
+    samples = Samples(source="pattern", pattern="^ms=(?P<ms>[0-9]+)", response_time=Field(name="ms"))
+    run = a_run("while True: os.write(1, (b'x' * 1000 + b'\\n') * 60)", samples=samples, until=9)
+
+    assert failures(all_of(run, tmp_path)) == ["more than 16 MiB without a sample"]
+
+
+def test_output_that_nobody_reads_does_no_harm(tmp_path: Path) -> None:
+    program = "for _ in range(300):\n    os.write(1, b'x' * 65536)\n    os.write(2, b'y' * 65536)\nos.write(2, b'end')"
+
+    with component(a_run(program, samples=PER_RUN, until=1), tmp_path) as one:
+        samples = list(one)
+
+    assert [sample.successful for sample in samples] == [True]
+    assert len(one.tail) <= 4096
+    assert one.tail.endswith("yend")
+
+
+def test_the_environment_is_the_manifest_s_and_a_periodic_program_knows_its_period(tmp_path: Path) -> None:
+    program = (
+        "here = os.environ\nright = here['A'] + here['B'] == 'text secret'\n"
+        "say(json.dumps({'ms': here['RARMS_PERIOD_MS'], 'ok': right}))"
+    )
+    samples = Samples(source="json_lines", response_time=Field(name="ms"), success=Field(name="ok"))
+    run = a_run(
+        program,
+        samples=samples,
+        until=1,
+        every=33.5,
+        environment={"A": "text ", "B": FromEnvironment(name="RARMS_TEST_SECRET")},
+    )
+    own = {**Surroundings(base=tmp_path).environment, "RARMS_TEST_SECRET": "secret"}
+
+    with component(run, tmp_path, own) as one:
+        found = list(one)
+
+    assert [(sample.response_ms, sample.successful) for sample in found] == [(33.5, True)]
+
+
+def test_a_component_runs_in_its_folder_and_words_that_name_files_are_the_manifest_s(tmp_path: Path) -> None:
+    (tmp_path / "data").mkdir()
+    (tmp_path / "vision.py").write_text(
+        "import json, os\nprint(json.dumps({'ms': 1, 'in': os.path.basename(os.getcwd())}))", encoding="utf-8"
+    )
+    samples = Samples(source="pattern", pattern='"in": "(?P<ok>data)"')
+
+    found = all_of(a_run((sys.executable, "vision.py"), samples=samples, until=1, folder="data"), tmp_path)
+
+    assert failures(found) == []
+
+
+CANNOT = {
+    "program": (a_run(("no-such-program-anywhere",)), 'there is no program "no-such-program-anywhere" on the PATH'),
+    "path": (a_run(("./missing",)), "there is no program"),
+    "folder": (a_run("", folder="missing"), "its folder"),
+    "variable": (
+        a_run("", environment={"A": FromEnvironment(name="RARMS_NOT_SET")}),
+        "A is to come from the variable RARMS_NOT_SET, which is not set here",
+    ),
+    "module": (a_run(Call(module="nothing.here", function="plan")), "ModuleNotFoundError: No module named 'nothing'"),
+    "no function": (a_run(Call(module="math", function="pi")), "math:pi is not a function"),
+}
+
+
+@pytest.mark.parametrize(("run", "says"), CANNOT.values(), ids=CANNOT.keys())
+def test_what_cannot_be_started_is_told(tmp_path: Path, run: Run, says: str) -> None:
+    with pytest.raises(CannotStart) as told:
+        all_of(run, tmp_path)
+
+    assert told.value.says.startswith(says)
+    assert told.value.component == "vision"
+
+
+@pytest.mark.needs("posix")
+def test_a_program_that_the_system_refuses_cannot_be_started(tmp_path: Path) -> None:
+    (tmp_path / "vision").write_bytes(b"\x7fnothing that can be run")
+    (tmp_path / "vision").chmod(0o755)
+
+    with pytest.raises(CannotStart, match="Exec format error"):
+        all_of(a_run(("./vision",)), tmp_path)
+
+
+def test_asked_to_end_a_program_may_do_so(tmp_path: Path) -> None:
+    asked = "signal.SIGBREAK if sys.platform == 'win32' else signal.SIGINT"
+    program = (
+        f"def end(*_):\n    open('asked', 'w').close()\n    sys.exit(0)\nsignal.signal({asked}, end)\n{GOOD}"
+        "while True: time.sleep(0.01)"
+    )
+    run = a_run(program, until=1, stop=Stop(signal="INT", grace=ms(20_000)))
+
+    all_of(run, tmp_path)
+
+    if sys.platform == "win32" and not (tmp_path / "asked").exists():
+        pytest.skip("needs posix: without a console nothing can be asked with Ctrl-Break")
+    assert (tmp_path / "asked").exists()
+
+
+@pytest.mark.needs("posix")
+def test_who_does_not_end_is_killed_after_its_grace(tmp_path: Path) -> None:
+    program = f"signal.signal(signal.SIGTERM, signal.SIG_IGN)\n{GOOD}while True: time.sleep(1)"
+    before = time.perf_counter()
+
+    all_of(a_run(program, until=1, stop=Stop(grace=ms(300))), tmp_path)
+
+    assert 0.3 <= time.perf_counter() - before < 10
