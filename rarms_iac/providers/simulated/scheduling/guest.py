@@ -1,0 +1,98 @@
+"""The operating system of a virtual machine: strict priorities, equal threads take turns."""
+
+from heapq import heappop, heappush
+
+from rarms_iac.providers.simulated.scheduling.hypervisor import Hypervisor
+from rarms_iac.providers.simulated.scheduling.processors import Thread, VirtualProcessor
+from rarms_iac.providers.simulated.scheduling.values import VirtualMachine
+
+QUANTUM_MS = 31.2
+"""Two ticks of the 15.6 ms clock: the turn of an ordinary thread on a client Windows."""
+
+
+class OperatingSystem:
+    """Keeps the threads that are ready, and puts the highest on VPs."""
+
+    __slots__ = ("_asked", "_hypervisor", "_ready", "contended", "vps")
+
+    def __init__(self, machine: VirtualMachine, hypervisor: Hypervisor) -> None:
+        shares = (machine.reserve / 100.0, machine.limit / 100.0)
+        self._hypervisor = hypervisor
+        self._ready: list[tuple[int, int, Thread]] = []
+        self._asked = 0
+        self.contended = False
+        self.vps = [
+            VirtualProcessor(self, f"{machine.name}.{number}", number, shares, machine.weight)
+            for number in range(machine.vps)
+        ]
+        for vp in self.vps:
+            hypervisor.add(vp)
+
+    def ready(self, thread: Thread) -> None:
+        """A thread has work: on the VP where it last was, on an idle one, or instead of a lower one, or later."""
+        last = thread.last
+        if last is not None and last.thread is None:
+            self._put(thread, last)
+            return
+        vp = next((one for one in self.vps if one.thread is None), None)
+        if vp is None:
+            vp = min(self.vps, key=_priority)
+            if _priority(vp) >= thread.priority:
+                self._enqueue(thread)
+                return
+            self._remove(vp)
+        self._put(thread, vp)
+
+    def finished(self, vp: VirtualProcessor) -> None:
+        """The thread's work is done: what follows may give it more at once, otherwise the next one has the VP."""
+        thread = vp.thread
+        assert thread is not None
+        vp.thread = None
+        thread.done()
+        self._fill(vp)
+
+    def quantum_over(self, vp: VirtualProcessor) -> None:
+        """The thread's turn is over: the next of its priority has the VP, and it waits behind all of them."""
+        thread = vp.thread
+        assert thread is not None
+        thread.quantum = QUANTUM_MS
+        if self._ready and -self._ready[0][0] >= thread.priority:
+            self._remove(vp)
+            self._put_next(vp)
+
+    def _fill(self, vp: VirtualProcessor) -> None:
+        if vp.thread is None and not self._put_next(vp):
+            self._hypervisor.rest(vp)
+
+    def _put_next(self, vp: VirtualProcessor) -> bool:
+        if not self._ready:
+            return False
+        _, _, thread = heappop(self._ready)
+        self.contended = bool(self._ready)
+        self._put(thread, vp)
+        return True
+
+    def _put(self, thread: Thread, vp: VirtualProcessor) -> None:
+        vp.thread = thread
+        if thread.quantum <= 0.0:
+            thread.quantum = QUANTUM_MS
+        thread.last = vp
+        if vp.lp is None and not vp.waiting:
+            self._hypervisor.wake(vp)
+        self._hypervisor.changed = True
+
+    def _remove(self, vp: VirtualProcessor) -> None:
+        if vp.lp is not None:
+            self._hypervisor.settle(vp.lp)
+        if vp.thread is not None:
+            self._enqueue(vp.thread)
+        vp.thread = None
+
+    def _enqueue(self, thread: Thread) -> None:
+        self._asked += 1
+        heappush(self._ready, (-thread.priority, self._asked, thread))
+        self.contended = True
+
+
+def _priority(vp: VirtualProcessor) -> int:
+    return vp.thread.priority if vp.thread is not None else -1

@@ -1,0 +1,254 @@
+"""The hypervisor: which VP runs on which LP (docs/scheduling-model.md has the rules and their reasons)."""
+
+from collections.abc import Callable
+from functools import partial
+from math import inf
+
+from rarms_iac.providers.simulated.scheduling.agenda import INSTANT, Agenda
+from rarms_iac.providers.simulated.scheduling.processors import (
+    CLAIM,
+    LATE,
+    NOTHING,
+    LogicalProcessor,
+    VirtualProcessor,
+)
+from rarms_iac.providers.simulated.scheduling.values import Piece
+
+SHORTEST_TURN_MS = 2.0
+"""A waiting VP must have saved claim for this much time before it interrupts one without: VPs do not thrash."""
+
+SLICE_MS = 10.0
+"""How long one VP runs of what is left over before another of less use (by weight) takes its turn."""
+
+
+class Hypervisor:
+    """Places VPs on LPs; tells the guest (`finished`, `quantum_over`) when a thread's work or turn is over."""
+
+    __slots__ = ("_agenda", "_trace", "_waiting", "_window", "changed", "lps", "vps")
+
+    def __init__(self, agenda: Agenda, lps: int, window_ms: float, trace: Callable[[Piece], None] | None) -> None:
+        self._agenda = agenda
+        self._window = window_ms
+        self._trace = trace
+        self._waiting: list[VirtualProcessor] = []
+        self.lps = [LogicalProcessor(number) for number in range(lps)]
+        for lp in self.lps:
+            lp.due = partial(self._lp_due, lp)
+        self.vps: list[VirtualProcessor] = []
+        self.changed = False
+
+    def add(self, vp: VirtualProcessor) -> None:
+        """Takes an idle VP in; its first LP is the one of its number, so that equals spread alike."""
+        vp.home = self.lps[vp.number % len(self.lps)]
+        vp.due = partial(self._look_again, vp)
+        vp.refill(0, self._window)
+        self.vps.append(vp)
+
+    def wake(self, vp: VirtualProcessor) -> None:
+        """The VP has a thread again."""
+        vp.accrue(self._agenda.now, self._window)
+        vp.used = max(vp.used, min((one.used for one in self._waiting), default=vp.used))
+        self._queue(vp)
+
+    def rest(self, vp: VirtualProcessor) -> None:
+        """The VP has no thread any more; what it had not used of its claim is kept for the window."""
+        now = self._agenda.now
+        if vp.lp is None:
+            vp.accrue(now, self._window)
+            self._waiting.remove(vp)
+        else:
+            self.settle(vp.lp)
+            vp.lp.vp = None
+            vp.lp = None
+        vp.turn += 1
+        vp.waiting = False
+        vp.claim = min(vp.claim, vp.reserve * self._window)
+        vp.since = now
+        self.changed = True
+
+    def take(self, lp: LogicalProcessor, duration: float, name: str, then: Callable[[], None] | None = None) -> None:
+        """Takes the LP from whatever runs there; the VP stays and waits on it, since this is short."""
+        self.settle(lp)
+        if not lp.taken:
+            lp.taken_left = duration
+        lp.taken.append((duration, name, then))
+        self.changed = True
+
+    def settle(self, lp: LogicalProcessor) -> None:
+        """Accounts for what the LP did since it was last settled."""
+        now = self._agenda.now
+        elapsed = now - lp.since
+        if elapsed <= 0.0:
+            return
+        if self._trace is not None:
+            self._trace(Piece(lp.number, lp.since, now, lp.doing()))
+        lp.since = now
+        if lp.taken:
+            lp.taken_left -= elapsed
+            if lp.vp is not None:
+                lp.vp.claim += lp.vp.reserve * elapsed
+        elif lp.vp is not None:
+            lp.vp.consume(elapsed)
+
+    def settle_all(self) -> None:
+        """Accounts for everything up to now."""
+        for lp in self.lps:
+            self.settle(lp)
+
+    def decide(self) -> None:
+        """Gives every LP to the VP that should have it now, and asks to be called again when that may change."""
+        self.changed = False
+        self.settle_all()
+        self._throttle()
+        placed = bool(self._waiting)
+        while placed:
+            placed = any(self._place(vp) for vp in self._in_order())
+        for lp in self.lps:
+            self._arm(lp)
+
+    def _queue(self, vp: VirtualProcessor) -> None:
+        vp.lp = None
+        vp.waiting = True
+        vp.since = self._agenda.now
+        self._waiting.append(vp)
+        self._look_later(vp)
+        self.changed = True
+
+    def _throttle(self) -> None:
+        for lp in self.lps:
+            vp = lp.vp
+            if vp is not None and vp.limit < 1.0 and self._left_of_limit(vp) <= INSTANT:
+                lp.vp = None
+                self._queue(vp)
+
+    def _left_of_limit(self, vp: VirtualProcessor) -> float:
+        vp.refill(int((self._agenda.now + INSTANT) / self._window), self._window)
+        return vp.limit_left
+
+    def _in_order(self) -> list[VirtualProcessor]:
+        now = self._agenda.now
+        waiting = []
+        for vp in self._waiting:
+            if vp.limit < 1.0 and self._left_of_limit(vp) <= INSTANT:
+                continue
+            vp.accrue(now, inf)
+            waiting.append((-self._standing(vp), -vp.saved(), vp.used, vp))
+        if len(waiting) > 1:
+            waiting.sort(key=lambda one: one[:3])
+        return [vp for *_, vp in waiting]
+
+    def _standing(self, vp: VirtualProcessor) -> int:
+        """LATE: its reserve must be honoured now. CLAIM: it may use it. NOTHING: it lives on what is left over."""
+        saved = vp.saved()
+        if saved >= self._window - INSTANT:
+            return LATE
+        return CLAIM if saved >= (SHORTEST_TURN_MS - INSTANT if vp.waiting else INSTANT) else NOTHING
+
+    def _place(self, vp: VirtualProcessor) -> bool:
+        lp = self._lp_for(vp)
+        if lp is None:
+            return False
+        other = lp.vp
+        if other is not None:
+            lp.vp = None
+            self._queue(other)
+        self._waiting.remove(vp)
+        vp.waiting = False
+        vp.turn += 1
+        vp.lp = vp.home = lp
+        lp.vp = vp
+        lp.slice_until = self._agenda.now + SLICE_MS
+        return True
+
+    def _lp_for(self, vp: VirtualProcessor) -> LogicalProcessor | None:
+        home = vp.home
+        free = [lp for lp in self.lps if lp.vp is None]
+        if free:
+            return min(free, key=lambda lp: (bool(lp.taken), lp is not home))
+        if self._outranks(vp, home):
+            return home
+        if self._standing(vp) == LATE:
+            weakest = min(self.lps, key=self._strength)
+            if self._outranks(vp, weakest):
+                return weakest
+        return None
+
+    def _strength(self, lp: LogicalProcessor) -> tuple[int, float]:
+        return (self._standing(lp.vp), lp.vp.saved()) if lp.vp is not None else (NOTHING, 0.0)
+
+    def _outranks(self, vp: VirtualProcessor, lp: LogicalProcessor) -> bool:
+        other = lp.vp
+        assert other is not None
+        mine, its = self._standing(vp), self._standing(other)
+        if mine != its:
+            return mine > its
+        if mine == LATE:
+            return vp.saved() > other.saved() + SHORTEST_TURN_MS
+        return mine == NOTHING and self._agenda.now >= lp.slice_until - INSTANT and vp.used < other.used
+
+    def _arm(self, lp: LogicalProcessor) -> None:
+        """Asks for the next moment at which something may change on this LP by itself."""
+        delay = lp.taken_left if lp.taken else self._undisturbed(lp)
+        at = self._agenda.now + max(delay, 0.0)
+        if at != lp.armed_at:
+            lp.turn += 1
+            lp.armed_at = at
+            if at != inf:
+                self._agenda.at(at, lp, lp.due)
+
+    def _undisturbed(self, lp: LogicalProcessor) -> float:
+        vp = lp.vp
+        if vp is None or vp.thread is None:
+            return inf
+        delay = min(vp.thread.remaining, vp.quantum_left())
+        if self._waiting:
+            if vp.claim <= INSTANT:
+                if lp.slice_until <= self._agenda.now + INSTANT:
+                    lp.slice_until = self._agenda.now + SLICE_MS
+                delay = min(delay, lp.slice_until - self._agenda.now)
+            elif vp.reserve < 1.0:
+                delay = min(delay, vp.claim / (1.0 - vp.reserve))
+        if vp.limit < 1.0:
+            delay = min(delay, self._left_of_limit(vp), self._to_next_window())
+        return delay
+
+    def _to_next_window(self) -> float:
+        now = self._agenda.now
+        return (int((now + INSTANT) / self._window) + 1) * self._window - now
+
+    def _lp_due(self, lp: LogicalProcessor) -> None:
+        lp.armed_at = inf
+        self.changed = True
+        self.settle(lp)
+        if lp.taken:
+            if lp.taken_left <= INSTANT:
+                _, _, then = lp.taken.popleft()
+                if lp.taken:
+                    lp.taken_left = lp.taken[0][0]
+                if then is not None:
+                    then()
+            return
+        vp = lp.vp
+        if vp is not None and vp.thread is not None:
+            if vp.thread.remaining <= INSTANT:
+                vp.guest.finished(vp)
+            elif vp.quantum_left() <= INSTANT:
+                vp.guest.quantum_over(vp)
+
+    def _look_again(self, vp: VirtualProcessor) -> None:
+        self.changed = True
+        self._look_later(vp)
+
+    def _look_later(self, vp: VirtualProcessor) -> None:
+        """A waiting VP gains standing as its claim grows, and by the next window if it is at its limit."""
+        vp.turn += 1
+        vp.accrue(self._agenda.now, inf)
+        delay = inf
+        if vp.reserve > 0.0:
+            saved = vp.saved()
+            steps = (SHORTEST_TURN_MS - saved, self._window - saved, SHORTEST_TURN_MS)
+            delay = next(step for step in steps if step > INSTANT)
+        if vp.limit < 1.0 and self._left_of_limit(vp) <= INSTANT:
+            delay = min(delay, self._to_next_window())
+        if delay != inf:
+            self._agenda.after(delay, vp, vp.due)

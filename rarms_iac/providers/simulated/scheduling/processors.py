@@ -1,0 +1,153 @@
+"""What the hypervisor keeps of an LP and of a VP."""
+
+from collections import deque
+from collections.abc import Callable
+from math import inf
+from typing import Protocol
+
+from rarms_iac.providers.simulated.scheduling.agenda import INSTANT, Action, Owner
+from rarms_iac.providers.simulated.scheduling.values import IDLE
+
+NOTHING, CLAIM, LATE = 0, 1, 2
+"""The standings of a VP; the higher one runs."""
+
+
+class Account:
+    """The processor time that somebody consumed."""
+
+    __slots__ = ("consumed",)
+
+    def __init__(self) -> None:
+        self.consumed = 0.0
+
+
+class Thread:
+    """A thread of a guest, with the work before it."""
+
+    __slots__ = ("account", "done", "last", "priority", "quantum", "remaining")
+
+    def __init__(self, priority: int, account: Account, done: Action) -> None:
+        self.priority = priority
+        self.account = account
+        self.done = done
+        self.remaining = 0.0
+        self.quantum = 0.0
+        self.last: VirtualProcessor | None = None
+
+
+class Guest(Protocol):
+    """What the hypervisor tells an operating system."""
+
+    @property
+    def contended(self) -> bool:
+        """Whether a thread waits there whose priority one of the running ones has."""
+
+    def finished(self, vp: "VirtualProcessor") -> None:
+        """The work of the VP's thread is done."""
+
+    def quantum_over(self, vp: "VirtualProcessor") -> None:
+        """The turn of the VP's thread is over."""
+
+
+class VirtualProcessor(Owner):
+    """A VP: shares are fractions of one LP, claim is milliseconds of reserved time not yet used."""
+
+    __slots__ = (
+        "claim",
+        "due",
+        "guest",
+        "home",
+        "limit",
+        "limit_left",
+        "limit_window",
+        "lp",
+        "name",
+        "number",
+        "reserve",
+        "since",
+        "thread",
+        "used",
+        "waiting",
+        "weight",
+    )
+
+    home: "LogicalProcessor"
+    due: Action
+
+    def __init__(self, guest: Guest, name: str, number: int, shares: tuple[float, float], weight: int) -> None:
+        super().__init__()
+        self.guest = guest
+        self.name = name
+        self.number = number
+        self.reserve, self.limit = shares
+        self.weight = weight
+        self.thread: Thread | None = None
+        self.lp: LogicalProcessor | None = None
+        self.waiting = False
+        self.claim = 0.0
+        self.since = 0.0  # up to when claim is counted while it does not run
+        self.used = 0.0  # ms of what is left over, by weight
+        self.limit_left = 0.0
+        self.limit_window = -1
+
+    def saved(self) -> float:
+        """For how long its reserve has not been used, in ms."""
+        return self.claim / self.reserve if self.reserve else 0.0
+
+    def accrue(self, now: float, window: float) -> None:
+        """Counts the claim of a VP that does not run; beyond the window it lapses (inf: somebody waits for it)."""
+        if self.lp is None:
+            if self.reserve:
+                self.claim = min(self.claim + self.reserve * (now - self.since), max(self.claim, self.reserve * window))
+            self.since = now
+
+    def consume(self, elapsed: float) -> None:
+        """Ran for so long: first of its claim, then of what is left over."""
+        thread = self.thread
+        assert thread is not None
+        thread.remaining -= elapsed
+        thread.quantum -= elapsed
+        thread.account.consumed += elapsed
+        self.limit_left -= elapsed
+        if self.claim > 0.0:
+            self.claim -= (1.0 - self.reserve) * elapsed
+            if self.claim < INSTANT:
+                self.claim = 0.0
+        else:
+            self.used += elapsed / self.weight
+
+    def refill(self, window: int, length: float) -> None:
+        """Makes its limit count anew in every window."""
+        if window != self.limit_window:
+            self.limit_window = window
+            self.limit_left = self.limit * length
+
+    def quantum_left(self) -> float:
+        """How long its thread may go on before an equal one of its guest has its turn."""
+        if self.thread is None or not self.guest.contended:
+            return inf
+        return self.thread.quantum
+
+
+class LogicalProcessor(Owner):
+    """An LP: the VP on it, and what has been taken from it for interrupts and the parent."""
+
+    __slots__ = ("armed_at", "due", "number", "since", "slice_until", "taken", "taken_left", "vp")
+
+    due: Action
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+        self.vp: VirtualProcessor | None = None
+        self.since = 0.0
+        self.armed_at = inf
+        self.slice_until = 0.0
+        self.taken: deque[tuple[float, str, Callable[[], None] | None]] = deque()
+        self.taken_left = 0.0
+
+    def doing(self) -> str:
+        """What the LP does now, as the trace names it."""
+        if self.taken:
+            return self.taken[0][1]
+        return self.vp.name if self.vp is not None else IDLE

@@ -1,0 +1,217 @@
+"""What runs in the guests: components with their jobs, and interfering loads."""
+
+from collections import deque
+from collections.abc import Callable
+from math import ceil, inf, log, sqrt
+from random import Random
+
+from rarms_iac.providers.simulated.scheduling import browsers
+from rarms_iac.providers.simulated.scheduling.agenda import Action, Agenda, Owner
+from rarms_iac.providers.simulated.scheduling.guest import OperatingSystem
+from rarms_iac.providers.simulated.scheduling.hypervisor import Hypervisor
+from rarms_iac.providers.simulated.scheduling.processors import Account, LogicalProcessor, Thread
+from rarms_iac.providers.simulated.scheduling.values import INTERRUPT, ORDINARY, PARENT, Demand, Every, JobDone
+
+LEAST_WORK_MS = 1e-3
+
+
+class Variation:
+    """Draws durations of a given mean and coefficient of variation: log-normal, so never negative."""
+
+    __slots__ = ("_random", "_shift", "_sigma")
+
+    def __init__(self, random: Random, per_cent: float) -> None:
+        variance = log(1.0 + (per_cent / 100.0) ** 2)
+        self._random = random
+        self._sigma = sqrt(variance)
+        self._shift = -variance / 2.0
+
+    def of(self, mean: float) -> float:
+        """One duration."""
+        if not self._sigma or not mean:
+            return mean
+        return mean * self._random.lognormvariate(self._shift, self._sigma)
+
+
+class Component(Owner):
+    """Runs the jobs of one component."""
+
+    def __init__(
+        self, demand: Demand, system: OperatingSystem, agenda: Agenda, random: Random, tell: Callable[[JobDone], None]
+    ) -> None:
+        super().__init__()
+        self.account = Account()
+        self._demand = demand
+        self._system = system
+        self._agenda = agenda
+        self._tell = tell
+        self._variation = Variation(random, demand.varies)
+        self._threads = [Thread(demand.priority, self.account, self._thread_done) for _ in range(demand.threads)]
+        self._busy = 0
+        self._due = 0.0
+
+    def begin(self) -> None:
+        """Begins the job that is due: it first waits, then works."""
+        blocked = self._variation.of(self._demand.blocked_ms)
+        if blocked > 0.0:
+            self._agenda.after(blocked, self, self._work)
+        else:
+            self._work()
+
+    def _work(self) -> None:
+        work = max(LEAST_WORK_MS, self._variation.of(self._demand.work_ms)) / len(self._threads)
+        self._busy = len(self._threads)
+        for thread in self._threads:
+            thread.remaining = work
+        for thread in self._threads:
+            self._system.ready(thread)
+
+    def _thread_done(self) -> None:
+        self._busy -= 1
+        if not self._busy:
+            self._answer()
+
+    def _answer(self) -> None:
+        demand, now = self._demand, self._agenda.now
+        response = now - self._due
+        within = demand.success_within_ms
+        successful = within is None or response <= within
+        self._tell(JobDone(demand.component, self._due, response, successful, self.account.consumed))
+        self._due = self._due + demand.arrival.period_ms if isinstance(demand.arrival, Every) else now
+        if self._due <= now:
+            self.begin()
+        else:
+            self._agenda.at(self._due, self, self.begin)
+
+
+class Devices:
+    """How interrupts and the parent take LPs: in short pieces, on every LP in turn."""
+
+    def __init__(self, hypervisor: Hypervisor) -> None:
+        self._hypervisor = hypervisor
+        self._turn = 0
+
+    def interrupt(self, duration: float) -> None:
+        """ISRs and DPCs of this duration, spread over the LPs; nobody waits for their end."""
+        pieces = max(1, ceil(duration / browsers.PIECE_MS))
+        for _ in range(pieces):
+            self._hypervisor.take(self._next(), duration / pieces, INTERRUPT)
+
+    def parent(self, duration: float, then: Action) -> None:
+        """The parent works for a guest, piece by piece; `then` follows."""
+        piece = min(duration, browsers.PIECE_MS)
+        rest = duration - piece
+        after = then if rest < LEAST_WORK_MS else lambda: self.parent(rest, then)
+        self._hypervisor.take(self._next(), piece, PARENT, after)
+
+    def _next(self) -> LogicalProcessor:
+        self._turn = (self._turn + 1) % len(self._hypervisor.lps)
+        return self._hypervisor.lps[self._turn]
+
+
+class Screen:
+    """The one screen of a guest: who draws on it locks it, the others wait in the order in which they came."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[Action] = deque()
+        self._locked = False
+
+    def lock(self, then: Action) -> None:
+        """`then` follows when it is one's own."""
+        if self._locked:
+            self._waiting.append(then)
+        else:
+            self._locked = True
+            then()
+
+    def release(self) -> None:
+        """Lets the next one have it."""
+        if self._waiting:
+            self._waiting.popleft()()
+        else:
+            self._locked = False
+
+
+class Browser(Owner):
+    """Decodes and draws frames, 25 a second if it can; a frame that comes late is not made up for."""
+
+    def __init__(
+        self,
+        system: OperatingSystem,
+        agenda: Agenda,
+        random: Random,
+        devices: Devices,
+        screen: Screen | None,
+        absent: float,
+    ) -> None:
+        super().__init__()
+        self._absent = absent
+        self._system = system
+        self._agenda = agenda
+        self._random = random
+        self._devices = devices
+        self._screen = screen
+        self._variation = Variation(random, 20.0)
+        self._thread = Thread(ORDINARY, Account(), self._decoded)
+        self._due = random.uniform(0.0, browsers.FRAME_MS)
+
+    def start(self) -> None:
+        """The first frame comes within the first period."""
+        self._agenda.at(self._due, self, self._frame)
+
+    def _frame(self) -> None:
+        work = browsers.DECODE_MS if self._screen else browsers.DECODE_MS + browsers.PAINT_MS
+        self._thread.remaining = self._variation.of(work)
+        self._system.ready(self._thread)
+
+    def _decoded(self) -> None:
+        if self._screen is None:
+            self._devices.interrupt(browsers.INTERRUPT_MS)
+            self._drawn()
+        else:
+            self._screen.lock(self._draw)
+
+    def _draw(self) -> None:
+        self._agenda.after(self._variation.of(browsers.PAGE_IN_MS * self._absent), self, self._paged_in)
+
+    def _paged_in(self) -> None:
+        self._devices.interrupt(browsers.INTERCEPT_MS)
+        self._devices.parent(self._variation.of(browsers.PARENT_MS), self._painted)
+
+    def _painted(self) -> None:
+        assert self._screen is not None
+        self._drawn()
+        self._screen.release()
+
+    def _drawn(self) -> None:
+        now = self._agenda.now
+        self._due = max(now, self._due + browsers.FRAME_MS)
+        self._agenda.at(self._due, self, self._frame)
+
+
+class Interrupts(Owner):
+    """ISRs and DPCs that take a given share of one LP, in pieces that come at random."""
+
+    def __init__(
+        self, lp: LogicalProcessor, share: float, hypervisor: Hypervisor, agenda: Agenda, random: Random
+    ) -> None:
+        super().__init__()
+        self._lp = lp
+        self._gap = browsers.PIECE_MS * (1.0 / share - 1.0)
+        self._hypervisor = hypervisor
+        self._agenda = agenda
+        self._random = random
+
+    def start(self) -> None:
+        """Waits for the next one."""
+        self._agenda.after(self._random.expovariate(1.0) * self._gap, self, self._come)
+
+    def _come(self) -> None:
+        self._hypervisor.take(self._lp, browsers.PIECE_MS, INTERRUPT, self.start)
+
+
+def busy_loop(system: OperatingSystem) -> None:
+    """A thread that never waits."""
+    thread = Thread(ORDINARY, Account(), lambda: None)
+    thread.remaining = inf
+    system.ready(thread)

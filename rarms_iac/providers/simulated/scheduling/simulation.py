@@ -1,0 +1,137 @@
+"""Runs a machine: `simulate(machine, seed)` tells of jobs as they end."""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from math import inf
+from random import Random
+from typing import Self, assert_never
+
+from rarms_iac.providers.simulated.scheduling import browsers
+from rarms_iac.providers.simulated.scheduling.agenda import Agenda
+from rarms_iac.providers.simulated.scheduling.guest import OperatingSystem
+from rarms_iac.providers.simulated.scheduling.hypervisor import Hypervisor
+from rarms_iac.providers.simulated.scheduling.programs import (
+    Browser,
+    Component,
+    Devices,
+    Interrupts,
+    Screen,
+    busy_loop,
+)
+from rarms_iac.providers.simulated.scheduling.values import (
+    Browsers,
+    BusyLoops,
+    JobDone,
+    Load,
+    Machine,
+    Piece,
+    Programs,
+    VirtualMachine,
+)
+
+
+class Simulation:
+    """A machine that runs: an iterator of its jobs in the order in which they end.
+
+    The same machine and seed give the same jobs. It ends at `until_ms`, if that is given, and may be left at any
+    moment: nothing needs to be closed.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        seed: int,
+        *,
+        until_ms: float = inf,
+        trace: Callable[[Piece], None] | None = None,
+    ) -> None:
+        self._seed = seed
+        self._until = until_ms
+        self._agenda = Agenda()
+        self._hypervisor = Hypervisor(self._agenda, machine.lps, machine.window_ms, trace)
+        self._devices = Devices(self._hypervisor)
+        self._done: deque[JobDone] = deque()
+        self._components: dict[str, Component] = {}
+        for one in machine.machines:
+            self._start(one)
+        if machine.interrupts:
+            for lp in self._hypervisor.lps:
+                random = self._random(f"interrupts/{lp.number}")
+                Interrupts(lp, machine.interrupts / 100.0, self._hypervisor, self._agenda, random).start()
+        self._hypervisor.decide()
+
+    @property
+    def clock_ms(self) -> float:
+        """The time of the job told last, or `until_ms` when all was told."""
+        return self._agenda.now
+
+    def consumed_ms(self, component: str) -> float:
+        """The processor time that the component has consumed until now, unfinished jobs included."""
+        self._hypervisor.settle_all()
+        return self._components[component].account.consumed
+
+    def __iter__(self) -> Iterator[JobDone]:
+        return self
+
+    def __next__(self) -> JobDone:
+        while not self._done:
+            action = self._agenda.due(self._until)
+            if action is None:
+                self._hypervisor.settle_all()
+                raise StopIteration
+            action()
+            if self._hypervisor.changed:
+                self._hypervisor.decide()
+        return self._done.popleft()
+
+    def close(self) -> None:
+        """Tells nothing more."""
+        self._until = self._agenda.now
+        self._done.clear()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _random(self, name: str) -> Random:
+        return Random(f"{self._seed}/{name}")  # noqa: S311 - repeatable noise is the purpose, not a secret
+
+    def _start(self, machine: VirtualMachine) -> None:
+        system = OperatingSystem(machine, self._hypervisor)
+        for demand in machine.components:
+            random = self._random(f"component/{demand.component}")
+            component = Component(demand, system, self._agenda, random, self._done.append)
+            self._components[demand.component] = component
+            component.begin()
+        playing = sum(load.instances for load in machine.loads if isinstance(load, Browsers))
+        absent = browsers.absent(playing, machine.memory_mib)
+        screen = Screen() if machine.partitioned else None
+        for number, load in enumerate(machine.loads):
+            self._start_load(load, machine, system, (f"{machine.name}/{number}", screen, absent))
+
+    def _start_load(
+        self, load: Load, machine: VirtualMachine, system: OperatingSystem, place: tuple[str, Screen | None, float]
+    ) -> None:
+        name, screen, absent = place
+        match load:
+            case BusyLoops(threads=threads):
+                for _ in range(machine.vps if threads is None else threads):
+                    busy_loop(system)
+            case Programs(instances=instances):
+                for _ in range(instances):
+                    busy_loop(system)
+            case Browsers(instances=instances):
+                for number in range(instances):
+                    random = self._random(f"browser/{name}/{number}")
+                    Browser(system, self._agenda, random, self._devices, screen, absent).start()
+            case _:
+                assert_never(load)
+
+
+def simulate(
+    machine: Machine, seed: int, *, until_ms: float = inf, trace: Callable[[Piece], None] | None = None
+) -> Simulation:
+    """Starts the machine at time 0; see `Simulation`. `trace` is told what every LP did, piece by piece."""
+    return Simulation(machine, seed, until_ms=until_ms, trace=trace)

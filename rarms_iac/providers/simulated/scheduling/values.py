@@ -1,0 +1,124 @@
+"""What the scheduler model is given and what it tells. Times are milliseconds, shares per cent of one's own VPs."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+ORDINARY = 8
+"""The thread priority of a program that asks for none (Windows' normal class)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OneAfterAnother:
+    """The next job begins when the last one ended (`arrival: closed`)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Every:
+    """A job begins every period, or as soon after it as the one before has ended."""
+
+    period_ms: float
+
+
+Arrival = OneAfterAnother | Every
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Demand:
+    """A component: what each of its jobs asks for. A job waits (`blocked_ms`), then works on all its threads."""
+
+    component: str
+    work_ms: float  # processor time of all threads together
+    blocked_ms: float = 0.0
+    varies: float = 0.0  # per cent: the coefficient of variation of work and blocked time
+    threads: int = 1
+    arrival: Arrival = OneAfterAnother()
+    success_within_ms: float | None = None  # None: every answer is a success
+    priority: int = ORDINARY  # 0..31: inside one operating system the higher one runs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BusyLoops:
+    """Threads that never wait (BLP); None: one a VP."""
+
+    threads: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Browsers:
+    """Browsers that stream video (`browsers.py` says what each does)."""
+
+    instances: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Programs:
+    """Any other program that never waits, so often at once."""
+
+    instances: int
+
+
+Load = BusyLoops | Browsers | Programs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VirtualMachine:
+    """An operating system on its own VPs, in a partition, or (`partitioned=False`) on the machine itself."""
+
+    name: str
+    vps: int
+    reserve: float = 0.0  # per cent of each VP, guaranteed over the machine's window
+    limit: float = 100.0  # per cent of each VP, never passed in any window
+    weight: int = 100  # its part of what is left over
+    memory_mib: float | None = None  # None: more than it needs
+    components: tuple[Demand, ...] = ()
+    loads: tuple[Load, ...] = ()
+    partitioned: bool = True  # whether its devices are the parent's, whose time its I/O then costs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Machine:
+    """Logical processors and what shares them."""
+
+    lps: int
+    machines: tuple[VirtualMachine, ...]
+    interrupts: float = 0.0  # per cent of every LP that ISRs and DPCs take from everyone
+    window_ms: float = 100.0  # a reserve is guaranteed over it, and unused claim is kept for it
+
+    def __post_init__(self) -> None:
+        """Refuses what no host would be asked: more reserved than there is, or two of one name."""
+        reserved = sum(one.vps * one.reserve for one in self.machines)
+        if reserved > self.lps * 100 + 1e-6:
+            raise ValueError(f"{reserved:g} % of one LP are reserved, and {self.lps} LPs have {self.lps * 100} %")
+        names = [one.name for one in self.machines]
+        components = [demand.component for one in self.machines for demand in one.components]
+        for listed in (names, components):
+            if len(set(listed)) != len(listed):
+                raise ValueError(f"a name stands twice in {', '.join(listed)}")
+
+
+@dataclass(frozen=True, slots=True)
+class JobDone:
+    """A job that ended."""
+
+    component: str
+    began: float  # ms since the start; of a periodic job, when it was due
+    response: float  # ms from there to its answer
+    successful: bool
+    cpu: float  # ms of processor time that its component consumed so far, this job included
+
+
+class Piece(NamedTuple):
+    """What an LP did for a while: the trace of a simulation is made of these, each LP's without gap or overlap."""
+
+    lp: int
+    began: float
+    ended: float
+    ran: str  # `P1.0` (a VP), INTERRUPT, PARENT or IDLE
+
+
+IDLE = "idle"
+INTERRUPT = "interrupt"
+PARENT = "parent"
+
+Jobs = Iterator[JobDone]

@@ -1,0 +1,46 @@
+"""From the manifest's words to the model's demands."""
+
+import pytest
+
+from rarms_iac.model.system import Browser, BusyLoop, CommandLoad
+from rarms_iac.providers.simulated.scheduling.demands import NoDemand, demand_of, load_of
+from rarms_iac.providers.simulated.scheduling.values import Browsers, BusyLoops, Demand, Every, Programs
+from tests.builders import a_component, a_run, a_simulation
+
+
+def test_a_component_s_simulation_is_its_demand() -> None:
+    asked = a_simulation(work="61.6 ms", blocked="26.4 ms", varies="5 %", threads=2, within="400 ms")
+    wanted = Demand(
+        component="vision",
+        work_ms=61.6,
+        blocked_ms=26.4,
+        varies=5.0,
+        threads=2,
+        success_within_ms=400.0,
+        priority=24,
+    )
+
+    assert demand_of(a_component("vision", simulation=asked), priority=24) == wanted
+
+
+def test_a_periodic_component_keeps_its_period() -> None:
+    video = a_component(run=a_run(every="33 ms"), simulation=a_simulation())
+
+    assert demand_of(video).arrival == Every(period_ms=33.0)
+
+
+def test_without_a_simulation_nobody_knows_the_demand() -> None:
+    with pytest.raises(NoDemand, match="vision has no `simulation`"):
+        demand_of(a_component("vision"))
+
+
+def test_a_busy_loop_is_one() -> None:
+    assert load_of(BusyLoop()) == BusyLoops()
+
+
+def test_browsers_are_browsers() -> None:
+    assert load_of(Browser(instances=5)) == Browsers(instances=5)
+
+
+def test_any_other_program_is_taken_for_one_that_never_waits() -> None:
+    assert load_of(CommandLoad(command=("stress",), instances=2)) == Programs(instances=2)

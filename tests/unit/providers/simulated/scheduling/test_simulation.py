@@ -1,0 +1,96 @@
+"""The scheduler model against schedules worked out by hand."""
+
+from itertools import islice
+
+from rarms_iac.providers.simulated.scheduling.simulation import simulate
+from rarms_iac.providers.simulated.scheduling.values import (
+    BusyLoops,
+    Demand,
+    Every,
+    JobDone,
+    Machine,
+    OneAfterAnother,
+    VirtualMachine,
+)
+
+
+def face_detection(varies: float = 0) -> Demand:
+    return Demand(component="face-detection", work_ms=61.6, blocked_ms=26.4, varies=varies)
+
+
+def bench(demand: Demand, reserve: float, *, lps: int = 2) -> Machine:
+    """The test partitions P1 with the component and P2 with a busy loop a VP."""
+    return Machine(
+        lps=lps,
+        machines=(
+            VirtualMachine(name="P1", vps=lps, reserve=reserve, components=(demand,)),
+            VirtualMachine(name="P2", vps=lps, reserve=100 - reserve, loads=(BusyLoops(),)),
+        ),
+    )
+
+
+def first(machine: Machine, count: int, seed: int = 1) -> list[JobDone]:
+    return list(islice(simulate(machine, seed), count))
+
+
+def test_alone_a_job_takes_its_blocked_time_and_its_work() -> None:
+    machine = Machine(lps=1, machines=(VirtualMachine(name="P1", vps=1, components=(face_detection(),)),))
+
+    jobs = first(machine, 3)
+
+    assert [round(job.response, 6) for job in jobs] == [88.0, 88.0, 88.0]
+    assert [round(job.began, 6) for job in jobs] == [0.0, 88.0, 176.0]
+    assert [round(job.cpu, 6) for job in jobs] == [61.6, 123.2, 184.8]
+
+
+def test_under_busy_loops_a_job_takes_its_work_over_its_reserve() -> None:
+    [*_, last] = first(bench(face_detection(), 10), 400)
+
+    assert abs((last.began + last.response) / 400 - 61.6 / 0.10) < 6.16
+
+
+def test_a_reserve_that_covers_work_over_the_whole_job_makes_it_as_fast_as_alone() -> None:
+    assert {88.0} == {round(job.response, 6) for job in first(bench(face_detection(), 75), 50)[1:]}
+
+
+def test_the_same_seed_gives_the_same_jobs_and_another_seed_others() -> None:
+    machine = bench(face_detection(varies=5), 40)
+
+    assert first(machine, 20, seed=7) == first(machine, 20, seed=7) != first(machine, 20, seed=8)
+
+
+def test_a_periodic_job_that_is_late_counts_from_when_it_was_due() -> None:
+    overrun = Demand(component="video", work_ms=15, arrival=Every(period_ms=10), success_within_ms=24)
+    machine = Machine(lps=1, machines=(VirtualMachine(name="P1", vps=1, components=(overrun,)),))
+
+    jobs = first(machine, 3)
+
+    assert [(job.began, round(job.response, 6), job.successful) for job in jobs] == [
+        (0.0, 15.0, True),
+        (10.0, 20.0, True),
+        (20.0, 25.0, False),
+    ]
+
+
+def test_parallel_work_is_done_on_all_vps_at_once() -> None:
+    wide = Demand(component="wide", work_ms=40, threads=2, arrival=OneAfterAnother())
+    machine = Machine(lps=2, machines=(VirtualMachine(name="P1", vps=2, components=(wide,)),))
+
+    assert round(first(machine, 1)[0].response, 6) == 20.0
+
+
+def test_it_ends_when_asked_and_tells_what_was_consumed() -> None:
+    simulation = simulate(bench(face_detection(), 50), 1, until_ms=1000)
+
+    jobs = list(simulation)
+
+    assert jobs
+    assert simulation.clock_ms == 1000
+    assert 490 < simulation.consumed_ms("face-detection") < 510
+
+
+def test_left_early_it_tells_nothing_more() -> None:
+    with simulate(bench(face_detection(), 50), 1) as simulation:
+        next(simulation)
+
+    assert list(simulation) == []
