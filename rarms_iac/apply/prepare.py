@@ -14,7 +14,7 @@ from rarms_iac.apply.scripts import by_hand, guest_tasks, of_the_host_itself, wi
 from rarms_iac.apply.taking_over import adoption, releasing
 from rarms_iac.apply.targets import targeted, without_change
 from rarms_iac.apply.totals import totals_of
-from rarms_iac.apply.wanted import HostWish, Wanted, nothing_wanted, wanted
+from rarms_iac.apply.wanted import FIXED, HostWish, Wanted, nothing_wanted, wanted
 from rarms_iac.diff.compare import Difference, compare
 from rarms_iac.diff.holding import hold_back
 from rarms_iac.diff.moved import part_digests
@@ -27,6 +27,7 @@ from rarms_iac.model.plan import HostPlan, Plan, Purpose
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planfile.sealing import identified
+from rarms_iac.planner.reservations import ReservationSource
 from rarms_iac.powershell.guests import GuestTask
 
 Judge = Callable[[Sequence[Diagnostic]], tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]]
@@ -55,6 +56,7 @@ class Request:
     machine: str = ""  # id of the machine to import
     state_paths: Mapping[str, str] = field(default_factory=dict)  # host -> where a simulated one's file lies
     judge: Judge = accept_nothing
+    reservations: ReservationSource = FIXED
 
     @property
     def limit(self) -> Disruption:
@@ -97,7 +99,7 @@ def prepare(request: Request, observed: Mapping[str, State]) -> Prepared:
 def _wanted(request: Request, observed: Mapping[str, State]) -> Wanted:
     match request.purpose:
         case Purpose.APPLY:
-            return wanted(request.system, observed, request.places, request.limit)
+            return wanted(request.system, observed, request.places, request.limit, request.reservations)
         case Purpose.DESTROY | Purpose.IMPORT | Purpose.RELEASE:
             return nothing_wanted(request.system, observed, request.places)
 

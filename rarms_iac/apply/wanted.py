@@ -23,7 +23,9 @@ from rarms_iac.planner.findings import MEMORY, PACKING, RESERVATIONS
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.problem import host_view
-from rarms_iac.planner.reservations import FixedReservations
+from rarms_iac.planner.reservations import FixedReservations, ReservationSource
+
+FIXED = FixedReservations()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,12 +52,18 @@ class Wanted:
     findings: tuple[Diagnostic, ...]
 
 
-def wanted(system: System, observed: Mapping[str, State], places: Places, limit: Disruption) -> Wanted:
+def wanted(
+    system: System,
+    observed: Mapping[str, State],
+    places: Places,
+    limit: Disruption,
+    reservations: ReservationSource = FIXED,
+) -> Wanted:
     """The layout that the manifest asks for, host by host; none where a host may have more than can be seen."""
     if hidden := tuple(unproven(observed.values(), places)):
         return Wanted(layout=None, hosts={}, findings=hidden)
     views = {name: host_view(state, system.application.name) for name, state in sorted(observed.items())}
-    planning = plan_layout(system, FixedReservations(), views, places, max_disruption=limit)
+    planning = plan_layout(system, reservations, views, places, max_disruption=limit)
     if not isinstance(planning.answer, Layout):
         namesakes = tuple(map(_told_first, _namesakes(system, observed, places)))
         lacking = map(_behind_a_namesake, planning.findings) if namesakes else planning.findings

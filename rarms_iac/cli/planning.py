@@ -1,12 +1,14 @@
 """Making a plan from what the options say: the manifest, the hosts or their snapshots, and the policy."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from rarms_iac.apply.doctor.checks import ASKED_BY_THE_DOCTOR
 from rarms_iac.apply.prepare import Judge, Request, prepare
 from rarms_iac.apply.void import NO_RIGHTS
+from rarms_iac.apply.wanted import FIXED
 from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.datalogs import measured_reservations, measurements_of
 from rarms_iac.cli.hosts import Hosts, observed
 from rarms_iac.cli.options import ChangeOptions
 from rarms_iac.cli.problems import Halted
@@ -15,6 +17,8 @@ from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import LOOKED_FOR
 from rarms_iac.model.diagnostics import Diagnostic, Severity, in_order
 from rarms_iac.model.plan import Plan, Purpose
+from rarms_iac.model.state import State
+from rarms_iac.planner.reservations import ReservationSource
 from rarms_iac.storage.finding_pages import known_codes
 
 _PLANNED_FOR = frozenset(known_codes()) - ASKED_BY_THE_DOCTOR
@@ -38,13 +42,13 @@ def make_plan(hosts: Hosts, wish: Wish) -> Plan:
         Halted: a host cannot be read (1), is busy (3), or the manifest's wish cannot be met (4).
     """
     states = observed(hosts)
-    prepared = prepare(request_of(hosts, wish), states)
+    prepared = prepare(request_of(hosts, wish, states), states)
     if prepared.plan is None:
         raise Halted(code_of_errors(prepared.findings), prepared.findings, hosts.opened.loaded.sources)
     return prepared.plan
 
 
-def request_of(hosts: Hosts, wish: Wish) -> Request:
+def request_of(hosts: Hosts, wish: Wish, states: Mapping[str, State]) -> Request:
     """The same as the planner wants to hear it."""
     return Request(
         system=hosts.system,
@@ -60,7 +64,15 @@ def request_of(hosts: Hosts, wish: Wish) -> Request:
         machine=wish.machine,
         state_paths={name: hosts.state_path(name) for name in hosts.system.hosts},
         judge=judge_of(hosts, wish),
+        reservations=_reservations(hosts, wish, states),
     )
+
+
+def _reservations(hosts: Hosts, wish: Wish, states: Mapping[str, State]) -> ReservationSource:
+    """What data logs say, for who wants a layout."""
+    if wish.purpose is not Purpose.APPLY:
+        return FIXED
+    return measured_reservations(measurements_of(hosts.system, hosts.folder, hosts.source), states)
 
 
 def judge_of(hosts: Hosts, wish: Wish) -> Judge:

@@ -57,6 +57,7 @@ class Cause:
     what: str  # addresses: partition/vision, host/onboard
     says: str
     code: str = ""  # of the finding that tells it
+    advice: str = ""  # what to do; empty: as the finding always says
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

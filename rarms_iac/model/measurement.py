@@ -1,8 +1,20 @@
 """What measuring yields: samples of jobs, a series a component, a setting a reservation (DESIGN section 2)."""
 
 from dataclasses import dataclass
+from fractions import Fraction
 
-from rarms_iac.model.system import ProviderKind, SchedulerType
+from rarms_iac.model.quantities import Milliseconds
+from rarms_iac.model.system import (
+    Closed,
+    Command,
+    Component,
+    ProviderKind,
+    Run,
+    SampleCount,
+    Samples,
+    SchedulerType,
+    Stop,
+)
 
 P1 = "rarms-p1"
 """The test partition of the components; what its mark calls it. No partition of a manifest may be called so."""
@@ -68,3 +80,23 @@ class EnvironmentSetup:
     limit: int  # of P1: per cent of each of its processors
     weight: int  # of P1
     beside: tuple[str, ...] = ()  # what else ran on the host, and was overridden: partitions by name
+
+
+def run_of(component: Component) -> Run:
+    """How a component is run; on a simulated host it needs no `run`, and what that would say has its usual value."""
+    return _SIMULATED_ONLY if component.run is None else component.run
+
+
+_SIMULATED_ONLY = Run(
+    start=Command(words=()),
+    files=(),
+    environment={},
+    folder=".",
+    until=SampleCount(samples=200),
+    timeout=Milliseconds(Fraction(60_000)),
+    stop=Stop(),
+    arrival=Closed(),
+    samples=Samples(source="per_run"),
+    deadline=None,
+    failures=0,
+)

@@ -172,6 +172,8 @@ def _advice(cause: Cause, ways: Sequence[str]) -> str:
         findings.TOO_WIDE.code: "Lower `processors`, or name a larger host.",
         findings.COMPANY.code: "Change `partitions`, or take the rule out.",
     }
+    if cause.advice:
+        return cause.advice
     if cause.code in usual:
         return usual[cause.code]
     if not ways:

@@ -1,4 +1,4 @@
-"""Kinds of problems that planning finds (RARMS014, RARMS100, RARMS120-139)."""
+"""Kinds of problems that planning finds (RARMS014, RARMS100-109, RARMS120-139)."""
 
 from rarms_iac.model.diagnostics import Finding, Severity
 
@@ -6,6 +6,13 @@ _ERROR, _WARNING = Severity.ERROR, Severity.WARNING
 
 RESERVATIONS = Finding(code="RARMS014", severity=_ERROR, summary="Reservations exceed the platform")
 UNMEASURED = Finding(code="RARMS100", severity=_ERROR, summary="A measured reserve without a data log")
+STALE = Finding(code="RARMS102", severity=_ERROR, summary="A data log is stale")
+INTERPOLATED = Finding(code="RARMS103", severity=_WARNING, summary="A reservation that was not itself measured")
+NOT_VERIFIED = Finding(code="RARMS104", severity=Severity.NOTE, summary="A data log could not be verified here")
+DIFFERENT = Finding(code="RARMS105", severity=_WARNING, summary="A data log was measured under another system")
+NOT_MET = Finding(code="RARMS106", severity=_ERROR, summary="No measured reservation meets the APT")
+UNREADABLE = Finding(code="RARMS107", severity=_ERROR, summary="A data log cannot be read")
+BUSY = Finding(code="RARMS108", severity=_WARNING, summary="A data log was measured beside other machines")
 MEMORY = Finding(code="RARMS120", severity=_ERROR, summary="Memory exceeds the platform")
 PACKING = Finding(code="RARMS121", severity=_ERROR, summary="Virtual processors do not fit the logical ones")
 PLACEMENT = Finding(code="RARMS122", severity=_ERROR, summary="No placement on the hosts was found")
@@ -23,6 +30,22 @@ NEIGHBOURS = Finding(
     code="RARMS129", severity=Severity.NOTE, summary="Threads of different criticality are one priority apart"
 )
 KINDS = {
-    one.code: one for one in (RESERVATIONS, UNMEASURED, MEMORY, PACKING, PLACEMENT, PARALLELISM, TOO_WIDE, COMPANY)
+    one.code: one
+    for one in (
+        RESERVATIONS,
+        UNMEASURED,
+        STALE,
+        NOT_MET,
+        UNREADABLE,
+        MEMORY,
+        PACKING,
+        PLACEMENT,
+        PARALLELISM,
+        TOO_WIDE,
+        COMPANY,
+    )
 }
 """What a `Cause` of an `Infeasible` may be."""
+
+REMARKS = {one.code: one for one in (INTERPOLATED, NOT_VERIFIED, DIFFERENT, BUSY)}
+"""What may be said of a measured reservation that was found."""

@@ -11,7 +11,7 @@ from fractions import Fraction
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.layout import Infeasible, Layout
 from rarms_iac.model.quantities import show_bytes, show_processors
-from rarms_iac.model.system import Disruption, System
+from rarms_iac.model.system import Disruption, Measured, System
 from rarms_iac.planner import findings
 from rarms_iac.planner.conflict import explained, told
 from rarms_iac.planner.problem import HostView, Problem, by_name, problem_of, solve
@@ -47,6 +47,7 @@ def plan_layout(
     notes = list(_smaller(system, hosts, places))
     if isinstance(answer, Layout):
         notes += _moves(answer, problem, places)
+        notes += _remarks(answer, problem, places)
     else:
 
         def works(system: System, views: Mapping[str, HostView], *, moving: bool) -> bool:
@@ -79,6 +80,20 @@ def _smaller(system: System, views: Mapping[str, HostView], places: Places) -> I
                 "Say what it has, or less.",
                 address=f"host/{host.name}",
             )
+
+
+def _remarks(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:
+    """What is to be said of where reservations come from."""
+    groups = {one.name: one for one in problem.groups}
+    for one in answer.partitions:
+        host = problem.system.hosts[one.host]
+        group = groups[one.name]
+        if group.wish.cpu.reserve not in (None, Measured.MEASURED):
+            continue
+        for remark in problem.reservations.remarks(group.members, host):
+            place = places.value("components", remark.what.removeprefix("component/"), "cpu", "reserve")
+            finding = findings.REMARKS[remark.code]
+            yield finding.at(place, remark.says, remark.advice, address=remark.what)
 
 
 def _moves(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:

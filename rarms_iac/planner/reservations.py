@@ -1,19 +1,28 @@
-"""Where a reservation comes from: the manifest now, a data log or an experiment later (DESIGN section 2)."""
+"""Where a reservation comes from: what the manifest fixes, or the curves of a data log (DESIGN section 2)."""
 
-from collections.abc import Hashable
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Iterable, Mapping
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Protocol
 
+from rarms_iac.model.layout import Cause
 from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, ProcessorTime, in_processors
-from rarms_iac.model.system import Component, Host, Measured
+from rarms_iac.model.system import Component, Host, Measured, Threshold
+from rarms_iac.planner import findings
+from rarms_iac.statistics.curve import Curve, LeastReserve, least_reserve
+
+Names = tuple[str, ...]
+"""Components together in one partition, in the order of their names."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotMeasured:
-    """There is no answer for these components."""
+    """There is no answer for these components, and why."""
 
-    components: tuple[str, ...]
+    components: Names
+    code: str = findings.UNMEASURED.code
+    says: str = ""  # empty: that no data log has it
+    advice: str = ""
 
 
 class ReservationSource(Protocol):
@@ -27,6 +36,10 @@ class ReservationSource(Protocol):
         """What of a host the answers depend on: hosts for which this is equal have the same answers."""
         ...
 
+    def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:
+        """What is to be said of an answer that was given: that it is interpolated, that nobody could verify it."""
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class FixedReservations:
@@ -37,18 +50,142 @@ class FixedReservations:
 
     def reservation(self, members: tuple[Component, ...], host: Host) -> CpuAmount | NotMeasured:
         """The members' fixed reserves in LPs of this host, added up."""
-        total = Fraction(0)
-        unknown = []
-        for one in members:
-            match one.cpu.reserve:
-                case Measured.MEASURED:
-                    unknown.append(one.name)
-                case None:
-                    unknown += [one.name] if one.apt else []
-                case amount:
-                    total += in_processors(amount, host.logical_processors)
-        return NotMeasured(components=tuple(unknown)) if unknown else ProcessorTime(LogicalProcessors(total))
+        unknown = to_be_measured(members)
+        return NotMeasured(components=unknown) if unknown else ProcessorTime(fixed(members, host))
 
     def depends_on(self, host: Host) -> Hashable:
         """A share of a host is of its logical processors; nothing else matters."""
         return host.logical_processors
+
+    def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:  # noqa: ARG002 - the protocol's
+        """What the manifest fixes needs no comment."""
+        return ()
+
+
+def to_be_measured(members: Iterable[Component]) -> Names:
+    """Those whose reserve comes from a measurement, by name."""
+
+    def is_open(one: Component) -> bool:
+        return one.cpu.reserve is Measured.MEASURED or (one.cpu.reserve is None and bool(one.apt))
+
+    return tuple(sorted(one.name for one in members if is_open(one)))
+
+
+def fixed(members: Iterable[Component], host: Host) -> LogicalProcessors:
+    """What the manifest fixes of the members' reserves, in LPs of this host."""
+    total = Fraction(0)
+    for one in members:
+        if one.cpu.reserve is not None and not isinstance(one.cpu.reserve, Measured):
+            total += in_processors(one.cpu.reserve, host.logical_processors)
+    return LogicalProcessors(total)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredTogether:
+    """What the data log of components in one partition says, on the hosts that it holds for."""
+
+    path: str  # as messages name it
+    processors: int  # of P1: a CR is per cent of these
+    measured: tuple[int, ...]  # the CRs that were measured, ascending
+    curves: Callable[[str, str], Curve]  # by component and index
+    remarks: tuple[Cause, ...] = ()
+    again: str = ""  # the command that measures it
+
+
+Logs = Mapping[tuple[Hashable, Names], MeasuredTogether | NotMeasured]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredReservations:
+    """What data logs say, and what the manifest fixes of components that need none.
+
+    In a partition of several the log is that of all of them together, and what the manifest fixes of some is the least
+    that they get.
+    """
+
+    kinds: Mapping[str, Hashable]  # host -> what it shares with others for which the same logs hold
+    logs: Logs  # by kind of host
+    _known: dict[Hashable, LeastReserve | None] = field(default_factory=dict, compare=False, repr=False)
+
+    def reservation(self, members: tuple[Component, ...], host: Host) -> CpuAmount | NotMeasured:
+        """The least reservation with which every APT of the members holds, as the curves say."""
+        if not to_be_measured(members):
+            return FixedReservations().reservation(members, host)
+        log = self.log(members, host)
+        if isinstance(log, NotMeasured):
+            return log
+        least = self.least(members, host)
+        if least is None:
+            return not_met(members, log)
+        looked_up = LogicalProcessors(Fraction(least.reserve * log.processors, 100))
+        return ProcessorTime(max(looked_up, fixed(members, host)))
+
+    def depends_on(self, host: Host) -> Hashable:
+        """Its processors, for what is fixed, and what data logs are compared with."""
+        return host.logical_processors, self.kinds.get(host.name)
+
+    def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:
+        """Of the log, and that the answer lies between two settings."""
+        log = self.log(members, host)
+        if not to_be_measured(members) or isinstance(log, NotMeasured):
+            return ()
+        least = self.least(members, host)
+        if least is None or not least.interpolated:
+            return log.remarks
+        return (*log.remarks, _interpolated(members, least, log))
+
+    def log(self, members: tuple[Component, ...], host: Host) -> MeasuredTogether | NotMeasured:
+        """What the data log of these components together says on this host."""
+        names = names_of(members)
+        return self.logs.get((self.kinds.get(host.name), names)) or NotMeasured(components=to_be_measured(members))
+
+    def least(self, members: tuple[Component, ...], host: Host) -> LeastReserve | None:
+        """The least CR at which every APT holds; None: none that was measured does, or there is no log."""
+        log = self.log(members, host)
+        if isinstance(log, NotMeasured):
+            return None
+        apts = tuple((one.name, index, threshold) for one in members for index, threshold in one.apt.items())
+        key = (self.kinds.get(host.name), names_of(members), apts)
+        if key not in self._known:
+            self._known[key] = least_of(log, apts)
+        return self._known[key]
+
+
+def least_of(log: MeasuredTogether, apts: Iterable[tuple[str, str, Threshold]]) -> LeastReserve | None:
+    """The least CR at which all these thresholds (component, index, threshold) hold."""
+    return least_reserve((log.curves(component, index), threshold) for component, index, threshold in apts)
+
+
+def names_of(members: Iterable[Component]) -> Names:
+    """The members' names in order, as data logs are found by."""
+    return tuple(sorted(one.name for one in members))
+
+
+def not_met(members: tuple[Component, ...], log: MeasuredTogether) -> NotMeasured:
+    """No setting of the log meets every APT of the members."""
+    names = to_be_measured(members)
+    told = " and ".join(f"{index} of {one.name}" for one in members for index in one.apt)
+    if not log.measured:
+        says = f"{log.path} holds no setting yet."
+    elif log.measured[-1] < 100:
+        says = f"No setting of {log.path} meets {told}: the highest is {log.measured[-1]} %."
+    else:
+        says = f"Threshold performance is not achievable on this platform: no setting of {log.path} meets {told}."
+    return NotMeasured(
+        components=names,
+        code=findings.NOT_MET.code,
+        says=says,
+        advice=f"Relax the APT (`rarms select {names[0]} --at ...`), or measure on: `{log.again}`.",
+    )
+
+
+def _interpolated(members: tuple[Component, ...], least: LeastReserve, log: MeasuredTogether) -> Cause:
+    below = max((one for one in log.measured if one < least.reserve), default=least.reserve)
+    above = min((one for one in log.measured if one > least.reserve), default=least.reserve)
+    return Cause(
+        what=f"component/{to_be_measured(members)[0]}",
+        says=f"{least.reserve} % for {', '.join(names_of(members))} was looked up between {below} % and {above} %, "
+        f"and not measured itself ({log.path}).",
+        code=findings.INTERPOLATED.code,
+        advice=f"Measure it: `{log.again} --verify`.",
+    )

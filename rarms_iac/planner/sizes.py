@@ -43,7 +43,8 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> Sized | C
     if isinstance(wanted, NotMeasured):
         names = ", ".join(wanted.components)
         says = f"The reservation of {names} on platform {host.platform} is to be measured, and no data log has it."
-        return Cause(what=f"component/{wanted.components[0]}", says=says, code=findings.UNMEASURED.code)
+        what = f"component/{wanted.components[0]}"
+        return Cause(what=what, says=wanted.says or says, code=wanted.code, advice=wanted.advice)
     processors = _processors(group, host)
     reserve = per_virtual_processor(wanted, processors)
     if reserve > 100:

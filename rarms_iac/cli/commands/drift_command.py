@@ -39,11 +39,11 @@ def command(session: Session, *, source: ManifestOptions, where: HostOptions, as
     limit = system.policy.max_disruption
     journals = dict(last_runs(hosts))
     left = {name: left_by(journal, system.application.name) for name, journal in journals.items()}
-    found, problems = look(system, states, opened.loaded.places, limit, left)
+    request = request_of(hosts, Wish(limits=ChangeOptions(max_disruption=Disruption.REMOVAL)), states)
+    found, problems = look(system, states, opened.loaded.places, limit, left, request.reservations)
     if not found and has_errors(problems):
         raise Halted(code_of_errors(problems), problems, opened.loaded.sources)
     # The changes say what differs, attribute by attribute; nothing is held back, so that all of them are there.
-    request = request_of(hosts, Wish(limits=ChangeOptions(max_disruption=Disruption.REMOVAL)))
     plan = prepare(request, states).plan
     changes = {
         (part.host.name, change.address): change for part in (plan.hosts if plan else ()) for change in part.changes

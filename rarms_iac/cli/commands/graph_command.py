@@ -3,13 +3,13 @@
 import click
 
 from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.datalogs import measured_reservations, measurements_of
 from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.options import ManifestOptions, json_option, manifest_options
 from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.layout import Layout
 from rarms_iac.planner.layout import plan_layout
-from rarms_iac.planner.reservations import FixedReservations
 from rarms_iac.views.graph import GraphFormat, graph_json, graph_text, nodes_of
 
 
@@ -29,7 +29,8 @@ def command(session: Session, *, source: ManifestOptions, form: str, as_json: bo
     Needs no host. Mermaid is drawn by GitHub and GitLab; DOT by Graphviz: rarms graph --format dot | dot -Tsvg.
     """
     system, opened = system_of(source)
-    planning = plan_layout(system, FixedReservations(), {}, opened.loaded.places)
+    reservations = measured_reservations(measurements_of(system, opened.loaded.folder, source), {})
+    planning = plan_layout(system, reservations, {}, opened.loaded.places)
     if not isinstance(planning.answer, Layout):
         raise Halted(ExitCode.NO, planning.findings, opened.loaded.sources)
     name, nodes = system.application.name, nodes_of(system, planning.answer)

@@ -1,0 +1,217 @@
+"""Data logs for whoever plans: found, read, compared with what is now, and made into reservations.
+
+Here and nowhere else files of measurements become values for the planner, which reads none.
+"""
+
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+from rarms_iac.cli.options import DEFAULT_MANIFEST, ManifestOptions
+from rarms_iac.datalog.files import LogUnreadable, read_log
+from rarms_iac.datalog.hashing import Files
+from rarms_iac.datalog.identity import Subject, identity_of
+from rarms_iac.datalog.log import DataLog
+from rarms_iac.datalog.paths import log_path
+from rarms_iac.datalog.staleness import BenchNow, Comparison, compare
+from rarms_iac.experiments.setup import experiment_of, interference_of
+from rarms_iac.model.layout import Cause
+from rarms_iac.model.measurement import run_of
+from rarms_iac.model.state import HostFacts, State
+from rarms_iac.model.system import Component, Host, HypervHost, Measured, ProviderKind, System
+from rarms_iac.planner import findings
+from rarms_iac.planner.groups import Group, groups_of
+from rarms_iac.planner.reservations import (
+    MeasuredReservations,
+    MeasuredTogether,
+    Names,
+    NotMeasured,
+    names_of,
+    to_be_measured,
+)
+from rarms_iac.statistics.curve import Curve, curve_of
+
+LISTED = 4
+"""Changes that one message names; more are counted."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measurements:
+    """The measurements beside a manifest."""
+
+    system: System
+    folder: Path  # the manifest's
+    options: str = ""  # of a command that is about this manifest: ` -f robot.yaml`
+
+
+def measurements_of(system: System, folder: str, source: ManifestOptions) -> Measurements:
+    """Those of the manifest that the options name."""
+    named = [] if source.manifest == DEFAULT_MANIFEST else ["-f", source.manifest]
+    laid = [word for overlay in source.overlays for word in ("--overlay", overlay)]
+    words = "".join(f" {_quoted(word)}" for word in (*named, *laid))
+    return Measurements(system=system, folder=Path(folder), options=words)
+
+
+def subject_of(system: System, host: Host, members: tuple[str, ...], interference: str) -> Subject:
+    """What a data log of these components on this host is about."""
+    experiment = experiment_of(system, host, members, interference)
+    return Subject(
+        platform=host.platform,
+        components=experiment.members,
+        setup=experiment.setup,
+        load=experiment.load,
+        tasks=system.tasks,
+    )
+
+
+def path_of(folder: Path, subject: Subject) -> Path:
+    """Where its data log lies."""
+    return log_path(folder, subject.platform, subject.setup.members, subject.setup.interference)
+
+
+def measured_reservations(measured: Measurements, states: Mapping[str, State]) -> MeasuredReservations:
+    """What the data logs say on every host of the manifest; of hosts in `states`, what was seen is compared too."""
+    system, files, read = measured.system, Files(measured.folder), cache(_read)
+    hosts = {name: (host, _bench_of(host, states)) for name, host in sorted(system.hosts.items())}
+    kinds: dict[str, Hashable] = {name: (host.platform, bench) for name, (host, bench) in hosts.items()}
+    logs: dict[tuple[Hashable, Names], MeasuredTogether | NotMeasured] = {}
+    for group in groups_of(system):
+        if not rests_on_a_log(group):
+            continue
+        for name, (host, bench) in hosts.items():
+            key = (kinds[name], names_of(group.members))
+            if key not in logs and _may_run_on(group, name):
+                logs[key] = _answer(measured, group, host, bench, files, read)
+    return MeasuredReservations(kinds=kinds, logs=logs)
+
+
+def rests_on_a_log(group: Group) -> bool:
+    """Whether its reservation is to be measured: a member's is, and the partition fixes none of its own."""
+    return group.wish.cpu.reserve in (None, Measured.MEASURED) and bool(to_be_measured(group.members))
+
+
+def compared(log: DataLog, subject: Subject, files: Files, bench: BenchNow, *, here: bool) -> Comparison:
+    """A log beside what is now; `here`: components of that host are started on this computer."""
+    interpreters = files.interpreters(subject) if here else {}
+    return compare(log.header, identity_of(subject, files.of(subject), interpreters), bench)
+
+
+def is_here(host: Host) -> bool:
+    """Whether programs of this computer run on it."""
+    return host.connect is None and host.provider is ProviderKind.LINUX
+
+
+def bench_now(host: Host, facts: HostFacts | None = None) -> BenchNow:
+    """What the manifest says of a host, and what was seen of it."""
+    image = host.settings.image or "" if isinstance(host.settings, HypervHost) else None
+    bench = BenchNow(provider=host.provider, logical_processors=host.logical_processors, guest_image=image)
+    if facts is None:
+        return bench
+    return replace(bench, smt=facts.smt, scheduler=facts.scheduler, os_build=facts.os_build)
+
+
+Reader = Callable[[Path], DataLog | LogUnreadable | None]
+
+
+def _answer(
+    measured: Measurements, group: Group, host: Host, bench: BenchNow, files: Files, read: Reader
+) -> MeasuredTogether | NotMeasured:
+    members = names_of(group.members)
+    subject = subject_of(measured.system, host, members, interference_of(measured.system, members))
+    path = path_of(measured.folder, subject)
+    shown = path.relative_to(measured.folder).as_posix()
+    again = f"rarms measure {' '.join(members)}{' --together' if len(members) > 1 else ''}{measured.options}"
+    log = read(path)
+    if log is None:
+        says = (
+            f"The reserve of {' and '.join(members)} is measured, and there is no data log on {host.platform} "
+            f"against {subject.setup.interference} ({shown})."
+        )
+        advice = f"Measure it: `{again}`. Or fix it for now: `cpu: {{ reserve: 20 % }}`."
+        return NotMeasured(components=to_be_measured(group.members), says=says, advice=advice)
+    if isinstance(log, LogUnreadable):
+        advice = f"Bring it back from git, or remove it and measure again: `{again}`."
+        return _no(group, findings.UNREADABLE.code, f"{shown}, line {log.line}: {log.says}.", advice)
+    own = group.wish.hyperv.image
+    now = replace(bench, guest_image=own) if own is not None else bench
+    comparison = compared(log, subject, files, now, here=is_here(host))
+    if comparison.changed:
+        says = f"{shown} no longer holds. Since it was measured, this changed: {_some(comparison.changed)}."
+        return _no(group, findings.STALE.code, says, f"Measure again: `{again}`. Or take the change back.")
+    return MeasuredTogether(
+        path=shown,
+        processors=log.header.setup.processors,
+        measured=tuple(sorted({one.reserve for one in log.settings})),
+        curves=curves_in(log, {one.name: one for one in group.members}),
+        remarks=tuple(_remarks(log, comparison, group, shown)),
+        again=again,
+    )
+
+
+def curves_in(log: DataLog, components: Mapping[str, Component]) -> Callable[[str, str], Curve]:
+    """The curve of a component's index, each made when it is first asked for."""
+
+    @cache
+    def curve(component: str, index: str) -> Curve:
+        return curve_of(log.settings, component, index, run_of(components[component]))
+
+    return curve
+
+
+def _no(group: Group, code: str, says: str, advice: str) -> NotMeasured:
+    return NotMeasured(components=to_be_measured(group.members), code=code, says=says, advice=advice)
+
+
+def _remarks(log: DataLog, comparison: Comparison, group: Group, shown: str) -> Iterator[Cause]:
+    what = f"component/{to_be_measured(group.members)[0]}"
+    if comparison.unverified:
+        yield Cause(
+            what=what,
+            says=f"{shown} was measured with {_some(comparison.unverified)}, not to be found here.",
+            code=findings.NOT_VERIFIED.code,
+            advice="Plan where these files are, if it matters; nothing says that they changed.",
+        )
+    if comparison.warns:
+        yield Cause(
+            what=what,
+            says=f"{shown} was measured with another {_some(comparison.warns)}.",
+            code=findings.DIFFERENT.code,
+            advice="Measure again if that can matter to the component.",
+        )
+    beside = sorted({name for one in log.recorded for name in one.provenance.beside})
+    if beside:
+        yield Cause(
+            what=what,
+            says=f"{shown} was measured while {_some(beside)} ran on the host.",
+            code=findings.BUSY.code,
+            advice="Measure again with the host to itself.",
+        )
+
+
+def _some(things: tuple[object, ...] | list[str]) -> str:
+    told = [str(one) for one in things[:LISTED]]
+    more = len(things) - len(told)
+    return "; ".join(told) + (f"; and {more} more" if more else "")
+
+
+def _bench_of(host: Host, states: Mapping[str, State]) -> BenchNow:
+    state = states.get(host.name)
+    return bench_now(host, state.facts if state else None)
+
+
+def _may_run_on(group: Group, host: str) -> bool:
+    return all(one.hosts is None or host in one.hosts for one in group.members)
+
+
+def _read(path: Path) -> DataLog | LogUnreadable | None:
+    try:
+        return read_log(path)
+    except LogUnreadable as problem:
+        return problem
+
+
+def _quoted(word: str) -> str:
+    import shlex
+
+    return shlex.quote(word)

@@ -1,0 +1,146 @@
+from collections.abc import Mapping
+from dataclasses import replace
+from fractions import Fraction
+
+import pytest
+
+from rarms_iac.model.layout import Cause, Infeasible, Layout
+from rarms_iac.model.measurement import run_of
+from rarms_iac.model.system import PartitionWish, System
+from rarms_iac.planner.layout import Planning, plan_layout
+from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, NotMeasured
+from rarms_iac.statistics.curve import Curve, curve_of
+from tests.builders import PathPlaces, a_component, a_cpu, a_host, a_system, at_most
+from tests.builders_measured import a_series, a_setting
+
+APT = {"mean_response_time": at_most(100)}
+Logs = Mapping[tuple[str, ...], MeasuredTogether | NotMeasured]
+STEADY = [1.0, -1.0, 0.5, -0.5, 0.0] * 40
+
+
+def around(mean: float) -> list[float | None]:
+    return [mean + each for each in STEADY]
+
+
+def measured(means: dict[int, float], component: str = "vision", *, processors: int = 2, apt: float = 100) -> Curve:
+    """The curve through settings with these means, about 1 ms wide at most."""
+    settings = [a_setting(reserve, a_series(component, around(mean))) for reserve, mean in means.items()]
+    return curve_of(settings, component, "mean_response_time", run_of(a_component(component)))
+
+
+def a_log(
+    means: dict[int, float], *names: str, processors: int = 2, remarks: tuple[Cause, ...] = ()
+) -> MeasuredTogether:
+    curves = {name: measured(means, name) for name in names or ("vision",)}
+    return MeasuredTogether(
+        path="measurements/onboard/vision/busy-loop.jsonl",
+        processors=processors,
+        measured=tuple(sorted(means)),
+        curves=lambda component, _index: curves[component],
+        remarks=remarks,
+        again="rarms measure vision",
+    )
+
+
+def planned(system: System, logs: Logs) -> Planning:
+    kinds = dict.fromkeys(system.hosts, "onboard")
+    source = MeasuredReservations(kinds=kinds, logs={("onboard", names): log for names, log in logs.items()})
+    return plan_layout(system, source, {}, PathPlaces())
+
+
+def vision(**changes: object) -> System:
+    one = a_component(reserve="measured", apt=APT)
+    return a_system(components=[replace(one, **changes)])  # type: ignore[arg-type]  # by name, as the builders take them
+
+
+def reserves(planning: Planning) -> dict[str, int]:
+    assert isinstance(planning.answer, Layout), planning.findings
+    return {one.name: one.reserve for one in planning.answer.partitions}
+
+
+def codes(planning: Planning) -> list[str]:
+    return [one.code for one in planning.findings]
+
+
+def test_the_reserve_is_the_least_that_was_measured_to_meet_the_apt() -> None:
+    found = planned(vision(), {("vision",): a_log({10: 700, 61: 110, 62: 90, 70: 88})})
+
+    assert reserves(found) == {"vision": 62}
+    assert codes(found) == []
+
+
+def test_between_two_settings_it_is_looked_up_and_said_so() -> None:
+    found = planned(vision(), {("vision",): a_log({50: 150, 70: 90})})
+
+    (told,) = found.findings
+    (reserve,) = reserves(found).values()
+    assert 66 <= reserve <= 68
+    assert (told.code, told.address) == ("RARMS103", "component/vision")
+    assert f"{reserve} % for vision was looked up between 50 % and 70 %" in told.detail
+    assert "rarms measure vision --verify" in told.advice
+
+
+def test_a_cr_is_of_the_partitions_own_processors() -> None:
+    host = a_host(logical_processors=4)
+    system = replace(vision(processors=2), hosts={host.name: host})
+
+    found = planned(system, {("vision",): a_log({61: 110, 62: 90})})
+
+    assert isinstance(found.answer, Layout)
+    (one,) = found.answer.partitions
+    assert (one.processors, one.reserve, one.reserved) == (2, 62, Fraction(124, 100))
+    assert "31 % of onboard" in one.reason
+
+
+@pytest.mark.parametrize(
+    ("means", "says"),
+    [
+        ({50: 300, 100: 150}, "Threshold performance is not achievable on this platform"),
+        ({50: 300, 80: 150}, "the highest is 80 %"),
+        ({}, "holds no setting yet"),
+    ],
+)
+def test_where_no_setting_meets_the_apt_the_answer_is_no(means: dict[int, float], says: str) -> None:
+    found = planned(vision(), {("vision",): a_log(means)})
+
+    (told,) = found.findings
+    assert isinstance(found.answer, Infeasible)
+    assert told.code == "RARMS106"
+    assert says in told.detail
+
+
+def test_without_a_log_it_says_what_it_was_told() -> None:
+    stale = NotMeasured(components=("vision",), code="RARMS102", says="It changed.", advice="Measure again.")
+
+    (told,) = planned(vision(), {("vision",): stale}).findings
+    (unknown,) = planned(vision(), {}).findings
+
+    assert (told.code, told.detail, told.advice) == ("RARMS102", "It changed.", "Measure again.")
+    assert unknown.code == "RARMS100"
+
+
+def test_what_is_said_of_a_log_is_said_of_a_reservation_that_rests_on_it() -> None:
+    remark = Cause(what="component/vision", says="model.bin is not here.", code="RARMS104", advice="Plan elsewhere.")
+    log = a_log({61: 110, 62: 90}, remarks=(remark,))
+    fixed = PartitionWish(name="vision", components=("vision",), cpu=a_cpu(reserve="70 %"))
+
+    assert codes(planned(vision(), {("vision",): log})) == ["RARMS104"]
+    assert codes(planned(replace(vision(), partitions={"vision": fixed}), {("vision",): log})) == []
+
+
+def test_together_they_rest_on_their_common_log_and_on_no_less_than_what_is_fixed() -> None:
+    members = [a_component("vision", reserve="measured", apt=APT), a_component("speech", reserve="80 %", apt=APT)]
+    wish = PartitionWish(name="both", components=("vision", "speech"))
+    system = a_system(components=members, partitions=[wish])
+    alone: Logs = {("vision",): a_log({61: 110, 62: 90})}
+
+    assert codes(planned(system, alone)) == ["RARMS100"]
+    log = a_log({61: 110, 62: 90}, "vision", "speech")
+    assert reserves(planned(system, {("speech", "vision"): log})) == {"both": 80}
+
+
+def test_another_apt_is_looked_up_in_the_same_log() -> None:
+    log: Logs = {("vision",): a_log({10: 700, 61: 110, 62: 90, 70: 88})}
+
+    assert reserves(planned(vision(apt={"mean_response_time": at_most(120)}), log)) == {"vision": 61}
+    assert reserves(planned(vision(apt={"mean_response_time": at_most(800)}), log)) == {"vision": 10}
