@@ -1,0 +1,175 @@
+"""Plans that rest on data logs, from files to exit codes."""
+
+from collections.abc import Iterable, Mapping
+from datetime import date
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.cli.datalogs import bench_now, path_of, subject_of
+from rarms_iac.datalog.files import append_setting, begin_log
+from rarms_iac.datalog.hashing import Files
+from rarms_iac.datalog.identity import header_of, identity_of
+from rarms_iac.datalog.log import Provenance, Recorded
+from rarms_iac.manifest.load import load
+from rarms_iac.model.measurement import Bench
+from rarms_iac.model.system import ProviderKind, SchedulerType
+from tests.builders_measured import a_series, a_setting
+from tests.unit.cli.running import rarms
+
+MANIFEST = """\
+schema: rarms/v1
+
+application:
+  name: robot
+
+hosts:
+  onboard:
+    provider: simulated
+    platform: two-core
+    logical_processors: 2
+    memory: 4 GiB
+
+components:
+  vision:
+    criticality: 30
+    apt: # what people notice
+      mean_response_time: { at_most: 100 ms }  # a tenth of a second
+    run:
+      command: [python3, vision.py]
+      until: { samples: 200 }
+    memory: 512 MiB
+    simulation: { work: 61.6 ms, blocked: 26.4 ms }
+"""
+
+MEANS = {10: 700.0, 40: 160.0, 61: 105.0, 62: 97.0, 70: 88.0}
+
+
+def measure(
+    folder: Path, means: Mapping[int, float], *, names: Iterable[str] = ("vision",), build: int = 26100
+) -> Path:
+    """What `rarms measure` leaves behind: the log of these components with these means."""
+    system = load(str(folder / "rarms.yaml"), today=date(2026, 1, 1)).system
+    assert system is not None
+    members = tuple(names)
+    subject = subject_of(system, system.hosts["onboard"], members, "busy-loop")
+    path = path_of(folder, subject)
+    bench = Bench(
+        provider=ProviderKind.SIMULATED,
+        processor="simulated",
+        logical_processors=2,
+        smt=False,
+        scheduler=SchedulerType.CLASSIC,
+        guest_image="",
+        os_build=build,
+    )
+    begin_log(path, header_of(subject, identity_of(subject, Files(folder).of(subject), {}), bench))
+    for reserve, mean in means.items():
+        series = (a_series(name, [mean + each for each in (1.0, -1.0, 0.5, -0.5, 0.0) * 20]) for name in members)
+        taken = Provenance(rarms_version="0", when="2026-01-01T00:00:00Z")
+        append_setting(path, Recorded(setting=a_setting(reserve, *series), provenance=taken))
+    return path
+
+
+@pytest.fixture
+def here(tmp_path: Path) -> Path:
+    """A folder with a robot of one measured component."""
+    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
+    (tmp_path / "vision.py").write_text("print()\n", encoding="utf-8", newline="\n")
+    return tmp_path
+
+
+def edit(file: Path, before: str, after: str) -> None:
+    text = file.read_text(encoding="utf-8")
+    assert before in text
+    file.write_text(text.replace(before, after), encoding="utf-8", newline="\n")
+
+
+def test_without_a_log_a_plan_says_which_command_makes_it(here: Path) -> None:
+    answer = rarms("plan", "-f", str(here))
+
+    assert answer.code == 4
+    assert "error[RARMS100]" in answer.err
+    assert "measurements/two-core/vision/busy-loop.jsonl" in answer.err
+    assert f"`rarms measure vision -f {here}`" in " ".join(answer.err.split())
+
+
+def test_a_plan_takes_the_reserve_out_of_the_log(here: Path) -> None:
+    measure(here, MEANS)
+
+    answer = rarms("plan", "-f", str(here))
+
+    assert answer.code == 2, answer.err
+    assert "62 %" in answer.out
+    assert "RARMS1" not in answer.err + answer.out
+
+
+def test_a_stale_log_is_refused_with_what_changed(here: Path) -> None:
+    measure(here, MEANS)
+    edit(here / "rarms.yaml", "samples: 200", "samples: 300")
+    edit(here / "vision.py", "print()", "pass")
+
+    answer = rarms("plan", "-f", str(here))
+
+    assert answer.code == 4
+    assert "error[RARMS102]" in answer.err
+    assert "file vision.py changed; vision.run.until.samples: 200 -> 300" in " ".join(answer.err.split())
+
+
+def test_a_chosen_apt_and_another_criticality_make_nothing_stale(here: Path) -> None:
+    measure(here, MEANS)
+    edit(here / "rarms.yaml", "at_most: 100 ms", "at_most: 90 ms")
+    edit(here / "rarms.yaml", "criticality: 30", "criticality: 99")
+    edit(here / "rarms.yaml", "work: 61.6 ms, blocked: 26.4 ms", "blocked: 26.4 ms, work: 61.60 ms")
+
+    answer = rarms("plan", "-f", str(here))
+
+    assert answer.code == 2
+    assert "warning[RARMS103]" in answer.out + answer.err
+    assert "69 %" in answer.out or "70 %" in answer.out
+
+
+def test_files_that_are_not_here_are_a_note_and_another_build_is_a_warning(here: Path) -> None:
+    measure(here, MEANS, build=20348)
+    (here / "vision.py").unlink()
+
+    answer = rarms("plan", "-f", str(here))
+
+    told = answer.out + answer.err
+    assert answer.code == 2
+    assert "note[RARMS104]" in told
+    assert "warning[RARMS105]" in told
+    assert "build of the operating system: 20348 -> 26100" in " ".join(told.split())
+
+
+def test_a_damaged_log_and_one_that_no_apt_is_met_in_are_no(here: Path) -> None:
+    path = measure(here, {50: 400.0, 100: 300.0})
+
+    unmet = rarms("plan", "-f", str(here))
+    path.write_bytes(path.read_bytes().replace(b'"reserve":50', b'"reserve":51'))
+    damaged = rarms("plan", "-f", str(here))
+
+    assert (unmet.code, damaged.code) == (4, 4)
+    assert "Threshold performance is not achievable on this platform" in " ".join(unmet.err.split())
+    assert "error[RARMS107]" in damaged.err
+    assert "line 2" in damaged.err
+
+
+def test_drift_and_graph_look_the_same_logs_up(here: Path) -> None:
+    assert rarms("graph", "-f", str(here)).code == 4
+    measure(here, MEANS)
+
+    assert "62 %" in rarms("graph", "-f", str(here)).out
+    assert rarms("apply", "-f", str(here), "--auto-approve").code == 0
+    assert rarms("drift", "-f", str(here)).code == 0
+    assert rarms("plan", "-f", str(here)).code == 0
+    edit(here / "rarms.yaml", "at_most: 100 ms", "at_most: 110 ms")
+    assert rarms("drift", "-f", str(here)).code == 5
+
+
+def test_bench_facts_that_nobody_looked_at_are_not_compared() -> None:
+    from tests.builders import a_host
+
+    now = bench_now(a_host())
+
+    assert (now.smt, now.scheduler, now.processor, now.os_build) == (None, None, None, None)
