@@ -6,7 +6,7 @@ from typing import Self
 
 from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.system import Call, Run
-from rarms_iac.running.kept import Kept
+from rarms_iac.running.kept import Interrupted, Kept
 from rarms_iac.running.order import Surroundings, order_of
 from rarms_iac.running.per_line import samples_of_lines
 from rarms_iac.running.per_run import samples_of_runs
@@ -34,6 +34,7 @@ class ComponentRun:
         self._order = order_of(component, run, around)
         self._record = Record(run)
         self._kept: Kept | None = None
+        self._interrupted = False
         self._samples = self._begin()
 
     def __enter__(self) -> Self:
@@ -49,6 +50,12 @@ class ComponentRun:
 
     def __next__(self) -> Sample:
         return next(self._samples)
+
+    def interrupt(self) -> None:
+        """Have the thread that reads the samples see no more of them; it is the one to close."""
+        self._interrupted = True
+        if self._kept is not None:
+            self._kept.interrupt()
 
     def close(self) -> None:
         """Stop it as its `stop` says, and wait until nothing of it is left; may be called twice."""
@@ -82,10 +89,14 @@ class ComponentRun:
 
     def _begin(self) -> Generator[Sample, None, None]:
         kept = self._kept = Kept(self._order)
+        if self._interrupted:
+            kept.interrupt()
         try:
             per_run = self._record.run.samples.source == "per_run" and not isinstance(self._record.run.start, Call)
             yield from (
                 samples_of_runs(kept, self._record) if per_run else samples_of_lines(self.component, kept, self._record)
             )
+        except Interrupted:
+            self._record.ending = Ending.CLOSED
         finally:
             kept.close()

@@ -65,6 +65,10 @@ class Ended:
 Event = Line | TooLong | Started | Ended
 
 
+class Interrupted(Exception):
+    """Another thread wants no more of this."""
+
+
 class Kept:
     """A keeper with a component's process, or none at the moment.
 
@@ -81,6 +85,7 @@ class Kept:
         self._ready: list[Event | dict[str, Any]] = []
         self._tail = b""
         self._deaf = threading.Event()
+        self._interrupted = threading.Event()
         self._quiet = threading.Event()  # nobody reads lines: they go nowhere
         self._cpu_ms: float | None = None
         self._process = subprocess.Popen(
@@ -111,9 +116,17 @@ class Kept:
         """Nobody reads the lines of this component."""
         self._quiet.set()
 
+    def interrupt(self) -> None:
+        """Have `next` raise `Interrupted` from now on, in whatever thread it waits."""
+        self._interrupted.set()
+        with contextlib.suppress(queue.Full):
+            self._events.put_nowait([])
+
     def next(self, until: float | None = None) -> Event | None:
         """The next thing that happened; None when nothing has by then. What happened already always comes first."""
         while not self._ready:
+            if self._interrupted.is_set():
+                raise Interrupted
             try:
                 # Waited for in short pieces: on Windows a wait without end would not hear a Ctrl-C.
                 left = None if until is None else until - time.perf_counter()
@@ -121,6 +134,8 @@ class Kept:
             except queue.Empty:
                 if until is not None and time.perf_counter() >= until:
                     return None
+        if self._interrupted.is_set():
+            raise Interrupted
         event = self._ready.pop()
         return event if not isinstance(event, dict) else self._word(event)
 

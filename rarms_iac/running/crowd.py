@@ -1,0 +1,59 @@
+"""Runs one program so often at once, and ends when the first of them does. A program of its own (`loads.py`).
+
+Words: how often, a text that each has to write to standard error before it counts as running (empty: none), and the
+program with its arguments, in which `{n}` is the instance's number. Writes `running` once all are.
+"""
+
+import queue
+import subprocess
+import sys
+import threading
+
+PIECE = 4096
+NOT_THERE = 127
+
+
+def main(words: list[str]) -> int:
+    """Start them all and wait for the first to end, which is none of a load's business."""
+    count, expected, *program = words
+    heard: queue.Queue[tuple[int, int | None]] = queue.Queue()
+    for number in range(int(count)):
+        own = [word.replace("{n}", str(number)) for word in program]
+        threading.Thread(target=watch, args=(number, own, expected.encode(), heard), daemon=True).start()
+    waiting = set(range(int(count)))
+    while True:
+        number, code = heard.get()
+        if code is not None:
+            sys.stderr.write(f"\ninstance {number + 1} of {count} ended with exit code {code}\n")
+            return 1
+        waiting.discard(number)
+        if not waiting:
+            sys.stdout.write("running\n")
+            sys.stdout.flush()
+
+
+def watch(number: int, program: list[str], expected: bytes, heard: "queue.Queue[tuple[int, int | None]]") -> None:
+    """In a thread: start one, tell when it is running, pass on what it says, and tell when it ends."""
+    nothing = subprocess.DEVNULL
+    try:
+        process = subprocess.Popen(program, stdin=nothing, stdout=nothing, stderr=subprocess.PIPE)
+    except OSError as error:
+        sys.stderr.write(f"{program[0]}: {error.strerror or error}\n")
+        heard.put((number, NOT_THERE))
+        return
+    assert process.stderr is not None
+    said, running = b"", not expected
+    if running:
+        heard.put((number, None))
+    while line := process.stderr.readline(PIECE):
+        said = (said + line)[-PIECE:]
+        if not running and expected in said:
+            running = True
+            heard.put((number, None))
+        sys.stderr.buffer.write(line)
+        sys.stderr.flush()
+    heard.put((number, process.wait()))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,158 @@
+"""Interfering loads as real processes: busy loops, browsers that stream video, any other program (`interference`)."""
+
+import os
+import shutil
+import sys
+import tempfile
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Self, assert_never
+
+from rarms_iac.model.quantities import show_milliseconds
+from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Interference
+from rarms_iac.running.errors import CannotStart, RunningError
+from rarms_iac.running.kept import Ended, Kept, Line
+from rarms_iac.running.order import Surroundings, order_of_words
+
+HERE = Path(__file__).resolve().parent
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
+STREAMS = "rarms streams"
+"""What `stream.html` writes to the browser's console when its video plays."""
+
+FLAGS = (
+    "--headless",
+    "--disable-gpu",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-background-timer-throttling",
+    "--autoplay-policy=no-user-gesture-required",
+    "--enable-logging=stderr",
+)
+SETTLING_S = 60.0
+"""How long all instances may take to be running: ten browsers at once are slow to start."""
+
+
+class LoadEnded(RunningError):
+    """An interfering load ended while it was to go on: what was measured since then is void."""
+
+    def __init__(self, load: str, says: str) -> None:
+        super().__init__(f"{load}: {says}")
+        self.load = load
+        self.says = says
+
+
+class Load:
+    """An interfering load that runs until it is closed; nothing of it stays.
+
+    Raises:
+        CannotStart: a program is not there, or it does not get to run.
+    """
+
+    def __init__(self, name: str, load: Interference, around: Surroundings, *, processors: int | None = None) -> None:
+        """`processors`: the LPs to keep busy, where the load does not say how many; None: this machine's."""
+        self.name = name
+        self._scratch = Path(tempfile.mkdtemp(prefix="rarms-load-"))
+        try:
+            words = load_words(name, load, self._scratch, processors or logical_processors())
+            self._kept = Kept(order_of_words(name, words, around.base, around))
+            try:
+                self._wait()
+            except BaseException:
+                self._kept.close()
+                raise
+        except BaseException:
+            shutil.rmtree(self._scratch, ignore_errors=True)
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def check(self) -> None:
+        """Look whether it still runs.
+
+        Raises:
+            LoadEnded: it does not.
+        """
+        while (event := self._kept.next(until=0.0)) is not None:
+            if isinstance(event, Ended):
+                raise LoadEnded(self.name, self._last_words())
+
+    def close(self) -> None:
+        """End it; may be called twice."""
+        self._kept.close()
+        shutil.rmtree(self._scratch, ignore_errors=True)
+
+    @property
+    def cpu_ms(self) -> float | None:
+        """The processor time that it took, once closed; None where it is not told."""
+        return self._kept.cpu_ms
+
+    def _wait(self) -> None:
+        until = time.perf_counter() + SETTLING_S
+        self._kept.start()
+        while True:
+            match self._kept.next(until):
+                case Line(text="running"):
+                    return
+                case Ended():
+                    raise CannotStart(self.name, self._last_words())
+                case None:
+                    waited = show_milliseconds(int(1000 * SETTLING_S))
+                    raise CannotStart(self.name, f"it did not get to run within {waited}: {self._last_words()}")
+                case _:
+                    pass
+
+    def _last_words(self) -> str:
+        said = [line.strip()[-200:] for line in self._kept.tail.splitlines() if line.strip()]
+        return "; ".join(said[-2:]) or "it ended"
+
+
+def load_words(name: str, load: Interference, scratch: Path, processors: int) -> tuple[str, ...]:
+    """The program that is the load, as words.
+
+    Raises:
+        CannotStart: there is no browser on this machine.
+    """
+    python = (sys.executable, "-I", "-S")
+    crowd = (*python, str(HERE / "crowd.py"))
+    match load:
+        case BusyLoop(threads=threads):
+            return (*crowd, str(threads or processors), "", *python, str(HERE / "busy.py"))
+        case Browser(instances=instances):
+            profile = f"--user-data-dir={scratch / 'profile-{n}'}"
+            page = (HERE / "stream.html").as_uri()
+            return (*crowd, str(instances), STREAMS, find_browser(name), *FLAGS, *_sandbox(), profile, page)
+        case CommandLoad(command=command, instances=instances):
+            return (*crowd, str(instances), "", *command)
+        case _:
+            assert_never(load)
+
+
+def find_browser(name: str) -> str:
+    """The first browser of the family that this machine has.
+
+    Raises:
+        CannotStart: it has none.
+    """
+    for browser in BROWSERS:
+        if found := shutil.which(browser):
+            return found
+    raise CannotStart(name, f"there is no browser on the PATH: {', '.join(BROWSERS)}")
+
+
+def logical_processors() -> int:
+    """The LPs that this process may use."""
+    if sys.platform == "linux":
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _sandbox() -> tuple[str, ...]:
+    """Chromium does not start as root with its sandbox; it shows our own page only."""
+    return ("--no-sandbox",) if hasattr(os, "geteuid") and os.geteuid() == 0 else ()

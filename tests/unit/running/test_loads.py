@@ -1,0 +1,126 @@
+"""Interfering loads are real processes that never stop by themselves, and several components run at once."""
+
+import shutil
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.model.system import Browser, BusyLoop, CommandLoad
+from rarms_iac.running.errors import CannotStart
+from rarms_iac.running.loads import BROWSERS, STREAMS, Load, LoadEnded, load_words
+from rarms_iac.running.order import Surroundings
+from rarms_iac.running.record import Ending
+from rarms_iac.running.together import together
+from tests.effort import LONG
+from tests.unit.running.programs import a_run, component
+
+
+def processes_with(word: str) -> int:
+    """How many processes have this in their command line."""
+    found = 0
+    for file in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            found += word.encode() in file.read_bytes()
+        except OSError:
+            continue
+    return found
+
+
+@pytest.mark.needs("linux")
+def test_a_busy_loop_uses_what_it_is_given(tmp_path: Path) -> None:
+    with Load("busy-loop", BusyLoop(threads=2), Surroundings(base=tmp_path)) as load:
+        time.sleep(0.3)
+        load.check()
+        load.close()
+        used = load.cpu_ms
+
+    assert used is not None
+    assert used > 20
+
+
+def test_a_command_runs_so_often_at_once(tmp_path: Path) -> None:
+    program = "import os, time\nopen(f'ran-{os.getpid()}', 'w').close()\nwhile True: time.sleep(0.1)"
+
+    with Load("others", CommandLoad(command=(sys.executable, "-c", program), instances=3), Surroundings(base=tmp_path)):
+        until = time.perf_counter() + 20
+        while len(list(tmp_path.glob("ran-*"))) < 3 and time.perf_counter() < until:
+            time.sleep(0.02)
+
+    assert len(list(tmp_path.glob("ran-*"))) == 3
+
+
+def test_a_load_that_ends_is_told(tmp_path: Path) -> None:
+    load = CommandLoad(command=(sys.executable, "-c", "import time, sys\ntime.sleep(0.3)\nsys.exit(5)"))
+
+    def measure() -> None:
+        with Load("others", load, Surroundings(base=tmp_path)) as running:
+            until = time.perf_counter() + 20
+            while time.perf_counter() < until:
+                running.check()
+                time.sleep(0.02)
+
+    with pytest.raises(LoadEnded, match="instance 1 of 1 ended with exit code 5"):
+        measure()
+
+
+def test_a_load_that_cannot_run_is_told(tmp_path: Path) -> None:
+    with pytest.raises(CannotStart):
+        Load("others", CommandLoad(command=("no-such-program-anywhere",)), Surroundings(base=tmp_path))
+
+
+def test_a_browser_shows_a_page_of_ours_that_needs_no_network(tmp_path: Path) -> None:
+    if not any(map(shutil.which, BROWSERS)):
+        with pytest.raises(CannotStart, match="there is no browser"):
+            load_words("browsers", Browser(instances=2), tmp_path, 1)
+        return
+
+    words = load_words("browsers", Browser(instances=2), tmp_path, 1)
+
+    page = Path(words[-1].removeprefix("file://"))
+    assert f"--user-data-dir={tmp_path / 'profile-{n}'}" in words
+    assert STREAMS in page.read_text(encoding="utf-8")
+    assert "http" not in page.read_text(encoding="utf-8")
+
+
+if LONG:  # a browser takes its time to start
+
+    @pytest.mark.needs("chromium")
+    def test_browsers_stream_and_nothing_of_them_stays(tmp_path: Path) -> None:
+        with Load("browsers", Browser(instances=1), Surroundings(base=tmp_path)) as load:
+            load.check()
+            assert processes_with("stream.html") > 0
+
+        assert processes_with("stream.html") == 0
+
+
+def test_several_components_run_at_once(tmp_path: Path) -> None:
+    slow = a_run("while True:\n    say('{\"ms\": 1}')\n    time.sleep(0.02)", until=5)
+    fast = a_run("while True:\n    say('{\"ms\": 2}')\n    time.sleep(0.01)", until=7)
+    runs = [component(slow, tmp_path), component(fast, tmp_path)]
+
+    with together(runs) as samples:
+        found = [sample.response_ms for _, sample in samples]
+
+    assert sorted(one or 0 for one in found) == [1.0] * 5 + [2.0] * 7
+    assert [one.ending for one in runs] == [Ending.UNTIL] * 2
+
+
+def test_components_that_run_at_once_end_at_any_moment(tmp_path: Path) -> None:
+    endless = a_run("while True: say('{\"ms\": 1}')", until=1_000_000)
+    runs = [component(endless, tmp_path), component(endless, tmp_path)]
+
+    with together(runs) as samples:
+        next(samples)
+
+    assert [one.ending for one in runs] == [Ending.CLOSED] * 2
+    assert all(one.series().elapsed_ms >= 0 for one in runs)
+
+
+def test_a_component_can_be_ended_by_another_thread(tmp_path: Path) -> None:
+    runs = [component(a_run("time.sleep(60)"), tmp_path)]
+
+    with together(runs) as samples:
+        runs[0].interrupt()
+        assert list(samples) == []
