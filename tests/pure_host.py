@@ -10,6 +10,7 @@ from rarms_iac.model.operations import (
     EraseResponsivenessRecord,
     EraseTaskRecord,
     Operation,
+    RemoveDisk,
     RemovePartition,
     RemoveTaskClass,
     RenamePartition,
@@ -84,7 +85,12 @@ class PureHost:
                     self.state,
                     partitions=tuple(one for one in self.state.partitions if one.id != gone.id),
                     tasks=tuple(one for one in self.state.tasks if one.machine != gone.id),
+                    disks=tuple(
+                        replace(one, machine="") if one.machine == gone.id else one for one in self.state.disks
+                    ),
                 )
+            case RemoveDisk(path=path):
+                self.state = replace(self.state, disks=tuple(one for one in self.state.disks if one.path != path))
             case _:
                 old = self._find(operation.partition, operation.machine)
                 self._put(_changed(old, operation))

@@ -54,6 +54,7 @@ class Request:
     targets: tuple[str, ...] = ()  # addresses; empty: everything
     partition: str = ""  # of an import or release
     machine: str = ""  # id of the machine to import
+    remove_disks: bool = False  # of a destroy: also the disks that rarms made
     state_paths: Mapping[str, str] = field(default_factory=dict)  # host -> where a simulated one's file lies
     judge: Judge = accept_nothing
     reservations: ReservationSource = FIXED
@@ -100,7 +101,9 @@ def _wanted(request: Request, observed: Mapping[str, State]) -> Wanted:
     match request.purpose:
         case Purpose.APPLY:
             return wanted(request.system, observed, request.places, request.limit, request.reservations)
-        case Purpose.DESTROY | Purpose.IMPORT | Purpose.RELEASE:
+        case Purpose.DESTROY:
+            return nothing_wanted(request.system, observed, request.places, remove_disks=request.remove_disks)
+        case Purpose.IMPORT | Purpose.RELEASE:
             return nothing_wanted(request.system, observed, request.places)
 
 
@@ -162,6 +165,7 @@ def _host_plan(request: Request, wish: HostWish, layout: Layout | None) -> _Part
         system=request.system,
         places=request.places,
         purpose=request.purpose,
+        remove_disks=request.remove_disks,
         layout=layout,
         observed=wish.observed,
         plan=plan,

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from rarms_iac.apply.threads import threads_of
 from rarms_iac.apply.void import ignored, unproven
 from rarms_iac.diff.compare import Wishes, in_the_way
+from rarms_iac.diff.disks import Judged, judge_disks
 from rarms_iac.diff.disruption import Surroundings
 from rarms_iac.diff.findings import FOREIGN_AT_NAME
 from rarms_iac.diff.order import Room, room_of
@@ -14,8 +15,8 @@ from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, Related
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import ThreadClass
-from rarms_iac.model.state import State, TaskClass
-from rarms_iac.model.system import Disruption, SimulatedHost, System
+from rarms_iac.model.state import Disk, Partition, State, TaskClass
+from rarms_iac.model.system import Disruption, HypervHost, SimulatedHost, System
 from rarms_iac.model.where import partition_place
 from rarms_iac.planner.classes import ClassValues
 from rarms_iac.planner.desired import desired_state
@@ -133,8 +134,13 @@ def _where(
     return where
 
 
-def nothing_wanted(system: System, observed: Mapping[str, State], places: Places) -> Wanted:
-    """Every observed host without anything of this application: what `rarms destroy` wants."""
+def nothing_wanted(
+    system: System, observed: Mapping[str, State], places: Places, *, remove_disks: bool = False
+) -> Wanted:
+    """Every observed host without anything of this application: what `rarms destroy` wants.
+
+    With `remove_disks` also without the disks that rarms made for it.
+    """
     if hidden := tuple(unproven(observed.values(), places)):
         return Wanted(layout=None, hosts={}, findings=hidden)
     protected = frozenset(name for name, wish in system.partitions.items() if wish.protect)
@@ -144,12 +150,28 @@ def nothing_wanted(system: System, observed: Mapping[str, State], places: Places
             state,
             replace(state, partitions=(), tasks=(), responsiveness=None),
             Wishes(protected=protected, where=_where(system, places, name, {})),
-            _around(system, state),
+            replace(_around(system, state), disks=_disks_to_go(system, state) if remove_disks else {}),
             Disruption.REMOVAL,
         )
         for name, state in sorted(observed.items())
     }
     return Wanted(layout=None, hosts=hosts, findings=())
+
+
+def judged_disks(system: System, observed: State, machine: Partition) -> Iterator[Judged]:
+    """The disks of a machine of ours, with why each stays where its removal is asked for."""
+    host = system.hosts[observed.facts.name].settings
+    name = machine.mark.name if machine.mark else ""
+    own = system.partitions[name].hyperv.vm_path if name in system.partitions else None
+    usual = host.vm_path if isinstance(host, HypervHost) else None
+    return judge_disks(machine, observed, [one for one in (own, usual, observed.facts.disk_folder) if one])
+
+
+def _disks_to_go(system: System, observed: State) -> Mapping[str, tuple[Disk, ...]]:
+    return {
+        one.id: tuple(judged.disk for judged in judged_disks(system, observed, one) if not judged.stays)
+        for one in observed.of(system.application.name).partitions
+    }
 
 
 def _wish(

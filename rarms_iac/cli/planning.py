@@ -33,6 +33,7 @@ class Wish:
     limits: ChangeOptions = ChangeOptions()
     partition: str = ""
     machine: str = ""
+    remove_disks: bool = False
 
 
 def make_plan(hosts: Hosts, wish: Wish) -> Plan:
@@ -62,6 +63,7 @@ def request_of(hosts: Hosts, wish: Wish, states: Mapping[str, State]) -> Request
         targets=wish.limits.targets,
         partition=wish.partition,
         machine=wish.machine,
+        remove_disks=wish.remove_disks,
         state_paths={name: hosts.state_path(name) for name in hosts.system.hosts},
         judge=judge_of(hosts, wish),
         reservations=_reservations(hosts, wish, states),

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from rarms_iac.model.layout import Making
-from rarms_iac.model.state import Facet, HostFacts, Partition, PartitionSettings, RunState
+from rarms_iac.model.state import Disk, Facet, HostFacts, Partition, PartitionSettings, RunState
 from rarms_iac.model.system import Disruption, ProviderKind
 
 WINDOWS_10 = 10240
@@ -20,6 +20,7 @@ class Surroundings:
     guest_build: int = 0  # of the Windows in the partitions; 0: not known, so nothing is promised of it
     making: Mapping[str, Making] = field(default_factory=dict)  # by partition: what only its making needs
     criticality: Mapping[str, int] = field(default_factory=dict)  # by partition: the highest of its members'
+    disks: Mapping[str, tuple[Disk, ...]] = field(default_factory=dict)  # by id of a machine: those that go with it
 
 
 def facets(before: PartitionSettings, after: PartitionSettings) -> frozenset[Facet]:

@@ -23,7 +23,8 @@ def part_digests(state: State, application: str) -> Mapping[str, str]:
     }
     for partition in state.partitions:
         if partition.mark is not None and partition.mark.application == application:
-            parts[f"partition/{partition.mark.name}"] = dict(partition_readings(partition))
+            attached = sorted(disk.path for disk in state.disks if disk.machine == partition.id)
+            parts[f"partition/{partition.mark.name}"] = {**partition_readings(partition), "disks": attached}
         else:
             parts[f"machine {partition.settings.name} ({partition.id})"] = _weight(partition)
     inside: dict[str, dict[str, object]] = {}

@@ -16,6 +16,7 @@ from rarms_iac.model.operations import (
     CreatePartition,
     EraseMark,
     Operation,
+    RemoveDisk,
     RemovePartition,
     RenamePartition,
     SetActions,
@@ -28,7 +29,7 @@ from rarms_iac.model.operations import (
 )
 from rarms_iac.model.plan import Readings, Step, Undo, UndoLevel
 from rarms_iac.model.quantities import show_bytes, show_percent
-from rarms_iac.model.state import Checkpoints, Facet, Mark, Partition, PartitionSettings, RunState
+from rarms_iac.model.state import Checkpoints, Disk, Facet, Mark, Partition, PartitionSettings, RunState
 from rarms_iac.model.system import Disruption
 
 _STARTS_ANEW = "it starts anew: what its programs had in memory is lost"
@@ -139,7 +140,7 @@ def update_partition(
     """Bring it to its wanted settings, stopping it only where something cannot change live and it runs."""
     changed = facets(before.settings, after.settings)
     if Facet.GENERATION in changed:
-        yield from remove_partition(address, before, reason)
+        yield from remove_partition(address, before, reason, replace(around, disks={}))
         yield from create_partition(replace(address, machine=""), after, reason, around)
         return
     machine = _Machine(address=address, now=before, reason=reason)
@@ -191,25 +192,47 @@ def _renamed_mark(before: Partition, name: str) -> Partition:
     return replace(before, mark=replace(before.mark, name=name)) if before.mark else before
 
 
-def remove_partition(address: Address, before: Partition, reason: Reason) -> Iterator[Step]:
-    """Stop it where it runs, and remove it. Its disks are kept."""
+def remove_partition(address: Address, before: Partition, reason: Reason, around: Surroundings) -> Iterator[Step]:
+    """Stop it where it runs, and remove it. Its disks are kept, unless they were asked for."""
     machine = _Machine(address=address, now=before, reason=reason)
     if before.settings.running:
         yield _stop(machine, "a running machine cannot be removed")
-    yield Step(
+    going = around.disks.get(before.id, ())
+    others = "keep its other disks" if going else "keep its disks"
+    removal = Step(
         address=address,
-        title="remove the machine, keep its disks",
+        title=f"remove the machine, {others}",
         operation=RemovePartition(partition=address.partition, machine=address.machine),
-        before=_some(machine.now, ("machine",)),
+        # Hyper-V merges checkpoints into the disk after the machine is gone: such a disk must not be deleted.
+        before=_some(machine.now, ("machine", "snapshots") if going else ("machine",)),
         after=NOTHING,
         undo=Undo(
-            level=UndoLevel.NONE, operation=None, says="the machine is not made again; its disks are still there"
+            level=UndoLevel.NONE,
+            operation=None,
+            says="the machine is not made again" + ("" if going else "; its disks are still there"),
         ),
         disruption=Disruption.REMOVAL,
         claim_before=claim_of(machine.now),
         claim_after=claim_of(None),
         comment=f"{reason.says}; removed before anything is made, so that there is room",
         place=reason.place,
+    )
+    yield removal
+    yield from (_disk_removed(removal, disk) for disk in going)
+
+
+def _disk_removed(removal: Step, disk: Disk) -> Step:
+    """After its machine, so that nothing has it any more; a run that was killed between the two goes on here."""
+    return replace(
+        removal,
+        address=replace(removal.address, disk=disk.path),
+        title=f"delete its disk {disk.path}",
+        operation=RemoveDisk(partition=removal.address.partition, path=disk.path, parent=disk.parent),
+        before={"exists": True, "parent": disk.parent, "used": False},
+        undo=Undo(level=UndoLevel.NONE, operation=None, says="what is on the disk is lost"),
+        claim_before=NO_CLAIM,
+        claim_after=NO_CLAIM,
+        comment="its removal was asked for; rarms made it, and it grows out of " + disk.parent,
     )
 
 

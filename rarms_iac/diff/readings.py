@@ -3,9 +3,10 @@
 `diff` makes both from states with `readings`, a host answers with the same function over what it observes now; so a
 step's guard compares like with like. For a partition: `exists`, `machine` (id), `name`, `generation`, `processors`,
 `reserve`, `limit`, `weight`, `memory` (bytes), `dynamic_memory`, `start_action`, `stop_action`, `checkpoints`,
-`running`, `state` (a paused machine is neither running nor off), `mark` (`<application>/<partition>` or empty), `set`.
-For a task class: `exists`, `values` (their names), `value:<name>` as `<kind>:<data>`, `record` (`<application>` or
-empty), `set`.
+`running`, `state` (a paused machine is neither running nor off), `mark` (`<application>/<partition>` or empty), `set`,
+`snapshots` (how many checkpoints were taken). For a disk: `exists`, `parent`, `used` (a machine has it, or a disk that
+grows out of it). For a task class: `exists`, `values` (their names), `value:<name>` as `<kind>:<data>`, `record`
+(`<application>` or empty), `set`.
 For SystemResponsiveness the same as for a task class with that one value.
 """
 
@@ -13,7 +14,7 @@ from collections.abc import Iterable, Mapping
 
 from rarms_iac.model.changes import Address
 from rarms_iac.model.plan import Readings, Scope
-from rarms_iac.model.state import Partition, RegistryValue, Responsiveness, State, TaskClass, TaskRecord
+from rarms_iac.model.state import Disk, Partition, RegistryValue, Responsiveness, State, TaskClass, TaskRecord
 
 NOTHING: Readings = {"exists": False}
 """What is read where nothing is."""
@@ -29,6 +30,8 @@ def readings(state: State, address: Address, scope: Scope) -> Readings:
     """
     if address.responsiveness:
         return responsiveness_readings(state.responsiveness)
+    if address.disk:
+        return disk_readings(state.disks, address.disk)
     if not address.partition:
         return task_readings(find_task(state.tasks, address.task, inside="", machine=""))
     found = resolve(state.partitions, address.partition, scope, address.machine)
@@ -91,7 +94,23 @@ def partition_readings(partition: Partition) -> Readings:
         "state": partition.state.value,
         "mark": f"{mark.application}/{mark.name}" if mark else "",
         "set": mark.set if mark else "",
+        "snapshots": partition.checkpoints,
     }
+
+
+def disk_readings(disks: Iterable[Disk], path: str) -> Readings:
+    """What is read at a disk's address; a file that grows out of it uses it as a machine does."""
+    known = tuple(disks)
+    here = [one for one in known if same_path(one.path, path)]
+    if not here:
+        return NOTHING
+    used = any(one.machine for one in here) or any(same_path(one.parent, path) for one in known)
+    return {"exists": True, "parent": here[0].parent, "used": used}
+
+
+def same_path(left: str, right: str) -> bool:
+    """Whether two paths of a Windows are the same to it."""
+    return left.replace("/", "\\").lower() == right.replace("/", "\\").lower()
 
 
 def task_readings(task: TaskClass | None) -> Readings:

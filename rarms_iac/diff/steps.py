@@ -44,7 +44,7 @@ def _steps(change: Change, around: Surroundings) -> Iterator[Step]:
         case Update():
             yield from _update(change, around)
         case Delete():
-            yield from _delete(change)
+            yield from _delete(change, around)
         case Adopt():
             yield from take_in(change.address, change.before, change.after, change.reason)
         case Release():
@@ -65,10 +65,10 @@ def _create(change: Create, around: Surroundings) -> Iterator[Step]:
             assert_never(change.after)
 
 
-def _delete(change: Delete) -> Iterator[Step]:
+def _delete(change: Delete, around: Surroundings) -> Iterator[Step]:
     match change.before:
         case Partition() as before:
-            yield from remove_partition(change.address, before, change.reason)
+            yield from remove_partition(change.address, before, change.reason, around)
         case TaskClass() as task:
             yield from remove_task(change.address, task, change.reason)
         case Responsiveness() as one:

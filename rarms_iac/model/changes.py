@@ -9,16 +9,21 @@ from rarms_iac.model.system import Disruption
 
 Resource = Partition | TaskClass | Responsiveness
 
+SLASH = "\\"
+"""Between the folders of a host's path."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, order=True)
 class Address:
     """What a change is about: `partition/vision`, `task/MotionControl`, `partition/vision/task/MotionControl`.
 
     SystemResponsiveness of the host itself is at `mmcss/responsiveness`.
+    A step may also be about a partition's disk: `partition/vision/disk/vision-0123456789ab.vhdx`.
     """
 
     partition: str = ""
     task: str = ""
+    disk: str = ""  # path of its file on the host
     machine: str = field(default="", compare=False)  # id, where the mark does not say it: import and release
     responsiveness: bool = False  # SystemResponsiveness of the host itself; then there is no partition and no task
 
@@ -27,7 +32,9 @@ class Address:
         if self.responsiveness:
             return "mmcss/responsiveness"
         parts = [f"partition/{self.partition}"] if self.partition else []
-        return "/".join([*parts, *([f"task/{self.task}"] if self.task else [])])
+        below = [f"task/{self.task}"] if self.task else []
+        below += [f"disk/{self.disk.replace('/', SLASH).rpartition(SLASH)[2]}"] if self.disk else []
+        return "/".join([*parts, *below])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

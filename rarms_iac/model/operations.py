@@ -25,6 +25,11 @@ class CreatePartition:
     kind: Literal["create_partition"] = "create_partition"
 
 
+def disk_file(making: CreatePartition, plan: str) -> str:
+    """The name of the disk that the plan of this id makes for a partition: its parent's format, and the plan's id."""
+    return f"{making.partition}-{plan}{'.vhd' if making.image.lower().endswith('.vhd') else '.vhdx'}"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RemovePartition:
     """Remove the machine; its disks are kept."""
@@ -32,6 +37,16 @@ class RemovePartition:
     partition: str
     machine: str = ""
     kind: Literal["remove_partition"] = "remove_partition"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RemoveDisk:
+    """Delete the file of a virtual disk that grows out of `parent` and that no machine has any more."""
+
+    partition: str  # that had it
+    path: str
+    parent: str
+    kind: Literal["remove_disk"] = "remove_disk"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -216,4 +231,4 @@ TaskOperation = WriteTaskClass | RemoveTaskClass | WriteTaskRecord | EraseTaskRe
 ResponsivenessOperation = (
     WriteResponsiveness | EraseResponsiveness | WriteResponsivenessRecord | EraseResponsivenessRecord
 )
-Operation = PartitionOperation | TaskOperation | ResponsivenessOperation
+Operation = PartitionOperation | RemoveDisk | TaskOperation | ResponsivenessOperation

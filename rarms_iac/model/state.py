@@ -45,6 +45,7 @@ class HostFacts:
     logical_processors: int
     memory: int  # bytes
     rights: Rights
+    disk_folder: str = ""  # where new disks lie unless a partition says otherwise
 
 
 class RunState(StrEnum):
@@ -121,6 +122,7 @@ class Partition:
     mark: Mark | None = None  # only one that is valid: it names this id and stands on one machine
     other_notes: str = ""  # the lines of the notes that are the user's
     foreign_mark: str = ""  # why a line that looks like our mark does not count (a finding); empty: there is none
+    checkpoints: int = 0  # how many were taken of it and are still there
 
     @property
     def claims_resources(self) -> bool:
@@ -172,6 +174,25 @@ class TaskClass:
     machine: str = field(default="", compare=False)  # id of that partition, where it exists
 
 
+class DiskKind(StrEnum):
+    """What a virtual disk's file holds: all of it, what was written, or what differs from its parent."""
+
+    FIXED = "fixed"
+    DYNAMIC = "dynamic"
+    DIFFERENCING = "differencing"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Disk:
+    """The file of a virtual disk; one that two machines have is there twice."""
+
+    path: str
+    kind: DiskKind
+    parent: str = ""  # path of the disk that it grows out of
+    machine: str = ""  # id of the machine that it is attached to; empty: to none
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Responsiveness:
     """SystemResponsiveness of the host's own Windows (FACTS 6.1)."""
@@ -194,6 +215,7 @@ class State:
     tasks: tuple[TaskClass, ...] = ()
     serials: Mapping[str, int] = field(default_factory=dict)  # how many applies and undos there were
     responsiveness: Responsiveness | None = None  # wanted, None: as it is; observed, None: nobody could look
+    disks: tuple[Disk, ...] = ()  # those that are attached to a machine, and what else is known, by path
 
     def of(self, application: str) -> "State":
         """Only what carries this application's mark; facts and serials stay."""

@@ -14,8 +14,8 @@ from rarms_iac.model.operations import (
     EraseResponsiveness,
     EraseResponsivenessRecord,
     EraseTaskRecord,
-    Operation,
     PartitionOperation,
+    RemoveDisk,
     RemovePartition,
     RemoveTaskClass,
     RenamePartition,
@@ -32,6 +32,7 @@ from rarms_iac.model.operations import (
     WriteResponsivenessRecord,
     WriteTaskClass,
     WriteTaskRecord,
+    disk_file,
 )
 from rarms_iac.model.plan import Reading, Readings, Scope, Step
 from rarms_iac.model.quantities import show_bytes
@@ -77,11 +78,26 @@ def parts_of(step: Step, scope: Scope) -> tuple[Part, ...]:
     match step.operation:
         case CreatePartition() as making:
             return _making(step, making, scope)
+        case RemoveDisk() as removal:
+            return (_removal(step, removal),)
         case operation:
             return (_part(step, operation),)
 
 
-def _part(step: Step, operation: Operation) -> Part:
+def _removal(step: Step, removal: RemoveDisk) -> Part:
+    """The file goes only as what the plan knew: the child of that parent, which no machine has."""
+    parent = literal(removal.parent)
+    return Part(
+        address=str(step.address),
+        action=step.title,
+        read=call("Read-Disk", Path=literal(removal.path), Parent=parent, Everywhere=""),
+        before={"exists": True, "child": True, "used": False},
+        after=step.after,
+        calls=(call("Clear-DiskFile", Path=literal(removal.path)),),
+    )
+
+
+def _part(step: Step, operation: PartitionOperation | TaskOperation | ResponsivenessOperation) -> Part:
     return Part(
         address=str(step.address),
         action=step.title,
@@ -110,7 +126,7 @@ def _machine(machine: str) -> dict[str, Literal]:
     return {"Machine": literal(machine.lower())} if machine else {}
 
 
-def _calls(step: Step, operation: Operation) -> tuple[str, ...]:
+def _calls(step: Step, operation: PartitionOperation | TaskOperation | ResponsivenessOperation) -> tuple[str, ...]:
     match operation:
         case WriteTaskClass() | RemoveTaskClass() | WriteTaskRecord() | EraseTaskRecord():
             return _task_calls(step, operation)
@@ -226,11 +242,6 @@ def _plain(values: Mapping[str, object] | None) -> object:
     return None if values is None else {name: encode(value) for name, value in values.items()}
 
 
-def _child(making: CreatePartition) -> str:
-    """A differencing child has its parent's format."""
-    return ".vhd" if making.image.lower().endswith(".vhd") else ".vhdx"
-
-
 def _making(step: Step, making: CreatePartition, scope: Scope) -> tuple[Part, ...]:
     """The machine, its disk, the disk in its place, and the network adapter that Hyper-V adds by itself gone."""
     address, name = str(step.address), {"Name": literal(making.partition)}
@@ -265,16 +276,17 @@ def _making(step: Step, making: CreatePartition, scope: Scope) -> tuple[Part, ..
         remove = call("Hyper-V\\Remove-VMNetworkAdapter", VM="$vm")
         made.append(part(action, {"exists": True, "adapters": 1}, {"exists": True, "adapters": 0}, machine, remove))
     if making.image:
-        path = {"Folder": literal(making.vm_path), "File": literal(f"{making.partition}-{scope.plan}{_child(making)}")}
+        path = {"Folder": literal(making.vm_path), "File": literal(disk_file(making, scope.plan))}
         disk = "(" + call("Get-DiskPath", **path) + ")"
-        child = call("Hyper-V\\New-VHD", Path=disk, ParentPath=literal(making.image), Differencing="")
+        parent = literal(making.image)
+        child = call("Hyper-V\\New-VHD", Path=disk, ParentPath=parent, Differencing="")
         made.append(
             Part(
                 address=f"{address}/disk",
                 action=f"make a disk that grows out of {making.image}",
-                read=call("Read-Disk", Path=disk),
+                read=call("Read-Disk", Path=disk, Parent=parent),
                 before={"exists": False},
-                after={"exists": True},
+                after={"exists": True, "child": True},
                 calls=(child,),
             )
         )

@@ -5,7 +5,8 @@ from typing import assert_never
 
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Update
 from rarms_iac.model.diagnostics import Diagnostic, Place
-from rarms_iac.model.plan import HostPlan, Plan, Purpose, UndoLevel
+from rarms_iac.model.operations import RemoveDisk
+from rarms_iac.model.plan import HostPlan, Plan, Purpose, Step, UndoLevel
 from rarms_iac.model.quantities import show_bytes, show_processors
 from rarms_iac.model.system import Disruption
 from rarms_iac.views.attributes import Attribute, attributes_of
@@ -164,7 +165,7 @@ def _host(part: HostPlan, plan: Plan, width: int, *, steps: bool) -> Iterator[st
 
 
 def _change(change: Change, part: HostPlan, new: frozenset[str], width: int) -> Iterator[str]:
-    note = _note_on(change, new)
+    note = _note_on(change, part, new)
     head = f"  {symbol(change)} {change.address}" + (f", {note}" if note else "")
     place = _at(change.reason.place)
     yield from [head + place] if columns(head + place) <= width else [head, f"     {place}"]
@@ -181,10 +182,17 @@ def _made_here(part: HostPlan) -> frozenset[str]:
     return frozenset(address.partition for address in made if address.partition)
 
 
-def _note_on(change: Change, new: frozenset[str]) -> str:
+def _note_on(change: Change, part: HostPlan, new: frozenset[str]) -> str:
     """What the change disturbs here: the guest of a machine that is only being made starts with its task classes."""
     inside = change.address.partition if change.address.task else ""
+    if any(isinstance(one.operation, RemoveDisk) and is_part_of(one, change) for one in part.steps):
+        return "removed with a disk"
     return "" if inside in new else disturbs(change)
+
+
+def is_part_of(step: Step, change: Change) -> bool:
+    """Whether the step is about the same partition's machine or its disk."""
+    return not change.address.task and step.address.partition == change.address.partition
 
 
 _OF_THE_REMOVED = ("processors", "reserve", "memory")
@@ -265,7 +273,7 @@ def _disruption(part: HostPlan, width: int) -> Iterator[str]:
     by_kind: dict[str, list[str]] = {}
     new = _made_here(part)
     for change in part.changes:
-        note = _note_on(change, new)
+        note = _note_on(change, part, new)
         if note:
             by_kind.setdefault(note, []).append(str(change.address))
     if by_kind:

@@ -61,6 +61,19 @@ function Read-Machine {
     }
 }
 
+function Read-VirtualDisk {
+    # What a disk that a machine has is; of one that cannot be read only where it is.
+    param([string] $Path)
+    $found = Read-Probe -Read { Hyper-V\Get-VHD -Path $Path }
+    $type = ''
+    $parent = ''
+    if ($found['status'] -ceq 'value') {
+        $type = [string] $found['value'].VhdType
+        $parent = [string] $found['value'].ParentPath
+    }
+    [ordered] @{ path = $Path; type = $type; parent = $parent }
+}
+
 function Read-Key {
     # The values of a registry key with their types; numbers without sign.
     param([string] $Path)
@@ -143,6 +156,11 @@ $document = [ordered] @{
     }
     switches = Read-Probe -Many -Read { foreach ($one in @(Hyper-V\Get-VMSwitch)) { [string] $one.Name } }
     machines = Read-Probe -Many -Read { foreach ($vm in @(Hyper-V\Get-VM)) { Read-Machine -Vm $vm } }
+    virtual_disks = Read-Probe -Many -Read {
+        foreach ($vm in @(Hyper-V\Get-VM)) {
+            foreach ($one in @(Hyper-V\Get-VMHardDiskDrive -VM $vm)) { Read-VirtualDisk -Path ([string] $one.Path) }
+        }
+    }
     cpu_groups = Read-Probe -Many -Read {
         foreach ($one in @(Get-CimInstance -Namespace $namespace -ClassName Msvm_ProcessorSettingData)) {
             [ordered] @{ instance = [string] $one.InstanceID; group = [string] $one.CpuGroupId; reservation = [long] $one.Reservation }

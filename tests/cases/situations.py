@@ -72,7 +72,7 @@ def _by_library(words: list[str]) -> tuple[Plan | None, dict[str, str]]:
     loaded = load("rarms.yaml", today=TODAY)
     assert loaded.system is not None
     (name,) = loaded.system.hosts
-    options = dict(pairwise(words))
+    options = dict(pairwise([*words, ""]))
     request = Request(
         system=loaded.system,
         places=loaded.places,
@@ -83,6 +83,7 @@ def _by_library(words: list[str]) -> tuple[Plan | None, dict[str, str]]:
         targets=(options["--target"],) if "--target" in options else (),
         partition=words[1] if words[0] in ("import", "release") else "",
         machine=options.get("--id", ""),
+        remove_disks="--remove-disks" in words,
     )
     prepared = prepare(request, {name: to_state(read_observation(Path("host.json").read_bytes()), name)})
     shown = plan_text(prepared.plan, sources=loaded.sources) if prepared.plan else ""

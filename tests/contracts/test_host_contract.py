@@ -24,6 +24,7 @@ from rarms_iac.model.operations import (
     EraseResponsivenessRecord,
     EraseTaskRecord,
     Operation,
+    RemoveDisk,
     RemovePartition,
     RemoveTaskClass,
     RenamePartition,
@@ -284,6 +285,30 @@ def test_an_operation_does_what_it_says_and_nothing_else(
     after = room.host().read(VISION, SCOPE)
     assert after == (expected if "exists" in expected else {**before, **expected})
     assert host.read(Address(partition="speech"), SCOPE) == other
+
+
+def test_a_disk_stays_when_its_machine_goes_and_is_deleted_when_no_machine_has_it(room: Room) -> None:
+    host = room.host()
+    do(
+        host,
+        CreatePartition(partition="vision", generation=2, memory=512 * MIB, image="D:\\robot.vhdx", vm_path="D:\\vms"),
+    )
+    (disk,) = host.observe().disks
+    at = Address(partition="vision", disk=disk.path.upper())
+    assert disk.path == f"D:\\vms\\vision-{SCOPE.plan}.vhdx"
+    assert host.read(at, SCOPE) == {"exists": True, "parent": "D:\\robot.vhdx", "used": True}
+    removal = RemoveDisk(partition="vision", path=disk.path, parent=disk.parent)
+    with pytest.raises(Refused, match="in use"):
+        do(host, removal)
+
+    do(host, RemovePartition(partition="vision"))
+    assert host.read(at, SCOPE) == {"exists": True, "parent": "D:\\robot.vhdx", "used": False}
+    do(host, removal)
+
+    assert room.host().observe().disks == ()
+    assert host.read(at, SCOPE) == {"exists": False}
+    with pytest.raises(Refused, match="there is no disk"):
+        do(host, removal)
 
 
 def test_a_task_class_is_written_recorded_forgotten_and_removed(room: Room) -> None:

@@ -182,7 +182,13 @@ def remove_item_property(scope: Scope, given: Given) -> Value:
 def remove_item(scope: Scope, given: Given) -> Value:
     host, path = scope.session.host, text(given["literalpath"])
     if not _is_registry(path):
-        raise Unsupported("Remove-Item of a file")
+        file = host.file(path)
+        if file is None or file.data is None:
+            raise not_found(path, "RemoveItemCommand")
+        if any(path.lower() == one.lower() for vm in host.vms.values() for one in vm.disks):
+            raise AssertionError(f"the disk {path} of a machine is deleted")
+        host.effect(f"Remove-Item {path}", lambda: host.files.pop(path.lower()))
+        return EMPTY
     _elevated(scope, path)
     if host.key(path) is None:
         raise not_found(path, "RemoveItemCommand")

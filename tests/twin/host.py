@@ -42,6 +42,7 @@ class Vm:
     checkpoint_count: int = 0
     clustered: str = "False"
     disks: list[str] = field(default_factory=list)
+    checkpoint_disks: list[str] = field(default_factory=list)  # what its checkpoints rest on
     adapters: list[tuple[str, str]] = field(default_factory=list)  # name, switch
     obeys: bool = True  # its guest shuts down when asked
     stopping: int | None = None  # ms of the clock at which it will be off

@@ -9,7 +9,7 @@ from rarms_iac.providers.simulated.packing import packs
 from tests.twin.host import Vm, WindowsHost
 from tests.twin.members import cast
 from tests.twin.scopes import Scope
-from tests.twin.values import EMPTY, Enumerated, Guid, Long, Record, ScriptError, Thing, Value, number, text
+from tests.twin.values import EMPTY, Enumerated, Guid, Long, Record, ScriptError, Thing, Value, elements, number, text
 
 Given = Mapping[str, Value]
 ROOT = 4
@@ -273,8 +273,33 @@ def new_vhd(scope: Scope, given: Given) -> Value:
         raise refuse(f"Failed to create the virtual hard disk: '{parent}' is not there.", "NewVHD", "ObjectNotFound")
     if host.file(path) is not None:
         raise refuse(f"Failed to create the virtual hard disk: '{path}' exists.", "NewVHD", "OperationFailed")
-    host.effect(f"New-VHD {path}", lambda: host.write_file(path, b"child of " + parent.encode()))
+    host.effect(f"New-VHD {path}", lambda: host.write_file(path, CHILD + parent.encode()))
     return Record(Path=path)
+
+
+CHILD = b"child of "
+"""Begins what the stand-in keeps as the content of a differencing disk; its parent's path follows."""
+
+
+def get_vhd(scope: Scope, given: Given) -> Thing:
+    path = text(given["path"])
+    file = scope.session.host.file(path)
+    if not path or file is None or file.data is None:
+        raise refuse(f"Getting the virtual disk failed: '{path}' is not there.", "GetVHD", "ObjectNotFound")
+    child = file.data.startswith(CHILD)
+    parent = file.data.removeprefix(CHILD).decode() if child else None
+    return Record(Path=file.path, VhdType=Enumerated("Differencing" if child else "Dynamic"), ParentPath=parent)
+
+
+def get_drives(scope: Scope, given: Given) -> Value:
+    if "vmsnapshot" in given:
+        return [Record(Path=text(one)) for one in elements(given["vmsnapshot"].get("Disks"))]
+    return [Record(Path=one) for one in _vm(scope, given).disks]
+
+
+def get_snapshots(scope: Scope, given: Given) -> Value:
+    vm = _vm(scope, given)
+    return [Record(Name=str(number), Disks=list(vm.checkpoint_disks)) for number in range(vm.checkpoint_count)]
 
 
 def add_disk(scope: Scope, given: Given) -> Value:
@@ -300,11 +325,12 @@ CMDLETS: dict[str, Callable[[Scope, Given], Value]] = {
     "get-vmhost": get_host,
     "get-vmprocessor": get_processor,
     "get-vmmemory": get_memory,
-    "get-vmharddiskdrive": lambda scope, given: [Record(Path=one) for one in _vm(scope, given).disks],
+    "get-vmharddiskdrive": get_drives,
+    "get-vhd": get_vhd,
     "get-vmnetworkadapter": lambda scope, given: [
         Record(Name=name, SwitchName=switch) for name, switch in _vm(scope, given).adapters
     ],
-    "get-vmsnapshot": lambda scope, given: [Record(Name=str(n)) for n in range(_vm(scope, given).checkpoint_count)],
+    "get-vmsnapshot": get_snapshots,
     "get-vmswitch": lambda scope, given: [Record(Name=one) for one in scope.session.host.switches],
     "get-vmhostnumanode": lambda scope, given: [
         Record(NodeId=one["node"], MemoryAvailable=one["memory_available"], MemoryTotal=one["memory"])

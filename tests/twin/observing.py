@@ -11,6 +11,7 @@ from rarms_iac.powershell.render import render_observe
 from rarms_iac.providers.hyperv.observation import read_observation
 from rarms_iac.providers.hyperv.parse import to_state
 from tests.twin.host import Entry, Vm, WindowsHost
+from tests.twin.hyperv import CHILD
 from tests.twin.run import observe
 
 Document = Mapping[str, Any]
@@ -102,6 +103,14 @@ def _machines(host: WindowsHost, value: list[dict[str, Any]]) -> None:
         host.vms[one["id"]] = Vm(**{**one, "adapters": adapters, "disks": list(one["disks"])})
 
 
+def _virtual_disks(host: WindowsHost, value: list[Document]) -> None:
+    for one in value:
+        if one["type"]:
+            host.write_file(one["path"], CHILD + one["parent"].encode() if one["parent"] else b"a disk")
+            if one["parent"] and host.file(one["parent"]) is None:
+                host.write_file(one["parent"], b"an image")
+
+
 def _tasks(host: WindowsHost, value: list[Document]) -> None:
     host.add_key(f"{PROFILE}\\Tasks")
     for one in value:
@@ -133,6 +142,7 @@ _FILL: dict[str, Callable[[WindowsHost, Any], None]] = {
     "windows": _windows,
     "hypervisor": _hypervisor,
     "machines": _machines,
+    "virtual_disks": _virtual_disks,
     "tasks": _tasks,
     "records": _records,
     "journal": _journal,

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from rarms_iac.apply.review import (
     classes_above,
+    disks_go,
     disks_stay,
     limit_below_reserve,
     limit_widens,
@@ -22,6 +23,7 @@ REVIEWS = (
     limit_below_reserve,
     limit_widens,
     unmanaged_gets_less,
+    disks_go,
     disks_stay,
     not_undone,
     wide_partition,

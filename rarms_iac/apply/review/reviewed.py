@@ -21,6 +21,7 @@ class Reviewed:
     layout: Layout | None  # None: nothing is laid out, as in destroy
     observed: State
     plan: HostPlan
+    remove_disks: bool = False  # whether that was asked for
 
     @property
     def application(self) -> str:

@@ -26,6 +26,9 @@ from rarms_iac.model.plan import Purpose
 @manifest_options
 @host_options
 @target_option
+@click.option(
+    "--remove-disks", is_flag=True, help="Also delete the virtual disks that rarms made; their content is lost."
+)
 @run_options
 @click.option("--out", metavar="FILE", help="Only write the plan, sealed, for `rarms apply FILE`.")
 @json_option
@@ -35,16 +38,20 @@ def command(
     source: ManifestOptions,
     where: HostOptions,
     target: tuple[str, ...],
+    remove_disks: bool,
     how: RunOptions,
     out: str | None,
     as_json: bool,
 ) -> ExitCode:
     """Remove everything that carries this application's mark: plan, show, ask, and do it.
 
-    Disks are kept, task classes go back to what was there before, and nothing else is touched. A partition that says
-    `protect: true` makes this an error. --target removes one thing, also an unused partition.
+    Task classes go back to what was there before, and nothing else is touched. A partition that says `protect: true`
+    makes this an error. --target removes one thing, also an unused partition.
+
+    Disks are kept. With --remove-disks those go that rarms made: they grow out of an image, lie where rarms puts
+    them, and no other machine, disk or checkpoint needs them. What was on them is lost.
     """
     system, opened = system_of(source)
     hosts = hosts_of(system, opened, source, where)
-    wish = Wish(purpose=Purpose.DESTROY, limits=ChangeOptions(targets=target))
+    wish = Wish(purpose=Purpose.DESTROY, limits=ChangeOptions(targets=target), remove_disks=remove_disks)
     return plan_ask_apply(session, hosts, wish, how, as_json=as_json, out=out)

@@ -66,7 +66,7 @@ _CHANGING = _READING | words(
 
 _READING_HYPERV = words(
     "Get-VM Get-VMHost Get-VMHostNumaNode Get-VMProcessor Get-VMMemory Get-VMHardDiskDrive Get-VMNetworkAdapter "
-    "Get-VMSnapshot Get-VMSwitch"
+    "Get-VHD Get-VMSnapshot Get-VMSwitch"
 )
 _CHANGING_HYPERV = _READING_HYPERV | words(
     "New-VM Set-VM Rename-VM Remove-VM Start-VM Stop-VM Set-VMProcessor Set-VMMemory New-VHD Add-VMHardDiskDrive "
@@ -101,8 +101,8 @@ _CHANGING_TYPES = (_READING_TYPES - words("System.Security.Principal.WindowsBuil
 _HYPERV_MEMBERS = words(
     """
     AutomaticStartAction AutomaticStartDelay AutomaticStopAction CheckpointType Count DynamicMemoryEnabled Generation
-    Id LogicalProcessorCount Maximum Minimum Name Notes Path RelativeWeight Reserve Startup State SwitchName Version
-    VirtualHardDiskPath
+    Id LogicalProcessorCount Maximum Minimum Name Notes ParentPath Path RelativeWeight Reserve Startup State SwitchName
+    Version VhdType VirtualHardDiskPath
     """
 )
 _READING_MEMBERS = _HYPERV_MEMBERS | words(

@@ -29,6 +29,7 @@ _READERS = frozenset({"Read-Partition", "Read-TaskClass", "Read-GuestTaskClass",
 _WRITERS = words("""
     Write-Mark Clear-Mark Invoke-PartitionStop Write-TaskValue Clear-TaskValue Clear-TaskClass Write-TaskRecord
     Write-Responsiveness Clear-Responsiveness Clear-TaskRecord Save-TaskRecord Restore-TaskClass Clear-OtherTaskValue
+    Clear-DiskFile
     """)
 _VALUES = frozenset({"Get-Machine", "Get-DiskPath"})
 

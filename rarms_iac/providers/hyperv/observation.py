@@ -124,6 +124,15 @@ class Machine:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class VirtualDisk:
+    """A disk that a machine has."""
+
+    path: str
+    type: str  # Fixed, Dynamic, Differencing; empty: it could not be read
+    parent: str  # of a differencing one
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ProcessorSetting:
     """A machine's processors as WMI has them: the group, and the reserve in thousandths of a per cent (FACTS 1.3)."""
 
@@ -191,6 +200,7 @@ class Observation:
     numa: Probe[tuple[NumaNode, ...]]
     switches: Probe[tuple[str, ...]]
     machines: Probe[tuple[Machine, ...]]
+    virtual_disks: Probe[tuple[VirtualDisk, ...]]
     cpu_groups: Probe[tuple[ProcessorSetting, ...]]
     profile: Probe[tuple[NamedValue, ...]]  # of the multimedia system profile
     tasks: Probe[tuple[TaskKey, ...]]

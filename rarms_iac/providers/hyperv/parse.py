@@ -7,6 +7,8 @@ from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.responsiveness import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.state import (
     Checkpoints,
+    Disk,
+    DiskKind,
     HostFacts,
     Partition,
     PartitionSettings,
@@ -30,6 +32,7 @@ from rarms_iac.providers.hyperv.observation import (
     Read,
     RecordKey,
     Unread,
+    VirtualDisk,
     is_denied,
     or_else,
 )
@@ -56,6 +59,7 @@ _CHECKPOINTS = {
     "Standard": Checkpoints.STANDARD,
 }
 _RESPONSIVENESS = SYSTEM_RESPONSIVENESS.lower()
+_DISKS = {"Fixed": DiskKind.FIXED, "Dynamic": DiskKind.DYNAMIC, "Differencing": DiskKind.DIFFERENCING}
 _KINDS = {"dword": ValueKind.DWORD, "string": ValueKind.SZ} | {one.value: one for one in ValueKind}
 
 
@@ -72,6 +76,7 @@ def to_state(seen: Observation, name: str) -> State:
         tasks=tasks_of(seen),
         serials=serials_of(seen),
         responsiveness=responsiveness_of(seen),
+        disks=disks_of(seen) if facts.rights is Rights.PROVEN else (),
     )
 
 
@@ -92,6 +97,7 @@ def facts_of(seen: Observation, name: str) -> HostFacts:
         logical_processors=hypervisor.logical_processors if hypervisor else sum(one.logical for one in sockets),
         memory=hypervisor.memory if hypervisor else 0,
         rights=rights_of(seen),
+        disk_folder=hypervisor.disk_folder if hypervisor else "",
     )
 
 
@@ -131,6 +137,18 @@ def partitions_of(seen: Observation) -> tuple[Partition, ...]:
     machines = sorted(or_else(seen.machines, ()), key=lambda one: (one.name, one.id))
     judged = judge_marks({one.id: one.notes for one in machines})
     return tuple(_partition(one, judged[one.id]) for one in machines)
+
+
+def disks_of(seen: Observation) -> tuple[Disk, ...]:
+    """The virtual disks that machines have, by path; where only the path is known, of unknown kind."""
+    looked_at = {one.path: one for one in or_else(seen.virtual_disks, ())}
+    attached = sorted((path, one.id) for one in or_else(seen.machines, ()) for path in one.disks if path)
+    return tuple(_disk(path, machine, looked_at.get(path)) for path, machine in attached)
+
+
+def _disk(path: str, machine: str, known: VirtualDisk | None) -> Disk:
+    kind = _DISKS.get(known.type, DiskKind.UNKNOWN) if known else DiskKind.UNKNOWN
+    return Disk(path=path, kind=kind, parent=known.parent if known else "", machine=machine)
 
 
 def tasks_of(seen: Observation, inside: str = "", machine: str = "") -> tuple[TaskClass, ...]:
@@ -206,6 +224,7 @@ def _partition(one: Machine, judged: Judged) -> Partition:
         mark=judged.mark,
         other_notes=judged.other_notes,
         foreign_mark=judged.foreign,
+        checkpoints=one.checkpoint_count,
     )
 
 

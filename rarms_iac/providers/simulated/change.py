@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import assert_never
 
-from rarms_iac.model.changes import Address
+from rarms_iac.diff.readings import disk_readings
+from rarms_iac.model.changes import SLASH, Address
 from rarms_iac.model.operations import (
     CreatePartition,
     EraseMark,
@@ -13,6 +14,7 @@ from rarms_iac.model.operations import (
     EraseTaskRecord,
     Operation,
     PartitionOperation,
+    RemoveDisk,
     RemovePartition,
     RemoveTaskClass,
     RenamePartition,
@@ -29,11 +31,14 @@ from rarms_iac.model.operations import (
     WriteResponsivenessRecord,
     WriteTaskClass,
     WriteTaskRecord,
+    disk_file,
 )
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.responsiveness import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.state import (
     Checkpoints,
+    Disk,
+    DiskKind,
     PartitionSettings,
     RegistryValue,
     RunState,
@@ -58,6 +63,8 @@ def address_of(operation: Operation) -> Address:
             return Address(responsiveness=True)
         case CreatePartition():
             return Address(partition=operation.partition)
+        case RemoveDisk():
+            return Address(partition=operation.partition, disk=operation.path)
         case _:
             return Address(partition=operation.partition, machine=operation.machine)
 
@@ -84,6 +91,23 @@ def with_new_machine(content: Content, settings: PartitionSettings) -> Content:
     """With one machine more."""
     machine = Machine(id=next_id(content, settings.name), settings=settings, state=RunState.OFF)
     return replace(content, made=content.made + 1).with_machine(machine)
+
+
+def with_new_disk(content: Content, machine: str, operation: CreatePartition, folder: str, scope: Scope) -> Content:
+    """With the disk of a machine that grows out of an image."""
+    path = f"{(operation.vm_path or folder).rstrip(SLASH)}{SLASH}{disk_file(operation, scope.plan)}"
+    disk = Disk(path=path, kind=DiskKind.DIFFERENCING, parent=operation.image, machine=machine)
+    return content.with_disk(disk)
+
+
+def refuse_disk_removal(content: Content, operation: RemoveDisk) -> Refusal | None:
+    """Why this disk cannot be deleted, None where it can."""
+    live = disk_readings(content.disks, operation.path)
+    if not live["exists"]:
+        return Refusal(says=f"there is no disk {operation.path}", advice="look at the host again: rarms plan")
+    if live["used"]:
+        return Refusal(says=f"{operation.path} is in use", advice="remove what has it first")
+    return None
 
 
 def change_machine(content: Content, machine: Machine, operation: PartitionOperation) -> Content:

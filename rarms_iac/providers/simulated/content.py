@@ -9,7 +9,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from rarms_iac.model.responsiveness import USUAL
-from rarms_iac.model.state import PartitionSettings, RegistryValue, Responsiveness, RunState, TaskRecord, ValueKind
+from rarms_iac.model.state import (
+    Disk,
+    PartitionSettings,
+    RegistryValue,
+    Responsiveness,
+    RunState,
+    TaskRecord,
+    ValueKind,
+)
 
 NAMESPACE = uuid.UUID("6f1d3c52-8a0e-5b7c-9d44-72a1b0e5c301")
 """Ids of simulated hosts and machines are made in it, so that the same input gives the same bytes."""
@@ -86,6 +94,7 @@ class Content:
     made: int = 0  # how many machines there ever were: no id comes twice
     machines: Mapping[str, Machine] = field(default_factory=dict)  # by id
     registries: Mapping[str, Registry] = field(default_factory=dict)  # by machine, "" the host's; absent: FRESH
+    disks: tuple[Disk, ...] = ()  # by path
     struck: Mapping[str, int] = field(default_factory=dict)  # how often a fault of this name struck
 
     def registry(self, machine: str) -> Registry:
@@ -97,12 +106,21 @@ class Content:
         return replace(self, machines={**self.machines, machine.id: machine})
 
     def without_machine(self, machine: str) -> "Content":
-        """Without the machine of this id and its guest."""
+        """Without the machine of this id and its guest; its disks stay."""
         return replace(
             self,
             machines={one: value for one, value in self.machines.items() if one != machine},
             registries={one: value for one, value in self.registries.items() if one != machine},
+            disks=tuple(replace(one, machine="") if one.machine == machine else one for one in self.disks),
         )
+
+    def with_disk(self, disk: Disk) -> "Content":
+        """With one disk more."""
+        return replace(self, disks=tuple(sorted((*self.disks, disk), key=lambda one: one.path)))
+
+    def without_disk(self, path: str) -> "Content":
+        """Without the disk of this path."""
+        return replace(self, disks=tuple(one for one in self.disks if one.path != path))
 
     def with_registry(self, machine: str, registry: Registry) -> "Content":
         """With this registry in that machine's guest, or on the host for the empty id."""

@@ -10,7 +10,7 @@ import uuid
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 
-from rarms_iac.model.state import HostFacts, Partition, Rights, RunState, State, TaskClass
+from rarms_iac.model.state import Disk, HostFacts, Partition, Rights, RunState, State, TaskClass
 from rarms_iac.model.system import Host, SimulatedHost
 from rarms_iac.providers.marks import Judged, judge_marks
 from rarms_iac.providers.simulated.content import FRESH, SHIPPED, Content, Machine
@@ -19,6 +19,9 @@ from rarms_iac.storage.codec import NotDecodable, decode
 from rarms_iac.storage.digest import canonical, parse_json
 
 FORMAT = "rarms-simulated-host/1"
+DISK_FOLDER = "C:\\disks"
+"""Where a simulated host's disks are said to lie."""
+
 _HEAD = re.compile(r'\{"format":"(?P<format>[^"\\]{1,60})","checksum":"(?P<checksum>[0-9a-f]{64})","content":')
 _TAIL = "}\n"
 _PENDING = re.compile(r"(?P<partition>[a-z0-9-]+)\.rarms-[0-9a-f]+")
@@ -27,7 +30,7 @@ _PENDING = re.compile(r"(?P<partition>[a-z0-9-]+)\.rarms-[0-9a-f]+")
 def write_content(content: Content) -> bytes:
     """The file that holds this content."""
     machines = ",".join(f'"{one}":{_machine_text(content.machines[one])}' for one in sorted(content.machines))
-    others = {name: canonical(getattr(content, name)) for name in ("id", "made", "struck")}
+    others = {name: canonical(getattr(content, name)) for name in ("id", "made", "struck", "disks")}
     registries = ",".join(f'"{one}":{canonical(content.registries[one])}' for one in sorted(content.registries))
     members = {**others, "machines": f"{{{machines}}}", "registries": f"{{{registries}}}"}
     text = ",".join(f'"{name}":{member}' for name, member in sorted(members.items()))
@@ -76,7 +79,13 @@ def to_state(content: Content, host: Host, serials: Mapping[str, int]) -> State:
         tasks=tasks_of(content, partitions),
         serials=serials,
         responsiveness=content.registry("").responsiveness,
+        disks=visible_disks(content, facts),
     )
+
+
+def visible_disks(content: Content, facts: HostFacts) -> tuple[Disk, ...]:
+    """The virtual disks, where machines may be seen."""
+    return content.disks if facts.rights is Rights.PROVEN else ()
 
 
 def partitions_of(content: Content) -> tuple[Partition, ...]:
@@ -107,6 +116,7 @@ def facts_of(content: Content, host: Host) -> HostFacts:
         logical_processors=host.logical_processors,
         memory=int(host.memory),
         rights=Rights.PROVEN if described.administrator else Rights.MISSING,
+        disk_folder=DISK_FOLDER,
     )
 
 

@@ -16,6 +16,7 @@ from rarms_iac.model.operations import (
     EraseTaskRecord,
     Operation,
     PartitionOperation,
+    RemoveDisk,
     RemoveTaskClass,
     ResponsivenessOperation,
     TaskOperation,
@@ -34,11 +35,13 @@ from rarms_iac.providers.simulated.change import (
     change_registry,
     change_responsiveness,
     new_settings,
+    refuse_disk_removal,
     refuse_responsiveness_change,
     refuse_task_change,
+    with_new_disk,
     with_new_machine,
 )
-from rarms_iac.providers.simulated.content import Content, Machine, empty
+from rarms_iac.providers.simulated.content import Content, Machine, empty, next_id
 from rarms_iac.providers.simulated.journal import (
     append_record,
     read_journal,
@@ -55,6 +58,7 @@ from rarms_iac.providers.simulated.parse import (
     stands_for,
     tasks_of,
     to_state,
+    visible_disks,
     write_content,
 )
 from rarms_iac.providers.simulated.rules import Refusal, refuse_change, refuse_creation, refuse_without_rights
@@ -193,7 +197,7 @@ class SimulatedHostProvider:
         if self._seen is None or self._seen[0] is not content:
             facts = facts_of(content, self._host)
             visible = partitions_of(content) if facts.rights is Rights.PROVEN else ()
-            self._seen = (content, State(facts=facts, partitions=visible))
+            self._seen = (content, State(facts=facts, partitions=visible, disks=visible_disks(content, facts)))
         return self._seen[1]
 
     def _after(self, content: Content, operation: Operation, scope: Scope) -> Content:
@@ -210,6 +214,10 @@ class SimulatedHostProvider:
                 | EraseResponsivenessRecord()
             ):
                 return self._after_responsiveness(content, operation)
+            case RemoveDisk():
+                if refusal := refuse_disk_removal(content, operation):
+                    raise self._refused(refusal)
+                return content.without_disk(operation.path)
             case _:
                 return self._after_partition(content, state, operation, scope)
 
@@ -241,7 +249,10 @@ class SimulatedHostProvider:
         settings = new_settings(operation, scope)
         if refusal := refuse_creation(operation, settings):
             raise self._refused(refusal)
-        return with_new_machine(content, settings)
+        after = with_new_machine(content, settings)
+        if not operation.image:
+            return after
+        return with_new_disk(after, next_id(content, settings.name), operation, state.facts.disk_folder, scope)
 
     def _only(self, content: Content, state: State, address: Address, scope: Scope) -> Machine:
         """The one machine that the name stands for."""

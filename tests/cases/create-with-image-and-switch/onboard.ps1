@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         03e78642c772, manifest 4e5e6d808001, rarms 0.1.0
+# Plan         ed37a178bd59, manifest 4e5e6d808001, rarms 0.1.0
 # Steps        10
 # Not undone   the disk made from D:\images\base.vhdx stays
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -460,12 +460,47 @@ function Read-Partition {
         running = $state -ceq 'running'; state = $state; mark = $owner; set = $set; taken = $taken
         adapters = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count
         disks = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count
+        snapshots = @(Hyper-V\Get-VMSnapshot -VM $vm).Count
     }
 }
 
 function Read-Disk {
+    # Whether it is there and grows out of this image; with -Everywhere also whether any machine has it.
+    param([string] $Path, [string] $Parent, [switch] $Everywhere)
+    if (-not (Test-Path -LiteralPath $Path)) { return @{ exists = $false } }
+    $disk = Hyper-V\Get-VHD -Path $Path
+    $child = [string] $disk.VhdType -ceq 'Differencing' -and (Test-SamePath -Left $disk.ParentPath -Right $Parent)
+    $live = @{ exists = $true; child = $child }
+    if ($Everywhere) { $live['used'] = Test-DiskUse -Path $Path }
+    $live
+}
+
+function Test-DiskUse {
+    # Whether a machine or one of its checkpoints has this disk, or one that grows out of it.
     param([string] $Path)
-    @{ exists = Test-Path -LiteralPath $Path }
+    foreach ($vm in @(Hyper-V\Get-VM)) {
+        $drives = @(Hyper-V\Get-VMHardDiskDrive -VM $vm)
+        foreach ($one in @(Hyper-V\Get-VMSnapshot -VM $vm)) { $drives += @(Hyper-V\Get-VMHardDiskDrive -VMSnapshot $one) }
+        foreach ($drive in $drives) {
+            $at = [string] $drive.Path
+            while ($at) {
+                if (Test-SamePath -Left $at -Right $Path) { return $true }
+                $at = if (Test-Path -LiteralPath $at) { [string] (Hyper-V\Get-VHD -Path $at).ParentPath } else { '' }
+            }
+        }
+    }
+    $false
+}
+
+function Test-SamePath {
+    # Windows tells paths apart neither by case nor by the direction of a slash.
+    param([string] $Left, [string] $Right)
+    $Left.Replace('/', '\') -eq $Right.Replace('/', '\')
+}
+
+function Clear-DiskFile {
+    param([string] $Path)
+    Remove-Item -LiteralPath $Path
 }
 
 function Get-DiskPath {
@@ -826,12 +861,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '03e78642c772'
+        Plan = 'ed37a178bd59'
         Application = 'robot'
         Serial = 0
         Total = 10
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'a655cecc6e247c34013b19459c649b155c0a645caa522fab1a367dadec3d3e19'
+        UndoDigest = 'e7cd3b0386c3ca47f55329168ee56d68adc1943f8a7771954dadcb536fe01590'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4
@@ -853,7 +888,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-03e78642c772' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
+            Hyper-V\New-VM -Name 'vision.rarms-ed37a178bd59' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
         }
     }
 
@@ -884,11 +919,11 @@ try {
         Address = 'partition/vision/disk'
         Action = 'make a disk that grows out of D:\images\base.vhdx'
         Needs = @('partition/vision', 'partition/vision/disk')
-        Read = { Read-Disk -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-03e78642c772.vhdx') }
+        Read = { Read-Disk -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-ed37a178bd59.vhdx') -Parent 'D:\images\base.vhdx' }
         Before = @{ 'exists' = $false }
-        After = @{ 'exists' = $true }
+        After = @{ 'child' = $true; 'exists' = $true }
         Set = {
-            Hyper-V\New-VHD -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-03e78642c772.vhdx') -ParentPath 'D:\images\base.vhdx' -Differencing
+            Hyper-V\New-VHD -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-ed37a178bd59.vhdx') -ParentPath 'D:\images\base.vhdx' -Differencing
         }
     }
 
@@ -906,7 +941,7 @@ try {
         After = @{ 'disks' = 1; 'exists' = $true }
         Set = {
             $vm = Get-Machine -Name 'vision'
-            Hyper-V\Add-VMHardDiskDrive -VM $vm -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-03e78642c772.vhdx')
+            Hyper-V\Add-VMHardDiskDrive -VM $vm -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-ed37a178bd59.vhdx')
         }
     }
 

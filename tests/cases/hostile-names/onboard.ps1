@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         d4e9c15fba5c, manifest ede4a8e56512, rarms 0.1.0
+# Plan         822acdc557e1, manifest ede4a8e56512, rarms 0.1.0
 # Steps        8
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -459,12 +459,47 @@ function Read-Partition {
         running = $state -ceq 'running'; state = $state; mark = $owner; set = $set; taken = $taken
         adapters = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count
         disks = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count
+        snapshots = @(Hyper-V\Get-VMSnapshot -VM $vm).Count
     }
 }
 
 function Read-Disk {
+    # Whether it is there and grows out of this image; with -Everywhere also whether any machine has it.
+    param([string] $Path, [string] $Parent, [switch] $Everywhere)
+    if (-not (Test-Path -LiteralPath $Path)) { return @{ exists = $false } }
+    $disk = Hyper-V\Get-VHD -Path $Path
+    $child = [string] $disk.VhdType -ceq 'Differencing' -and (Test-SamePath -Left $disk.ParentPath -Right $Parent)
+    $live = @{ exists = $true; child = $child }
+    if ($Everywhere) { $live['used'] = Test-DiskUse -Path $Path }
+    $live
+}
+
+function Test-DiskUse {
+    # Whether a machine or one of its checkpoints has this disk, or one that grows out of it.
     param([string] $Path)
-    @{ exists = Test-Path -LiteralPath $Path }
+    foreach ($vm in @(Hyper-V\Get-VM)) {
+        $drives = @(Hyper-V\Get-VMHardDiskDrive -VM $vm)
+        foreach ($one in @(Hyper-V\Get-VMSnapshot -VM $vm)) { $drives += @(Hyper-V\Get-VMHardDiskDrive -VMSnapshot $one) }
+        foreach ($drive in $drives) {
+            $at = [string] $drive.Path
+            while ($at) {
+                if (Test-SamePath -Left $at -Right $Path) { return $true }
+                $at = if (Test-Path -LiteralPath $at) { [string] (Hyper-V\Get-VHD -Path $at).ParentPath } else { '' }
+            }
+        }
+    }
+    $false
+}
+
+function Test-SamePath {
+    # Windows tells paths apart neither by case nor by the direction of a slash.
+    param([string] $Left, [string] $Right)
+    $Left.Replace('/', '\') -eq $Right.Replace('/', '\')
+}
+
+function Clear-DiskFile {
+    param([string] $Path)
+    Remove-Item -LiteralPath $Path
 }
 
 function Get-DiskPath {
@@ -825,12 +860,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'd4e9c15fba5c'
+        Plan = '822acdc557e1'
         Application = 'robot'
         Serial = 0
         Total = 8
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'b0d5dde3f58902be1929dd0d820745cb5b85f73001a39b7286b55ac19a24a882'
+        UndoDigest = '228e6130227e4d6e4e2614dc37ee987dfa72595334d2a0565d64baba136a1628'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4
@@ -851,7 +886,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-d4e9c15fba5c' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName ('' + 'lab ''a'' ' + [char]0x2018 + 'b' + [char]0x2019 + ' ' + [char]0x201A + 'c' + [char]0x201B + ' $(x) `n') -Path ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP `t')
+            Hyper-V\New-VM -Name 'vision.rarms-822acdc557e1' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName ('' + 'lab ''a'' ' + [char]0x2018 + 'b' + [char]0x2019 + ' ' + [char]0x201A + 'c' + [char]0x201B + ' $(x) `n') -Path ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP `t')
         }
     }
 

@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         66f72b512663, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         ba8c4dc9b2e9, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        2
 # Not undone   it starts anew: what its programs had in memory is lost
 # Not undone   the machine is not made again; its disks are still there
@@ -461,12 +461,47 @@ function Read-Partition {
         running = $state -ceq 'running'; state = $state; mark = $owner; set = $set; taken = $taken
         adapters = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count
         disks = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count
+        snapshots = @(Hyper-V\Get-VMSnapshot -VM $vm).Count
     }
 }
 
 function Read-Disk {
+    # Whether it is there and grows out of this image; with -Everywhere also whether any machine has it.
+    param([string] $Path, [string] $Parent, [switch] $Everywhere)
+    if (-not (Test-Path -LiteralPath $Path)) { return @{ exists = $false } }
+    $disk = Hyper-V\Get-VHD -Path $Path
+    $child = [string] $disk.VhdType -ceq 'Differencing' -and (Test-SamePath -Left $disk.ParentPath -Right $Parent)
+    $live = @{ exists = $true; child = $child }
+    if ($Everywhere) { $live['used'] = Test-DiskUse -Path $Path }
+    $live
+}
+
+function Test-DiskUse {
+    # Whether a machine or one of its checkpoints has this disk, or one that grows out of it.
     param([string] $Path)
-    @{ exists = Test-Path -LiteralPath $Path }
+    foreach ($vm in @(Hyper-V\Get-VM)) {
+        $drives = @(Hyper-V\Get-VMHardDiskDrive -VM $vm)
+        foreach ($one in @(Hyper-V\Get-VMSnapshot -VM $vm)) { $drives += @(Hyper-V\Get-VMHardDiskDrive -VMSnapshot $one) }
+        foreach ($drive in $drives) {
+            $at = [string] $drive.Path
+            while ($at) {
+                if (Test-SamePath -Left $at -Right $Path) { return $true }
+                $at = if (Test-Path -LiteralPath $at) { [string] (Hyper-V\Get-VHD -Path $at).ParentPath } else { '' }
+            }
+        }
+    }
+    $false
+}
+
+function Test-SamePath {
+    # Windows tells paths apart neither by case nor by the direction of a slash.
+    param([string] $Left, [string] $Right)
+    $Left.Replace('/', '\') -eq $Right.Replace('/', '\')
+}
+
+function Clear-DiskFile {
+    param([string] $Path)
+    Remove-Item -LiteralPath $Path
 }
 
 function Get-DiskPath {
@@ -827,12 +862,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '66f72b512663'
+        Plan = 'ba8c4dc9b2e9'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'c29a49ce3ddc6f26e4980674d228f607d8e1677515e4a138eb3837c795e6ed75'
+        UndoDigest = '9dd2e3087c32cd8cf5aa73d4694c493496393c49621e1b60e9fa010e5bd8e0ba'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4

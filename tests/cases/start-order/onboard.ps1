@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         7f9f1efa3ee0, manifest b1bd658d1c20, rarms 0.1.0
+# Plan         38d8f0295125, manifest b1bd658d1c20, rarms 0.1.0
 # Steps        27
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -459,12 +459,47 @@ function Read-Partition {
         running = $state -ceq 'running'; state = $state; mark = $owner; set = $set; taken = $taken
         adapters = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count
         disks = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count
+        snapshots = @(Hyper-V\Get-VMSnapshot -VM $vm).Count
     }
 }
 
 function Read-Disk {
+    # Whether it is there and grows out of this image; with -Everywhere also whether any machine has it.
+    param([string] $Path, [string] $Parent, [switch] $Everywhere)
+    if (-not (Test-Path -LiteralPath $Path)) { return @{ exists = $false } }
+    $disk = Hyper-V\Get-VHD -Path $Path
+    $child = [string] $disk.VhdType -ceq 'Differencing' -and (Test-SamePath -Left $disk.ParentPath -Right $Parent)
+    $live = @{ exists = $true; child = $child }
+    if ($Everywhere) { $live['used'] = Test-DiskUse -Path $Path }
+    $live
+}
+
+function Test-DiskUse {
+    # Whether a machine or one of its checkpoints has this disk, or one that grows out of it.
     param([string] $Path)
-    @{ exists = Test-Path -LiteralPath $Path }
+    foreach ($vm in @(Hyper-V\Get-VM)) {
+        $drives = @(Hyper-V\Get-VMHardDiskDrive -VM $vm)
+        foreach ($one in @(Hyper-V\Get-VMSnapshot -VM $vm)) { $drives += @(Hyper-V\Get-VMHardDiskDrive -VMSnapshot $one) }
+        foreach ($drive in $drives) {
+            $at = [string] $drive.Path
+            while ($at) {
+                if (Test-SamePath -Left $at -Right $Path) { return $true }
+                $at = if (Test-Path -LiteralPath $at) { [string] (Hyper-V\Get-VHD -Path $at).ParentPath } else { '' }
+            }
+        }
+    }
+    $false
+}
+
+function Test-SamePath {
+    # Windows tells paths apart neither by case nor by the direction of a slash.
+    param([string] $Left, [string] $Right)
+    $Left.Replace('/', '\') -eq $Right.Replace('/', '\')
+}
+
+function Clear-DiskFile {
+    param([string] $Path)
+    Remove-Item -LiteralPath $Path
 }
 
 function Get-DiskPath {
@@ -825,12 +860,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '7f9f1efa3ee0'
+        Plan = '38d8f0295125'
         Application = 'robot'
         Serial = 0
         Total = 27
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '0054d514b8128e15823a10727c66f6c482bd4a6f87f6e123b91e09969e9d7f8d'
+        UndoDigest = 'f4944b2d0c13b7e886d8f4076a9c023e5945c9966a988da62dfcdfba5e394511'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4
@@ -851,7 +886,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 268435456 }
         Set = {
-            Hyper-V\New-VM -Name 'door.rarms-7f9f1efa3ee0' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD
+            Hyper-V\New-VM -Name 'door.rarms-38d8f0295125' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD
         }
     }
 
@@ -990,7 +1025,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 536870912 }
         Set = {
-            Hyper-V\New-VM -Name 'speech.rarms-7f9f1efa3ee0' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
+            Hyper-V\New-VM -Name 'speech.rarms-38d8f0295125' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
         }
     }
 
@@ -1129,7 +1164,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-7f9f1efa3ee0' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-38d8f0295125' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

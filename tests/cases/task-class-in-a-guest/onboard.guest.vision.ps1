@@ -2,7 +2,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the guest of partition vision
-# Plan         b6f13729d420, manifest 7785495c2f80, rarms 0.1.0
+# Plan         5254eb2f4c47, manifest 7785495c2f80, rarms 0.1.0
 # Steps        1
 # Not undone   what an earlier plan of rarms wrote into the class: it goes back to what was there before rarms
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -459,12 +459,47 @@ function Read-Partition {
         running = $state -ceq 'running'; state = $state; mark = $owner; set = $set; taken = $taken
         adapters = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count
         disks = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count
+        snapshots = @(Hyper-V\Get-VMSnapshot -VM $vm).Count
     }
 }
 
 function Read-Disk {
+    # Whether it is there and grows out of this image; with -Everywhere also whether any machine has it.
+    param([string] $Path, [string] $Parent, [switch] $Everywhere)
+    if (-not (Test-Path -LiteralPath $Path)) { return @{ exists = $false } }
+    $disk = Hyper-V\Get-VHD -Path $Path
+    $child = [string] $disk.VhdType -ceq 'Differencing' -and (Test-SamePath -Left $disk.ParentPath -Right $Parent)
+    $live = @{ exists = $true; child = $child }
+    if ($Everywhere) { $live['used'] = Test-DiskUse -Path $Path }
+    $live
+}
+
+function Test-DiskUse {
+    # Whether a machine or one of its checkpoints has this disk, or one that grows out of it.
     param([string] $Path)
-    @{ exists = Test-Path -LiteralPath $Path }
+    foreach ($vm in @(Hyper-V\Get-VM)) {
+        $drives = @(Hyper-V\Get-VMHardDiskDrive -VM $vm)
+        foreach ($one in @(Hyper-V\Get-VMSnapshot -VM $vm)) { $drives += @(Hyper-V\Get-VMHardDiskDrive -VMSnapshot $one) }
+        foreach ($drive in $drives) {
+            $at = [string] $drive.Path
+            while ($at) {
+                if (Test-SamePath -Left $at -Right $Path) { return $true }
+                $at = if (Test-Path -LiteralPath $at) { [string] (Hyper-V\Get-VHD -Path $at).ParentPath } else { '' }
+            }
+        }
+    }
+    $false
+}
+
+function Test-SamePath {
+    # Windows tells paths apart neither by case nor by the direction of a slash.
+    param([string] $Left, [string] $Right)
+    $Left.Replace('/', '\') -eq $Right.Replace('/', '\')
+}
+
+function Clear-DiskFile {
+    param([string] $Path)
+    Remove-Item -LiteralPath $Path
 }
 
 function Get-DiskPath {
@@ -825,12 +860,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'b6f13729d420'
+        Plan = '5254eb2f4c47'
         Application = 'robot'
         Serial = 0
         Total = 1
         Undo = 'onboard.guest.vision.undo.ps1'
-        UndoDigest = '8cad3bcc606931d7894413809771300fdcc906832e4445d90f7bd464291c9800'
+        UndoDigest = '6db2e4d7a02ae36b21272da8fbc7976674e57efe9173e720270b5ebda2209d41'
         Guest = $true
         Computer = 'ONBOARD'
         LogicalProcessors = 4

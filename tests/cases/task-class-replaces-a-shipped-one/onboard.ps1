@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         b6b137333fb4, manifest a9326d298f28, rarms 0.1.0
+# Plan         c7d49beeadbb, manifest a9326d298f28, rarms 0.1.0
 # Steps        2
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -459,12 +459,47 @@ function Read-Partition {
         running = $state -ceq 'running'; state = $state; mark = $owner; set = $set; taken = $taken
         adapters = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count
         disks = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count
+        snapshots = @(Hyper-V\Get-VMSnapshot -VM $vm).Count
     }
 }
 
 function Read-Disk {
+    # Whether it is there and grows out of this image; with -Everywhere also whether any machine has it.
+    param([string] $Path, [string] $Parent, [switch] $Everywhere)
+    if (-not (Test-Path -LiteralPath $Path)) { return @{ exists = $false } }
+    $disk = Hyper-V\Get-VHD -Path $Path
+    $child = [string] $disk.VhdType -ceq 'Differencing' -and (Test-SamePath -Left $disk.ParentPath -Right $Parent)
+    $live = @{ exists = $true; child = $child }
+    if ($Everywhere) { $live['used'] = Test-DiskUse -Path $Path }
+    $live
+}
+
+function Test-DiskUse {
+    # Whether a machine or one of its checkpoints has this disk, or one that grows out of it.
     param([string] $Path)
-    @{ exists = Test-Path -LiteralPath $Path }
+    foreach ($vm in @(Hyper-V\Get-VM)) {
+        $drives = @(Hyper-V\Get-VMHardDiskDrive -VM $vm)
+        foreach ($one in @(Hyper-V\Get-VMSnapshot -VM $vm)) { $drives += @(Hyper-V\Get-VMHardDiskDrive -VMSnapshot $one) }
+        foreach ($drive in $drives) {
+            $at = [string] $drive.Path
+            while ($at) {
+                if (Test-SamePath -Left $at -Right $Path) { return $true }
+                $at = if (Test-Path -LiteralPath $at) { [string] (Hyper-V\Get-VHD -Path $at).ParentPath } else { '' }
+            }
+        }
+    }
+    $false
+}
+
+function Test-SamePath {
+    # Windows tells paths apart neither by case nor by the direction of a slash.
+    param([string] $Left, [string] $Right)
+    $Left.Replace('/', '\') -eq $Right.Replace('/', '\')
+}
+
+function Clear-DiskFile {
+    param([string] $Path)
+    Remove-Item -LiteralPath $Path
 }
 
 function Get-DiskPath {
@@ -825,12 +860,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'b6b137333fb4'
+        Plan = 'c7d49beeadbb'
         Application = 'robot'
         Serial = 0
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'ac69d6d6cd870125bdcb88a86d0025853639fccd4cc02ecaf24c547122b1d939'
+        UndoDigest = '24b0692aaa7514315731f69c5f6b9eab2eec5b17280d5d1076390b170893d590'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -9,13 +9,13 @@ import pytest
 from rarms_iac.apply.review.findings_on import findings_on
 from rarms_iac.apply.review.reviewed import Reviewed
 from rarms_iac.apply.review.unmanaged_gets_less import share
-from rarms_iac.model.changes import Adopt, Change, Release
+from rarms_iac.model.changes import Address, Adopt, Change, Release
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.operations import RemovePartition, StartPartition, StopPartition
 from rarms_iac.model.plan import Purpose, Step, UndoLevel
-from rarms_iac.model.state import HostFacts, Partition, State
-from rarms_iac.model.system import Disruption, ProviderKind, System
+from rarms_iac.model.state import Disk, DiskKind, HostFacts, Partition, State
+from rarms_iac.model.system import Disruption, System
 from tests import builders_plan as build
 from tests.builders import PathPlaces, a_component, a_cpu, a_partition, a_system
 from tests.builders_plan import facts, partition, settings
@@ -31,6 +31,7 @@ def findings(
     purpose: Purpose = Purpose.APPLY,
     layout: Layout | None = None,
     system: System | None = None,
+    disks: tuple[Disk, ...] = (),
 ) -> list[Diagnostic]:
     plan = build.host_plan(changes=changes, steps=steps)
     named = system or a_system(components=[a_component()])
@@ -39,7 +40,7 @@ def findings(
         places=PathPlaces(),
         purpose=purpose,
         layout=layout,
-        observed=State(facts=of or facts(), partitions=tuple(machines)),
+        observed=State(facts=of or facts(), partitions=tuple(machines), disks=disks),
         plan=plan,
     )
     return list(findings_on(part))
@@ -137,14 +138,17 @@ class TestUnmanaged:
         assert share(alone, [alone], 2) == Fraction(6, 10)
 
 
-@pytest.mark.parametrize(("provider", "expected"), [(ProviderKind.HYPERV, True), (ProviderKind.SIMULATED, False)])
-def test_disks_that_stay_are_told_where_machines_have_disks(provider: ProviderKind, expected: bool) -> None:
+@pytest.mark.parametrize(("disks", "expected"), [(("C:\\vision.vhdx",), ["RARMS224"]), ((), [])])
+def test_disks_that_stay_are_told_where_the_machine_has_some(disks: tuple[str, ...], expected: list[str]) -> None:
     before = partition()
-    remove = build.step(operation=RemovePartition(partition="vision", machine=before.id))
+    at = Address(partition="vision", machine=before.id)
+    remove = build.step(at, operation=RemovePartition(partition="vision", machine=before.id))
+    attached = tuple(Disk(path=one, kind=DiskKind.DYNAMIC, machine=before.id) for one in disks)
 
-    found = findings(build.delete(before), machines=[before], steps=[remove], of=replace(facts(), provider=provider))
+    found = findings(build.delete(before), machines=[before], steps=[remove], disks=attached)
 
-    assert ("RARMS224" in {one.code for one in found}) is expected
+    assert [one.code for one in found if one.code == "RARMS224"] == expected
+    assert all(path in one.detail for one in found for path in disks if one.code == "RARMS224")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,52 @@
+"""Which disks of a machine rarms itself made, and so may delete when that is asked for: everything else stays.
+
+A disk counts as rarms' own where it lies at the path that making the partition chooses (`model.operations.disk_file`),
+grows out of another one, is attached to the machine with our mark and to no other, and no checkpoint rests on it.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from re import escape, fullmatch
+
+from rarms_iac.diff.readings import same_path
+from rarms_iac.model.state import Disk, DiskKind, Partition, State
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """A disk of a machine that is to be removed; `stays` says why it is kept, and is empty where it goes."""
+
+    disk: Disk
+    stays: str
+
+
+def judge_disks(machine: Partition, state: State, folders: Iterable[str]) -> Iterator[Judged]:
+    """Each disk of the machine, with why it stays. `folders`: where rarms makes disks for this partition."""
+    known = tuple(folders)
+    for disk in state.disks:
+        if disk.machine == machine.id:
+            yield Judged(disk=disk, stays=_why_it_stays(disk, machine, state, known))
+
+
+def _why_it_stays(disk: Disk, machine: Partition, state: State, folders: tuple[str, ...]) -> str:
+    if machine.mark is None:
+        return "its machine carries no mark of rarms"
+    if machine.checkpoints:
+        return "checkpoints of its machine rest on it"
+    if disk.kind is DiskKind.UNKNOWN:
+        return "what kind of disk it is could not be read"
+    if disk.kind is not DiskKind.DIFFERENCING or not disk.parent:
+        return "it does not grow out of an image, and rarms makes no others"
+    if not _is_at_our_path(disk.path, machine.mark.name, folders):
+        return f"it does not lie where rarms makes the disk of {machine.mark.name}"
+    if any(same_path(one.parent, disk.path) for one in state.disks):
+        return "another disk grows out of it"
+    if any(one.machine != disk.machine for one in state.disks if same_path(one.path, disk.path)):
+        return "another machine has it, too"
+    return ""
+
+
+def _is_at_our_path(path: str, partition: str, folders: tuple[str, ...]) -> bool:
+    folder, _, file = path.replace("/", "\\").rpartition("\\")
+    ours = fullmatch(rf"{escape(partition)}-[0-9a-f]{{12}}\.vhdx?", file.lower())
+    return bool(ours) and any(same_path(folder, one.rstrip("\\/")) for one in folders if one)
