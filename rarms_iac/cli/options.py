@@ -198,6 +198,11 @@ def run_options(function: F) -> F:
     )
 
 
+def time_option(name: str, default: str, says: str) -> Callable[[F], F]:
+    """An option that takes a time and gives whole milliseconds."""
+    return click.option(name, metavar="TIME", default=default, callback=_time, help=says)
+
+
 def output_option(function: F) -> F:
     """`--output` as `outputs: tuple[Output, ...]`; `--json` is short for `--output json`."""
 

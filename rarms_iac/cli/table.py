@@ -9,6 +9,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "validate": "Check manifests; needs no host.",
         "fmt": "Write manifests in their canonical form, comments kept.",
         "doctor": "Tell what makes a plan void or unsafe on the hosts.",
+        "measure": "Find the reservations that components need.",
         "plan": "Show what would change on the hosts.",
         "show": "Show a plan file.",
         "apply": "Do what a plan says, or plan, ask and do it.",

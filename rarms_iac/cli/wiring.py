@@ -15,6 +15,7 @@ from rarms_iac.model.names import is_name
 from rarms_iac.model.state import State, TaskClass
 from rarms_iac.model.system import Host, ProviderKind
 from rarms_iac.providers.interface import LiveHost
+from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.storage.append import Damaged
 from rarms_iac.storage.codec import NotDecodable
 
@@ -43,6 +44,16 @@ def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
             return open_hyperv(host)
         case ProviderKind.LINUX:
             raise Halted(ExitCode.FAILED, [out_of_reach(host.name, host.provider.value)])
+
+
+def open_bench(host: Host, folder: str, state_path: str) -> MeasuringHost | None:
+    """The same host as one that is measured on; None where this version cannot do that."""
+    if host.provider is not ProviderKind.SIMULATED:
+        return None
+    from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
+    from rarms_iac.providers.simulated.scheduling.simulation import simulate
+
+    return SimulatedMeasuringHost(host, Path(folder) / state_path, simulate)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

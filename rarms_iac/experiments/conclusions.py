@@ -12,11 +12,11 @@ class Measure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sufficient:
-    """Every APT is met at this CR, and at no lower one that was looked at."""
+    """Every APT is met at this CR, which was measured."""
 
     reserve: int
-    error: float  # probability that an APT is not met there
-    says: str = ""  # what else is worth knowing of it
+    failed: int | None  # the highest lower CR at which one was not met; None: there is none, or nobody looked
+    error: float  # of the verdicts that this rests on
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,26 +24,23 @@ class NotAchievable:
     """Not every APT is met at the highest CR that the host can give."""
 
     reserve: int  # that CR
-    error: float  # probability that they are met there
-    says: str
+    error: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotResolved:
-    """The samples allowed cannot tell; `safe` is a CR that is enough, if there is one."""
+    """The samples allowed cannot tell."""
 
-    safe: int | None
     says: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoVerdict:
-    """A setting was run and can say nothing: too many failed samples, or no steady state. It was not recorded."""
+    """More samples of a component failed than it may have: the setting can say nothing, and was not recorded."""
 
     reserve: int
     component: str
-    code: str  # of the finding that tells it
-    says: str
+    failures: tuple[str, ...]  # why each failed, in order
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

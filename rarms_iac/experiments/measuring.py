@@ -9,18 +9,18 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Protocol
 
+from rarms_iac.datalog.columns import as_recorded
 from rarms_iac.experiments.conclusions import Conclusion, Measure, NoVerdict, Step, Stopped
-from rarms_iac.experiments.findings import FAILED_SAMPLES
 from rarms_iac.experiments.partitions import Shape, set_reserves, shapes_of, standing
 from rarms_iac.experiments.reporter import MeasuringReporter
 from rarms_iac.experiments.room import Room, load_memory, reserve_beside
 from rarms_iac.experiments.setup import Experiment
-from rarms_iac.experiments.watching import Look, TooManyFailed, watch
+from rarms_iac.experiments.watching import TooManyFailed, watch
 from rarms_iac.model.measurement import P1, P2, Series, Setting
 from rarms_iac.providers.measuring import Inside, MeasuringHost, Work
 
-SHOWN_FAILURES = 3
-"""How many of the reasons why samples failed are told."""
+SETTINGS = 101
+"""More than there are settings, so that no two of them share a seed."""
 
 
 class Strategy(Protocol):
@@ -30,12 +30,8 @@ class Strategy(Protocol):
         """What to do after these settings, in the order in which they were run."""
         ...
 
-    def look(self, reserve: int, seen: Mapping[str, Series]) -> Look:
-        """What the samples of a running setting come to so far, and whether more are needed."""
-        ...
-
-    def unusable(self, setting: Setting) -> NoVerdict | None:
-        """Why a setting that was run can say nothing; None where it can."""
+    def is_enough(self, seen: Mapping[str, Series]) -> bool:
+        """Whether the samples of a running setting so far settle what it is run for."""
         ...
 
 
@@ -66,14 +62,23 @@ class Surroundings:
     should_stop: Callable[[], bool]
 
 
-def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, around: Surroundings) -> Conclusion:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ended:
+    """How it ended, and what that rests on."""
+
+    conclusion: Conclusion
+    settings: tuple[Setting, ...]
+    new: int  # how many of them were run now
+
+
+def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, around: Surroundings) -> Ended:
     """Run settings until the strategy has its answer; P1 and P2 are there only meanwhile.
 
     Raises:
         HostError: the host did not do what was asked; what is recorded stays.
         OSError: the log cannot be written.
     """
-    settings = log.settings()
+    recorded = settings = log.settings()
     around.reporter.experiment_started(experiment, settings)
     with ExitStack() as ends:
         bench: _Bench | None = None
@@ -87,15 +92,11 @@ def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, around
             if not isinstance(setting, Setting):
                 step = setting
                 break
-            if unusable := strategy.unusable(setting):
-                step = unusable
-                break
             log.add(setting)
             settings = (*settings, setting)
-            says = strategy.look(setting.reserve, {one.component: one for one in setting.series}).says
-            around.reporter.setting_ended(experiment, setting, says)
-    around.reporter.experiment_ended(experiment, step, settings)
-    return step
+            around.reporter.setting_ended(experiment, setting)
+    around.reporter.experiment_ended()
+    return Ended(conclusion=step, settings=settings, new=len(settings) - len(recorded))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,40 +123,39 @@ def _run(
     if beside is None:
         raise ValueError(f"{reserve} % was asked for, and the host cannot give that")
     set_reserves(around.host, experiment.application, bench.shapes, {P1: reserve, P2: beside})
-    with around.host.run(_work(experiment, around.seed)) as running:
+    with around.host.run(_work(experiment, around.seed, reserve)) as running:
         seen = watch(running, experiment.members, _looking(experiment, strategy, around, reserve), around.should_stop)
     match seen:
         case None:
             return Stopped()
         case TooManyFailed(component=component, failures=failures):
-            return NoVerdict(
-                reserve=reserve, component=component, code=FAILED_SAMPLES.code, says=_failed(component, failures)
-            )
+            return NoVerdict(reserve=reserve, component=component, failures=failures)
         case _:
-            series = tuple(seen[name] for name in sorted(seen))
-            return Setting(reserve=reserve, series=series, beside=beside, seed=around.seed)
+            return _setting(reserve, beside, around.seed, seen)
 
 
 def _looking(
     experiment: Experiment, strategy: Strategy, around: Surroundings, reserve: int
-) -> Callable[[Mapping[str, Series]], Look]:
-    def look(seen: Mapping[str, Series]) -> Look:
-        answer = strategy.look(reserve, seen)
-        around.reporter.looked(experiment, reserve, seen, answer.says)
-        return answer
+) -> Callable[[Mapping[str, Series]], bool]:
+    def look(seen: Mapping[str, Series]) -> bool:
+        around.reporter.looked(experiment, reserve, seen)
+        recorded = _setting(reserve, 0, around.seed, seen)
+        return strategy.is_enough({one.component: one for one in recorded.series})
 
     return look
 
 
-def _work(experiment: Experiment, seed: int) -> Work:
+def _setting(reserve: int, beside: int, seed: int, seen: Mapping[str, Series]) -> Setting:
+    """What will be recorded: whoever goes on from the log decides by the same numbers."""
+    series = tuple(seen[name] for name in sorted(seen))
+    return as_recorded(Setting(reserve=reserve, series=series, beside=beside, seed=seed))
+
+
+def _work(experiment: Experiment, seed: int, reserve: int) -> Work:
+    """Chance is drawn anew for each setting: what two of them have in common is not an accident of one."""
     return Work(
         application=experiment.application,
         inside=(Inside(partition=P1, components=experiment.members), Inside(partition=P2, load=experiment.load)),
-        until=experiment.until,
-        seed=seed,
+        until={name: run.until for name, run in experiment.runs.items()},
+        seed=seed * SETTINGS + reserve,
     )
-
-
-def _failed(component: str, failures: Sequence[str]) -> str:
-    told = "; ".join(dict.fromkeys(failures[:SHOWN_FAILURES]))
-    return f"{len(failures)} samples of {component} failed, and `run.failures` allows fewer: {told}."

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from typing import Protocol
 
-from rarms_iac.experiments.conclusions import Conclusion
 from rarms_iac.experiments.setup import Experiment
 from rarms_iac.model.measurement import Series, Setting
 
@@ -19,15 +18,15 @@ class MeasuringReporter(Protocol):
         """The setting of this CR begins; it is the number-th, from 1."""
         ...
 
-    def looked(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series], says: str) -> None:
-        """Some samples more were seen; `says`: what they come to so far."""
+    def looked(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:
+        """Some samples more were seen."""
         ...
 
-    def setting_ended(self, experiment: Experiment, setting: Setting, says: str) -> None:
-        """The setting is recorded; `says`: what came of it."""
+    def setting_ended(self, experiment: Experiment, setting: Setting) -> None:
+        """The setting is recorded."""
         ...
 
-    def experiment_ended(self, experiment: Experiment, conclusion: Conclusion, settings: tuple[Setting, ...]) -> None:
+    def experiment_ended(self) -> None:
         """There is nothing more to run."""
         ...
 
@@ -41,11 +40,11 @@ class Silent:
     def setting_started(self, experiment: Experiment, reserve: int, number: int) -> None:
         """Nothing."""
 
-    def looked(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series], says: str) -> None:
+    def looked(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:
         """Nothing."""
 
-    def setting_ended(self, experiment: Experiment, setting: Setting, says: str) -> None:
+    def setting_ended(self, experiment: Experiment, setting: Setting) -> None:
         """Nothing."""
 
-    def experiment_ended(self, experiment: Experiment, conclusion: Conclusion, settings: tuple[Setting, ...]) -> None:
+    def experiment_ended(self) -> None:
         """Nothing."""

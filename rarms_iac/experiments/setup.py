@@ -1,15 +1,11 @@
 """What is to be measured: components together in P1, a load in P2, on one host (DESIGN section 2)."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from rarms_iac.model.measurement import EnvironmentSetup
+from rarms_iac.model.measurement import EnvironmentSetup, run_of
 from rarms_iac.model.quantities import LogicalProcessors, in_processors, per_virtual_processor
-from rarms_iac.model.system import Component, Elapsed, Host, Interference, PartitionWish, SampleCount, System
-
-USUAL_UNTIL = SampleCount(samples=200)
-"""When there is enough of a component whose `run` does not say it."""
+from rarms_iac.model.system import Component, Host, Interference, PartitionWish, Run, SampleCount, System
 
 USUAL_WEIGHT = 100
 
@@ -23,12 +19,16 @@ class Experiment:
     members: tuple[Component, ...]  # by name
     load: Interference
     setup: EnvironmentSetup
-    until: Mapping[str, SampleCount | Elapsed]  # by component
 
     @property
     def name(self) -> str:
         """What people call it: `vision`, `speech+vision`."""
         return "+".join(self.setup.members)
+
+    @property
+    def runs(self) -> dict[str, Run]:
+        """How each member runs."""
+        return {one.name: run_of(one) for one in self.members}
 
 
 def experiment_of(
@@ -58,18 +58,16 @@ def experiment_of(
     return Experiment(
         application=system.application.name,
         host=host,
-        members=components,
+        members=tuple(_with_samples(one, samples) for one in components),
         load=system.interference[interference],
         setup=setup,
-        until={one.name: until_of(one, samples) for one in components},
     )
 
 
-def until_of(component: Component, samples: int | None) -> SampleCount | Elapsed:
-    """When there is enough of a component."""
-    if samples is not None:
-        return SampleCount(samples=samples)
-    return component.run.until if component.run is not None else USUAL_UNTIL
+def _with_samples(component: Component, samples: int | None) -> Component:
+    if samples is None:
+        return component
+    return replace(component, run=replace(run_of(component), until=SampleCount(samples=samples)))
 
 
 def interference_of(system: System, members: tuple[str, ...]) -> str:

@@ -6,20 +6,7 @@ from dataclasses import dataclass
 from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.system import Component
 from rarms_iac.providers.measuring import Running
-
-FIRST_LOOK = 20
-"""Samples of a component before anybody looks: fewer say nothing, and early ends cause the rare large errors."""
-
-GROWTH = 1.2
-"""By how much more there is at the next look: a look costs as much as it has samples to read."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Look:
-    """What the samples so far come to."""
-
-    enough: bool  # no more of them are needed
-    says: str  # for people
+from rarms_iac.statistics.verdict import next_look
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,18 +20,17 @@ class TooManyFailed:
 def watch(
     running: Running,
     components: Iterable[Component],
-    look: Callable[[Mapping[str, Series]], Look],
+    is_enough: Callable[[Mapping[str, Series]], bool],
     should_stop: Callable[[], bool],
 ) -> Mapping[str, Series] | TooManyFailed | None:
-    """All samples of these components, by name, until `look` has enough, or there are no more.
+    """All samples of these components, by name, until somebody has enough, or there are no more.
 
-    `look` is asked each time that every component has 20 samples and a fifth more than when it was last asked. None:
-    somebody asked for an end.
+    `is_enough` is asked when every component has as many samples as `next_look` says. None: an end was asked for.
     """
     allowed = {one.name: one.run.failures if one.run is not None else 0 for one in components}
     seen: dict[str, list[Sample]] = {name: [] for name in sorted(allowed)}
     failed: dict[str, list[str]] = {name: [] for name in seen}
-    next_look = FIRST_LOOK
+    looks_at = next_look(0)
     for name, sample in running.samples():
         if should_stop():
             return None
@@ -55,9 +41,9 @@ def watch(
             failed[name].append(sample.failure)
             if len(failed[name]) > allowed[name]:
                 return TooManyFailed(component=name, failures=tuple(failed[name]))
-        if (least := min(map(len, seen.values()))) >= next_look:
-            next_look = max(least + 1, int(least * GROWTH))
-            if look(series_of(running, seen)).enough:
+        if (least := min(map(len, seen.values()))) >= looks_at:
+            looks_at = next_look(least)
+            if is_enough(series_of(running, seen)):
                 break
     return None if should_stop() else series_of(running, seen)
 

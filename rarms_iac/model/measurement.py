@@ -79,7 +79,6 @@ class EnvironmentSetup:
     memory: int  # bytes, of P1
     limit: int  # of P1: per cent of each of its processors
     weight: int  # of P1
-    beside: tuple[str, ...] = ()  # what else ran on the host, and was overridden: partitions by name
 
 
 def run_of(component: Component) -> Run:

@@ -28,7 +28,7 @@ class Work:
 
     application: str
     inside: tuple[Inside, ...]
-    until: Mapping[str, SampleCount | Elapsed]  # by component: when there is enough of it
+    until: Mapping[str, SampleCount | Elapsed]  # by component: when there is enough of it; the others only run along
     seed: int  # of chance, where the host draws it: the same work with the same seed shows the same samples
 
 

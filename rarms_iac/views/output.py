@@ -326,6 +326,78 @@ class ScriptDifferenceOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class IndexOutput:
+    """A performance index beside its threshold, in the index's own unit (ms, %, a second); null: cannot be told.
+
+    The truth lies outside of `lower` and `upper` with the probability `error`; null: the samples say nothing there.
+    """
+
+    component: str
+    index: str
+    at_most: float | None
+    at_least: float | None
+    value: float | None
+    lower: float | None
+    upper: float | None
+    error: float | None
+    samples: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SettingOutput:
+    """One reservation of P1 with what was measured there; `beside`: what P2 reserved."""
+
+    reserve: int
+    beside: int
+    seed: int
+    indexes: tuple[IndexOutput, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExperimentOutput:
+    """Components measured together in one partition; `reserve` is null where none was found or looked for.
+
+    `planned` is what a plan reserves by the curve; it is `interpolated` where it lies between measured settings.
+    """
+
+    components: tuple[str, ...]
+    host: str
+    platform: str
+    interference: str
+    log: str
+    ending: Literal["found", "not_achievable", "not_resolved", "no_verdict", "swept", "stopped"]
+    reserve: int | None
+    failed: int | None
+    error: float | None
+    planned: int | None
+    interpolated: bool
+    settings: tuple[SettingOutput, ...]
+    new_settings: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasureOutput:
+    """`rarms measure`."""
+
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["measure"] = "measure"
+    experiments: tuple[ExperimentOutput, ...]
+    findings: tuple[Diagnostic, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProveOutput:
+    """`rarms prove`: every component in the applied layout."""
+
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["prove"] = "prove"
+    interference: str | None
+    met: bool
+    indexes: tuple[IndexOutput, ...]
+    findings: tuple[Diagnostic, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class NodeOutput:
     """Something in a graph."""
 
@@ -369,6 +441,8 @@ Output = (
     | ExplanationOutput
     | ScriptsOutput
     | ScriptDifferenceOutput
+    | MeasureOutput
+    | ProveOutput
     | GraphOutput
     | VersionOutput
 )

@@ -1,0 +1,169 @@
+"""`rarms measure`: the reservations that components need, by running them."""
+
+from dataclasses import dataclass
+
+import click
+
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.experiments import MeasureOptions, experiments_for
+from rarms_iac.cli.hosts import Hosts, hosts_of
+from rarms_iac.cli.manifests import system_of
+from rarms_iac.cli.measuring import held_benches, run_experiment
+from rarms_iac.cli.options import (
+    HostOptions,
+    ManifestOptions,
+    host_options,
+    json_option,
+    manifest_options,
+    time_option,
+)
+from rarms_iac.cli.session import Session, rarms_command
+from rarms_iac.cli.telling import tell
+from rarms_iac.experiments.conclusions import Stopped
+from rarms_iac.experiments.telling import findings_of
+from rarms_iac.model.diagnostics import Diagnostic, has_errors
+from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
+from rarms_iac.views.measured import Measured, measure_json, summary_text
+
+STRATEGIES = ("default", "bisection", "paper")
+USUAL_STEP = 10
+
+
+@rarms_command("measure")
+@click.argument("components", metavar="[COMPONENT]...", nargs=-1)
+@manifest_options
+@host_options
+@click.option("--together", is_flag=True, help="Measure the COMPONENTs in one partition. [default: each alone]")
+@click.option(
+    "--strategy",
+    type=click.Choice(STRATEGIES),
+    default="default",
+    help="How the least reservation is searched; paper: 10, 20, ... 100 %, to the letter. [default: default]",
+)
+@click.option("--from", "first", metavar="PERCENT", callback=lambda _c, _p, v: percent(v), help="Measure from here ...")
+@click.option("--to", "last", metavar="PERCENT", callback=lambda _c, _p, v: percent(v), help="... to here ...")
+@click.option("--step", metavar="PERCENT", callback=lambda _c, _p, v: percent(v), help="... so far apart, all of it.")
+@click.option("--interference", metavar="NAME", help="The load beside it. [default: as the manifest says]")
+@click.option("--samples", type=click.IntRange(min=2), help="So many a setting. [default: as `run.until` says]")
+@click.option("--verify", is_flag=True, help="Measure the reservation that the curve gives between two settings.")
+@click.option("--seed", type=click.IntRange(min=1), help="Draw chance from here; only its own settings count.")
+@click.option("--again", is_flag=True, help="Measure all of it once more, beside what is recorded.")
+@click.option("--on-busy-host", is_flag=True, help="Measure although something else runs; the data log says so.")
+@time_option("--lock-timeout", "0 s", "Wait so long for a host that another run holds: 60s. [default: do not wait]")
+@json_option
+def command(
+    session: Session,
+    *,
+    components: tuple[str, ...],
+    source: ManifestOptions,
+    where: HostOptions,
+    together: bool,
+    strategy: str,
+    first: int | None,
+    last: int | None,
+    step: int | None,
+    interference: str | None,
+    samples: int | None,
+    verify: bool,
+    seed: int | None,
+    again: bool,
+    on_busy_host: bool,
+    lock_timeout: int,
+    as_json: bool,
+) -> ExitCode:
+    """Find the least reservation at which each COMPONENT meets its thresholds; without COMPONENT: of all of them.
+
+    It runs in a test partition beside an interfering load, setting by setting; each is recorded below measurements/
+    when it is complete. Interrupted or killed, the same command goes on, and runs no recorded setting again.
+    """
+    reserves = reserves_of(first, last, step)
+    if together and len(set(components)) < 2:
+        raise click.UsageError("--together wants two COMPONENTs or more.", click.get_current_context())
+    if sum(map(bool, (reserves, verify, strategy != "default"))) > 1:
+        raise click.UsageError("Give one of --strategy, --verify, and --from/--to/--step.", click.get_current_context())
+    options = MeasureOptions(
+        components=components,
+        together=together,
+        strategy=strategy,
+        reserves=reserves,
+        interference=interference,
+        samples=samples,
+        verify=verify,
+        seed=seed,
+        again=again,
+        on_busy_host=on_busy_host,
+        lock_timeout_ms=lock_timeout,
+    )
+    system, opened = system_of(source)
+    hosts = hosts_of(system, opened, source, where)
+    done = measured(session, hosts, options)
+    tell(session.terminal, done.findings, opened.loaded.sources)
+    session.terminal.data(measure_json(done.results, done.findings) if as_json else summary_text(done.results))
+    if done.stopped:
+        session.terminal.talk("Stopped. What is recorded stays: the same command goes on.")
+        return session.interrupts.asked or ExitCode.INTERRUPTED
+    return ExitCode.NO if has_errors(done.findings) else ExitCode.DONE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Done:
+    """All experiments that were begun."""
+
+    results: tuple[Measured, ...]
+    findings: tuple[Diagnostic, ...]
+
+    @property
+    def stopped(self) -> bool:
+        """Whether somebody asked for an end."""
+        return any(isinstance(one.conclusion, Stopped) for one in self.results)
+
+
+def measured(session: Session, hosts: Hosts, options: MeasureOptions) -> Done:
+    """Run all experiments, one after the other, until one is stopped; a component's failure does not end the others'.
+
+    Raises:
+        Halted: see `run_experiment`.
+    """
+    experiments = experiments_for(hosts, options)
+    results: list[Measured] = []
+    found: list[Diagnostic] = []
+    names = [one.host.name for one in experiments]
+    with held_benches(session, hosts, names, options.lock_timeout_ms) as benches, session.interrupts.gently():
+        for one in experiments:
+            result = run_experiment(session, hosts, one, benches[one.host.name], options)
+            found += findings_of(one, result.conclusion, result.settings, hosts.opened.loaded.places)
+            results.append(result)
+            if isinstance(result.conclusion, Stopped):
+                break
+    return Done(results=tuple(results), findings=tuple(found))
+
+
+def reserves_of(first: int | None, last: int | None, step: int | None) -> tuple[int, ...]:
+    """The settings of the performance measurement mode; none where nothing asks for it.
+
+    Raises:
+        click.UsageError: the last lies below the first.
+    """
+    if first is None and last is None and step is None:
+        return ()
+    begin, end = first or USUAL_STEP, last or 100
+    if end < begin:
+        raise click.UsageError(f"--to {end}% lies below --from {begin}%.", click.get_current_context())
+    return tuple(dict.fromkeys((*range(begin, end + 1, step or USUAL_STEP), end)))
+
+
+def percent(text: str | None) -> int | None:
+    """`10%` or `10 %`, whole, 1 to 100.
+
+    Raises:
+        click.BadParameter: it is something else.
+    """
+    if text is None:
+        return None
+    try:
+        value = parse_quantity(text, Unit.SHARE)[1]
+    except NotAQuantity:
+        value = None
+    if value is None or value.denominator != 1 or not 1 <= value <= 100:
+        raise click.BadParameter(f"{text!r} is no whole per cent from 1 to 100, as 10%.")
+    return int(value)

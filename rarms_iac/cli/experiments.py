@@ -1,0 +1,100 @@
+"""What `rarms measure` is asked for, as experiments: which components together, on which host, against which load."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import click
+
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.hosts import Hosts
+from rarms_iac.cli.problems import Halted
+from rarms_iac.cli.wiring import open_bench
+from rarms_iac.experiments import findings
+from rarms_iac.experiments.setup import Experiment, experiment_of, interference_of
+from rarms_iac.model.spelling import suggestion
+from rarms_iac.model.system import Host
+from rarms_iac.planner.groups import groups_of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasureOptions:
+    """What `rarms measure` was asked for."""
+
+    components: tuple[str, ...] = ()  # none: every one with an APT
+    together: bool = False
+    strategy: str = "default"
+    reserves: tuple[int, ...] = ()  # performance measurement mode; none: a search
+    interference: str | None = None
+    samples: int | None = None
+    verify: bool = False
+    seed: int | None = None
+    again: bool = False
+    on_busy_host: bool = False
+    lock_timeout_ms: int = 0
+
+
+def experiments_for(hosts: Hosts, options: MeasureOptions) -> tuple[Experiment, ...]:
+    """What is to be measured, and where: each partition's components on one host of each platform.
+
+    Raises:
+        click.UsageError: a name is not in the manifest.
+        Halted: no host of theirs can be measured on (1).
+    """
+    system = hosts.system
+    refuse_unknown(options.components, system.components, "component")
+    refuse_unknown((options.interference,) if options.interference else (), system.interference, "interference")
+    found: list[Experiment] = []
+    for members in _members(hosts, options):
+        load = options.interference or interference_of(system, members)
+        found += [experiment_of(system, host, members, load, options.samples) for host in _benches(hosts, members)]
+    return tuple(found)
+
+
+def _members(hosts: Hosts, options: MeasureOptions) -> tuple[tuple[str, ...], ...]:
+    if options.components and options.together:
+        return (tuple(sorted(set(options.components))),)
+    if options.components:
+        return tuple((name,) for name in dict.fromkeys(options.components))
+    groups = groups_of(hosts.system)
+    return tuple(tuple(one.name for one in group.members) for group in groups if any(m.apt for m in group.members))
+
+
+def _benches(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Host]:
+    """The first host of each platform that all of them may run on and that can be measured on."""
+    system = hosts.system
+    allowed = [
+        system.hosts[name]
+        for name in hosts.chosen
+        if all(system.components[one].hosts is None or name in (system.components[one].hosts or ()) for one in members)
+    ]
+    able = [host for host in allowed if open_bench(host, hosts.folder, hosts.state_path(host.name)) is not None]
+    if not able:
+        names = ", ".join(host.name for host in allowed) or "none"
+        raise Halted(
+            ExitCode.FAILED,
+            [
+                findings.CANNOT_MEASURE.at(
+                    None,
+                    f"{', '.join(members)} may run on: {names}. None of them is a simulated host.",
+                    "Name another with --host, or measure on a simulated host of the same platform.",
+                    address=f"component/{members[0]}",
+                )
+            ],
+        )
+    platforms = dict.fromkeys(host.platform for host in able)
+    yield from (next(host for host in able if host.platform == platform) for platform in platforms)
+
+
+def refuse_unknown(names: Sequence[str], there: Mapping[str, object], what: str) -> None:
+    """Each of these names is in the manifest.
+
+    Raises:
+        click.UsageError: one is not; the message offers the nearest.
+    """
+    for name in names:
+        if name not in there:
+            raise click.UsageError(
+                f"The manifest has no {what} {name!r}.{suggestion(name, tuple(there))} "
+                f"It has: {', '.join(sorted(there)) or 'none'}.",
+                click.get_current_context(),
+            )

@@ -1,0 +1,222 @@
+"""Measuring from the command line: experiments with their data logs, on hosts that are held meanwhile."""
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+
+from rarms_iac import __version__
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.datalogs import is_here, subject_of
+from rarms_iac.cli.experiments import MeasureOptions
+from rarms_iac.cli.hosts import Hosts, owner, refuse_unfinished, telling
+from rarms_iac.cli.problems import Halted
+from rarms_iac.cli.session import Session
+from rarms_iac.cli.telling import tell
+from rarms_iac.cli.wiring import open_bench
+from rarms_iac.datalog.files import read_log
+from rarms_iac.datalog.hashing import Files
+from rarms_iac.datalog.identity import header_of, identity_of
+from rarms_iac.datalog.log import Header, Provenance
+from rarms_iac.datalog.paths import log_path
+from rarms_iac.datalog.staleness import Comparison, compare, known
+from rarms_iac.experiments import findings
+from rarms_iac.experiments.book import Book, highest_seed
+from rarms_iac.experiments.measuring import Strategy, Surroundings, measure
+from rarms_iac.experiments.partitions import remove_test_partitions
+from rarms_iac.experiments.room import Room, called, in_the_way, most, room_of
+from rarms_iac.experiments.search import STRATEGIES
+from rarms_iac.experiments.setup import Experiment
+from rarms_iac.experiments.strategies import Searching, Sweeping, Verifying, apts_of, goal_of
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.state import Partition
+from rarms_iac.providers.measuring import MeasuringHost
+from rarms_iac.statistics.curve import curves_of, least_reserve
+from rarms_iac.views.measured import Measured
+from rarms_iac.views.measuring import MeasuringProgress
+
+PAPER = "paper"
+USUAL_SEED = 1
+
+
+@contextmanager
+def held_benches(
+    session: Session, hosts: Hosts, names: Sequence[str], timeout_ms: int
+) -> Iterator[dict[str, MeasuringHost]]:
+    """These hosts, held, without unfinished runs and without what a killed measurement left there.
+
+    Raises:
+        Halted: one is held by another run, or has an unfinished one (3).
+    """
+    refuse_unfinished(hosts)
+    benches: dict[str, MeasuringHost] = {}
+    with telling(), ExitStack() as held:
+        for name in sorted(set(names)):
+            bench = open_bench(hosts.system.hosts[name], hosts.folder, hosts.state_path(name))
+            assert bench is not None, "only hosts that can be measured on are chosen"
+            held.enter_context(bench.lock(owner(), timeout_ms))
+            if left := remove_test_partitions(bench):
+                says = f"{name}: {' and '.join(left)}. What the earlier run recorded is kept and used."
+                tell(session.terminal, [findings.LEFT_BEHIND.at(None, says, "Nothing.", address=f"host/{name}")])
+            benches[name] = bench
+        yield benches
+
+
+def run_experiment(
+    session: Session, hosts: Hosts, experiment: Experiment, bench: MeasuringHost, options: MeasureOptions
+) -> Measured:
+    """Measure it as far as its data log does not say it already.
+
+    Raises:
+        Halted: the host is busy or has other reservations (3), has no room, or there is nothing to search for (4).
+        HostError: the host did not do what was asked.
+        LogUnreadable: the data log is damaged.
+    """
+    state = bench.observe()
+    room, running = room_of(experiment.host, state, experiment.application), in_the_way(state)
+    top = most(room, experiment.setup)
+    book, stale = _book(hosts, experiment, bench, options, running)
+    if stale.changed:
+        session.terminal.talk(_told_stale(book, stale))
+    terminal = session.terminal
+
+    def checked() -> Room:
+        _refuse(experiment, options, room, top, running)
+        return room
+
+    around = Surroundings(
+        host=bench,
+        room=checked,
+        seed=_seed(book, options),
+        reporter=MeasuringProgress(terminal.status, time.monotonic, lively=terminal.lively, width=terminal.width),
+        should_stop=session.interrupts.should_stop,
+    )
+    ended = measure(experiment, _strategy(hosts, experiment, options, top), book, around)
+    if ended.new and running:
+        tell(terminal, [_busy_warning(experiment, running)])
+    return Measured(
+        experiment=experiment,
+        conclusion=ended.conclusion,
+        settings=ended.settings,
+        new=ended.new,
+        planned=least_reserve(curves_of(ended.settings, experiment.runs, apts_of(experiment))),
+        log=book.path.as_posix(),
+    )
+
+
+def _book(
+    hosts: Hosts, experiment: Experiment, bench: MeasuringHost, options: MeasureOptions, running: Sequence[Partition]
+) -> tuple[Book, Comparison]:
+    """Its data log, and what has changed since that was begun: a stale one gives way to the first new setting."""
+    folder = Path(hosts.folder)
+    path = log_path(folder, experiment.host.platform, experiment.setup.members, experiment.setup.interference)
+    header = header_for(hosts, experiment, bench)
+    log = read_log(path)
+    compared = Comparison(changed=(), warns=(), unverified=())
+    if log is not None:
+        compared = compare(log.header, header.identity, known(header.bench))
+    settings = () if log is None or compared.changed else log.settings
+    seed = options.seed
+    if options.again:
+        seed = highest_seed(settings) + 1
+    beside = tuple(called(one) for one in running)
+    book = Book(
+        path=path,
+        header=header,
+        provenance=lambda: Provenance(rarms_version=__version__, when=_now(), beside=beside),
+        seed=seed,
+        anew=bool(compared.changed),
+    )
+    return book, compared
+
+
+def header_for(hosts: Hosts, experiment: Experiment, bench: MeasuringHost) -> Header:
+    """What the data log of this experiment begins with, as everything is now."""
+    subject = subject_of(hosts.system, experiment.host, experiment.setup.members, experiment.setup.interference)
+    files = Files(Path(hosts.folder))
+    interpreters = files.interpreters(subject) if is_here(experiment.host) else {}
+    return header_of(subject, identity_of(subject, files.of(subject), interpreters), bench.bench())
+
+
+def _strategy(hosts: Hosts, experiment: Experiment, options: MeasureOptions, top: int) -> Strategy:
+    """What the options ask for.
+
+    Raises:
+        Halted: a search, and no threshold (4).
+    """
+    if options.reserves:
+        return Sweeping(reserves=tuple(one for one in options.reserves if one <= top) or (top,))
+    for one in experiment.members:
+        if not one.apt:
+            place = hosts.opened.loaded.places.key("components", one.name)
+            says = f"{one.name} has no `apt`."
+            advice = f"Give it one, or measure chosen settings: rarms measure {one.name} --from 10% --to 100%."
+            raise Halted(
+                ExitCode.NO,
+                [findings.NO_THRESHOLD.at(place, says, advice, address=f"component/{one.name}")],
+                hosts.opened.loaded.sources,
+            )
+    if options.verify:
+        return Verifying(experiment=experiment, most=top)
+    return Searching(
+        goal=goal_of(experiment),
+        next_step=STRATEGIES[options.strategy],
+        most=top,
+        only_its_own=options.strategy == PAPER,
+    )
+
+
+def _refuse(
+    experiment: Experiment, options: MeasureOptions, room: Room, top: int, running: Sequence[Partition]
+) -> None:
+    """Asked once something must really be run.
+
+    Raises:
+        Halted: something runs on the host, or has reservations that the paper does not know (3); no room (4).
+    """
+    host = experiment.host.name
+    if running and not options.on_busy_host:
+        names = ", ".join(called(one) for one in running)
+        says = f"On {host} these run, and would change what is measured: {names}."
+        advice = (
+            "Stop them (`rarms destroy` takes the application's own away), or give --on-busy-host: the log says so."
+        )
+        raise Halted(ExitCode.REFUSED, [findings.BUSY_HOST.at(None, says, advice, address=f"host/{host}")])
+    if options.strategy == PAPER and not options.reserves and not room.unreserved:
+        says = f"On {host} a part of the processors is kept for the host or reserved by other machines."
+        advice = "Use the default strategy, or free the host: `keep_for_host: { processor: 0 % }`."
+        raise Halted(ExitCode.REFUSED, [findings.RESERVED_HOST.at(None, says, advice, address=f"host/{host}")])
+    if top == 0 or (options.reserves and max(options.reserves) > top):
+        says = (
+            f"{host} can give P1 at most {top} % of each of its {experiment.setup.processors} processors, and P2 some "
+            "memory beside it."
+        )
+        advice = "Stop other machines, lower keep_for_host, give the component less memory, or ask for lower settings."
+        raise Halted(ExitCode.NO, [findings.NO_ROOM.at(None, says, advice, address=f"host/{host}")])
+
+
+def _seed(book: Book, options: MeasureOptions) -> int:
+    """What chance is drawn from: as it is asked for, or as the log's last settings had it."""
+    if book.seed is not None:
+        return book.seed
+    return options.seed or highest_seed(book.settings()) or USUAL_SEED
+
+
+def _told_stale(book: Book, stale: Comparison) -> str:
+    what = "; ".join(str(one) for one in stale.changed)
+    return f"{book.path.as_posix()} is stale and is begun anew: {what}."
+
+
+def _busy_warning(experiment: Experiment, running: Sequence[Partition]) -> Diagnostic:
+    names = ", ".join(called(one) for one in running)
+    return findings.MEASURED_BUSY.at(
+        None,
+        f"{experiment.name} was measured while these ran on {experiment.host.name}: {names}. Its log says so.",
+        "Measure it again on a quiet host: --again.",
+        address=f"host/{experiment.host.name}",
+    )
+
+
+def _now() -> str:
+    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")

@@ -1,0 +1,66 @@
+"""What a setting shows: every index that a threshold names, with its bounds. Pure."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rarms_iac.experiments.setup import Experiment
+from rarms_iac.model.measurement import Series, Setting, run_of
+from rarms_iac.model.system import AtLeast, AtMost, Component, Threshold
+from rarms_iac.statistics import values
+from rarms_iac.statistics.estimates import Estimate, NoEstimate, estimate
+from rarms_iac.statistics.steadiness import Steady, steady_part
+from rarms_iac.statistics.verdict import without_warm_up
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shown:
+    """One index of a component beside its threshold."""
+
+    component: str
+    index: str
+    threshold: Threshold
+    estimate: Estimate | None
+    why: str = ""  # there is none
+
+    @property
+    def misses(self) -> bool:
+        """Whether what was seen is on the wrong side; without an estimate nothing shows that it is not."""
+        if self.estimate is None:
+            return True
+        match self.threshold:
+            case AtMost(value=limit):
+                return self.estimate.value > float(limit)
+            case AtLeast(value=limit):
+                return self.estimate.value < float(limit)
+
+
+def shown(setting: Setting, experiment: Experiment) -> tuple[Shown, ...]:
+    """Every index of every member's APT at this setting."""
+    by_name = {one.component: one for one in setting.series}
+    return shown_of(experiment.members, by_name)
+
+
+def shown_of(components: tuple[Component, ...], seen: Mapping[str, Series]) -> tuple[Shown, ...]:
+    """The same of series that were seen elsewhere; components without one are left out."""
+    return tuple(
+        _shown(one, index, threshold, seen[one.name])
+        for one in components
+        if one.name in seen
+        for index, threshold in one.apt.items()
+    )
+
+
+def steady(series: Series) -> str:
+    """Why the series has no steady state; empty where it has one."""
+    found = steady_part(values.response_times(series.samples))
+    return "" if isinstance(found, Steady) else found.why
+
+
+def _shown(component: Component, index: str, threshold: Threshold, series: Series) -> Shown:
+    begin = steady_part(values.response_times(series.samples))
+    part = without_warm_up(series, begin.first) if isinstance(begin, Steady) else series
+    whole = series if index == "maximum_response_time" else part
+    found = estimate(index, whole, run_of(component))
+    if isinstance(found, NoEstimate):
+        return Shown(component=component.name, index=index, threshold=threshold, estimate=None, why=found.why)
+    return Shown(component=component.name, index=index, threshold=threshold, estimate=found)

@@ -1,0 +1,125 @@
+"""What the end of an experiment is told as, where it is not simply a reservation."""
+
+from collections.abc import Iterator
+from typing import assert_never
+
+from rarms_iac.experiments.conclusions import (
+    Conclusion,
+    NotAchievable,
+    NotResolved,
+    NoVerdict,
+    Stopped,
+    Sufficient,
+    Swept,
+)
+from rarms_iac.experiments.findings import (
+    FAILED_SAMPLES,
+    NO_STEADY_STATE,
+    NOT_ACHIEVABLE,
+    NOT_RESOLVED,
+)
+from rarms_iac.experiments.measured import Shown, shown, steady
+from rarms_iac.experiments.setup import Experiment
+from rarms_iac.model.diagnostics import Diagnostic, Places
+from rarms_iac.model.indexes import find_index
+from rarms_iac.model.measurement import Setting
+from rarms_iac.model.quantities import Unit, plain
+from rarms_iac.model.system import AtLeast, AtMost, Threshold
+
+SHOWN_FAILURES = 3
+"""How many of the reasons why samples failed are told."""
+
+
+def findings_of(
+    experiment: Experiment, conclusion: Conclusion, settings: tuple[Setting, ...], places: Places
+) -> Iterator[Diagnostic]:
+    """What a person must hear of this end."""
+    match conclusion:
+        case NotAchievable(reserve=reserve):
+            yield from _not_achievable(experiment, reserve, settings, places)
+        case NotResolved(says=says):
+            yield from _not_resolved(experiment, says, settings, places)
+        case NoVerdict(reserve=reserve, component=component, failures=failures):
+            told = "; ".join(dict.fromkeys(failures[:SHOWN_FAILURES]))
+            yield FAILED_SAMPLES.at(
+                places.key("components", component),
+                f"{component} at {reserve} %: {len(failures)} failed, and `run.failures` allows fewer: {told}.",
+                f"Run it alone and mend what fails, or allow it: `run: {{ failures: {len(failures)} }}`.",
+                address=f"component/{component}",
+            )
+        case Sufficient() | Swept() | Stopped():
+            return
+        case _:
+            assert_never(conclusion)
+
+
+def show_value(index: str, value: float) -> str:
+    """A value in the index's own unit, with as many digits as a person reads."""
+    found = find_index(index)
+    unit = {Unit.TIME: " ms", Unit.SHARE: " %", Unit.RATE: " /s"}[found.unit] if found else ""
+    digits = 1 if abs(value) >= 10 else 2
+    return f"{value:.{digits}f}".rstrip("0").rstrip(".") + unit
+
+
+def show_threshold(index: str, threshold: Threshold) -> str:
+    """`at most 100 ms`."""
+    found = find_index(index)
+    unit = {Unit.TIME: " ms", Unit.SHARE: " %", Unit.RATE: " /s"}[found.unit] if found else ""
+    match threshold:
+        case AtMost(value=value):
+            return f"at most {plain(value)}{unit}"
+        case AtLeast(value=value):
+            return f"at least {plain(value)}{unit}"
+
+
+def show_measured(one: Shown) -> str:
+    """`mean_response_time 94.1 ms (93.5 to 94.8 ms)`."""
+    if one.estimate is None:
+        return f"{one.index} cannot be told: {one.why}"
+    value = show_value(one.index, one.estimate.value)
+    if one.estimate.beyond is not None:
+        return f"{one.index} {value}, beyond which up to {one.estimate.beyond:.2g} % of the jobs may lie"
+    lower, upper = (show_value(one.index, side) for side in (one.estimate.lower, one.estimate.upper))
+    return f"{one.index} {value} ({lower.rpartition(' ')[0]} to {upper})"
+
+
+def _not_achievable(
+    experiment: Experiment, reserve: int, settings: tuple[Setting, ...], places: Places
+) -> Iterator[Diagnostic]:
+    last = [one for one in settings if one.reserve == reserve][-1:]
+    for setting in last:
+        for one in shown(setting, experiment):
+            if one.misses:
+                yield NOT_ACHIEVABLE.at(
+                    places.value("components", one.component, "apt", one.index),
+                    f"{one.component} at {reserve} %: {show_measured(one)}, and its threshold is "
+                    f"{show_threshold(one.index, one.threshold)}.",
+                    "Relax the threshold, make the component cheaper, or use a faster platform.",
+                    address=f"component/{one.component}",
+                )
+
+
+def _not_resolved(
+    experiment: Experiment, says: str, settings: tuple[Setting, ...], places: Places
+) -> Iterator[Diagnostic]:
+    first = experiment.members[0].name
+    unsteady = [
+        (setting.reserve, series.component, why)
+        for setting in settings[-1:]
+        for series in setting.series
+        if (why := steady(series))
+    ]
+    for reserve, component, why in unsteady:
+        yield NO_STEADY_STATE.at(
+            places.key("components", component),
+            f"{component} at {reserve} %: {why}.",
+            "Look for what grows while it runs, or give it more samples: `--samples 2000`.",
+            address=f"component/{component}",
+        )
+    if not unsteady:
+        yield NOT_RESOLVED.at(
+            places.value("components", first, "apt"),
+            f"{experiment.name}: {says}.",
+            "Allow more samples (`--samples 2000`), or move the threshold away from what the component just reaches.",
+            address=f"component/{first}",
+        )

@@ -1,0 +1,226 @@
+"""The simulated host as one that is measured on: what is on it becomes a machine of the scheduler model, which runs.
+
+Partitions that run and were given nothing to do are idle; what they reserve stays reserved.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import assert_never
+
+from rarms_iac.diff.readings import resolve
+from rarms_iac.model.measurement import Bench, Sample, run_of
+from rarms_iac.model.plan import Scope
+from rarms_iac.model.quantities import Milliseconds
+from rarms_iac.model.state import RegistryValue, State, ValueKind
+from rarms_iac.model.system import (
+    Browser,
+    BusyLoop,
+    CommandLoad,
+    Component,
+    Elapsed,
+    Host,
+    Interference,
+    Periodic,
+    SampleCount,
+    TaskCategory,
+)
+from rarms_iac.planner.classes import thread_priority
+from rarms_iac.providers.interface import Refused
+from rarms_iac.providers.measuring import Inside, Work
+from rarms_iac.providers.simulated.content import Content, Machine
+from rarms_iac.providers.simulated.parse import description
+from rarms_iac.providers.simulated.run import SimulatedHostProvider
+from rarms_iac.providers.simulated.scheduling import values as model
+from rarms_iac.storage.replace import remove_leftovers
+
+PROCESSOR = "simulated"
+"""What a simulated host calls its processors."""
+
+GUEST = "Windows build {build}"
+
+MEBIBYTE = 2**20
+
+Simulate = Callable[[model.Machine, int], Iterator[model.JobDone]]
+"""Runs a machine of the scheduler model from a seed: its jobs in the order in which they end, without an end."""
+
+
+class SimulatedMeasuringHost(SimulatedHostProvider):
+    """A `MeasuringHost` that needs nothing installed: time passes in the scheduler model only."""
+
+    def __init__(self, host: Host, path: Path, simulate: Simulate) -> None:
+        super().__init__(host, path)
+        self._simulate = simulate
+
+    @contextmanager
+    def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
+        """As the interface says; also removes what killed writers left behind."""
+        with super().lock(owner, timeout_ms):
+            remove_leftovers(self._path)
+            yield
+
+    def bench(self) -> Bench:
+        """As the interface says."""
+        described = description(self._host)
+        return Bench(
+            provider=self._host.provider,
+            processor=PROCESSOR,
+            logical_processors=self._host.logical_processors,
+            smt=described.smt,
+            scheduler=described.scheduler,
+            guest_image=GUEST.format(build=described.guest_windows_build),
+            os_build=described.windows_build,
+        )
+
+    @contextmanager
+    def run(self, work: Work) -> Iterator["Simulated"]:
+        """As the interface says."""
+        content = self.load()
+        machines = tuple(self._machine(content, one, work.application) for one in work.inside)
+        idle = self._idle(content, work)
+        machine = model.Machine(lps=self._host.logical_processors, machines=(*machines, *idle))
+        jobs = self._simulate(machine, work.seed)
+        runs = {one.name: run_of(one) for inside in work.inside for one in inside.components}
+        timeouts = {name: float(run.timeout) for name, run in runs.items()}
+        yield Simulated(jobs=jobs, until=work.until, timeouts=timeouts)
+
+    def _machine(self, content: Content, inside: Inside, application: str) -> model.VirtualMachine:
+        """One operating system of the work, with what the host's file says of its partition."""
+        loads = () if inside.load is None else (self._load(inside.load),)
+        if not inside.partition:
+            return model.VirtualMachine(
+                name=self.name,
+                vps=self._host.logical_processors,
+                components=tuple(self._demand(one, content, "") for one in inside.components),
+                loads=loads,
+                partitioned=False,
+            )
+        found = self._running(content, inside.partition, application)
+        demands = tuple(self._demand(one, content, found.id) for one in inside.components)
+        return _partition(found, inside.partition, components=demands, loads=loads)
+
+    def _running(self, content: Content, partition: str, application: str) -> Machine:
+        state: State = self._machines(content)
+        found = resolve(state.partitions, partition, Scope(application=application, plan=""))
+        if len(found) != 1 or not found[0].settings.running:
+            raise Refused(
+                self.name, f"no partition {partition} of {application} runs", "rarms plan shows what is wanted"
+            )
+        return content.machines[found[0].id]
+
+    def _idle(self, content: Content, work: Work) -> tuple[model.VirtualMachine, ...]:
+        """What else runs: it does nothing, and what it reserves is its own."""
+        busy = {self._running(content, one.partition, work.application).id for one in work.inside if one.partition}
+        others = [one for one in content.machines.values() if one.settings.running and one.id not in busy]
+        return tuple(_partition(one, f"idle {one.id}") for one in sorted(others, key=lambda one: one.id))
+
+    def _demand(self, component: Component, content: Content, machine: str) -> model.Demand:
+        simulation, run = component.simulation, run_of(component)
+        if simulation is None:
+            raise Refused(
+                self.name,
+                f"{component.name} does not say what it demands on a simulated host",
+                "give it a `simulation`, or measure on a host that runs real components",
+            )
+        within = simulation.success_within
+        return model.Demand(
+            component=component.name,
+            work_ms=float(simulation.work),
+            blocked_ms=float(simulation.blocked),
+            varies=float(simulation.varies),
+            threads=simulation.threads,
+            arrival=_arrival(run.arrival.period if isinstance(run.arrival, Periodic) else None),
+            success_within_ms=None if within is None else float(within),
+            priority=_priority(component.task, content, machine),
+        )
+
+    def _load(self, load: Interference) -> model.Load:
+        match load:
+            case BusyLoop(threads=threads):
+                return model.BusyLoops(threads=threads)
+            case Browser(instances=instances):
+                return model.Browsers(instances=instances)
+            case CommandLoad(instances=instances):
+                return model.Programs(instances=instances)
+            case _:
+                assert_never(load)
+
+
+@dataclass(slots=True, kw_only=True)
+class Simulated:
+    """A `Running` whose time is the model's."""
+
+    jobs: Iterator[model.JobDone]
+    until: Mapping[str, SampleCount | Elapsed]
+    timeouts: Mapping[str, float]  # ms, by component
+    _now: float = 0.0
+    _consumed: dict[str, float] = field(default_factory=dict)
+
+    def samples(self) -> Iterator[tuple[str, Sample]]:
+        """As the interface says."""
+        missing = {name: until.samples if isinstance(until, SampleCount) else 1 for name, until in self.until.items()}
+        ends = max((float(one.time) for one in self.until.values() if isinstance(one, Elapsed)), default=0.0)
+        while any(left > 0 for left in missing.values()) or self._now < ends:
+            job = next(self.jobs)
+            self._now = max(self._now, job.began + job.response)
+            self._consumed[job.component] = job.cpu
+            if job.component in missing:
+                missing[job.component] -= 1
+            yield job.component, _sample(job, self.timeouts[job.component])
+
+    def elapsed_ms(self) -> float:
+        """As the interface says."""
+        return self._now
+
+    def cpu_ms(self, component: str) -> float | None:
+        """As the interface says: up to its last job that ended."""
+        return self._consumed.get(component, 0.0)
+
+
+def _partition(
+    machine: Machine, name: str, *, components: tuple[model.Demand, ...] = (), loads: tuple[model.Load, ...] = ()
+) -> model.VirtualMachine:
+    """NOTE: not called by its id, which is another after each making: chance is drawn by this name."""
+    settings = machine.settings
+    return model.VirtualMachine(
+        name=name,
+        vps=settings.processors,
+        reserve=settings.reserve,
+        limit=settings.limit,
+        weight=settings.weight,
+        memory_mib=settings.memory / MEBIBYTE,
+        components=components,
+        loads=loads,
+    )
+
+
+def _arrival(period: Milliseconds | None) -> model.Arrival:
+    return model.OneAfterAnother() if period is None else model.Every(period_ms=float(period))
+
+
+def _sample(job: model.JobDone, timeout: float) -> Sample:
+    """A job that takes longer than its component's `timeout` is ended there, without an answer."""
+    if job.response > timeout:
+        says = f"no answer within {timeout:g} ms"
+        return Sample(began_ms=job.began, response_ms=None, successful=False, failure=says)
+    return Sample(began_ms=job.began, response_ms=job.response, successful=job.successful)
+
+
+def _priority(task: str | None, content: Content, machine: str) -> int:
+    """What the component's threads run at in that operating system: as its task class says there, else the usual."""
+    if task is None:
+        return model.ORDINARY
+    classes = {name.lower(): values for name, values in content.registry(machine).tasks.items()}
+    values = {name.lower(): value for name, value in classes.get(task.lower(), {}).items()}
+    category = {one.value: one for one in TaskCategory}.get(str(_data(values, "scheduling category")))
+    priority, background = _data(values, "priority"), _data(values, "backgroundpriority")
+    if category is None or not isinstance(priority, int):
+        return model.ORDINARY
+    return thread_priority(category, priority, background if isinstance(background, int) else 1)
+
+
+def _data(values: Mapping[str, RegistryValue], name: str) -> int | str | None:
+    found = values.get(name)
+    wanted = ValueKind.SZ if name == "scheduling category" else ValueKind.DWORD
+    return found.data if found is not None and found.kind is wanted else None

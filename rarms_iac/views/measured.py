@@ -1,0 +1,161 @@
+"""What was measured: the summary a component, and the same for programs."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Literal, assert_never
+
+from rarms_iac.experiments.conclusions import (
+    Conclusion,
+    NotAchievable,
+    NotResolved,
+    NoVerdict,
+    Stopped,
+    Sufficient,
+    Swept,
+)
+from rarms_iac.experiments.measured import Shown, shown
+from rarms_iac.experiments.setup import Experiment
+from rarms_iac.experiments.telling import show_threshold
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.measurement import Setting
+from rarms_iac.model.system import AtLeast, AtMost
+from rarms_iac.statistics.curve import LeastReserve
+from rarms_iac.views.as_json import as_json
+from rarms_iac.views.diagnostics.layout import columns
+from rarms_iac.views.output import ExperimentOutput, IndexOutput, MeasureOutput, SettingOutput
+
+Ending = Literal["found", "not_achievable", "not_resolved", "no_verdict", "swept", "stopped"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """An experiment with its end."""
+
+    experiment: Experiment
+    conclusion: Conclusion
+    settings: tuple[Setting, ...]  # all that its end rests on
+    new: int  # how many of them were run now
+    planned: LeastReserve | None  # what a plan reserves by the curve
+    log: str  # path
+
+
+def summary_text(results: Sequence[Measured]) -> str:
+    """A table, a row an index of a component; the reservation and its verdict stand in the first row of each."""
+    rows = [("component", "threshold", "CR", "verdict", "settings")]
+    for one in results:
+        rows += list(_rows(one))
+    widths = [max(columns(row[at]) for row in rows) for at in range(len(rows[0]))]
+    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _rows(one: Measured) -> Iterator[tuple[str, str, str, str, str]]:
+    new = f", {one.new} new" if one.new else ""
+    reserve, verdict = _verdict(one)
+    used = f"{len(one.settings)}{new}"
+    for member in one.experiment.members:
+        for index, threshold in member.apt.items():
+            yield member.name, f"{index} {show_threshold(index, threshold)}", reserve, verdict, used
+            reserve = verdict = used = ""
+        if not member.apt:
+            yield member.name, "none", reserve, verdict, used
+
+
+def _verdict(one: Measured) -> tuple[str, str]:
+    """The CR and what is known of it; NOTE: a plan rests on the curve, so where the two differ both are told."""
+    match one.conclusion:
+        case Sufficient(reserve=reserve, failed=failed, error=error):
+            below = f", {failed} % is not" if failed else ""
+            return f"{reserve} %", f"enough{below} (wrong in {100 * error:.2g} %){_planned(one, reserve)}"
+        case NotAchievable(reserve=reserve):
+            return "-", f"not achievable at {reserve} %"
+        case NotResolved():
+            return "-", f"not resolved{_planned(one, None)}"
+        case NoVerdict(reserve=reserve):
+            return "-", f"too many failed samples at {reserve} %"
+        case Swept():
+            return "-", f"measured{_planned(one, None)}"
+        case Stopped():
+            return "-", "stopped"
+        case _:
+            assert_never(one.conclusion)
+
+
+def _planned(one: Measured, reserve: int | None) -> str:
+    planned = one.planned
+    if planned is None or planned.reserve == reserve:
+        return ""
+    between = ", interpolated" if planned.interpolated else ""
+    return f"; a plan reserves {planned.reserve} %{between}"
+
+
+def measure_json(results: Sequence[Measured], findings: tuple[Diagnostic, ...]) -> str:
+    """The same for programs, every setting with it."""
+    return as_json(MeasureOutput(experiments=tuple(map(_output, results)), findings=findings))
+
+
+def _output(one: Measured) -> ExperimentOutput:
+    conclusion, experiment = one.conclusion, one.experiment
+    return ExperimentOutput(
+        components=experiment.setup.members,
+        host=experiment.host.name,
+        platform=experiment.host.platform,
+        interference=experiment.setup.interference,
+        log=one.log,
+        ending=_ending(conclusion),
+        reserve=conclusion.reserve if isinstance(conclusion, Sufficient) else None,
+        failed=conclusion.failed if isinstance(conclusion, Sufficient) else None,
+        error=conclusion.error if isinstance(conclusion, Sufficient | NotAchievable) else None,
+        planned=one.planned.reserve if one.planned else None,
+        interpolated=bool(one.planned and one.planned.interpolated),
+        settings=tuple(_setting(each, experiment) for each in one.settings),
+        new_settings=one.new,
+    )
+
+
+def _ending(conclusion: Conclusion) -> Ending:
+    match conclusion:
+        case Sufficient():
+            return "found"
+        case NotAchievable():
+            return "not_achievable"
+        case NotResolved():
+            return "not_resolved"
+        case NoVerdict():
+            return "no_verdict"
+        case Swept():
+            return "swept"
+        case Stopped():
+            return "stopped"
+        case _:
+            assert_never(conclusion)
+
+
+def _setting(setting: Setting, experiment: Experiment) -> SettingOutput:
+    return SettingOutput(
+        reserve=setting.reserve,
+        beside=setting.beside,
+        seed=setting.seed,
+        indexes=index_outputs(shown(setting, experiment)),
+    )
+
+
+def index_outputs(found: Sequence[Shown]) -> tuple[IndexOutput, ...]:
+    """Indexes for programs; a bound that says nothing is null."""
+    return tuple(_index(one) for one in found)
+
+
+def _index(one: Shown) -> IndexOutput:
+    seen = one.estimate
+    return IndexOutput(
+        component=one.component,
+        index=one.index,
+        at_most=float(one.threshold.value) if isinstance(one.threshold, AtMost) else None,
+        at_least=float(one.threshold.value) if isinstance(one.threshold, AtLeast) else None,
+        value=seen.value if seen else None,
+        lower=seen.lower if seen and isfinite(seen.lower) else None,
+        upper=seen.upper if seen and isfinite(seen.upper) else None,
+        error=seen.error if seen else None,
+        samples=seen.samples if seen else 0,
+    )
