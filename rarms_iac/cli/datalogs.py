@@ -73,16 +73,16 @@ def path_of(folder: Path, subject: Subject) -> Path:
 def measured_reservations(measured: Measurements, states: Mapping[str, State]) -> MeasuredReservations:
     """What the data logs say on every host of the manifest; of hosts in `states`, what was seen is compared too."""
     system, files, read = measured.system, Files(measured.folder), cache(_read)
-    hosts = {name: (host, _bench_of(host, states)) for name, host in sorted(system.hosts.items())}
-    kinds: dict[str, Hashable] = {name: (host.platform, bench) for name, (host, bench) in hosts.items()}
+    kinds = {name: _kind_of(host, states) for name, host in sorted(system.hosts.items())}
+    alike: dict[_Kind, list[str]] = {}
+    for name, kind in kinds.items():
+        alike.setdefault(kind, []).append(name)
     logs: dict[tuple[Hashable, Names], MeasuredTogether | NotMeasured] = {}
-    for group in groups_of(system):
-        if not rests_on_a_log(group):
-            continue
-        for name, (host, bench) in hosts.items():
-            key = (kinds[name], names_of(group.members))
-            if key not in logs and _may_run_on(group, name):
-                logs[key] = _answer(measured, group, host, bench, files, read)
+    for group in filter(rests_on_a_log, groups_of(system)):
+        for kind, names in alike.items():
+            if _may_run_on(group, names):
+                host = system.hosts[names[0]]
+                logs[kind, names_of(group.members)] = _answer(measured, group, host, kind.bench, files, read)
     return MeasuredReservations(kinds=kinds, logs=logs)
 
 
@@ -109,6 +109,15 @@ def bench_now(host: Host, facts: HostFacts | None = None) -> BenchNow:
     if facts is None:
         return bench
     return replace(bench, smt=facts.smt, scheduler=facts.scheduler, os_build=facts.os_build)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Kind:
+    """What hosts share for which the same data logs hold."""
+
+    platform: str
+    bench: BenchNow
+    here: bool
 
 
 Reader = Callable[[Path], DataLog | LogUnreadable | None]
@@ -195,13 +204,14 @@ def _some(things: tuple[object, ...] | list[str]) -> str:
     return "; ".join(told) + (f"; and {more} more" if more else "")
 
 
-def _bench_of(host: Host, states: Mapping[str, State]) -> BenchNow:
+def _kind_of(host: Host, states: Mapping[str, State]) -> _Kind:
     state = states.get(host.name)
-    return bench_now(host, state.facts if state else None)
+    bench = bench_now(host, state.facts if state else None)
+    return _Kind(platform=host.platform, bench=bench, here=is_here(host))
 
 
-def _may_run_on(group: Group, host: str) -> bool:
-    return all(one.hosts is None or host in one.hosts for one in group.members)
+def _may_run_on(group: Group, hosts: list[str]) -> bool:
+    return any(all(one.hosts is None or host in one.hosts for one in group.members) for host in hosts)
 
 
 def _read(path: Path) -> DataLog | LogUnreadable | None:

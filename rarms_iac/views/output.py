@@ -270,6 +270,45 @@ class DoctorOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LevelOutput:
+    """What a partition gets on a platform, in per cent of each of its processors; the index there with its band."""
+
+    platform: str
+    partition: str
+    reserve: int
+    processors: int
+    interpolated: bool
+    value: float | None
+    lower: float | None
+    upper: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeadroomOutput:
+    """What a host has left, in logical processors."""
+
+    host: str
+    processors: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SelectionOutput:
+    """`rarms select`: an APT that was chosen, in the index's own unit (ms, %, /s), and what follows from it."""
+
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["selection"] = "selection"
+    component: str
+    index: str
+    before: float | None
+    after: float
+    file: str
+    written: bool
+    levels: tuple[LevelOutput, ...]
+    headrooms: tuple[HeadroomOutput, ...]
+    fits: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ScriptOutput:
     """A script of a plan, to the byte; `guest` is empty where it runs on the host itself."""
 
@@ -439,6 +478,7 @@ Output = (
     | FmtOutput
     | WrittenOutput
     | ExplanationOutput
+    | SelectionOutput
     | ScriptsOutput
     | ScriptDifferenceOutput
     | MeasureOutput

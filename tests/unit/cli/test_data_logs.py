@@ -42,7 +42,7 @@ components:
     simulation: { work: 61.6 ms, blocked: 26.4 ms }
 """
 
-MEANS = {10: 700.0, 40: 160.0, 61: 105.0, 62: 97.0, 70: 88.0}
+MEANS = {10: 700.0, 40: 160.0, 60: 112.0, 61: 105.0, 62: 97.0, 70: 88.0}
 
 
 def measure(
@@ -65,7 +65,7 @@ def measure(
     )
     begin_log(path, header_of(subject, identity_of(subject, Files(folder).of(subject), {}), bench))
     for reserve, mean in means.items():
-        series = (a_series(name, [mean + each for each in (1.0, -1.0, 0.5, -0.5, 0.0) * 20]) for name in members)
+        series = (a_series(name, [mean + each for each in (1.0, -1.0, 0.5, -0.5, 0.0) * 40]) for name in members)
         taken = Provenance(rarms_version="0", when="2026-01-01T00:00:00Z")
         append_setting(path, Recorded(setting=a_setting(reserve, *series), provenance=taken))
     return path

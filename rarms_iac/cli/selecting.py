@@ -1,0 +1,197 @@
+"""Choosing a level of performance: an APT, what reservation follows from it, and the line of the manifest to change."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.datalogs import Measurements, measured_reservations, rests_on_a_log
+from rarms_iac.cli.manifests import Opened
+from rarms_iac.cli.problems import Halted
+from rarms_iac.manifest.edit import set_value
+from rarms_iac.model.capacity import capacity_of
+from rarms_iac.model.diagnostics import Diagnostic, has_errors
+from rarms_iac.model.indexes import PerformanceIndex, find_index
+from rarms_iac.model.layout import Layout
+from rarms_iac.model.quantities import NotAQuantity
+from rarms_iac.model.spelling import suggestion
+from rarms_iac.model.system import Component, System, Threshold
+from rarms_iac.model.thresholds import threshold_of
+from rarms_iac.planner.groups import Group, groups_of
+from rarms_iac.planner.layout import Planning, plan_layout
+from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, NotMeasured
+from rarms_iac.planner.sizes import Sized, size
+from rarms_iac.views.select import Headroom, Level, Selection
+
+
+class Unclear(Exception):
+    """The words do not say which level of which index is meant; the text says what they could."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """One level of one index of one component."""
+
+    component: Component
+    index: PerformanceIndex
+    text: str  # as given: 100 ms
+    threshold: Threshold
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Edit:
+    """A file of the manifest with the level in it."""
+
+    file: str
+    before: str
+    after: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Selected:
+    """What follows from a choice."""
+
+    selection: Selection
+    findings: tuple[Diagnostic, ...]
+
+
+def choice_of(system: System, name: str, at: str, index: str | None) -> Choice:
+    """The level that is meant.
+
+    Raises:
+        Unclear: there is no such component or index, or the level fits none, or several, of its indexes.
+    """
+    component = system.components.get(name)
+    if component is None:
+        raise Unclear(f"The manifest has no component {name!r}.{suggestion(name, tuple(system.components))}")
+    if index is not None:
+        found = find_index(index)
+        if found is None:
+            raise Unclear(f"There is no performance index {index!r}.{suggestion(index, tuple(component.apt))}")
+        return _choice(component, found, at)
+    indexes = [found for one in component.apt if (found := find_index(one)) is not None]
+    if not indexes:
+        raise Unclear(f"{name} has no APT yet: say which index is meant, as in --index mean_response_time.")
+    fitting = [one for one in indexes if _fits(one, at)]
+    if len(fitting) > 1:
+        named = ", ".join(f"--index {one.name}" for one in fitting)
+        raise Unclear(f"{name} has several indexes that {at} could be of: say which, {named}.")
+    return _choice(component, fitting[0] if fitting else indexes[0], at)
+
+
+def _choice(component: Component, index: PerformanceIndex, at: str) -> Choice:
+    try:
+        threshold = threshold_of(index, at)
+    except NotAQuantity as problem:
+        raise Unclear(f"{index.name}: {problem}.") from None
+    return Choice(component=component, index=index, text=at, threshold=threshold)
+
+
+def _fits(index: PerformanceIndex, at: str) -> bool:
+    try:
+        threshold_of(index, at)
+    except NotAQuantity:
+        return False
+    return True
+
+
+def select(choice: Choice, measured: Measurements, opened: Opened) -> Selected:
+    """What follows from the choice; nothing is written.
+
+    Raises:
+        Halted: no measured reservation meets it, or there is no data log that holds (exit 4).
+    """
+    system = _with(measured.system, choice)
+    changed = replace(measured, system=system)
+    reservations = measured_reservations(changed, {})
+    group = next((one for one in groups_of(system) if choice.component.name in {m.name for m in one.members}), None)
+    planning = plan_layout(system, reservations, {}, opened.loaded.places)
+    levels = () if group is None else tuple(_levels(group, system, reservations, choice))
+    if group is not None and rests_on_a_log(group) and not levels:
+        address = {f"component/{one.name}" for one in group.members} | {f"partition/{group.name}"}
+        why = [one for one in planning.findings if one.address in address]
+        raise Halted(ExitCode.NO, why or planning.findings, opened.loaded.sources)
+    return Selected(
+        selection=Selection(
+            component=choice.component.name,
+            index=choice.index.name,
+            before=measured.system.components[choice.component.name].apt.get(choice.index.name),
+            after=choice.threshold,
+            levels=levels,
+            rests_on_a_log=group is not None and rests_on_a_log(group),
+            headrooms=_headrooms(planning, system),
+            why_no_headroom=_why(planning),
+        ),
+        findings=() if has_errors(planning.findings) else planning.findings,
+    )
+
+
+def edit_of(choice: Choice, opened: Opened) -> Edit:
+    """The file that says the level, or is to say it, with the new one; comments stay.
+
+    Raises:
+        CannotFormat: its text is no manifest.
+    """
+    name, index, word = choice.component.name, choice.index.name, choice.index.direction
+    is_said = index in choice.component.apt
+    path = ("components", name, "apt", index, word)
+    file = opened.loaded.places.value(*path).file if is_said else opened.loaded.places.key(*path[:3]).file
+    with Path(file).open(encoding="utf-8", newline="") as source:
+        before = source.read()
+    after = set_value(before, path, choice.text) if is_said else set_value(before, path[:4], {word: choice.text})
+    return Edit(file=file, before=before, after=after)
+
+
+def _with(system: System, choice: Choice) -> System:
+    apt: Mapping[str, Threshold] = {**choice.component.apt, choice.index.name: choice.threshold}
+    return replace(system, components={**system.components, choice.component.name: replace(choice.component, apt=apt)})
+
+
+def _levels(group: Group, system: System, reservations: MeasuredReservations, choice: Choice) -> Sequence[Level]:
+    """What the group gets on each platform that it was measured for; hosts in name order."""
+    found: dict[str, Level] = {}
+    for _, host in sorted(system.hosts.items()):
+        if host.platform in found or any(one.hosts is not None and host.name not in one.hosts for one in group.members):
+            continue
+        sized = size(group, host, reservations)
+        log = reservations.log(group.members, host)
+        if not isinstance(sized, Sized) or isinstance(log, NotMeasured):
+            continue
+        least = reservations.least(group.members, host)
+        found[host.platform] = Level(
+            platform=host.platform,
+            partition=group.name,
+            reserve=sized.placed.reserve,
+            processors=sized.placed.processors,
+            host=host.name,
+            host_processors=host.logical_processors,
+            interpolated=least is not None and least.interpolated,
+            expected=_expected(log, choice, sized.placed.reserve),
+        )
+    return tuple(found.values())
+
+
+def _expected(log: MeasuredTogether, choice: Choice, reserve: int) -> tuple[float, float, float] | None:
+    point = log.curves(choice.component.name, choice.index.name).value_at(reserve)
+    return None if point is None else (point.value, point.lower, point.upper)
+
+
+def _headrooms(planning: Planning, system: System) -> tuple[Headroom, ...]:
+    if not isinstance(planning.answer, Layout):
+        return ()
+    return tuple(
+        Headroom(
+            host=name,
+            processors=capacity_of(host, None).processors
+            - sum((one.reserved for one in planning.answer.partitions if one.host == name), Fraction(0)),
+            host_processors=host.logical_processors,
+        )
+        for name, host in sorted(system.hosts.items())
+    )
+
+
+def _why(planning: Planning) -> str:
+    if isinstance(planning.answer, Layout):
+        return ""
+    return next((f"{one.summary} ({one.code}). {one.detail}" for one in planning.findings if has_errors([one])), "")

@@ -1,0 +1,113 @@
+"""`rarms select`: a level, and the reservation that follows from it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+
+from rarms_iac.model.indexes import PerformanceIndex, find_index
+from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
+from rarms_iac.model.system import Threshold
+from rarms_iac.model.thresholds import show_threshold, show_value
+from rarms_iac.views.as_json import as_json
+from rarms_iac.views.output import HeadroomOutput, LevelOutput, SelectionOutput
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Level:
+    """What a partition gets on a platform, so that the level holds there."""
+
+    platform: str
+    partition: str
+    reserve: int  # whole per cent of each virtual processor
+    processors: int  # virtual ones
+    host: str  # the first of the platform
+    host_processors: int
+    interpolated: bool
+    expected: tuple[float, float, float] | None  # the index there, and its band; None: not measured there
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Headroom:
+    """What a host has left, once every partition has its reservation; less than nothing: it does not fit."""
+
+    host: str
+    processors: Fraction
+    host_processors: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Selection:
+    """A level that was chosen, and what follows."""
+
+    component: str
+    index: str
+    before: Threshold | None
+    after: Threshold
+    levels: tuple[Level, ...]  # by platform
+    rests_on_a_log: bool  # else the manifest fixes the reserve
+    headrooms: tuple[Headroom, ...]  # none where there is no layout
+    why_no_headroom: str
+
+
+def selection_text(selection: Selection) -> str:
+    """The level, the reservation and the headroom, complete without colour."""
+    return "\n".join(_lines(selection, _index(selection))) + "\n"
+
+
+def selection_json(selection: Selection, file: str, *, written: bool) -> str:
+    """The same for programs."""
+    return as_json(
+        SelectionOutput(
+            component=selection.component,
+            index=selection.index,
+            before=None if selection.before is None else float(selection.before.value),
+            after=float(selection.after.value),
+            file=file,
+            written=written,
+            levels=tuple(map(_level_output, selection.levels)),
+            headrooms=tuple(
+                HeadroomOutput(host=one.host, processors=float(one.processors)) for one in selection.headrooms
+            ),
+            fits=bool(selection.headrooms),
+        )
+    )
+
+
+def _level_output(one: Level) -> LevelOutput:
+    value, lower, upper = one.expected or (None, None, None)
+    return LevelOutput(
+        platform=one.platform,
+        partition=one.partition,
+        reserve=one.reserve,
+        processors=one.processors,
+        interpolated=one.interpolated,
+        value=value,
+        lower=lower,
+        upper=upper,
+    )
+
+
+def _index(selection: Selection) -> PerformanceIndex:
+    found = find_index(selection.index)
+    assert found is not None, "a level is of an index that there is"
+    return found
+
+
+def _lines(selection: Selection, index: PerformanceIndex) -> Iterator[str]:
+    before = "none" if selection.before is None else show_threshold(index, selection.before)
+    yield f"{selection.component}: {index.name} {before} -> {show_threshold(index, selection.after)}"
+    for one in selection.levels:
+        share = show_percent(100 * guaranteed(one.reserve, one.processors) / one.host_processors)
+        each = f"{one.reserve} % of each of its {one.processors} virtual processors, {share} of {one.host}"
+        yield f"  reservation on {one.platform}: {each}"
+        if one.expected is not None:
+            value, lower, upper = (show_value(index, Fraction(each).limit_denominator(10)) for each in one.expected)
+            how = "looked up" if one.interpolated else "measured"
+            yield f"  {how} there: {value} ({lower} to {upper})"
+    if not selection.rests_on_a_log:
+        yield "  the manifest fixes its reserve: say `cpu: { reserve: measured }`, and it follows the APT"
+    for room in selection.headrooms:
+        share = show_percent(100 * room.processors / room.host_processors)
+        yield f"  left on {room.host}: {show_processors(room.processors)}, {share}"
+    if selection.why_no_headroom:
+        yield f"  no room is left to tell of: {selection.why_no_headroom}"

@@ -1,0 +1,146 @@
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.unit.cli.running import rarms
+from tests.unit.cli.test_data_logs import MEANS, edit, here, measure
+from tests.unit.views.test_json import check
+
+__all__ = ["here"]
+
+
+def manifest(folder: Path) -> str:
+    return (folder / "rarms.yaml").read_text(encoding="utf-8")
+
+
+def test_a_level_is_written_with_its_comments_and_the_reservation_follows(here: Path) -> None:
+    measure(here, MEANS)
+    before = manifest(here)
+
+    answer = rarms("select", "vision", "--at", "110 ms", "-f", str(here))
+
+    assert answer.code == 0, answer.err
+    assert answer.lines == [
+        "vision: mean_response_time at most 100 ms -> at most 110 ms",
+        "  reservation on two-core: 61 % of each of its 2 virtual processors, 61 % of onboard",
+        "  measured there: 105 ms (104.9 ms to 105.1 ms)",
+        "  left on onboard: 0.78 LP, 39 %",
+    ]
+    assert manifest(here) == before.replace("at_most: 100 ms", "at_most: 110 ms")
+    assert "61 %" in rarms("plan", "-f", str(here)).out
+
+
+def test_a_level_between_two_settings_warns(here: Path) -> None:
+    measure(here, MEANS)
+
+    answer = rarms("select", "vision", "--at", "130 ms", "-f", str(here))
+
+    assert answer.code == 0
+    assert "looked up there" in answer.out
+    assert "warning[RARMS103]" in answer.err
+
+
+def test_what_no_measured_reservation_meets_is_no_and_writes_nothing(here: Path) -> None:
+    measure(here, MEANS)
+    before = manifest(here)
+
+    answer = rarms("select", "vision", "--at", "50 ms", "-f", str(here))
+
+    assert answer.code == 4
+    assert "error[RARMS106]" in answer.err
+    assert manifest(here) == before
+
+
+def test_without_a_log_nothing_can_be_chosen(here: Path) -> None:
+    answer = rarms("select", "vision", "--at", "90 ms", "-f", str(here))
+
+    assert answer.code == 4
+    assert "error[RARMS100]" in answer.err
+
+
+def test_a_dry_run_writes_nothing(here: Path) -> None:
+    measure(here, MEANS)
+    before = manifest(here)
+
+    answer = rarms("select", "vision", "--at", "110 ms", "--dry-run", "-f", str(here))
+
+    assert (answer.code, manifest(here)) == (0, before)
+    assert "61 %" in answer.out
+    assert "Nothing was written." in answer.err
+
+
+def test_programs_read_the_same(here: Path) -> None:
+    measure(here, MEANS)
+
+    answer = rarms("select", "vision", "--at", "110 ms", "--json", "-f", str(here))
+
+    check(answer.out)
+    document = json.loads(answer.out)
+    assert (document["kind"], document["before"], document["after"], document["written"]) == (
+        "selection",
+        100.0,
+        110.0,
+        True,
+    )
+    assert document["levels"][0]["reserve"] == 61
+    assert document["headrooms"] == [{"host": "onboard", "processors": 0.78}]
+
+
+def test_an_overlay_that_says_the_level_is_what_is_changed(here: Path) -> None:
+    measure(here, MEANS)
+    overlay = here / "robot-7.yaml"
+    overlay.write_text(
+        "components:\n  vision:\n    apt:\n      mean_response_time: { at_most: 120 ms }  # seven\n",
+        encoding="utf-8",
+        newline="\r\n",
+    )
+    before = manifest(here)
+
+    answer = rarms("select", "vision", "--at", "110 ms", "-f", str(here), "--overlay", str(overlay))
+
+    assert answer.code == 0, answer.err
+    assert manifest(here) == before
+    assert overlay.read_bytes().decode().splitlines()[-1] == "      mean_response_time: { at_most: 110 ms }  # seven"
+    assert b"\r\n" in overlay.read_bytes()
+
+
+def test_an_index_without_threshold_gets_one(here: Path) -> None:
+    measure(here, MEANS)
+
+    assert rarms("fmt", str(here)).code == 0
+    several = rarms("select", "vision", "--at", "150 ms", "--index", "p95_response_time", "-f", str(here))
+    again = rarms("select", "vision", "--at", "150 ms", "-f", str(here))
+
+    assert several.code == 0, several.err
+    assert "p95_response_time none -> at most 150 ms" in several.out
+    assert "p95_response_time: { at_most: 150 ms }" in manifest(here)
+    assert rarms("fmt", "--check", str(here)).code == 0
+    assert again.code == 64
+    assert "--index mean_response_time, --index p95_response_time" in " ".join(again.err.split())
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["visoin", "--at", "90 ms"], 'Did you mean "vision"?'),
+        (["vision", "--at", "90"], "not a number with one of the units"),
+        (["vision", "--at", "90 %"], "not a number with one of the units"),
+        (["vision", "--at", "90 ms", "--index", "speed"], "no performance index"),
+    ],
+)
+def test_what_is_unclear_is_asked_back(here: Path, words: list[str], says: str) -> None:
+    answer = rarms("select", *words, "-f", str(here))
+
+    assert answer.code == 64
+    assert says in " ".join(answer.err.split())
+
+
+def test_a_fixed_reserve_does_not_follow_and_says_so(here: Path) -> None:
+    edit(here / "rarms.yaml", "    memory: 512 MiB\n", "    memory: 512 MiB\n    cpu: { reserve: 40 % }\n")
+
+    answer = rarms("select", "vision", "--at", "90 ms", "-f", str(here))
+
+    assert answer.code == 0
+    assert "fixes its reserve" in answer.out
+    assert "at_most: 90 ms" in manifest(here)
