@@ -60,8 +60,13 @@ def is_test_partition(partition: Partition) -> bool:
 
 
 def load_memory(room: Room, setup: EnvironmentSetup) -> int:
-    """Bytes that P2 gets: the usual, or what is left beside P1 where that is less; whole MiB."""
-    left = room.capacity.memory - sum(one.memory for one in room.others) - setup.memory
+    """Bytes that P2 gets beside P1: the usual, or what is left where that is less."""
+    return left_memory(room, setup.memory)
+
+
+def left_memory(room: Room, taken: int = 0) -> int:
+    """Bytes for a P2: the usual, or what is left where that is less; whole MiB."""
+    left = room.capacity.memory - sum(one.memory for one in room.others) - taken
     return min(USUAL_LOAD_MEMORY, left // MEBIBYTE * MEBIBYTE)
 
 
@@ -70,13 +75,21 @@ def reserve_beside(room: Room, setup: EnvironmentSetup, reserve: int) -> int | N
 
     Both are whole per cent of each of the partition's own processors. None: the host cannot give P1 so much.
     """
-    memory = load_memory(room, setup)
     p1 = Claim(processors=setup.processors, reserve=reserve, memory=setup.memory)
+    return _most_of_p2(room, (p1,), load_memory(room, setup))
+
+
+def left_beside(room: Room, memory: int) -> int:
+    """What a P2 alone can reserve beside what is promised already; 0 where nothing is left."""
+    return _most_of_p2(room, (), memory) or 0
+
+
+def _most_of_p2(room: Room, others: tuple[Claim, ...], memory: int) -> int | None:
     wide = room.capacity.logical_processors
-    for beside in range(WHOLE, -1, -1):
-        p2 = Claim(processors=wide, reserve=beside, memory=max(0, memory))
-        if fits(room.capacity, (*room.others, p1, p2)):
-            return beside
+    for reserve in range(WHOLE, -1, -1):
+        p2 = Claim(processors=wide, reserve=reserve, memory=max(0, memory))
+        if fits(room.capacity, (*room.others, *others, p2)):
+            return reserve
     return None
 
 

@@ -22,8 +22,8 @@ from rarms_iac.model.measurement import Setting
 from rarms_iac.model.system import AtLeast, AtMost
 from rarms_iac.statistics.curve import LeastReserve
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.diagnostics.layout import columns
 from rarms_iac.views.output import ExperimentOutput, IndexOutput, MeasureOutput, SettingOutput
+from rarms_iac.views.table import table
 
 Ending = Literal["found", "not_achievable", "not_resolved", "no_verdict", "swept", "stopped"]
 
@@ -45,9 +45,7 @@ def summary_text(results: Sequence[Measured]) -> str:
     rows = [("component", "threshold", "CR", "verdict", "settings")]
     for one in results:
         rows += list(_rows(one))
-    widths = [max(columns(row[at]) for row in rows) for at in range(len(rows[0]))]
-    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-    return "".join(f"{line}\n" for line in lines)
+    return table(rows)
 
 
 def _rows(one: Measured) -> Iterator[tuple[str, str, str, str, str]]:

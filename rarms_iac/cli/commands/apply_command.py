@@ -37,6 +37,7 @@ from rarms_iac.providers.interface import LiveHost
 @host_options
 @change_options
 @run_options
+@click.option("--prove", "proving", is_flag=True, help="Then run all components in the layout: rarms prove.")
 @click.option("--abandon", "abandoning", is_flag=True, help="Close an unfinished run and leave the host as it is.")
 @json_option
 def command(
@@ -47,24 +48,43 @@ def command(
     where: HostOptions,
     limits: ChangeOptions,
     how: RunOptions,
+    proving: bool,
     abandoning: bool,
     as_json: bool,
 ) -> ExitCode:
     """Do exactly what PLAN says; without PLAN: plan, show, ask, and do it.
 
     A run that was interrupted is finished first, and nothing else is done then. PLAN is refused where it was edited
-    or used, or where a host has moved since it was made. Ctrl-C stops after the running step.
+    or used, or where a host has moved since it was made. Ctrl-C stops after the running step. With --prove, exit code 4
+    says that a threshold is missed in the layout; `rarms undo` takes it back.
     """
     if plan_file is not None:
         _refuse_beside_a_plan(abandoning or where.hosts or limits.targets or limits.max_disruption)
-        return _apply_file(session, plan_file, source, how, as_json=as_json)
+        code = _apply_file(session, plan_file, source, how, as_json=as_json and not proving)
+        return _then_prove(session, source, where, how, code, as_json=as_json) if proving else code
+    if proving and abandoning:
+        raise click.UsageError("--abandon applies nothing that could be proven.", click.get_current_context())
     hosts = _hosts(source, where)
     if isinstance(hosts, Halted):
         return _finish_without_manifest(session, hosts, source, how, abandoning=abandoning, as_json=as_json)
     if not abandoning:
-        return plan_ask_apply(session, hosts, Wish(limits=limits), how, as_json=as_json)
+        code = plan_ask_apply(session, hosts, Wish(limits=limits), how, as_json=as_json and not proving)
+        return _then_prove(session, source, where, how, code, as_json=as_json) if proving else code
     live = tuple(hosts.open(name) for name in hosts.chosen)
     return _abandon(session, live, how, as_json=as_json)
+
+
+def _then_prove(
+    session: Session, source: ManifestOptions, where: HostOptions, how: RunOptions, code: ExitCode, *, as_json: bool
+) -> ExitCode:
+    """Prove what was applied, as the manifest has it now; the answer in JSON is the proof."""
+    if code is not ExitCode.DONE:
+        return code
+    from rarms_iac.cli.proving import ProveOptions, prove_layout
+
+    system, opened = system_of(source)
+    options = ProveOptions(lock_timeout_ms=how.lock_timeout_ms)
+    return prove_layout(session, hosts_of(system, opened, source, where), options, as_json=as_json)
 
 
 def _refuse_beside_a_plan(given: object) -> None:

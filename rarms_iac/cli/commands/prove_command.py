@@ -1,0 +1,46 @@
+"""`rarms prove`: all components together in the applied layout."""
+
+import click
+
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.hosts import hosts_of
+from rarms_iac.cli.manifests import system_of
+from rarms_iac.cli.options import (
+    HostOptions,
+    ManifestOptions,
+    host_options,
+    json_option,
+    manifest_options,
+    time_option,
+)
+from rarms_iac.cli.proving import USUAL_SEED, ProveOptions, prove_layout
+from rarms_iac.cli.session import Session, rarms_command
+
+
+@rarms_command("prove")
+@manifest_options
+@host_options
+@click.option("--interference", metavar="NAME", help="Run this load beside them. [default: none]")
+@click.option("--samples", type=click.IntRange(min=2), help="So many a component. [default: as `run.until` says]")
+@click.option("--seed", type=click.IntRange(min=1), default=USUAL_SEED, help="Draw chance from here. [default: 1]")
+@time_option("--lock-timeout", "0 s", "Wait so long for a host that another run holds: 60s. [default: do not wait]")
+@json_option
+def command(
+    session: Session,
+    *,
+    source: ManifestOptions,
+    where: HostOptions,
+    interference: str | None,
+    samples: int | None,
+    seed: int,
+    lock_timeout: int,
+    as_json: bool,
+) -> ExitCode:
+    """Run all components together in the layout that is applied, and show every index beside its threshold.
+
+    What they show is written into the configuration logs. Exit code 4 where a threshold is missed.
+    """
+    system, opened = system_of(source)
+    hosts = hosts_of(system, opened, source, where)
+    options = ProveOptions(interference=interference, samples=samples, seed=seed, lock_timeout_ms=lock_timeout)
+    return prove_layout(session, hosts, options, as_json=as_json)

@@ -1,0 +1,116 @@
+"""The end of the use scenario: all components together in the layout that is applied, every PI beside its APT."""
+
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+
+from rarms_iac.experiments.measured import Shown, shown_of
+from rarms_iac.experiments.partitions import load_shape, set_reserves, standing
+from rarms_iac.experiments.room import LEAST_MEMORY, Room, left_beside, left_memory
+from rarms_iac.experiments.watching import TooManyFailed, watch
+from rarms_iac.model.measurement import P2, Series, run_of
+from rarms_iac.model.system import Component, Interference, SampleCount
+from rarms_iac.providers.measuring import Inside, MeasuringHost, Running, Work
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AppliedLayout:
+    """What runs where on one host."""
+
+    application: str
+    partitions: Mapping[str, tuple[Component, ...]]  # by name
+    on_host: tuple[Component, ...] = ()  # in the host's own operating system
+
+    @property
+    def components(self) -> tuple[Component, ...]:
+        """All of them, by name."""
+        inside = [one for members in self.partitions.values() for one in members]
+        return tuple(sorted((*inside, *self.on_host), key=lambda one: one.name))
+
+    @property
+    def judged(self) -> tuple[Component, ...]:
+        """Those with thresholds, by name."""
+        return tuple(one for one in self.components if one.apt)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proof:
+    """What a layout showed."""
+
+    host: str
+    layout: AppliedLayout
+    series: Mapping[str, Series]  # by component, of those with thresholds
+    shown: tuple[Shown, ...]
+
+    @property
+    def missed(self) -> tuple[Shown, ...]:
+        """The indexes on the wrong side of their thresholds, and those that nothing can be said of."""
+        return tuple(one for one in self.shown if one.misses)
+
+
+def with_samples(layout: AppliedLayout, samples: int | None) -> AppliedLayout:
+    """The same with so many samples of each component; None: as each `run.until` says."""
+    if samples is None:
+        return layout
+
+    def changed(components: Iterable[Component]) -> tuple[Component, ...]:
+        until = SampleCount(samples=samples)
+        return tuple(replace(one, run=replace(run_of(one), until=until)) for one in components)
+
+    partitions = {name: changed(members) for name, members in layout.partitions.items()}
+    return replace(layout, partitions=partitions, on_host=changed(layout.on_host))
+
+
+def prove(
+    host: MeasuringHost,
+    layout: AppliedLayout,
+    load: Interference | None,
+    room: Room,
+    *,
+    seed: int,
+    should_stop: Callable[[], bool],
+    looked: Callable[[Mapping[str, Series]], None],
+) -> Proof | TooManyFailed | None:
+    """Run everything, each component as long as its `run.until` says; P2 is there only for a load that was asked for.
+
+    None: an end was asked for. Whoever calls holds the host's lock.
+
+    Raises:
+        HostError: the host did not do what was asked.
+    """
+
+    def is_enough(seen: Mapping[str, Series]) -> bool:
+        looked(seen)
+        return False
+
+    with ExitStack() as ends:
+        inside = [Inside(partition=name, components=members) for name, members in sorted(layout.partitions.items())]
+        if layout.on_host:
+            inside.append(Inside(partition="", components=layout.on_host))
+        if load is not None:
+            _make_load(host, layout.application, room, ends)
+            inside.append(Inside(partition=P2, load=load))
+        work = Work(
+            application=layout.application,
+            inside=tuple(inside),
+            until={one.name: run_of(one).until for one in layout.judged},
+            seed=seed,
+        )
+        running: Running = ends.enter_context(host.run(work))
+        seen = watch(running, layout.judged, is_enough, should_stop)
+    if seen is None or isinstance(seen, TooManyFailed):
+        return seen
+    return Proof(host=host.name, layout=layout, series=seen, shown=shown_of(layout.judged, seen))
+
+
+def has_room(room: Room) -> bool:
+    """Whether a P2 fits beside what runs."""
+    return left_memory(room) >= LEAST_MEMORY
+
+
+def _make_load(host: MeasuringHost, application: str, room: Room, ends: ExitStack) -> None:
+    """P2 with what is left of the host: what is reserved stays reserved, and the load takes the rest."""
+    memory = left_memory(room)
+    shape = load_shape(room.capacity.logical_processors, memory)
+    ends.enter_context(standing(host, application, (shape,)))
+    set_reserves(host, application, (shape,), {P2: left_beside(room, memory)})
