@@ -121,7 +121,7 @@ def ask(session: Session, question: str) -> None:
 def ended(session: Session, report: RunReport, *, as_json: bool, quiet: bool = False) -> ExitCode:
     """Say how a run ended, and give its exit code."""
     tell(session.terminal, report.diagnostics)
-    if as_json:
+    if as_json and not (session.answer_follows and report.ending in {Ending.DONE, Ending.NOTHING}):
         session.terminal.data(run_json(report))
     elif not quiet and (text := run_text(report, width=session.terminal.width)):
         session.terminal.talk(text.rstrip("\n"))

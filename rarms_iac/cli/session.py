@@ -22,6 +22,7 @@ class Session:
     terminal: Terminal
     interrupts: Interrupts = field(default_factory=Interrupts)
     as_json: bool = False  # a program reads standard output: an early end is told there, too
+    answer_follows: bool = False  # a run that is done is not the command's answer: what follows it is
 
 
 class Command(click.Command):

@@ -58,9 +58,10 @@ def command(
     or used, or where a host has moved since it was made. Ctrl-C stops after the running step. With --prove, exit code 4
     says that a threshold is missed in the layout; `rarms undo` takes it back.
     """
+    session.answer_follows = proving
     if plan_file is not None:
         _refuse_beside_a_plan(abandoning or where.hosts or limits.targets or limits.max_disruption)
-        code = _apply_file(session, plan_file, source, how, as_json=as_json and not proving)
+        code = _apply_file(session, plan_file, source, how, as_json=as_json)
         return _then_prove(session, source, where, how, code, as_json=as_json) if proving else code
     if proving and abandoning:
         raise click.UsageError("--abandon applies nothing that could be proven.", click.get_current_context())
@@ -68,7 +69,7 @@ def command(
     if isinstance(hosts, Halted):
         return _finish_without_manifest(session, hosts, source, how, abandoning=abandoning, as_json=as_json)
     if not abandoning:
-        code = plan_ask_apply(session, hosts, Wish(limits=limits), how, as_json=as_json and not proving)
+        code = plan_ask_apply(session, hosts, Wish(limits=limits), how, as_json=as_json)
         return _then_prove(session, source, where, how, code, as_json=as_json) if proving else code
     live = tuple(hosts.open(name) for name in hosts.chosen)
     return _abandon(session, live, how, as_json=as_json)
