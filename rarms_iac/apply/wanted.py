@@ -185,6 +185,7 @@ def _wish(
         foreign_claims(observed, application),
         criticality=around.criticality,
         max_disruption=limit,
+        graces=around.graces,
     )
     return HostWish(
         name=name,
@@ -200,4 +201,5 @@ def _wish(
 def _around(system: System, observed: State) -> Surroundings:
     settings = system.hosts[observed.facts.name].settings
     guest_build = settings.guest_windows_build if isinstance(settings, SimulatedHost) else 0
-    return Surroundings(facts=observed.facts, guest_build=guest_build)
+    graces = {name: wish.grace for name, wish in system.partitions.items()}
+    return Surroundings(facts=observed.facts, guest_build=guest_build, graces=graces)

@@ -119,6 +119,9 @@ def _one_partition(
         if name in wishes.protected:
             found.findings.append(_protected(name, "it would be removed", place))
             return
+        if before.state in {RunState.BUSY, RunState.CRITICAL}:
+            found.findings.append(_not_at_rest(address, before.state, place))
+            return
         says = "it is not wanted on this host"
         found.changes.append(
             Delete(address=address, before=before, reason=Reason(says=says, place=place), disruption=Disruption.REMOVAL)
@@ -236,6 +239,7 @@ def _not_at_rest(address: Address, state: RunState, place: Place | None) -> Diag
     advice = {
         RunState.SAVED: "Start it, or discard its saved state, and plan again.",
         RunState.PAUSED: "Resume it or turn it off, and plan again.",
+        RunState.CRITICAL: "Give it its storage back, or remove it in Hyper-V itself, and plan again.",
     }.get(state, "Wait until it is off or running, and plan again.")
     return findings.NOT_AT_REST.at(
         place, f"Partition {address.partition!r} is {state.value}; what has to change needs it off or running.", advice,

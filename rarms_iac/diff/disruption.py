@@ -2,10 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import ceil
 
 from rarms_iac.model.layout import Making
+from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.state import Disk, Facet, HostFacts, Partition, PartitionSettings, RunState
-from rarms_iac.model.system import Disruption, ProviderKind
+from rarms_iac.model.system import GRACE, Disruption, ProviderKind
 
 WINDOWS_10 = 10240
 SERVER_2016 = 14393
@@ -21,6 +23,12 @@ class Surroundings:
     making: Mapping[str, Making] = field(default_factory=dict)  # by partition: what only its making needs
     criticality: Mapping[str, int] = field(default_factory=dict)  # by partition: the highest of its members'
     disks: Mapping[str, tuple[Disk, ...]] = field(default_factory=dict)  # by id of a machine: those that go with it
+    graces: Mapping[str, Milliseconds] = field(default_factory=dict)  # by partition: for its guest to shut down
+
+
+def grace_ms(graces: Mapping[str, Milliseconds], partition: str) -> int:
+    """How long the guest of this partition may take to shut down; the default where the manifest does not know it."""
+    return ceil(graces.get(partition, GRACE))
 
 
 def facets(before: PartitionSettings, after: PartitionSettings) -> frozenset[Facet]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 from rarms_iac.diff import findings
 from rarms_iac.diff.claims import claim_of, grows, within
+from rarms_iac.diff.disruption import grace_ms
 from rarms_iac.diff.exchange import mark_moves
 from rarms_iac.diff.partition_steps import pause_steps
 from rarms_iac.diff.steps import Planned
@@ -12,6 +13,7 @@ from rarms_iac.model.capacity import Capacity, Load, fits, load_of, packs
 from rarms_iac.model.changes import Change, Create, Delete, Update
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.plan import Claim, Step
+from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.state import Partition, State
 from rarms_iac.model.system import Disruption
 
@@ -41,6 +43,7 @@ class Room:
     ours: Mapping[str, Partition] = field(default_factory=dict)  # by machine id, before the first step
     criticality: Mapping[str, int] = field(default_factory=dict)  # by partition
     max_disruption: Disruption = Disruption.HOST_RESTART
+    graces: Mapping[str, Milliseconds] = field(default_factory=dict)  # by partition: for its guest to shut down
 
 
 def room_of(
@@ -51,6 +54,7 @@ def room_of(
     *,
     criticality: Mapping[str, int],
     max_disruption: Disruption,
+    graces: Mapping[str, Milliseconds],
 ) -> Room:
     """The room on a host: its capacity, less what others hold, with what ours hold now."""
     ours = {one.id: one for one in observed.of(application).partitions}
@@ -60,6 +64,7 @@ def room_of(
         ours=ours,
         criticality=criticality,
         max_disruption=max_disruption,
+        graces=graces,
     )
 
 
@@ -187,7 +192,8 @@ class _Walk:
             return Cycle(partitions=names, finding=_cycle(names, self.room.max_disruption, may_stop=bool(running)))
         at = min(running, key=lambda one: self._weight(self.queue[one][0].address.partition))
         others = [name for name in names if name != self.queue[at][0].address.partition]
-        pause = pause_steps(self.queue[at], self._why(others))
+        grace = grace_ms(self.room.graces, self.queue[at][0].address.partition)
+        pause = pause_steps(self.queue[at], self._why(others), grace)
         self._do(pause.stop)
         self.queue[at] = list(pause.between)
         self.after_all += [pause.start] if pause.start else []

@@ -6,9 +6,11 @@ values, because a host that was left half-way must not look as if it had everyth
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
+from math import ceil
 
 from rarms_iac.diff.claims import NO_CLAIM, claim_of
-from rarms_iac.diff.disruption import Surroundings, facets, needs_off
+from rarms_iac.diff.disruption import Surroundings, facets, grace_ms, needs_off
 from rarms_iac.diff.readings import NOTHING, partition_readings
 from rarms_iac.model.changes import Address, Reason
 from rarms_iac.model.layout import Making
@@ -28,11 +30,12 @@ from rarms_iac.model.operations import (
     WriteMark,
 )
 from rarms_iac.model.plan import Readings, Step, Undo, UndoLevel
-from rarms_iac.model.quantities import show_bytes, show_percent
+from rarms_iac.model.quantities import plain, show_bytes, show_percent
 from rarms_iac.model.state import Checkpoints, Disk, Facet, Mark, Partition, PartitionSettings, RunState
-from rarms_iac.model.system import Disruption
+from rarms_iac.model.system import GRACE, Disruption
 
 _STARTS_ANEW = "it starts anew: what its programs had in memory is lost"
+_NOT_PAUSED_AGAIN = Undo(level=UndoLevel.NONE, operation=None, says="it was paused: it is not so again")
 WITH_ITS_MACHINE = Undo(level=UndoLevel.FULL, operation=None, says="it goes with the machine, which is removed")
 
 
@@ -43,6 +46,7 @@ class _Machine:
     address: Address
     now: Partition
     reason: Reason
+    grace_ms: int = ceil(GRACE)  # for its guest to shut down
     new: bool = False  # made by this plan: its own undo removes it, and its first values are the host's affair
 
     def step(
@@ -85,7 +89,8 @@ def create_partition(address: Address, after: Partition, reason: Reason, around:
     making = around.making.get(address.partition, Making())
     yield _made(address, wanted, making, reason)
     pending = replace(after, settings=replace(wanted, running=False), state=RunState.OFF)
-    machine = _Machine(address=replace(address, machine=""), now=pending, reason=reason, new=True)
+    grace = grace_ms(around.graces, address.partition)
+    machine = _Machine(address=replace(address, machine=""), now=pending, reason=reason, grace_ms=grace, new=True)
     name = address.partition
     assert after.mark is not None, "what rarms makes, it marks"
     yield _mark(machine, after.mark, None, "from now on it is known as ours, whatever happens")
@@ -101,9 +106,9 @@ def create_partition(address: Address, after: Partition, reason: Reason, around:
     )
     if wanted.running:
         start = _start(machine)
-        back = Undo(level=UndoLevel.FULL, operation=StopPartition(partition=name))
+        back = Undo(level=UndoLevel.FULL, operation=StopPartition(partition=name, grace_ms=grace))
         # What a new machine is made with is the host's affair, but it is off: to that its undo brings it back.
-        yield replace(start, before={**start.before, "running": False}, undo=back)
+        yield replace(start, before={**start.before, "running": False, "state": RunState.OFF.value}, undo=back)
 
 
 def _made(address: Address, wanted: PartitionSettings, making: Making, reason: Reason) -> Step:
@@ -143,7 +148,8 @@ def update_partition(
         yield from remove_partition(address, before, reason, replace(around, disks={}))
         yield from create_partition(replace(address, machine=""), after, reason, around)
         return
-    machine = _Machine(address=address, now=before, reason=reason)
+    grace = grace_ms(around.graces, address.partition)
+    machine = _Machine(address=address, now=before, reason=reason, grace_ms=grace)
     off = needs_off(before.settings, after.settings, around)
     yield from moved(machine.address, before, reason)
     machine.now = _renamed_mark(before, address.partition)
@@ -193,10 +199,11 @@ def _renamed_mark(before: Partition, name: str) -> Partition:
 
 
 def remove_partition(address: Address, before: Partition, reason: Reason, around: Surroundings) -> Iterator[Step]:
-    """Stop it where it runs, and remove it. Its disks are kept, unless they were asked for."""
-    machine = _Machine(address=address, now=before, reason=reason)
-    if before.settings.running:
-        yield _stop(machine, "a running machine cannot be removed")
+    """Stop it where it runs or is paused, and remove it. Its disks are kept, unless they were asked for."""
+    grace = grace_ms(around.graces, address.partition)
+    machine = _Machine(address=address, now=before, reason=reason, grace_ms=grace)
+    if before.state in {RunState.RUNNING, RunState.PAUSED}:
+        yield _stop(machine, f"a {before.state.value} machine cannot be removed")
     going = around.disks.get(before.id, ())
     others = "keep its other disks" if going else "keep its disks"
     removal = Step(
@@ -204,7 +211,7 @@ def remove_partition(address: Address, before: Partition, reason: Reason, around
         title=f"remove the machine, {others}",
         operation=RemovePartition(partition=address.partition, machine=address.machine),
         # Hyper-V merges checkpoints into the disk after the machine is gone: such a disk must not be deleted.
-        before=_some(machine.now, ("machine", "snapshots") if going else ("machine",)),
+        before=_some(machine.now, ("machine", "state", *(("snapshots",) if going else ()))),
         after=NOTHING,
         undo=Undo(
             level=UndoLevel.NONE,
@@ -286,7 +293,7 @@ def _set(machine: _Machine, facet: Facet, old: PartitionSettings, new: Partition
                 SetProcessors(partition=at.partition, processors=new.processors, machine=at.machine),
                 SetProcessors(partition=at.partition, processors=old.processors, machine=at.machine),
                 replace(machine.now, settings=replace(settings, processors=new.processors)),
-                ("processors", "running"),
+                ("processors", "state"),
                 _title("processors", old.processors, new.processors, new=machine.new),
                 "only while it is off",
             )
@@ -310,7 +317,7 @@ def _set(machine: _Machine, facet: Facet, old: PartitionSettings, new: Partition
                     machine.now,
                     settings=replace(settings, memory=new.memory, dynamic_memory=new.dynamic_memory),
                 ),
-                ("memory", "dynamic_memory"),
+                ("memory", "dynamic_memory", *(("state",) if machine.now.state is RunState.OFF else ())),
                 _title("memory", show_bytes(old.memory), show_bytes(new.memory), new=machine.new)
                 + ("" if old.dynamic_memory == new.dynamic_memory else ", static"),
                 _why_here(old.memory, new.memory, new=machine.new),
@@ -369,29 +376,38 @@ def _rename(machine: _Machine, old: str, new: str) -> Step:
 
 
 def _stop(machine: _Machine, why: str) -> Step:
-    at = machine.address
-    return machine.step(
-        StopPartition(partition=at.partition, machine=at.machine),
+    """Read as running: a machine that was saved or paused since the plan is none that was stopped."""
+    at, was_running = machine.address, machine.now.settings.running
+    stop = machine.step(
+        StopPartition(partition=at.partition, grace_ms=machine.grace_ms, machine=at.machine),
         StartPartition(partition=at.partition, machine=at.machine),
         replace(machine.now, settings=replace(machine.now.settings, running=False), state=RunState.OFF),
-        ("running",),
-        "stop it",
+        ("running", "state"),
+        f"stop it ({_asked(machine.grace_ms)})" if was_running else "turn it off",
         why,
         disruption=Disruption.PARTITION_STOP,
         lost=_STARTS_ANEW,
     )
+    return stop if was_running else replace(stop, undo=_NOT_PAUSED_AGAIN)
+
+
+def _asked(grace: int) -> str:
+    return f"asked; after {plain(Fraction(grace, 1000))} s turned off" if grace else "turned off, not asked"
 
 
 def _start(machine: _Machine) -> Step:
-    at = machine.address
-    return machine.step(
+    at, was_off = machine.address, machine.now.state is RunState.OFF
+    start = machine.step(
         StartPartition(partition=at.partition, machine=at.machine),
-        StopPartition(partition=at.partition, machine=at.machine),
+        StopPartition(partition=at.partition, grace_ms=machine.grace_ms, machine=at.machine),
         replace(machine.now, settings=replace(machine.now.settings, running=True), state=RunState.RUNNING),
-        ("running",),
+        ("running", "state"),
         "start it",
         "after all that it is to have is set",
+        lost="" if was_off else "it is turned off, not saved again",
     )
+    # What was saved cannot be so again: its undo leaves it off, and asks no more than that.
+    return start if was_off else replace(start, before={"exists": True, "running": False})
 
 
 def _title(word: str, old: object, new_value: object, *, new: bool) -> str:
@@ -428,16 +444,19 @@ class Pause:
     start: Step | None
 
 
-def pause_steps(rest: Sequence[Step], why: str) -> Pause:
-    """The remaining steps of a running partition, done while it is stopped, so that they claim nothing."""
+def pause_steps(rest: Sequence[Step], why: str, grace: int) -> Pause:
+    """The remaining steps of a running partition, done while it is stopped, so that they claim nothing.
+
+    Its guest may take `grace` milliseconds to shut down.
+    """
     first = rest[0]
     address, held, last = first.address, first.claim_before, rest[-1].claim_after
     stop = Step(
         address=address,
-        title="stop it, to make room",
-        operation=StopPartition(partition=address.partition, machine=address.machine),
-        before={"exists": True, "running": True},
-        after={"exists": True, "running": False},
+        title=f"stop it, to make room ({_asked(grace)})",
+        operation=StopPartition(partition=address.partition, grace_ms=grace, machine=address.machine),
+        before={"exists": True, "running": True, "state": RunState.RUNNING.value},
+        after={"exists": True, "running": False, "state": RunState.OFF.value},
         undo=Undo(
             level=UndoLevel.PARTIAL,
             operation=StartPartition(partition=address.partition, machine=address.machine),
@@ -461,7 +480,7 @@ def pause_steps(rest: Sequence[Step], why: str) -> Pause:
         after=stop.before,
         undo=Undo(
             level=UndoLevel.FULL,
-            operation=StopPartition(partition=address.partition, machine=address.machine),
+            operation=StopPartition(partition=address.partition, grace_ms=grace, machine=address.machine),
         ),
         disruption=Disruption.LIVE,
         claim_before=NO_CLAIM,

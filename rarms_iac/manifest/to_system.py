@@ -6,7 +6,7 @@ from typing import TypeVar, assert_never
 from rarms_iac.manifest.document.components import ComponentBlock, CpuBlock, SimulationBlock
 from rarms_iac.manifest.document.interference import BrowserBlock, BusyLoopBlock, CommandLoadBlock
 from rarms_iac.manifest.document.manifest import ManifestDocument
-from rarms_iac.manifest.document.partitions import GuestBlock, HypervPartitionBlock, PartitionBlock
+from rarms_iac.manifest.document.partitions import GuestBlock, HypervPartitionBlock, PartitionBlock, PartitionStopBlock
 from rarms_iac.manifest.document.policy import AcceptanceBlock, PolicyBlock, TaskBlock
 from rarms_iac.manifest.hosts_to_system import to_connect, to_host
 from rarms_iac.manifest.run_to_system import to_run
@@ -106,6 +106,7 @@ def _partition(name: str, block: PartitionBlock) -> PartitionWish:
         cpu=_cpu(block.cpu),
         protect=block.protect,
         start=block.start,
+        grace=(block.stop or PartitionStopBlock()).grace,
         hyperv=_hyperv(block.hyperv or HypervPartitionBlock()),
         guest=_guest(block.guest or GuestBlock()),
     )

@@ -136,10 +136,10 @@ class StartPartition:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopPartition:
-    """Ask the guest to shut down; after the grace, turn the machine off."""
+    """Ask the guest to shut down; after the grace, or where it does not run, turn the machine off."""
 
     partition: str
-    grace_ms: int = 120_000
+    grace_ms: int
     machine: str = ""
     kind: Literal["stop_partition"] = "stop_partition"
 

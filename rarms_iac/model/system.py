@@ -348,6 +348,9 @@ class Guest:
     credential: str | None = None
 
 
+GRACE = Milliseconds(Fraction(120_000))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartitionWish:
     """What the manifest says of a partition; without an entry each component has one of its own name."""
@@ -359,6 +362,7 @@ class PartitionWish:
     cpu: CpuWish = field(default_factory=CpuWish)
     protect: bool = False
     start: StartMode = StartMode.AUTOMATIC
+    grace: Milliseconds = GRACE  # for its guest to shut down, before it is turned off
     hyperv: HypervPartition = field(default_factory=HypervPartition)
     guest: Guest = field(default_factory=Guest)
 

@@ -19,7 +19,7 @@ def a_step(number: int) -> Step:
         operation=SetCpu(partition="vision", reserve=number, limit=100, weight=100),
         before={"reserve": number + 1, "exists": True},
         after={"reserve": number},
-        undo=Undo(level=UndoLevel.FULL, operation=StopPartition(partition="vision")),
+        undo=Undo(level=UndoLevel.FULL, operation=StopPartition(partition="vision", grace_ms=120_000)),
         disruption=Disruption.LIVE,
         claim_before=Claim(),
         claim_after=Claim(processors=2, reserve=number, memory=MIB),

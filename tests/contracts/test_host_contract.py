@@ -262,7 +262,7 @@ def test_readings_are_those_of_the_observed_state(room: Room) -> None:
             {"start_action": "start", "stop_action": "shut_down", "checkpoints": "disabled"},
         ),
         (StartPartition(partition="vision"), {"running": True, "state": "running"}),
-        (StopPartition(partition="vision"), {"running": False, "state": "off"}),
+        (StopPartition(partition="vision", grace_ms=120_000), {"running": False, "state": "off"}),
         (RenamePartition(partition="vision", name="eyes"), {"name": "eyes", "mark": "robot/vision"}),
         (
             WriteMark(partition="vision", application="robot", name="vision", set="b" * 12),
@@ -462,7 +462,7 @@ def test_what_needs_a_machine_that_is_off(room: Room, operation: Operation, says
     with refused(host, f"is running, and .*{says}"):
         do(host, operation)
 
-    do(host, StopPartition(partition="vision"), operation)
+    do(host, StopPartition(partition="vision", grace_ms=120_000), operation)
 
 
 def test_the_startup_memory_of_a_running_dynamic_machine(room: Room) -> None:
@@ -765,7 +765,10 @@ def test_a_paused_or_saved_machine_can_be_started_and_stopped(tmp_path: Path, st
     do(host, *making())
     (machine,) = host.load().machines.values()
 
-    for operation, after in ((start(), RunState.RUNNING), (StopPartition(partition="vision"), RunState.OFF)):
+    for operation, after in (
+        (start(), RunState.RUNNING),
+        (StopPartition(partition="vision", grace_ms=120_000), RunState.OFF),
+    ):
         host.save(host.load().with_machine(machine.now(state)))
         do(host, operation)
         assert host.read(VISION, SCOPE)["state"] == after.value

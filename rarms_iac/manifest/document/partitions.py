@@ -7,7 +7,7 @@ from pydantic import Field
 from rarms_iac.manifest.document.base import Block, Maybe, optional
 from rarms_iac.manifest.document.components import CpuBlock
 from rarms_iac.manifest.document.hosts import ConnectBlock
-from rarms_iac.manifest.document.quantities import PositiveMemory
+from rarms_iac.manifest.document.quantities import PositiveMemory, Wait
 from rarms_iac.manifest.document.texts import Filled, Name
 from rarms_iac.model.system import StartMode
 
@@ -28,6 +28,14 @@ class GuestBlock(Block):
     credential: Maybe[Filled] = optional("The name under which a credential is kept; never the credential itself.")
 
 
+class PartitionStopBlock(Block):
+    """How a partition is stopped, where a change needs it off: its guest is asked, then it is turned off."""
+
+    grace: Wait = optional(
+        "How long its guest may take to shut down before it is turned off: `90 s`; at most 1 h.", "120 s"
+    )
+
+
 class PartitionBlock(Block):
     """What is fixed of a partition."""
 
@@ -43,5 +51,6 @@ class PartitionBlock(Block):
     start: Annotated[StartMode, Field(strict=False)] = optional(
         "`automatic`: it is wanted running; `manual`: rarms leaves that to you.", "automatic"
     )
+    stop: Maybe[PartitionStopBlock] = optional("How it is stopped; absent: its guest has 120 s of grace.")
     hyperv: Maybe[HypervPartitionBlock] = optional("What only Hyper-V needs to know.")
     guest: Maybe[GuestBlock] = optional("How rarms reaches inside.")

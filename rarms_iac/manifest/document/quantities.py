@@ -5,7 +5,7 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Annotated, Any
 
-from pydantic import PlainValidator, WithJsonSchema
+from pydantic import AfterValidator, PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from rarms_iac.model.quantities import (
@@ -100,6 +100,17 @@ PositiveTime = Annotated[
     PlainValidator(_reader(Unit.TIME, positive=True, make=_same)),
     WithJsonSchema(quantity_schema(Unit.TIME, positive=True)),
 ]
+LONGEST_WAIT = Milliseconds(Fraction(3_600_000))
+"""One hour: longer than any guest needs to shut down, and short enough for a script to wait through."""
+
+
+def _bearable(value: Milliseconds) -> Milliseconds:
+    if value > LONGEST_WAIT:
+        raise PydanticCustomError("rarms_too_long", "longer than one hour")
+    return value
+
+
+Wait = Annotated[Time, AfterValidator(_bearable)]
 Memory = Annotated[
     Bytes, PlainValidator(_reader(Unit.MEMORY, make=_whole)), WithJsonSchema(quantity_schema(Unit.MEMORY))
 ]

@@ -85,9 +85,10 @@ _COMPONENT = _map(
 )
 
 _PARTITION = _map(
-    "components processors memory cpu protect start hyperv guest",
+    "components processors memory cpu protect start stop hyperv guest",
     memory=QUANTITY,
     cpu=_CPU,
+    stop=_quantities("grace"),
     hyperv=_map("generation switch image vm_path"),
     guest=_map("connect credential", connect=_CONNECT),
 )

@@ -1,5 +1,7 @@
 """A Hyper-V host: `observe.ps1` looks at it, and a plan's own scripts change it."""
 
+import re
+
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Host
@@ -19,6 +21,7 @@ from rarms_iac.storage.digest import parse_json
 OBSERVE_SECONDS = 300.0
 OBSERVE = "observe.ps1"
 JOURNAL = "%ProgramData%\\rarms\\journal.jsonl"
+_GRACE = re.compile(r"-GraceMs ([0-9]{1,9})\b")
 
 
 class HypervHost:
@@ -74,7 +77,7 @@ class HypervHost:
     def run_script(self, script: Script, waits: Waits, hearing: Hearing, *, abandoning: bool = False) -> Exited | Lost:
         """As the interface says."""
         arguments = arguments_of(waits, abandoning=abandoning)
-        silence_s = (waits.silence_ms + waits.lock_ms) / 1000
+        silence_s = (waits.silence_ms + waits.lock_ms + _longest_grace(script)) / 1000
         return self._transport.run(script, arguments, silence_s, _Events(hearing))
 
     def observation(self) -> Observation:
@@ -139,3 +142,8 @@ class _Document:
 
     def should_stop(self) -> bool:
         return False
+
+
+def _longest_grace(script: Script) -> int:
+    """How many milliseconds the script may wait for one guest to shut down, and say nothing."""
+    return max((int(one) for one in _GRACE.findall(script.files[script.runs])), default=0)

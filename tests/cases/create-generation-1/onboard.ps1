@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         c24542d2e2b6, manifest df17c0ec8df0, rarms 0.1.0
+# Plan         56e2dd6b7727, manifest df17c0ec8df0, rarms 0.1.0
 # Steps        8
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -534,12 +534,13 @@ function Get-OtherNote {
 }
 
 function Invoke-PartitionStop {
-    # Asks the guest to shut down; after the grace the machine is turned off.
+    # Asks a running guest to shut down; after the grace, or where there is nobody to ask, the machine is turned off.
     param([string] $Name, [string] $Machine = '', [long] $GraceMs)
     $vm = Get-Machine -Name $Name -Machine $Machine
     $until = [DateTime]::UtcNow.AddMilliseconds($GraceMs)
-    if ([string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
-    while ([DateTime]::UtcNow -lt $until -and [string] (Hyper-V\Get-VM -Id $vm.Id).State -cne 'Off') {
+    if ($GraceMs -and [string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
+    $waiting = @('running', 'busy')
+    while ([DateTime]::UtcNow -lt $until -and $waiting -ccontains (ConvertTo-RunState -State (Hyper-V\Get-VM -Id $vm.Id).State)) {
         Start-Sleep -Milliseconds 500
     }
     if ([string] (Hyper-V\Get-VM -Id $vm.Id).State -cne 'Off') { Hyper-V\Stop-VM -VM $vm -TurnOff -Force }
@@ -743,7 +744,8 @@ function Test-HalfDone {
     # A step that was begun and killed: every value is still the old one, absent as before, or already the new one.
     param([System.Collections.IDictionary] $Live, [System.Collections.IDictionary] $Step)
     foreach ($name in @($Step.Before.Keys) + @($Step.After.Keys) + @(@($Live.Keys) -clike 'value:*')) {
-        if ($name -ceq 'values') { continue }
+        # Names of values come and go one by one; a machine may be on its way to be off.
+        if ($name -ceq 'values' -or ($name -ceq 'state' -and $Live[$name] -ceq 'busy')) { continue }
         if (-not ($Step.Before.Contains($name) -or $Step.After.Contains($name))) { return $false }
         $old = $Step.Before.Contains($name) -and $Live.Contains($name) -and (Test-Same -Left $Live[$name] -Right $Step.Before[$name])
         $new = $Step.After.Contains($name) -and $Live.Contains($name) -and (Test-Same -Left $Live[$name] -Right $Step.After[$name])
@@ -860,12 +862,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'c24542d2e2b6'
+        Plan = '56e2dd6b7727'
         Application = 'robot'
         Serial = 0
         Total = 8
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '6d0871e16fa3f5ede4e19cac8dec4c1fecd5995de521064108327561c73ce756'
+        UndoDigest = 'af6de8b5c6887c23748738d2a440bcd94e75507a2578eb1ed4fd7ff55f6aa3ee'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4
@@ -886,7 +888,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 1; 'memory' = 536870912 }
         Set = {
-            Hyper-V\New-VM -Name 'speech.rarms-c24542d2e2b6' -Generation 1 -MemoryStartupBytes 536870912 -NoVHD -SwitchName 'lab'
+            Hyper-V\New-VM -Name 'speech.rarms-56e2dd6b7727' -Generation 1 -MemoryStartupBytes 536870912 -NoVHD -SwitchName 'lab'
         }
     }
 
@@ -935,7 +937,7 @@ try {
         Needs = @('partition/speech')
         Read = { Read-Partition -Name 'speech' }
         Before = @{ 'exists' = $true }
-        After = @{ 'exists' = $true; 'processors' = 1; 'running' = $false }
+        After = @{ 'exists' = $true; 'processors' = 1; 'state' = 'off' }
         Set = {
             $vm = Get-Machine -Name 'speech'
             Hyper-V\Set-VMProcessor -VM $vm -Count 1
@@ -1006,8 +1008,8 @@ try {
         Needs = @('partition/speech')
         Claim = @{ Processors = 1; Reserve = 40; Memory = 536870912 }
         Read = { Read-Partition -Name 'speech' }
-        Before = @{ 'exists' = $true; 'running' = $false }
-        After = @{ 'exists' = $true; 'running' = $true }
+        Before = @{ 'exists' = $true; 'running' = $false; 'state' = 'off' }
+        After = @{ 'exists' = $true; 'running' = $true; 'state' = 'running' }
         Set = {
             $vm = Get-Machine -Name 'speech'
             Hyper-V\Start-VM -VM $vm

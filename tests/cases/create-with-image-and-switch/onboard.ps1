@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         ed37a178bd59, manifest 4e5e6d808001, rarms 0.1.0
+# Plan         e0cb6ce8259e, manifest 4e5e6d808001, rarms 0.1.0
 # Steps        10
 # Not undone   the disk made from D:\images\base.vhdx stays
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -535,12 +535,13 @@ function Get-OtherNote {
 }
 
 function Invoke-PartitionStop {
-    # Asks the guest to shut down; after the grace the machine is turned off.
+    # Asks a running guest to shut down; after the grace, or where there is nobody to ask, the machine is turned off.
     param([string] $Name, [string] $Machine = '', [long] $GraceMs)
     $vm = Get-Machine -Name $Name -Machine $Machine
     $until = [DateTime]::UtcNow.AddMilliseconds($GraceMs)
-    if ([string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
-    while ([DateTime]::UtcNow -lt $until -and [string] (Hyper-V\Get-VM -Id $vm.Id).State -cne 'Off') {
+    if ($GraceMs -and [string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
+    $waiting = @('running', 'busy')
+    while ([DateTime]::UtcNow -lt $until -and $waiting -ccontains (ConvertTo-RunState -State (Hyper-V\Get-VM -Id $vm.Id).State)) {
         Start-Sleep -Milliseconds 500
     }
     if ([string] (Hyper-V\Get-VM -Id $vm.Id).State -cne 'Off') { Hyper-V\Stop-VM -VM $vm -TurnOff -Force }
@@ -744,7 +745,8 @@ function Test-HalfDone {
     # A step that was begun and killed: every value is still the old one, absent as before, or already the new one.
     param([System.Collections.IDictionary] $Live, [System.Collections.IDictionary] $Step)
     foreach ($name in @($Step.Before.Keys) + @($Step.After.Keys) + @(@($Live.Keys) -clike 'value:*')) {
-        if ($name -ceq 'values') { continue }
+        # Names of values come and go one by one; a machine may be on its way to be off.
+        if ($name -ceq 'values' -or ($name -ceq 'state' -and $Live[$name] -ceq 'busy')) { continue }
         if (-not ($Step.Before.Contains($name) -or $Step.After.Contains($name))) { return $false }
         $old = $Step.Before.Contains($name) -and $Live.Contains($name) -and (Test-Same -Left $Live[$name] -Right $Step.Before[$name])
         $new = $Step.After.Contains($name) -and $Live.Contains($name) -and (Test-Same -Left $Live[$name] -Right $Step.After[$name])
@@ -861,12 +863,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'ed37a178bd59'
+        Plan = 'e0cb6ce8259e'
         Application = 'robot'
         Serial = 0
         Total = 10
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'e7cd3b0386c3ca47f55329168ee56d68adc1943f8a7771954dadcb536fe01590'
+        UndoDigest = 'cf9ba36bbf9b1ad7596e3333efe85fac86b08c8c805b5e3825ca337c5ea33af3'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4
@@ -888,7 +890,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-ed37a178bd59' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
+            Hyper-V\New-VM -Name 'vision.rarms-e0cb6ce8259e' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
         }
     }
 
@@ -919,11 +921,11 @@ try {
         Address = 'partition/vision/disk'
         Action = 'make a disk that grows out of D:\images\base.vhdx'
         Needs = @('partition/vision', 'partition/vision/disk')
-        Read = { Read-Disk -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-ed37a178bd59.vhdx') -Parent 'D:\images\base.vhdx' }
+        Read = { Read-Disk -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-e0cb6ce8259e.vhdx') -Parent 'D:\images\base.vhdx' }
         Before = @{ 'exists' = $false }
         After = @{ 'child' = $true; 'exists' = $true }
         Set = {
-            Hyper-V\New-VHD -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-ed37a178bd59.vhdx') -ParentPath 'D:\images\base.vhdx' -Differencing
+            Hyper-V\New-VHD -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-e0cb6ce8259e.vhdx') -ParentPath 'D:\images\base.vhdx' -Differencing
         }
     }
 
@@ -941,7 +943,7 @@ try {
         After = @{ 'disks' = 1; 'exists' = $true }
         Set = {
             $vm = Get-Machine -Name 'vision'
-            Hyper-V\Add-VMHardDiskDrive -VM $vm -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-ed37a178bd59.vhdx')
+            Hyper-V\Add-VMHardDiskDrive -VM $vm -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-e0cb6ce8259e.vhdx')
         }
     }
 
@@ -973,7 +975,7 @@ try {
         Needs = @('partition/vision')
         Read = { Read-Partition -Name 'vision' }
         Before = @{ 'exists' = $true }
-        After = @{ 'exists' = $true; 'processors' = 2; 'running' = $false }
+        After = @{ 'exists' = $true; 'processors' = 2; 'state' = 'off' }
         Set = {
             $vm = Get-Machine -Name 'vision'
             Hyper-V\Set-VMProcessor -VM $vm -Count 2
@@ -1044,8 +1046,8 @@ try {
         Needs = @('partition/vision')
         Claim = @{ Processors = 2; Reserve = 80; Memory = 1073741824 }
         Read = { Read-Partition -Name 'vision' }
-        Before = @{ 'exists' = $true; 'running' = $false }
-        After = @{ 'exists' = $true; 'running' = $true }
+        Before = @{ 'exists' = $true; 'running' = $false; 'state' = 'off' }
+        After = @{ 'exists' = $true; 'running' = $true; 'state' = 'running' }
         Set = {
             $vm = Get-Machine -Name 'vision'
             Hyper-V\Start-VM -VM $vm

@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         afedfc39bc81, manifest ecb1b47be5b8, rarms 0.1.0
+# Plan         eded19e40442, manifest ecb1b47be5b8, rarms 0.1.0
 # Steps        6
 # Not undone   it starts anew: what its programs had in memory is lost
 # Not undone   the machine is not made again; its disks are still there
@@ -536,12 +536,13 @@ function Get-OtherNote {
 }
 
 function Invoke-PartitionStop {
-    # Asks the guest to shut down; after the grace the machine is turned off.
+    # Asks a running guest to shut down; after the grace, or where there is nobody to ask, the machine is turned off.
     param([string] $Name, [string] $Machine = '', [long] $GraceMs)
     $vm = Get-Machine -Name $Name -Machine $Machine
     $until = [DateTime]::UtcNow.AddMilliseconds($GraceMs)
-    if ([string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
-    while ([DateTime]::UtcNow -lt $until -and [string] (Hyper-V\Get-VM -Id $vm.Id).State -cne 'Off') {
+    if ($GraceMs -and [string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
+    $waiting = @('running', 'busy')
+    while ([DateTime]::UtcNow -lt $until -and $waiting -ccontains (ConvertTo-RunState -State (Hyper-V\Get-VM -Id $vm.Id).State)) {
         Start-Sleep -Milliseconds 500
     }
     if ([string] (Hyper-V\Get-VM -Id $vm.Id).State -cne 'Off') { Hyper-V\Stop-VM -VM $vm -TurnOff -Force }
@@ -745,7 +746,8 @@ function Test-HalfDone {
     # A step that was begun and killed: every value is still the old one, absent as before, or already the new one.
     param([System.Collections.IDictionary] $Live, [System.Collections.IDictionary] $Step)
     foreach ($name in @($Step.Before.Keys) + @($Step.After.Keys) + @(@($Live.Keys) -clike 'value:*')) {
-        if ($name -ceq 'values') { continue }
+        # Names of values come and go one by one; a machine may be on its way to be off.
+        if ($name -ceq 'values' -or ($name -ceq 'state' -and $Live[$name] -ceq 'busy')) { continue }
         if (-not ($Step.Before.Contains($name) -or $Step.After.Contains($name))) { return $false }
         $old = $Step.Before.Contains($name) -and $Live.Contains($name) -and (Test-Same -Left $Live[$name] -Right $Step.Before[$name])
         $new = $Step.After.Contains($name) -and $Live.Contains($name) -and (Test-Same -Left $Live[$name] -Right $Step.After[$name])
@@ -862,12 +864,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'afedfc39bc81'
+        Plan = 'eded19e40442'
         Application = 'robot'
         Serial = 1
         Total = 6
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '736905188e1b0300bd42293796b46a8512b1eb0c29afaf6d8abd010b62ff2518'
+        UndoDigest = 'b4644065875b2c10d9152b5af8a1723ba7bff32f7483f25c9ce534c2d6d52322'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4
@@ -876,18 +878,18 @@ try {
         AcceptScheduler = $false
     }
 
-    # 1/6  stop it
+    # 1/6  stop it (asked; after 120 s turned off)
     # why: it is not wanted on this host; a running machine cannot be removed
     # at:  rarms.yaml:13:3
     # undo: it starts anew: what its programs had in memory is lost
     Invoke-Step -Definition @{
         Number = 0
         Address = 'partition/speech'
-        Action = 'stop it'
+        Action = 'stop it (asked; after 120 s turned off)'
         Needs = @('partition/speech')
         Read = { Read-Partition -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001' }
-        Before = @{ 'exists' = $true; 'running' = $true }
-        After = @{ 'exists' = $true; 'running' = $false }
+        Before = @{ 'exists' = $true; 'running' = $true; 'state' = 'running' }
+        After = @{ 'exists' = $true; 'running' = $false; 'state' = 'off' }
         Set = {
             Invoke-PartitionStop -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001' -GraceMs 120000
         }
@@ -903,7 +905,7 @@ try {
         Action = 'remove the machine, keep its disks'
         Needs = @('partition/speech')
         Read = { Read-Partition -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001' }
-        Before = @{ 'exists' = $true; 'machine' = '00000001-5ade-4000-8000-000000000001' }
+        Before = @{ 'exists' = $true; 'machine' = '00000001-5ade-4000-8000-000000000001'; 'state' = 'off' }
         After = @{ 'exists' = $false }
         Set = {
             $vm = Get-Machine -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001'
@@ -911,18 +913,18 @@ try {
         }
     }
 
-    # 3/6  stop it
+    # 3/6  stop it (asked; after 120 s turned off)
     # why: it is not wanted on this host; a running machine cannot be removed
     # at:  rarms.yaml:12:3
     # undo: it starts anew: what its programs had in memory is lost
     Invoke-Step -Definition @{
         Number = 2
         Address = 'partition/vision'
-        Action = 'stop it'
+        Action = 'stop it (asked; after 120 s turned off)'
         Needs = @('partition/vision')
         Read = { Read-Partition -Name 'vision' -Machine '00000002-5ade-4000-8000-000000000002' }
-        Before = @{ 'exists' = $true; 'running' = $true }
-        After = @{ 'exists' = $true; 'running' = $false }
+        Before = @{ 'exists' = $true; 'running' = $true; 'state' = 'running' }
+        After = @{ 'exists' = $true; 'running' = $false; 'state' = 'off' }
         Set = {
             Invoke-PartitionStop -Name 'vision' -Machine '00000002-5ade-4000-8000-000000000002' -GraceMs 120000
         }
@@ -938,7 +940,7 @@ try {
         Action = 'remove the machine, keep its disks'
         Needs = @('partition/vision')
         Read = { Read-Partition -Name 'vision' -Machine '00000002-5ade-4000-8000-000000000002' }
-        Before = @{ 'exists' = $true; 'machine' = '00000002-5ade-4000-8000-000000000002' }
+        Before = @{ 'exists' = $true; 'machine' = '00000002-5ade-4000-8000-000000000002'; 'state' = 'off' }
         After = @{ 'exists' = $false }
         Set = {
             $vm = Get-Machine -Name 'vision' -Machine '00000002-5ade-4000-8000-000000000002'

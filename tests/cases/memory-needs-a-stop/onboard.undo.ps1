@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         0d75dd9b73d3, manifest bbb4806d4bbf, rarms 0.1.0
+# Plan         9a547c7b8beb, manifest bbb4806d4bbf, rarms 0.1.0
 # Steps        3
 # Not undone   it starts anew: what its programs had in memory is lost
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -535,12 +535,13 @@ function Get-OtherNote {
 }
 
 function Invoke-PartitionStop {
-    # Asks the guest to shut down; after the grace the machine is turned off.
+    # Asks a running guest to shut down; after the grace, or where there is nobody to ask, the machine is turned off.
     param([string] $Name, [string] $Machine = '', [long] $GraceMs)
     $vm = Get-Machine -Name $Name -Machine $Machine
     $until = [DateTime]::UtcNow.AddMilliseconds($GraceMs)
-    if ([string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
-    while ([DateTime]::UtcNow -lt $until -and [string] (Hyper-V\Get-VM -Id $vm.Id).State -cne 'Off') {
+    if ($GraceMs -and [string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
+    $waiting = @('running', 'busy')
+    while ([DateTime]::UtcNow -lt $until -and $waiting -ccontains (ConvertTo-RunState -State (Hyper-V\Get-VM -Id $vm.Id).State)) {
         Start-Sleep -Milliseconds 500
     }
     if ([string] (Hyper-V\Get-VM -Id $vm.Id).State -cne 'Off') { Hyper-V\Stop-VM -VM $vm -TurnOff -Force }
@@ -744,7 +745,8 @@ function Test-HalfDone {
     # A step that was begun and killed: every value is still the old one, absent as before, or already the new one.
     param([System.Collections.IDictionary] $Live, [System.Collections.IDictionary] $Step)
     foreach ($name in @($Step.Before.Keys) + @($Step.After.Keys) + @(@($Live.Keys) -clike 'value:*')) {
-        if ($name -ceq 'values') { continue }
+        # Names of values come and go one by one; a machine may be on its way to be off.
+        if ($name -ceq 'values' -or ($name -ceq 'state' -and $Live[$name] -ceq 'busy')) { continue }
         if (-not ($Step.Before.Contains($name) -or $Step.After.Contains($name))) { return $false }
         $old = $Step.Before.Contains($name) -and $Live.Contains($name) -and (Test-Same -Left $Live[$name] -Right $Step.Before[$name])
         $new = $Step.After.Contains($name) -and $Live.Contains($name) -and (Test-Same -Left $Live[$name] -Right $Step.After[$name])
@@ -861,7 +863,7 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '0d75dd9b73d3'
+        Plan = '9a547c7b8beb'
         Application = 'robot'
         Serial = 1
         Total = 3
@@ -885,8 +887,8 @@ try {
         Needs = @('partition/speech')
         Undoes = 2
         Read = { Read-Partition -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001' }
-        Before = @{ 'exists' = $true; 'running' = $true }
-        After = @{ 'exists' = $true; 'running' = $false }
+        Before = @{ 'exists' = $true; 'running' = $true; 'state' = 'running' }
+        After = @{ 'exists' = $true; 'running' = $false; 'state' = 'off' }
         Set = {
             Invoke-PartitionStop -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001' -GraceMs 120000
         }
@@ -902,28 +904,28 @@ try {
         Needs = @('partition/speech')
         Undoes = 1
         Read = { Read-Partition -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001' }
-        Before = @{ 'dynamic_memory' = $false; 'exists' = $true; 'memory' = 536870912 }
-        After = @{ 'dynamic_memory' = $true; 'exists' = $true; 'memory' = 536870912 }
+        Before = @{ 'dynamic_memory' = $false; 'exists' = $true; 'memory' = 536870912; 'state' = 'off' }
+        After = @{ 'dynamic_memory' = $true; 'exists' = $true; 'memory' = 536870912; 'state' = 'off' }
         Set = {
             $vm = Get-Machine -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001'
             Hyper-V\Set-VMMemory -VM $vm -DynamicMemoryEnabled $true -StartupBytes 536870912
         }
     }
 
-    # 3/3  undo: stop it
+    # 3/3  undo: stop it (asked; after 120 s turned off)
     # why: not as wanted: memory; it has to stop for that; it must be off for what follows
     # at:  rarms.yaml:13:3
     # undo: it starts anew: what its programs had in memory is lost
     Invoke-Step -Definition @{
         Number = 2
         Address = 'partition/speech'
-        Action = 'undo: stop it'
+        Action = 'undo: stop it (asked; after 120 s turned off)'
         Needs = @('partition/speech')
         Undoes = 0
         Claim = @{ Processors = 1; Reserve = 40; Memory = 536870912 }
         Read = { Read-Partition -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001' }
-        Before = @{ 'exists' = $true; 'running' = $false }
-        After = @{ 'exists' = $true; 'running' = $true }
+        Before = @{ 'exists' = $true; 'running' = $false; 'state' = 'off' }
+        After = @{ 'exists' = $true; 'running' = $true; 'state' = 'running' }
         Set = {
             $vm = Get-Machine -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001'
             Hyper-V\Start-VM -VM $vm

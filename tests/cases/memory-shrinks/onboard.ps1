@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         60e0abb4b0c6, manifest 1957f7b01106, rarms 0.1.0
+# Plan         98214a04f6f9, manifest 1957f7b01106, rarms 0.1.0
 # Steps        4
 # Not undone   it starts anew: what its programs had in memory is lost
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -535,12 +535,13 @@ function Get-OtherNote {
 }
 
 function Invoke-PartitionStop {
-    # Asks the guest to shut down; after the grace the machine is turned off.
+    # Asks a running guest to shut down; after the grace, or where there is nobody to ask, the machine is turned off.
     param([string] $Name, [string] $Machine = '', [long] $GraceMs)
     $vm = Get-Machine -Name $Name -Machine $Machine
     $until = [DateTime]::UtcNow.AddMilliseconds($GraceMs)
-    if ([string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
-    while ([DateTime]::UtcNow -lt $until -and [string] (Hyper-V\Get-VM -Id $vm.Id).State -cne 'Off') {
+    if ($GraceMs -and [string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
+    $waiting = @('running', 'busy')
+    while ([DateTime]::UtcNow -lt $until -and $waiting -ccontains (ConvertTo-RunState -State (Hyper-V\Get-VM -Id $vm.Id).State)) {
         Start-Sleep -Milliseconds 500
     }
     if ([string] (Hyper-V\Get-VM -Id $vm.Id).State -cne 'Off') { Hyper-V\Stop-VM -VM $vm -TurnOff -Force }
@@ -744,7 +745,8 @@ function Test-HalfDone {
     # A step that was begun and killed: every value is still the old one, absent as before, or already the new one.
     param([System.Collections.IDictionary] $Live, [System.Collections.IDictionary] $Step)
     foreach ($name in @($Step.Before.Keys) + @($Step.After.Keys) + @(@($Live.Keys) -clike 'value:*')) {
-        if ($name -ceq 'values') { continue }
+        # Names of values come and go one by one; a machine may be on its way to be off.
+        if ($name -ceq 'values' -or ($name -ceq 'state' -and $Live[$name] -ceq 'busy')) { continue }
         if (-not ($Step.Before.Contains($name) -or $Step.After.Contains($name))) { return $false }
         $old = $Step.Before.Contains($name) -and $Live.Contains($name) -and (Test-Same -Left $Live[$name] -Right $Step.Before[$name])
         $new = $Step.After.Contains($name) -and $Live.Contains($name) -and (Test-Same -Left $Live[$name] -Right $Step.After[$name])
@@ -861,12 +863,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '60e0abb4b0c6'
+        Plan = '98214a04f6f9'
         Application = 'robot'
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'a63cedf6a0d599cafa5d5921fbc4606da227ac5e4d08dc054e884dc881d1c316'
+        UndoDigest = '8afbbba582101895487eafaa60048196d776a71432c73382be00f2c1d4f8e482'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4
@@ -875,18 +877,18 @@ try {
         AcceptScheduler = $false
     }
 
-    # 1/4  stop it
+    # 1/4  stop it (asked; after 120 s turned off)
     # why: not as wanted: memory; it has to stop for that; it must be off for what follows
     # at:  rarms.yaml:12:3
     # undo: it starts anew: what its programs had in memory is lost
     Invoke-Step -Definition @{
         Number = 0
         Address = 'partition/vision'
-        Action = 'stop it'
+        Action = 'stop it (asked; after 120 s turned off)'
         Needs = @('partition/vision')
         Read = { Read-Partition -Name 'vision' -Machine '00000002-5ade-4000-8000-000000000002' }
-        Before = @{ 'exists' = $true; 'running' = $true }
-        After = @{ 'exists' = $true; 'running' = $false }
+        Before = @{ 'exists' = $true; 'running' = $true; 'state' = 'running' }
+        After = @{ 'exists' = $true; 'running' = $false; 'state' = 'off' }
         Set = {
             Invoke-PartitionStop -Name 'vision' -Machine '00000002-5ade-4000-8000-000000000002' -GraceMs 120000
         }
@@ -901,8 +903,8 @@ try {
         Action = 'memory 1 GiB -> 512 MiB'
         Needs = @('partition/vision')
         Read = { Read-Partition -Name 'vision' -Machine '00000002-5ade-4000-8000-000000000002' }
-        Before = @{ 'dynamic_memory' = $false; 'exists' = $true; 'memory' = 1073741824 }
-        After = @{ 'dynamic_memory' = $false; 'exists' = $true; 'memory' = 536870912 }
+        Before = @{ 'dynamic_memory' = $false; 'exists' = $true; 'memory' = 1073741824; 'state' = 'off' }
+        After = @{ 'dynamic_memory' = $false; 'exists' = $true; 'memory' = 536870912; 'state' = 'off' }
         Set = {
             $vm = Get-Machine -Name 'vision' -Machine '00000002-5ade-4000-8000-000000000002'
             Hyper-V\Set-VMMemory -VM $vm -DynamicMemoryEnabled $false -StartupBytes 536870912
@@ -935,8 +937,8 @@ try {
         Needs = @('partition/vision')
         Claim = @{ Processors = 2; Reserve = 80; Memory = 536870912 }
         Read = { Read-Partition -Name 'vision' -Machine '00000002-5ade-4000-8000-000000000002' }
-        Before = @{ 'exists' = $true; 'running' = $false }
-        After = @{ 'exists' = $true; 'running' = $true }
+        Before = @{ 'exists' = $true; 'running' = $false; 'state' = 'off' }
+        After = @{ 'exists' = $true; 'running' = $true; 'state' = 'running' }
         Set = {
             $vm = Get-Machine -Name 'vision' -Machine '00000002-5ade-4000-8000-000000000002'
             Hyper-V\Start-VM -VM $vm

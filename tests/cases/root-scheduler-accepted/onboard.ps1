@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         6fade000b5a4, manifest 263e743597f3, rarms 0.1.0
+# Plan         b80d88858fa3, manifest 263e743597f3, rarms 0.1.0
 # Steps        9
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -534,12 +534,13 @@ function Get-OtherNote {
 }
 
 function Invoke-PartitionStop {
-    # Asks the guest to shut down; after the grace the machine is turned off.
+    # Asks a running guest to shut down; after the grace, or where there is nobody to ask, the machine is turned off.
     param([string] $Name, [string] $Machine = '', [long] $GraceMs)
     $vm = Get-Machine -Name $Name -Machine $Machine
     $until = [DateTime]::UtcNow.AddMilliseconds($GraceMs)
-    if ([string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
-    while ([DateTime]::UtcNow -lt $until -and [string] (Hyper-V\Get-VM -Id $vm.Id).State -cne 'Off') {
+    if ($GraceMs -and [string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
+    $waiting = @('running', 'busy')
+    while ([DateTime]::UtcNow -lt $until -and $waiting -ccontains (ConvertTo-RunState -State (Hyper-V\Get-VM -Id $vm.Id).State)) {
         Start-Sleep -Milliseconds 500
     }
     if ([string] (Hyper-V\Get-VM -Id $vm.Id).State -cne 'Off') { Hyper-V\Stop-VM -VM $vm -TurnOff -Force }
@@ -743,7 +744,8 @@ function Test-HalfDone {
     # A step that was begun and killed: every value is still the old one, absent as before, or already the new one.
     param([System.Collections.IDictionary] $Live, [System.Collections.IDictionary] $Step)
     foreach ($name in @($Step.Before.Keys) + @($Step.After.Keys) + @(@($Live.Keys) -clike 'value:*')) {
-        if ($name -ceq 'values') { continue }
+        # Names of values come and go one by one; a machine may be on its way to be off.
+        if ($name -ceq 'values' -or ($name -ceq 'state' -and $Live[$name] -ceq 'busy')) { continue }
         if (-not ($Step.Before.Contains($name) -or $Step.After.Contains($name))) { return $false }
         $old = $Step.Before.Contains($name) -and $Live.Contains($name) -and (Test-Same -Left $Live[$name] -Right $Step.Before[$name])
         $new = $Step.After.Contains($name) -and $Live.Contains($name) -and (Test-Same -Left $Live[$name] -Right $Step.After[$name])
@@ -860,12 +862,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '6fade000b5a4'
+        Plan = 'b80d88858fa3'
         Application = 'robot'
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'fac004d762853e31405412b116df5e35f31cc41919b20a4070d0913d69445f4e'
+        UndoDigest = 'b65cd22a62569d69d399627d19a130dd93152742d2428b7e9b76e19b9dbbe149'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4
@@ -886,7 +888,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-6fade000b5a4' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-b80d88858fa3' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 
@@ -952,7 +954,7 @@ try {
         Needs = @('partition/vision')
         Read = { Read-Partition -Name 'vision' }
         Before = @{ 'exists' = $true }
-        After = @{ 'exists' = $true; 'processors' = 2; 'running' = $false }
+        After = @{ 'exists' = $true; 'processors' = 2; 'state' = 'off' }
         Set = {
             $vm = Get-Machine -Name 'vision'
             Hyper-V\Set-VMProcessor -VM $vm -Count 2
@@ -1023,8 +1025,8 @@ try {
         Needs = @('partition/vision')
         Claim = @{ Processors = 2; Reserve = 80; Memory = 1073741824 }
         Read = { Read-Partition -Name 'vision' }
-        Before = @{ 'exists' = $true; 'running' = $false }
-        After = @{ 'exists' = $true; 'running' = $true }
+        Before = @{ 'exists' = $true; 'running' = $false; 'state' = 'off' }
+        After = @{ 'exists' = $true; 'running' = $true; 'state' = 'running' }
         Set = {
             $vm = Get-Machine -Name 'vision'
             Hyper-V\Start-VM -VM $vm

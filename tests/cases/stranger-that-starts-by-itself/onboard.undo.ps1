@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         2bc90944b499, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         aa497644f84e, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        2
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -534,12 +534,13 @@ function Get-OtherNote {
 }
 
 function Invoke-PartitionStop {
-    # Asks the guest to shut down; after the grace the machine is turned off.
+    # Asks a running guest to shut down; after the grace, or where there is nobody to ask, the machine is turned off.
     param([string] $Name, [string] $Machine = '', [long] $GraceMs)
     $vm = Get-Machine -Name $Name -Machine $Machine
     $until = [DateTime]::UtcNow.AddMilliseconds($GraceMs)
-    if ([string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
-    while ([DateTime]::UtcNow -lt $until -and [string] (Hyper-V\Get-VM -Id $vm.Id).State -cne 'Off') {
+    if ($GraceMs -and [string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
+    $waiting = @('running', 'busy')
+    while ([DateTime]::UtcNow -lt $until -and $waiting -ccontains (ConvertTo-RunState -State (Hyper-V\Get-VM -Id $vm.Id).State)) {
         Start-Sleep -Milliseconds 500
     }
     if ([string] (Hyper-V\Get-VM -Id $vm.Id).State -cne 'Off') { Hyper-V\Stop-VM -VM $vm -TurnOff -Force }
@@ -743,7 +744,8 @@ function Test-HalfDone {
     # A step that was begun and killed: every value is still the old one, absent as before, or already the new one.
     param([System.Collections.IDictionary] $Live, [System.Collections.IDictionary] $Step)
     foreach ($name in @($Step.Before.Keys) + @($Step.After.Keys) + @(@($Live.Keys) -clike 'value:*')) {
-        if ($name -ceq 'values') { continue }
+        # Names of values come and go one by one; a machine may be on its way to be off.
+        if ($name -ceq 'values' -or ($name -ceq 'state' -and $Live[$name] -ceq 'busy')) { continue }
         if (-not ($Step.Before.Contains($name) -or $Step.After.Contains($name))) { return $false }
         $old = $Step.Before.Contains($name) -and $Live.Contains($name) -and (Test-Same -Left $Live[$name] -Right $Step.Before[$name])
         $new = $Step.After.Contains($name) -and $Live.Contains($name) -and (Test-Same -Left $Live[$name] -Right $Step.After[$name])
@@ -860,7 +862,7 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '2bc90944b499'
+        Plan = 'aa497644f84e'
         Application = 'robot'
         Serial = 0
         Total = 2
@@ -884,8 +886,8 @@ try {
         Needs = @('partition/vision')
         Undoes = 8
         Read = { Read-Partition -Name 'vision' }
-        Before = @{ 'exists' = $true; 'running' = $true }
-        After = @{ 'exists' = $true; 'running' = $false }
+        Before = @{ 'exists' = $true; 'running' = $true; 'state' = 'running' }
+        After = @{ 'exists' = $true; 'running' = $false; 'state' = 'off' }
         Set = {
             Invoke-PartitionStop -Name 'vision' -GraceMs 120000
         }

@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         3bea6cf4d824, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         660cad0c68cb, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        3
 # Not undone   it starts anew: what its programs had in memory is lost
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -535,12 +535,13 @@ function Get-OtherNote {
 }
 
 function Invoke-PartitionStop {
-    # Asks the guest to shut down; after the grace the machine is turned off.
+    # Asks a running guest to shut down; after the grace, or where there is nobody to ask, the machine is turned off.
     param([string] $Name, [string] $Machine = '', [long] $GraceMs)
     $vm = Get-Machine -Name $Name -Machine $Machine
     $until = [DateTime]::UtcNow.AddMilliseconds($GraceMs)
-    if ([string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
-    while ([DateTime]::UtcNow -lt $until -and [string] (Hyper-V\Get-VM -Id $vm.Id).State -cne 'Off') {
+    if ($GraceMs -and [string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
+    $waiting = @('running', 'busy')
+    while ([DateTime]::UtcNow -lt $until -and $waiting -ccontains (ConvertTo-RunState -State (Hyper-V\Get-VM -Id $vm.Id).State)) {
         Start-Sleep -Milliseconds 500
     }
     if ([string] (Hyper-V\Get-VM -Id $vm.Id).State -cne 'Off') { Hyper-V\Stop-VM -VM $vm -TurnOff -Force }
@@ -744,7 +745,8 @@ function Test-HalfDone {
     # A step that was begun and killed: every value is still the old one, absent as before, or already the new one.
     param([System.Collections.IDictionary] $Live, [System.Collections.IDictionary] $Step)
     foreach ($name in @($Step.Before.Keys) + @($Step.After.Keys) + @(@($Live.Keys) -clike 'value:*')) {
-        if ($name -ceq 'values') { continue }
+        # Names of values come and go one by one; a machine may be on its way to be off.
+        if ($name -ceq 'values' -or ($name -ceq 'state' -and $Live[$name] -ceq 'busy')) { continue }
         if (-not ($Step.Before.Contains($name) -or $Step.After.Contains($name))) { return $false }
         $old = $Step.Before.Contains($name) -and $Live.Contains($name) -and (Test-Same -Left $Live[$name] -Right $Step.Before[$name])
         $new = $Step.After.Contains($name) -and $Live.Contains($name) -and (Test-Same -Left $Live[$name] -Right $Step.After[$name])
@@ -861,12 +863,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '3bea6cf4d824'
+        Plan = '660cad0c68cb'
         Application = 'robot'
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '0001ee2e024500c4026a9b9637cdbed714797bcc41f47a05ff1d575943388a62'
+        UndoDigest = 'ccefa241bac8062ae068fec00458cb99d8404dd93205aa5d7a175fe4e827e43d'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4
@@ -875,18 +877,18 @@ try {
         AcceptScheduler = $false
     }
 
-    # 1/3  stop it
+    # 1/3  stop it (asked; after 120 s turned off)
     # why: the manifest no longer wants it; it is not to run
     # at:  rarms.yaml:11:1
     # undo: it starts anew: what its programs had in memory is lost
     Invoke-Step -Definition @{
         Number = 0
         Address = 'partition/speech'
-        Action = 'stop it'
+        Action = 'stop it (asked; after 120 s turned off)'
         Needs = @('partition/speech')
         Read = { Read-Partition -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001' }
-        Before = @{ 'exists' = $true; 'running' = $true }
-        After = @{ 'exists' = $true; 'running' = $false }
+        Before = @{ 'exists' = $true; 'running' = $true; 'state' = 'running' }
+        After = @{ 'exists' = $true; 'running' = $false; 'state' = 'off' }
         Set = {
             Invoke-PartitionStop -Name 'speech' -Machine '00000001-5ade-4000-8000-000000000001' -GraceMs 120000
         }

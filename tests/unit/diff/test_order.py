@@ -63,7 +63,7 @@ def test_a_partition_that_is_no_longer_wanted_stops_before_another_starts_in_its
     ]
 
     assert [(str(step.address), step.title) for step in found] == [
-        ("partition/vision", "stop it"),
+        ("partition/vision", "stop it (asked; after 120 s turned off)"),
         ("partition/speech", "start it"),
     ]
 

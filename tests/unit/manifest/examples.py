@@ -83,6 +83,7 @@ partitions:
     cpu: { reserve: 60 %, weight: 100 }
     protect: true
     start: manual
+    stop: { grace: 90 s }
     hyperv: { generation: 1, switch: other, image: x.vhd, vm_path: y }
     guest: { connect: { ssh: robot@senses }, credential: senses-admin }
 interference:

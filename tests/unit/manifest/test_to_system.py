@@ -144,6 +144,7 @@ def test_partitions() -> None:
         cpu=m.CpuWish(reserve=ShareOfHost(Percent(Fraction(60))), weight=100),
         protect=True,
         start=m.StartMode.MANUAL,
+        grace=ms("90000"),
         hyperv=m.HypervPartition(generation=1, switch="other", image="x.vhd", vm_path="y"),
         guest=m.Guest(connect=m.Connect(ssh="robot@senses"), credential="senses-admin"),
     )

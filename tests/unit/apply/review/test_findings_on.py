@@ -177,7 +177,8 @@ class TestStops:
     RUNNING = partition(settings(reserve=40))
     LIVE = build.update(RUNNING, partition(settings(reserve=60)))
     STOP = build.step(
-        operation=StopPartition(partition="vision"), comment="no order of the steps keeps within the host"
+        operation=StopPartition(partition="vision", grace_ms=120_000),
+        comment="no order of the steps keeps within the host",
     )
     START = build.step(operation=StartPartition(partition="vision"))
 

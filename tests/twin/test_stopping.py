@@ -1,0 +1,103 @@
+"""Stopping on the twin: a guest is asked for as long as the manifest says, and only a machine that runs is stopped."""
+
+from dataclasses import replace
+from fractions import Fraction
+from functools import cache
+
+import pytest
+
+from rarms_iac.model.plan import Purpose
+from rarms_iac.model.quantities import Milliseconds
+from tests.builders import a_component, a_partition
+from tests.twin.cell import Cell, apply, undo
+from tests.twin.cells import a_cell_system, a_windows
+from tests.twin.host import Vm, WindowsHost
+
+OTHER_STATES = ("Saved", "Paused", "Saving", "RunningCritical", "OffCritical")
+
+
+def cell(processors: int, host: WindowsHost, grace_s: int = 120) -> Cell:
+    wish = replace(a_partition("vision"), grace=Milliseconds(Fraction(1000 * grace_s)))
+    return Cell(a_cell_system(a_component("vision", reserve="10 %", processors=processors), partitions=(wish,)), host)
+
+
+def running() -> WindowsHost:
+    return _running().copy()
+
+
+@cache
+def _running() -> WindowsHost:
+    host = a_windows()
+    assert apply(host, cell(1, host).plan()).code == 0
+    return host
+
+
+def the_machine(host: WindowsHost) -> Vm:
+    (vm,) = host.vms.values()
+    return vm
+
+
+@pytest.mark.parametrize("grace_s", [0, 7, 300])
+def test_a_guest_has_the_grace_of_the_manifest_and_the_script_says_so(grace_s: int) -> None:
+    host = running()
+    the_machine(host).obeys = False
+    begun = host.clock
+    plan = cell(2, host, grace_s).plan()
+    script = plan.hosts[0].scripts["onboard.ps1"]
+
+    ran = apply(host, plan)
+
+    assert ran.code == 0, ran.says
+    assert grace_s * 1000 <= host.clock - begun < (grace_s + 15) * 1000
+    assert (f"asked; after {grace_s} s turned off" if grace_s else "turned off, not asked") in script
+    assert the_machine(host).state == "Running"
+
+
+@pytest.mark.parametrize("state", OTHER_STATES)
+def test_a_machine_that_left_its_state_since_the_plan_is_moved_and_not_stopped(state: str) -> None:
+    host = running()
+    plan = cell(2, host).plan()
+    the_machine(host).state = state
+
+    ran = apply(host, plan)
+
+    assert ran.code == 3, ran.says
+    assert the_machine(host).state == state
+
+
+@pytest.mark.parametrize("state", OTHER_STATES)
+def test_so_is_one_that_was_off(state: str) -> None:
+    host = running()
+    the_machine(host).state = "Off"
+    plan = cell(2, host).plan()
+    the_machine(host).state = state
+
+    ran = apply(host, plan)
+
+    assert ran.code == 3, ran.says
+    assert (the_machine(host).state, the_machine(host).processors) == (state, 1)
+
+
+def test_a_paused_machine_is_turned_off_at_once_before_it_is_removed() -> None:
+    host = running()
+    the_machine(host).state = "Paused"
+    begun = host.clock
+
+    ran = apply(host, cell(1, host).plan(purpose=Purpose.DESTROY))
+
+    assert ran.code == 0, ran.says
+    assert host.vms == {}
+    assert host.clock - begun < 60_000
+
+
+def test_a_saved_machine_that_was_started_is_off_after_the_undo() -> None:
+    host = running()
+    the_machine(host).state = "Saved"
+    plan = cell(1, host).plan()
+    assert apply(host, plan).code == 0
+    assert the_machine(host).state == "Running"
+
+    ran = undo(host, plan)
+
+    assert ran.code == 0, ran.says
+    assert the_machine(host).state == "Off"
