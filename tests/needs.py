@@ -73,12 +73,13 @@ def _no_venv() -> str:
 
 NEEDS: dict[str, Need] = {
     "bash": Need(missing=_program("bash"), obtainable=_on_posix),
-    "chromium": Need(missing=_program("chromium"), obtainable=_on_linux),
+    "chromium": Need(missing=lambda: _program("chromium")() or _program("chromedriver")(), obtainable=_on_linux),
     "control-groups": Need(
         missing=lambda: "" if _writable_control_groups() else "no control group is writable here",
         obtainable=lambda: bool(_writable_control_groups()),
     ),
     "git": Need(missing=_program("git"), obtainable=_on_posix),
+    "libreoffice": Need(missing=_program("soffice", "libreoffice"), obtainable=_on_linux),
     "linux": Need(missing=lambda: "" if ON_LINUX else "this is not Linux", obtainable=_on_linux),
     "make": Need(missing=_program("make"), obtainable=_on_posix),
     "network": Need(missing=_no_package_index, obtainable=_on_posix),

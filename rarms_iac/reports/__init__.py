@@ -1,0 +1,1 @@
+"""Reports: measurements -> report model -> one HTML file, and the same as rows of a table."""

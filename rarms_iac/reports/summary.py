@@ -1,0 +1,168 @@
+"""The summary: levels and bandwidths, a row a threshold, and each platform's total against its capacity."""
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+from rarms_iac.model.indexes import PerformanceIndex
+from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
+from rarms_iac.model.system import AtMost, Threshold
+from rarms_iac.reports.model import Capacity, Measurement, Point, Proof, Report, Shown
+from rarms_iac.reports.scale import digits, exact, shown
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Level:
+    """A component's level of performance and what it costs."""
+
+    component: str
+    index: str
+    level: str  # the APT
+    shows: str  # what the curve says at the reserve
+    reserve: str
+    bandwidth: str  # LPs
+    verdict: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fit:
+    """What all reservations of a platform add up to."""
+
+    of: Capacity
+    total: Fraction  # LPs
+    missing: tuple[str, ...]  # measurements whose APTs no reserve meets: not in the total
+
+    @property
+    def headroom(self) -> Fraction:
+        """LPs that nobody is promised; below nothing where it does not fit."""
+        return self.of.capacity - self.total
+
+    @property
+    def fits(self) -> bool:
+        """Whether the hosts can promise it."""
+        return self.total <= self.of.capacity and not self.missing
+
+
+def summary_of(report: Report) -> tuple[Level, ...]:
+    """Most critical first; what is fixed and what is not measured at the end."""
+    return (
+        *(_level(one, index) for one in report.measurements if one.rests for index in one.indexes if index.threshold),
+        *(_fixed(part.name, part.amount) for one in report.capacities for part in one.fixed),
+        *(_absent(names) for names in report.unmeasured),
+    )
+
+
+def _level(measurement: Measurement, one: Shown) -> Level:
+    assert one.threshold is not None
+    least = one.least
+    point = None if least is None else one.curve.value_at(least.reserve)
+    return Level(
+        component=one.component,
+        index=one.index.name,
+        level=threshold_text(one.index, one.threshold),
+        shows="" if point is None else shown(point.value, one.index.unit),
+        reserve="none is enough" if least is None else show_percent(least.reserve),
+        bandwidth="" if least is None else show_processors(guaranteed(least.reserve, measurement.processors)),
+        verdict=verdict_of(one),
+    )
+
+
+def threshold_text(index: PerformanceIndex, threshold: Threshold) -> str:
+    """`at most 100 ms`, `at least 95 %`."""
+    side = "at most" if isinstance(threshold, AtMost) else "at least"
+    return f"{side} {exact(threshold.value, index.unit)}"
+
+
+def verdict_of(one: Shown) -> str:
+    """What is known of the APT at the reserve, in words."""
+    least = one.least
+    if least is None:
+        return "not achieved at any reserve that was measured"
+    if least.interpolated:
+        return "interpolated: not itself measured"
+    told = [point for point in one.points if point.reserve == least.reserve]
+    return f"measured: {told[-1].verdict}{error_text(told[-1])}" if told else "measured"
+
+
+def error_text(point: Point) -> str:
+    """How probably the verdict is wrong, as the end of a sentence; nothing where nobody says."""
+    return "" if point.error is None else f" (error at most {digits(100 * point.error)} %)"
+
+
+def _fixed(name: str, amount: Fraction) -> Level:
+    return Level(
+        component=name,
+        index="",
+        level="",
+        shows="",
+        reserve="",
+        bandwidth=show_processors(amount),
+        verdict="fixed by the manifest",
+    )
+
+
+def _absent(names: tuple[str, ...]) -> Level:
+    says = f"not measured: run rarms measure {' '.join(names)}{' --together' if len(names) > 1 else ''}"
+    return Level(component=" + ".join(names), index="", level="", shows="", reserve="", bandwidth="", verdict=says)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proven:
+    """A row of what was proven."""
+
+    component: str
+    index: str
+    level: str
+    shows: str
+    met: bool
+    result: str
+
+
+def proofs_of(report: Report) -> tuple[Proven, ...]:
+    """What all components showed together, in the report's order."""
+    return tuple(_proven(one) for one in report.proofs)
+
+
+def _proven(one: Proof) -> Proven:
+    return Proven(
+        component=one.component,
+        index=one.index.name,
+        level=threshold_text(one.index, one.threshold),
+        shows="no answer" if one.value is None else shown(one.value, one.index.unit),
+        met=one.met,
+        result=("met" if one.met else "missed") + (f": {one.note}" if one.note else ""),
+    )
+
+
+def fits_of(report: Report) -> tuple[Fit, ...]:
+    """One a platform, in the report's order."""
+    return tuple(_fit(report, one) for one in report.capacities)
+
+
+def _fit(report: Report, capacity: Capacity) -> Fit:
+    here = [one for one in report.measurements if one.rests and one.platform == capacity.platform]
+    total = sum((part.amount for part in capacity.fixed), Fraction(0))
+    for one in here:
+        total += guaranteed(one.reserve or 0, one.processors)
+    return Fit(of=capacity, total=total, missing=tuple(one.name for one in here if one.wants and one.reserve is None))
+
+
+def fit_text(fit: Fit) -> str:
+    """As `70 % reserved of 100 % (1.4 LP of 2 LP). Headroom of onboard: 30 % (0.6 LP).`."""
+
+    def share(amount: Fraction) -> str:
+        return f"{_figure(100 * amount / fit.of.processors)} %"
+
+    def processors(amount: Fraction) -> str:
+        return f"{_figure(amount)} LP"
+
+    left, capacity, hosts = fit.headroom, fit.of.capacity, ", ".join(fit.of.hosts)
+    room = f"Headroom of {hosts}: {share(left)} ({processors(left)})"
+    over = f"Over {hosts} by {share(-left)} ({processors(-left)})"
+    return (
+        f"{share(fit.total)} reserved of {share(capacity)} ({processors(fit.total)} of {processors(capacity)}). "
+        f"{room if left >= 0 else over}."
+    )
+
+
+def _figure(value: Fraction) -> str:
+    return f"{float(value):.2f}".rstrip("0").rstrip(".")

@@ -1,0 +1,79 @@
+"""A robot that was measured: the delivery robot's shapes with noise of a fixed seed, as data logs in memory.
+
+Nothing of it is a simulation. It is there for tests of reports, plots and exports, which ask for many settings.
+"""
+
+from collections.abc import Callable, Sequence
+from random import Random
+
+from rarms_iac.model.measurement import Sample, Series, Setting
+from rarms_iac.model.system import Component, System
+from rarms_iac.reports.building import Logged
+from tests.builders import a_component, a_host, a_run, a_system, at_least, at_most
+from tests.builders_measured import a_log, a_subject
+
+Shape = Callable[[int], float]
+"""The mean response time in ms at a reserve."""
+
+RESERVES = (10, 20, 30, 40, 50, 60, 70, 80, 90, 100)
+
+
+def face_detection(reserve: int) -> float:
+    """Falls to its floor at 70 %, as in the paper's first figure."""
+    return max(88.0, 26.4 + 61.6 * 70 / reserve)
+
+
+def speech_recognition(reserve: int) -> float:
+    """Work alone, without a floor."""
+    return 50.0 * 100 / reserve
+
+
+def path_planning(reserve: int) -> float:
+    """Quick, and quicker with more."""
+    return 12.0 + 900 / reserve
+
+
+def a_measured_setting(name: str, reserve: int, shape: Shape, *, samples: int = 200, within: float = 400.0) -> Setting:
+    """Jobs one after the other, 5 % of noise; a job succeeds within a time."""
+    random = Random(f"{name} {reserve}")
+    began, jobs = 0.0, []
+    for _ in range(samples):
+        response = shape(reserve) * random.gauss(1.0, 0.05)
+        jobs.append(Sample(began_ms=began, response_ms=response, successful=response <= within))
+        began += response
+    series = Series(component=name, samples=tuple(jobs), elapsed_ms=began, cpu_ms=began * reserve / 100)
+    return Setting(reserve=reserve, series=(series,), beside=100 - reserve, seed=7)
+
+
+def a_log_of(one: Component, shape: Shape, reserves: Sequence[int] = RESERVES) -> Logged:
+    """The component's log against busy loops."""
+    settings = [a_measured_setting(one.name, reserve, shape) for reserve in reserves]
+    return Logged(path=f"measurements/onboard/{one.name}/busy-loop.jsonl", log=a_log(settings, a_subject(one)))
+
+
+def a_robot() -> System:
+    """Four components on a host of two LPs: three to be measured, one fixed."""
+    components = (
+        a_component(
+            "face-detection", criticality=40, reserve="measured", run=a_run(), apt={"mean_response_time": at_most(100)}
+        ),
+        a_component(
+            "speech-recognition",
+            criticality=30,
+            reserve="measured",
+            run=a_run(),
+            apt={"success_rate": at_least(95), "p95_response_time": at_most(400)},
+        ),
+        a_component("path-planning", criticality=20, reserve="measured", run=a_run(), apt={}),
+        a_component("video-streaming", criticality=10, reserve="10 %"),
+    )
+    return a_system(hosts=[a_host("onboard", platform="onboard")], components=components)
+
+
+def the_logs(system: System) -> tuple[Logged, ...]:
+    """A log of each component that is measured."""
+    return (
+        a_log_of(system.components["face-detection"], face_detection),
+        a_log_of(system.components["speech-recognition"], speech_recognition, (8, 12, 16, 20, 30, 60, 100)),
+        a_log_of(system.components["path-planning"], path_planning, (5, 10, 40)),
+    )
