@@ -146,7 +146,7 @@ def _facts(log: DataLog) -> Iterator[tuple[str, str]]:
         yield "Guest image", bench.guest_image
     yield "Partition", f"{setup.processors} VPs, {show_bytes(setup.memory)}"
     yield "Limit and weight", f"{show_percent(setup.limit)}, {setup.weight}"
-    beside = sorted({*setup.beside, *(name for one in log.recorded for name in one.provenance.beside)})
+    beside = sorted({name for one in log.recorded for name in one.provenance.beside})
     if beside:
         yield "Ran beside it", ", ".join(beside)
     yield "Identity", log.header.digest
