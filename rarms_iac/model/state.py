@@ -215,6 +215,9 @@ class State:
     tasks: tuple[TaskClass, ...] = ()
     serials: Mapping[str, int] = field(default_factory=dict)  # how many applies and undos there were
     responsiveness: Responsiveness | None = None  # wanted, None: as it is; observed, None: nobody could look
+    switches: tuple[str, ...] | None = (
+        None  # names of its virtual switches; None: not known, or there are no such things
+    )
     disks: tuple[Disk, ...] = ()  # those that are attached to a machine, and what else is known, by path
 
     def of(self, application: str) -> "State":

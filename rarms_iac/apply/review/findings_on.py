@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from rarms_iac.apply.review import (
+    cannot_be_made,
     classes_above,
     disks_go,
     disks_stay,
@@ -18,6 +19,7 @@ from rarms_iac.apply.review.reviewed import Reviewed
 from rarms_iac.model.diagnostics import Diagnostic
 
 REVIEWS = (
+    cannot_be_made,
     restarts,
     memory_shrinks,
     limit_below_reserve,

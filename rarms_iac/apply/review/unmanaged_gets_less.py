@@ -5,6 +5,7 @@ When all machines are busy, each gets its reserve, and what is left is shared by
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 
 from rarms_iac.apply.review.reviewed import Reviewed
@@ -16,7 +17,7 @@ FINDING = Finding(code="RARMS223", severity=Severity.WARNING, summary="A machine
 
 
 def review(part: Reviewed) -> Iterator[Diagnostic]:
-    """Tells of running machines of others whose share of a busy host shrinks by the plan."""
+    """Tells once a host of running machines of others whose share of a busy host shrinks by the plan."""
     if part.purpose in {Purpose.IMPORT, Purpose.RELEASE}:
         return  # a mark is written or erased, and nobody's share changes
     others = [one for one in part.observed.partitions if one.settings.running and not part.is_ours(one)]
@@ -24,10 +25,25 @@ def review(part: Reviewed) -> Iterator[Diagnostic]:
     before = _running([*strangers, *(one.settings for one in part.observed.of(part.application).partitions)])
     after = _running([*strangers, *part.settings_after()])
     available = part.observed.facts.logical_processors
-    for one in others:
-        old, new = share(one.settings, before, available), share(one.settings, after, available)
-        if new < old:
-            yield _told(part, one, old, new)
+    shares = [(one, share(one.settings, before, available), share(one.settings, after, available)) for one in others]
+    if losers := [_Loser(machine=one, old=old, new=new) for one, old, new in shares if new < old]:
+        yield _told(part, losers)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Loser:
+    """A machine and the LPs that it gets before and after."""
+
+    machine: Partition
+    old: Fraction
+    new: Fraction
+
+    def __str__(self) -> str:
+        settings = self.machine.settings
+        return (
+            f'"{settings.name}" ({self.machine.id[:8]}) about {float(self.old):.2f} -> {float(self.new):.2f} LP, '
+            f"{settings.reserve * settings.processors / 100:.2f} LP reserved"
+        )
 
 
 def _running(machines: Sequence[PartitionSettings]) -> list[PartitionSettings]:
@@ -43,13 +59,12 @@ def share(one: PartitionSettings, running: Sequence[PartitionSettings], logical_
     return min(own, Fraction(one.limit * one.processors, 100))
 
 
-def _told(part: Reviewed, one: Partition, old: Fraction, new: Fraction) -> Diagnostic:
-    name, host = one.settings.name, part.plan.host.name
+def _told(part: Reviewed, losers: Sequence[_Loser]) -> Diagnostic:
+    host = part.plan.host.name
     return FINDING.at(
         None,
-        f'"{name}" ({one.id[:8]}) on {host} is not managed by {part.application} and stays as it is. While all '
-        f"machines are busy it got about {float(old):.2f} LP and gets about {float(new):.2f} LP, of which "
-        f"{one.settings.reserve * one.settings.processors / 100:.2f} LP are reserved.",
-        "If it has to answer in time, give it a reserve first, or take it in: `rarms import`.",
-        address=f"machine/{one.id}",
+        f"Machines on {host} that {part.application} does not manage stay as they are, and get less while all are "
+        f"busy: {'; '.join(map(str, losers))}.",
+        "If one has to answer in time, give it a reserve first, or take it in: `rarms import`.",
+        address=f"host/{host}",
     )

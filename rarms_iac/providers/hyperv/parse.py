@@ -76,6 +76,7 @@ def to_state(seen: Observation, name: str) -> State:
         tasks=tasks_of(seen),
         serials=serials_of(seen),
         responsiveness=responsiveness_of(seen),
+        switches=seen.switches.value if isinstance(seen.switches, Read) and facts.rights is Rights.PROVEN else None,
         disks=disks_of(seen) if facts.rights is Rights.PROVEN else (),
     )
 

@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         d28a364491de, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         0f0a9202867c, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        9
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -862,12 +862,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'd28a364491de'
+        Plan = '0f0a9202867c'
         Application = 'robot'
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'bb2583a81a17c6457dab1a6074b1c9525068986f14b5e8070bb43eed938131d0'
+        UndoDigest = '5c15c689fbebfd29f267820324ff43e612dfc207ff01475619e2fd179e804f91'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4
@@ -888,7 +888,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-d28a364491de' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-0f0a9202867c' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

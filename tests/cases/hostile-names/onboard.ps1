@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         7a3bac7c65a0, manifest ede4a8e56512, rarms 0.1.0
+# Plan         b8b3bfe8ff2e, manifest ede4a8e56512, rarms 0.1.0
 # Steps        8
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -862,12 +862,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '7a3bac7c65a0'
+        Plan = 'b8b3bfe8ff2e'
         Application = 'robot'
         Serial = 0
         Total = 8
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'e8cb08d2d9719aa06dcef3f4aa3a921d6fc3f52fb8f57f55e99bf0786f7d16c8'
+        UndoDigest = '8cc611d2f0987c247a2acf32a3e71443592edf72974a2ccc4e6b4dddde020cee'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4
@@ -888,7 +888,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-7a3bac7c65a0' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName ('' + 'lab ''a'' ' + [char]0x2018 + 'b' + [char]0x2019 + ' ' + [char]0x201A + 'c' + [char]0x201B + ' $(x) `n') -Path ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP `t')
+            Hyper-V\New-VM -Name 'vision.rarms-b8b3bfe8ff2e' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName ('' + 'lab ''a'' ' + [char]0x2018 + 'b' + [char]0x2019 + ' ' + [char]0x201A + 'c' + [char]0x201B + ' $(x) `n') -Path ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP `t')
         }
     }
 

@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         a15bf84ca846, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         5b83490b13a7, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        9
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -862,12 +862,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'a15bf84ca846'
+        Plan = '5b83490b13a7'
         Application = 'robot'
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'a7f2e07c358c09268481b99f2900c596b637fe7f227519751a690fb513659ab7'
+        UndoDigest = '40ef374d600a191d42dfffb99d98bba83a335d25ed93f2227eb345adf8986333'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4
@@ -888,7 +888,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-a15bf84ca846' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-5b83490b13a7' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         a15bf84ca846, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         5b83490b13a7, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        2
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -862,7 +862,7 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = 'a15bf84ca846'
+        Plan = '5b83490b13a7'
         Application = 'robot'
         Serial = 0
         Total = 2

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import replace
 from fractions import Fraction
+from typing import Any
 
 import pytest
 
@@ -12,7 +13,7 @@ from rarms_iac.apply.review.unmanaged_gets_less import share
 from rarms_iac.model.changes import Address, Adopt, Change, Release
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.layout import Layout
-from rarms_iac.model.operations import RemovePartition, StartPartition, StopPartition
+from rarms_iac.model.operations import CreatePartition, RemovePartition, StartPartition, StopPartition
 from rarms_iac.model.plan import Purpose, Step, UndoLevel
 from rarms_iac.model.state import Disk, DiskKind, HostFacts, Partition, State
 from rarms_iac.model.system import Disruption, System
@@ -32,6 +33,7 @@ def findings(
     layout: Layout | None = None,
     system: System | None = None,
     disks: tuple[Disk, ...] = (),
+    switches: tuple[str, ...] | None = None,
 ) -> list[Diagnostic]:
     plan = build.host_plan(changes=changes, steps=steps)
     named = system or a_system(components=[a_component()])
@@ -40,7 +42,7 @@ def findings(
         places=PathPlaces(),
         purpose=purpose,
         layout=layout,
-        observed=State(facts=of or facts(), partitions=tuple(machines), disks=disks),
+        observed=State(facts=of or facts(), partitions=tuple(machines), disks=disks, switches=switches),
         plan=plan,
     )
     return list(findings_on(part))
@@ -85,19 +87,43 @@ def test_a_limit_below_what_its_members_reserve_together_is_raised_and_told(
     assert told(findings(system=system, layout=layout)) == expected
 
 
+@pytest.mark.parametrize(
+    ("making", "expected"),
+    [
+        ({"generation": 2, "image": "D:\\robot.VHD"}, ["RARMS257"]),
+        ({"generation": 1, "image": "D:\\robot.vhd"}, []),
+        ({"generation": 2, "image": "D:\\robot.vhdx"}, []),
+        ({"generation": 2, "switch": "LAB"}, []),
+        ({"generation": 2, "switch": "lad"}, ["RARMS258"]),
+    ],
+)
+@pytest.mark.parametrize("known", [True, False])
+def test_what_no_machine_can_be_made_from_is_an_error(making: dict[str, Any], expected: list[str], known: bool) -> None:
+    step = build.step(operation=CreatePartition(partition="vision", memory=2**29, **making))
+
+    found = findings(steps=[step], switches=("lab",) if known else None)
+
+    assert [one.code for one in found] == (expected if known or expected != ["RARMS258"] else [])
+
+
 class TestUnmanaged:
     def test_a_partition_that_is_made_takes_what_nobody_had_reserved(self) -> None:
         (one,) = findings(build.create(partition(settings(reserve=60))), machines=[STRANGER])
 
-        assert (one.code, one.address) == ("RARMS223", "machine/id-of-stranger")
-        assert "about 2.00 LP and gets about 0.50 LP, of which 0.20 LP are reserved" in one.detail
+        assert (one.code, one.address) == ("RARMS223", "host/onboard")
+        assert "about 2.00 -> 0.50 LP, 0.20 LP reserved" in one.detail
+
+    def test_several_are_told_in_one_finding(self) -> None:
+        other = partition(settings("other", processors=2, reserve=10), application=None)
+
+        (one,) = findings(build.create(partition(settings(reserve=60))), machines=[STRANGER, other])
+
+        assert one.detail.index('"stranger"') < one.detail.index('"other"')
 
     def test_a_larger_weight_takes_too(self) -> None:
         old, new = partition(settings(weight=100)), partition(settings(weight=300))
 
-        assert told(findings(build.update(old, new), machines=[old, STRANGER])) == [
-            ("RARMS223", "machine/id-of-stranger")
-        ]
+        assert told(findings(build.update(old, new), machines=[old, STRANGER])) == [("RARMS223", "host/onboard")]
 
     @pytest.mark.parametrize(
         "change",
