@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.storage.shipped import shipped
+from tests.measuring import leave_logs
 
 SEEDS = ("0", "1", "4242")
 SCRIPT = """
@@ -35,6 +36,7 @@ def all_that_is_said(folder: Path, manifest: bytes, seed: str) -> dict[str, byte
     """What the route's commands print under this seed, and every file they leave but who ran what and when."""
     folder.mkdir()
     (folder / "rarms.yaml").write_bytes(manifest)
+    leave_logs(folder, dict.fromkeys(("face-detection", "speech-recognition", "path-planning", "video-streaming"), 20))
     ran = subprocess.run(
         [sys.executable, "-c", SCRIPT],
         input=ROUTE.encode(),

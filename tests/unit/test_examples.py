@@ -1,6 +1,7 @@
 """Every example in manifests/ is what it shows: valid, canonical, and runnable where it says that it runs."""
 
 import json
+import shutil
 import subprocess
 import sys
 from datetime import date
@@ -11,9 +12,10 @@ import jsonschema
 import pytest
 
 from rarms_iac.apply.execute import apply_plan
-from rarms_iac.apply.prepare import Request, prepare
+from rarms_iac.apply.prepare import Prepared, Request, prepare
 from rarms_iac.apply.reports import Ending, SilentReporter
 from rarms_iac.apply.walk import held
+from rarms_iac.cli.datalogs import Measurements, measured_reservations
 from rarms_iac.manifest.checks import run_checks
 from rarms_iac.manifest.fmt import format_text
 from rarms_iac.manifest.json_schema import manifest_schema
@@ -21,16 +23,25 @@ from rarms_iac.manifest.load import Loaded, load
 from rarms_iac.manifest.reading import read_text
 from rarms_iac.model.diagnostics import Severity
 from rarms_iac.model.plan import Plan
-from rarms_iac.model.quantities import ProcessorTime, ShareOfHost
+from rarms_iac.model.quantities import ProcessorTime
 from rarms_iac.model.state import RunState
+from rarms_iac.model.system import Measured
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.storage.shipped import shipped
+from tests.measuring import leave_logs
 
 MANIFESTS = shipped("manifests")
 EXAMPLES = sorted(path.parent.name for path in MANIFESTS.glob("*/rarms.yaml"))
 TEXTS = sorted(path.relative_to(MANIFESTS).as_posix() for path in MANIFESTS.glob("*/*.yaml"))
 ROBOT = MANIFESTS / "delivery-robot"
 TODAY = date(2026, 11, 21)
+
+
+MEASURED = {
+    "delivery-robot": {"face-detection": 63, "speech-recognition": 17, "path-planning": 10, "video-streaming": 9},
+    "over-full": {"people-detection": 57, "label-reading": 16, "path-following": 22, "stock-messages": 18},
+}
+"""What `rarms measure` found of each, to a per cent or two: enough to plan with."""
 
 
 def loaded(example: str, *overlays: str) -> Loaded:
@@ -41,7 +52,7 @@ def loaded(example: str, *overlays: str) -> Loaded:
 
 
 def test_the_examples_that_were_promised_are_there() -> None:
-    assert {"delivery-robot", "two-hosts", "fleet", "hyperv-cell", "partitions"} <= set(EXAMPLES)
+    assert {"delivery-robot", "over-full", "two-hosts", "fleet", "hyperv-cell", "partitions"} <= set(EXAMPLES)
     index = (MANIFESTS / "README.md").read_text(encoding="utf-8")
     assert all(f"({example}/rarms.yaml)" in index for example in EXAMPLES)
 
@@ -72,17 +83,12 @@ def test_an_example_is_valid_for_any_json_schema_library(example: str) -> None:
     jsonschema.Draft202012Validator(manifest_schema()).validate(values)
 
 
-def test_the_robot_has_the_four_components_of_the_paper_and_their_fixed_reserves() -> None:
+def test_the_robot_has_the_four_components_of_the_paper_and_their_reserves_are_measured() -> None:
     system = loaded("delivery-robot").system
 
     assert system is not None
-    reserves = {name: one.cpu.reserve for name, one in system.components.items()}
-    assert {name: one.percent for name, one in reserves.items() if isinstance(one, ShareOfHost)} == {
-        "face-detection": 40,
-        "speech-recognition": 30,
-        "path-planning": 20,
-        "video-streaming": 10,
-    }
+    assert set(system.components) == {"face-detection", "speech-recognition", "path-planning", "video-streaming"}
+    assert {one.cpu.reserve for one in system.components.values()} == {Measured.MEASURED}
     assert set(system.interference) >= {"busy-loop", "browsers"}
 
 
@@ -108,16 +114,23 @@ def test_overlays_change_what_they_say_and_nothing_else() -> None:
     assert (one.hosts["onboard"].logical_processors, seven.hosts["onboard"].logical_processors) == (2, 4)
 
 
-def _plan(result: Loaded, hosts: dict[str, SimulatedHostProvider]) -> Plan:
+def _prepared(result: Loaded, hosts: dict[str, SimulatedHostProvider], folder: Path) -> Prepared:
+    """A plan that rests on the data logs below the folder."""
     assert result.system is not None
+    states = {name: host.observe() for name, host in hosts.items()}
     request = Request(
         system=result.system,
         places=result.places,
         manifest="rarms.yaml",
         manifest_digest=result.digest,
         today=TODAY,
+        reservations=measured_reservations(Measurements(system=result.system, folder=folder), states),
     )
-    prepared = prepare(request, {name: host.observe() for name, host in hosts.items()})
+    return prepare(request, states)
+
+
+def _plan(result: Loaded, hosts: dict[str, SimulatedHostProvider], folder: Path) -> Plan:
+    prepared = _prepared(result, hosts, folder)
     assert prepared.plan is not None, prepared.findings
     assert [one for one in prepared.findings if one.severity is Severity.ERROR] == []
     return prepared.plan
@@ -126,7 +139,7 @@ def _plan(result: Loaded, hosts: dict[str, SimulatedHostProvider]) -> Plan:
 @pytest.mark.parametrize(
     ("example", "overlays"),
     [
-        *((example, ()) for example in EXAMPLES if example != "hyperv-cell"),
+        *((example, ()) for example in EXAMPLES if example not in {"hyperv-cell", "over-full"}),
         ("fleet", ("robot-1.yaml",)),
         ("fleet", ("robot-7.yaml",)),
     ],
@@ -137,14 +150,34 @@ def test_an_example_is_planned_and_applied_and_then_nothing_is_left_to_do(
     result = loaded(example, *overlays)
     assert result.system is not None
     hosts = {name: SimulatedHostProvider(host, tmp_path / f"{name}.json") for name, host in result.system.hosts.items()}
-    plan = _plan(result, hosts)
+    measured_example(example, tmp_path)
+    plan = _plan(result, hosts, tmp_path)
     assert any(part.steps for part in plan.hosts)
 
     with held(tuple(hosts.values()), "ann@lab", 0):
         report = apply_plan(plan, hosts, "ann@lab", SilentReporter(), lambda: False)
 
     assert (report.ending, report.diagnostics) == (Ending.DONE, ())
-    assert [part.steps for part in _plan(result, hosts).hosts] == [() for _ in hosts]
+    assert [part.steps for part in _plan(result, hosts, tmp_path).hosts] == [() for _ in hosts]
+
+
+def measured_example(example: str, folder: Path) -> None:
+    """Data logs of the example below the folder, as `rarms measure` leaves them beside it."""
+    if example in MEASURED:
+        shutil.copytree(MANIFESTS / example, folder, dirs_exist_ok=True)
+        leave_logs(folder, MEASURED[example])
+
+
+def test_four_components_that_need_more_than_there_is_do_not_fit(tmp_path: Path) -> None:
+    result = loaded("over-full")
+    assert result.system is not None
+    hosts = {name: SimulatedHostProvider(host, tmp_path / f"{name}.json") for name, host in result.system.hosts.items()}
+    measured_example("over-full", tmp_path)
+
+    prepared = _prepared(result, hosts, tmp_path)
+
+    assert prepared.plan is None
+    assert [one.code for one in prepared.findings if one.severity is Severity.ERROR] == ["RARMS014"]
 
 
 def test_the_protected_the_manual_and_the_shared_partition_are_there(tmp_path: Path) -> None:
@@ -153,7 +186,9 @@ def test_the_protected_the_manual_and_the_shared_partition_are_there(tmp_path: P
     host = SimulatedHostProvider(result.system.hosts["kiosk"], tmp_path / "kiosk.json")
 
     with held((host,), "ann@lab", 0):
-        apply_plan(_plan(result, {"kiosk": host}), {"kiosk": host}, "ann@lab", SilentReporter(), lambda: False)
+        apply_plan(
+            _plan(result, {"kiosk": host}, tmp_path), {"kiosk": host}, "ann@lab", SilentReporter(), lambda: False
+        )
 
     running = {one.settings.name: one.state for one in host.observe().partitions}
     assert running == {"voice": RunState.RUNNING, "payment": RunState.RUNNING, "maintenance": RunState.OFF}

@@ -1,20 +1,14 @@
 """Plans that rest on data logs, from files to exit codes."""
 
-from collections.abc import Iterable, Mapping
-from datetime import date
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
 
-from rarms_iac.cli.datalogs import bench_now, path_of, subject_of
-from rarms_iac.datalog.files import append_setting, begin_log
-from rarms_iac.datalog.hashing import Files
-from rarms_iac.datalog.identity import header_of, identity_of
-from rarms_iac.datalog.log import Provenance, Recorded
-from rarms_iac.manifest.load import load
-from rarms_iac.model.measurement import Bench
-from rarms_iac.model.system import ProviderKind, SchedulerType
-from tests.builders_measured import a_series, a_setting
+from rarms_iac.cli.datalogs import bench_now
+from tests.builders import a_host
+from tests.builders_measured import a_setting
+from tests.measuring import leave_log, steady
 from tests.unit.cli.running import rarms
 
 MANIFEST = """\
@@ -45,30 +39,10 @@ components:
 MEANS = {10: 700.0, 40: 160.0, 60: 112.0, 61: 105.0, 62: 97.0, 70: 88.0}
 
 
-def measure(
-    folder: Path, means: Mapping[int, float], *, names: Iterable[str] = ("vision",), build: int = 26100
-) -> Path:
-    """What `rarms measure` leaves behind: the log of these components with these means."""
-    system = load(str(folder / "rarms.yaml"), today=date(2026, 1, 1)).system
-    assert system is not None
-    members = tuple(names)
-    subject = subject_of(system, system.hosts["onboard"], members, "busy-loop")
-    path = path_of(folder, subject)
-    bench = Bench(
-        provider=ProviderKind.SIMULATED,
-        processor="simulated",
-        logical_processors=2,
-        smt=False,
-        scheduler=SchedulerType.CLASSIC,
-        guest_image="",
-        os_build=build,
-    )
-    begin_log(path, header_of(subject, identity_of(subject, Files(folder).of(subject), {}), bench))
-    for reserve, mean in means.items():
-        series = (a_series(name, [mean + each for each in (1.0, -1.0, 0.5, -0.5, 0.0) * 40]) for name in members)
-        taken = Provenance(rarms_version="0", when="2026-01-01T00:00:00Z")
-        append_setting(path, Recorded(setting=a_setting(reserve, *series), provenance=taken))
-    return path
+def measure(folder: Path, means: Mapping[int, float], *, build: int = 26100) -> Path:
+    """What `rarms measure vision` leaves behind: settings with these means."""
+    settings = [a_setting(reserve, steady("vision", mean)) for reserve, mean in means.items()]
+    return leave_log(folder, ["vision"], settings, build=build)
 
 
 @pytest.fixture
@@ -168,8 +142,6 @@ def test_drift_and_graph_look_the_same_logs_up(here: Path) -> None:
 
 
 def test_bench_facts_that_nobody_looked_at_are_not_compared() -> None:
-    from tests.builders import a_host
-
     now = bench_now(a_host())
 
     assert (now.smt, now.scheduler, now.processor, now.os_build) == (None, None, None, None)

@@ -1,0 +1,62 @@
+"""What `rarms measure` leaves behind, made without measuring: data logs beside a manifest that is in a folder."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+
+from rarms_iac.cli.datalogs import path_of, rests_on_a_log, subject_of
+from rarms_iac.datalog.files import append_setting, begin_log
+from rarms_iac.datalog.hashing import Files
+from rarms_iac.datalog.identity import header_of, identity_of
+from rarms_iac.datalog.log import Provenance, Recorded
+from rarms_iac.experiments.setup import interference_of
+from rarms_iac.manifest.load import load
+from rarms_iac.model.measurement import Series, Setting
+from rarms_iac.model.system import System
+from rarms_iac.planner.groups import groups_of
+from rarms_iac.planner.reservations import names_of
+from tests.builders_measured import a_bench, a_series, a_setting
+
+TAKEN = Provenance(rarms_version="0", when="2026-01-01T00:00:00Z")
+_AROUND = (1.0, -1.0, 0.5, -0.5, 0.0)
+_JOBS = 200
+
+
+def steady(component: str, mean: float, jobs: int = _JOBS) -> Series:
+    """Jobs of about this response time, one after the other, all successful."""
+    return a_series(component, [mean + _AROUND[at % len(_AROUND)] for at in range(jobs)])
+
+
+def leave_log(folder: Path, members: Sequence[str], settings: Iterable[Setting], *, build: int = 26100) -> Path:
+    """The data log of these components with these settings, on the first host of the manifest."""
+    system = _system(folder)
+    host = system.hosts[min(system.hosts)]
+    subject = subject_of(system, host, tuple(members), interference_of(system, tuple(members)))
+    path = path_of(folder, subject)
+    bench = replace(a_bench(), logical_processors=host.logical_processors, provider=host.provider, os_build=build)
+    begin_log(path, header_of(subject, identity_of(subject, Files(folder).of(subject), {}), bench))
+    for each in settings:
+        append_setting(path, Recorded(setting=each, provenance=TAKEN))
+    return path
+
+
+def leave_logs(folder: Path, least: Mapping[str, int]) -> None:
+    """A log for every reservation that is to be measured: at so many per cent every threshold holds, below it none."""
+    for group in filter(rests_on_a_log, groups_of(_system(folder))):
+        members = names_of(group.members)
+        reserve = max(least[name] for name in members)
+        good = [replace(steady(name, 10.0), elapsed_ms=1000.0) for name in members]
+        bad = [_late(name) for name in members]
+        leave_log(folder, members, (a_setting(reserve - 1, *bad), a_setting(reserve, *good)))
+
+
+def _late(component: str) -> Series:
+    late = steady(component, 20_000.0)
+    return replace(late, samples=tuple(replace(each, successful=False) for each in late.samples))
+
+
+def _system(folder: Path) -> System:
+    system = load(str(folder / "rarms.yaml"), today=date(2026, 1, 1)).system
+    assert system is not None
+    return system
