@@ -12,7 +12,7 @@ from rarms_iac.cli.wiring import open_bench
 from rarms_iac.experiments import findings
 from rarms_iac.experiments.setup import Experiment, experiment_of, interference_of
 from rarms_iac.model.spelling import suggestion
-from rarms_iac.model.system import Host
+from rarms_iac.model.system import Host, RunsOn
 from rarms_iac.planner.groups import groups_of
 
 
@@ -43,6 +43,10 @@ def experiments_for(hosts: Hosts, options: MeasureOptions) -> tuple[Experiment, 
     system = hosts.system
     refuse_unknown(options.components, system.components, "component")
     refuse_unknown((options.interference,) if options.interference else (), system.interference, "interference")
+    for name in options.components:
+        if system.components[name].runs_on is RunsOn.HOST:
+            says = f"{name} runs on the host itself: it has no partition, and no reservation that could be measured."
+            raise click.UsageError(says, click.get_current_context())
     found: list[Experiment] = []
     for members in _members(hosts, options):
         load = options.interference or interference_of(system, members)

@@ -15,7 +15,7 @@ from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.telling import tell
 from rarms_iac.cli.wiring import open_bench
-from rarms_iac.datalog.files import read_log
+from rarms_iac.datalog.files import LogUnreadable, read_log
 from rarms_iac.datalog.hashing import Files
 from rarms_iac.datalog.identity import header_of, identity_of
 from rarms_iac.datalog.log import Header, Provenance
@@ -31,6 +31,8 @@ from rarms_iac.experiments.setup import Experiment
 from rarms_iac.experiments.strategies import Searching, Sweeping, Verifying, apts_of, goal_of
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.state import Partition
+from rarms_iac.model.system import ProviderKind
+from rarms_iac.planner.findings import UNREADABLE
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.statistics.curve import curves_of, least_reserve
 from rarms_iac.views.measured import Measured
@@ -69,9 +71,9 @@ def run_experiment(
     """Measure it as far as its data log does not say it already.
 
     Raises:
-        Halted: the host is busy or has other reservations (3), has no room, or there is nothing to search for (4).
+        Halted: the host is busy or has other reservations (3); it has no room, there is nothing to run or to search
+            for, or the log is damaged (4).
         HostError: the host did not do what was asked.
-        LogUnreadable: the data log is damaged.
     """
     state = bench.observe()
     room, running = room_of(experiment.host, state, experiment.application), in_the_way(state)
@@ -82,6 +84,7 @@ def run_experiment(
     terminal = session.terminal
 
     def checked() -> Room:
+        _refuse_what_cannot_run(hosts, experiment)
         _refuse(experiment, options, room, top, running)
         return room
 
@@ -108,11 +111,18 @@ def run_experiment(
 def _book(
     hosts: Hosts, experiment: Experiment, bench: MeasuringHost, options: MeasureOptions, running: Sequence[Partition]
 ) -> tuple[Book, Comparison]:
-    """Its data log, and what has changed since that was begun: a stale one gives way to the first new setting."""
+    """Its data log, and what has changed since that was begun: a stale one gives way to the first new setting.
+
+    Raises:
+        Halted: it is damaged (4): it may be all that there is of a measurement, so nobody replaces it unasked.
+    """
     folder = Path(hosts.folder)
     path = log_path(folder, experiment.host.platform, experiment.setup.members, experiment.setup.interference)
     header = header_for(hosts, experiment, bench)
-    log = read_log(path)
+    try:
+        log = read_log(path)
+    except LogUnreadable as problem:
+        raise Halted(ExitCode.NO, [_unreadable(problem)]) from None
     compared = Comparison(changed=(), warns=(), unverified=())
     if log is not None:
         compared = compare(log.header, header.identity, known(header.bench))
@@ -167,6 +177,23 @@ def _strategy(hosts: Hosts, experiment: Experiment, options: MeasureOptions, top
     )
 
 
+def _refuse_what_cannot_run(hosts: Hosts, experiment: Experiment) -> None:
+    """NOTE: the host would refuse it, too; here the line of the manifest is told.
+
+    Raises:
+        Halted: a member or the load is nothing that this host can run (4).
+    """
+    places, host = hosts.opened.loaded.places, experiment.host
+    for one in experiment.members:
+        if host.provider is ProviderKind.SIMULATED and one.simulation is None:
+            says = f"{host.name} is simulated, and {one.name} does not say what it demands there."
+            advice = "Say it: `simulation: { work: 20 ms }`."
+            found = findings.NOTHING_TO_RUN.at(
+                places.key("components", one.name), says, advice, address=f"component/{one.name}"
+            )
+            raise Halted(ExitCode.NO, [found], hosts.opened.loaded.sources)
+
+
 def _refuse(
     experiment: Experiment, options: MeasureOptions, room: Room, top: int, running: Sequence[Partition]
 ) -> None:
@@ -201,6 +228,14 @@ def _seed(book: Book, options: MeasureOptions) -> int:
     if book.seed is not None:
         return book.seed
     return options.seed or highest_seed(book.settings()) or USUAL_SEED
+
+
+def _unreadable(problem: LogUnreadable) -> Diagnostic:
+    return UNREADABLE.at(
+        None,
+        f"{problem.path.as_posix()}, line {problem.line}: {problem.says}.",
+        "Bring it back from git, or remove it: then all of it is measured again.",
+    )
 
 
 def _told_stale(book: Book, stale: Comparison) -> str:

@@ -20,11 +20,14 @@ from rarms_iac.experiments.findings import (
 )
 from rarms_iac.experiments.measured import Shown, shown, steady
 from rarms_iac.experiments.setup import Experiment
+from rarms_iac.model import thresholds
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import Setting
-from rarms_iac.model.quantities import Unit, plain
-from rarms_iac.model.system import AtLeast, AtMost, Threshold
+from rarms_iac.model.quantities import Unit
+from rarms_iac.model.system import Threshold
+
+UNITS = {Unit.TIME: " ms", Unit.SHARE: " %", Unit.RATE: " /s"}
 
 SHOWN_FAILURES = 3
 """How many of the reasons why samples failed are told."""
@@ -54,9 +57,9 @@ def findings_of(
 
 
 def show_value(index: str, value: float) -> str:
-    """A value in the index's own unit, with as many digits as a person reads."""
+    """A measured value in the index's own unit, with as many digits as a person reads."""
     found = find_index(index)
-    unit = {Unit.TIME: " ms", Unit.SHARE: " %", Unit.RATE: " /s"}[found.unit] if found else ""
+    unit = UNITS[found.unit] if found else ""
     digits = 1 if abs(value) >= 10 else 2
     return f"{value:.{digits}f}".rstrip("0").rstrip(".") + unit
 
@@ -64,12 +67,8 @@ def show_value(index: str, value: float) -> str:
 def show_threshold(index: str, threshold: Threshold) -> str:
     """`at most 100 ms`."""
     found = find_index(index)
-    unit = {Unit.TIME: " ms", Unit.SHARE: " %", Unit.RATE: " /s"}[found.unit] if found else ""
-    match threshold:
-        case AtMost(value=value):
-            return f"at most {plain(value)}{unit}"
-        case AtLeast(value=value):
-            return f"at least {plain(value)}{unit}"
+    assert found is not None, "a manifest names no other index"
+    return thresholds.show_threshold(found, threshold)
 
 
 def show_measured(one: Shown) -> str:

@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 
 from rarms_iac.experiments.measured import Shown
 from rarms_iac.experiments.proving import Proof
-from rarms_iac.experiments.telling import show_threshold, show_value
+from rarms_iac.experiments.telling import show_threshold
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Series
 from rarms_iac.model.system import AtMost
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.measured import index_outputs
+from rarms_iac.views.measured import index_outputs, show_band
 from rarms_iac.views.output import ProveOutput
 from rarms_iac.views.progress import WRITE_OVER, fitting
 from rarms_iac.views.table import table
@@ -26,7 +26,7 @@ def proof_text(proofs: Sequence[Proof], interference: str | None) -> str:
                 where.get(one.component, "-"),
                 one.component,
                 f"{one.index} {show_threshold(one.index, one.threshold)}",
-                _measured(one),
+                show_band(one),
                 _verdict(one),
             )
             for one in proof.shown
@@ -48,15 +48,6 @@ def sampled(host: str, seen: Mapping[str, Series], width: int) -> str:
     """A line of progress that is written over; empty where there is nothing to tell."""
     counts = ", ".join(f"{name} {len(one.samples)}" for name, one in sorted(seen.items()))
     return WRITE_OVER + (fitting(f"  {host}: samples of {counts}", width) if counts else "")
-
-
-def _measured(one: Shown) -> str:
-    if one.estimate is None:
-        return one.why
-    value, lower, upper = (
-        show_value(one.index, each) for each in (one.estimate.value, one.estimate.lower, one.estimate.upper)
-    )
-    return value if one.estimate.beyond is not None else f"{value} ({lower.rpartition(' ')[0]} to {upper})"
 
 
 def _verdict(one: Shown) -> str:

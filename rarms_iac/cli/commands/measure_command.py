@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import click
 
+from rarms_iac.cli.asking import ask_levels, refuse_without_terminal
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.experiments import MeasureOptions, experiments_for
 from rarms_iac.cli.hosts import Hosts, hosts_of
@@ -48,6 +49,7 @@ USUAL_STEP = 10
 @click.option("--verify", is_flag=True, help="Measure the reservation that the curve gives between two settings.")
 @click.option("--seed", type=click.IntRange(min=1), help="Draw chance from here; only its own settings count.")
 @click.option("--again", is_flag=True, help="Measure all of it once more, beside what is recorded.")
+@click.option("--interactive", is_flag=True, help="After each component, ask for the level that is good enough.")
 @click.option("--on-busy-host", is_flag=True, help="Measure although something else runs; the data log says so.")
 @time_option("--lock-timeout", "0 s", "Wait so long for a host that another run holds: 60s. [default: do not wait]")
 @json_option
@@ -67,6 +69,7 @@ def command(
     verify: bool,
     seed: int | None,
     again: bool,
+    interactive: bool,
     on_busy_host: bool,
     lock_timeout: int,
     as_json: bool,
@@ -94,9 +97,11 @@ def command(
         on_busy_host=on_busy_host,
         lock_timeout_ms=lock_timeout,
     )
+    if interactive:
+        refuse_without_terminal(session, source)
     system, opened = system_of(source)
     hosts = hosts_of(system, opened, source, where)
-    done = measured(session, hosts, options)
+    done = measured(session, hosts, options, interactive=interactive)
     tell(session.terminal, done.findings, opened.loaded.sources)
     session.terminal.data(measure_json(done.results, done.findings) if as_json else summary_text(done.results))
     if done.stopped:
@@ -118,7 +123,7 @@ class Done:
         return any(isinstance(one.conclusion, Stopped) for one in self.results)
 
 
-def measured(session: Session, hosts: Hosts, options: MeasureOptions) -> Done:
+def measured(session: Session, hosts: Hosts, options: MeasureOptions, *, interactive: bool = False) -> Done:
     """Run all experiments, one after the other, until one is stopped; a component's failure does not end the others'.
 
     Raises:
@@ -128,13 +133,16 @@ def measured(session: Session, hosts: Hosts, options: MeasureOptions) -> Done:
     results: list[Measured] = []
     found: list[Diagnostic] = []
     names = [one.host.name for one in experiments]
-    with held_benches(session, hosts, names, options.lock_timeout_ms) as benches, session.interrupts.gently():
+    with held_benches(session, hosts, names, options.lock_timeout_ms) as benches:
         for one in experiments:
-            result = run_experiment(session, hosts, one, benches[one.host.name], options)
+            with session.interrupts.gently():
+                result = run_experiment(session, hosts, one, benches[one.host.name], options)
             found += findings_of(one, result.conclusion, result.settings, hosts.opened.loaded.places)
             results.append(result)
             if isinstance(result.conclusion, Stopped):
                 break
+            if interactive:
+                ask_levels(session, hosts.source, result)
     return Done(results=tuple(results), findings=tuple(found))
 
 

@@ -1,0 +1,65 @@
+"""The use scenario on a terminal: after each component, a level of performance is picked from what was measured."""
+
+import sys
+from pathlib import Path
+
+import click
+
+from rarms_iac.cli.datalogs import measurements_of
+from rarms_iac.cli.files import STANDARD_INPUT, write_file
+from rarms_iac.cli.manifests import system_of
+from rarms_iac.cli.options import ManifestOptions
+from rarms_iac.cli.problems import Halted
+from rarms_iac.cli.selecting import Unclear, choice_of, edit_of, select
+from rarms_iac.cli.session import Session
+from rarms_iac.cli.telling import tell
+from rarms_iac.views.measured import Measured, settings_text
+from rarms_iac.views.select import selection_text
+
+
+def refuse_without_terminal(session: Session, source: ManifestOptions) -> None:
+    """Asking needs somebody to ask, and a file to write the answer into.
+
+    Raises:
+        click.UsageError: one of them is missing.
+    """
+    if not session.terminal.answers:
+        says = "There is no terminal to ask at. Leave --interactive out, and choose with `rarms select`."
+        raise click.UsageError(says, click.get_current_context())
+    if source.manifest == STANDARD_INPUT:
+        raise click.UsageError("Standard input cannot be changed: name a file.", click.get_current_context())
+
+
+def ask_levels(session: Session, source: ManifestOptions, result: Measured) -> None:
+    """Show what was measured, and take a level for each component until the answer is empty."""
+    session.terminal.talk("\n" + settings_text(result).rstrip("\n"))
+    for name in result.experiment.setup.members:
+        while at := _answer(session, name):
+            if _chosen(session, source, name, at):
+                break
+
+
+def _answer(session: Session, name: str) -> str:
+    session.terminal.flush()
+    session.terminal.status(f"\nA level for {name}, as 100 ms or 95 %, or Enter to go on: ")
+    return sys.stdin.readline().strip()
+
+
+def _chosen(session: Session, source: ManifestOptions, name: str, at: str) -> bool:
+    """Write the level into the manifest, read anew each time; False where it cannot be had, which is told."""
+    system, opened = system_of(source)
+    try:
+        choice = choice_of(system, name, at, None)
+        selected = select(choice, measurements_of(system, opened.loaded.folder, source), opened)
+    except Unclear as problem:
+        session.terminal.talk(str(problem))
+        return False
+    except Halted as halted:
+        tell(session.terminal, halted.diagnostics, halted.sources)
+        return False
+    edit = edit_of(choice, opened)
+    if edit.after != edit.before:
+        write_file(edit.file, edit.after.encode("utf-8"))
+    session.terminal.talk(selection_text(selected.selection).rstrip("\n"))
+    session.terminal.talk(f"Written to {Path(edit.file).as_posix()}.")
+    return True

@@ -1,0 +1,230 @@
+"""`rarms measure` and `rarms prove`, from words to exit codes, on the simulated host."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.experiments.partitions import load_shape, standing
+from rarms_iac.providers.simulated.run import SimulatedHostProvider
+from rarms_iac.storage.lock import hold
+from tests.builders import a_host
+from tests.unit.cli.running import Ran, rarms
+
+MANIFEST = """\
+schema: rarms/v1
+
+application: { name: robot }
+
+hosts:
+  onboard: { logical_processors: 2, memory: 4 GiB }
+
+components:
+  vision:
+    criticality: 30
+    apt:
+      mean_response_time: { at_most: 50 ms }
+    run: { command: [vision], until: { samples: 60 }, samples: { from: per_run } }
+    cpu: { reserve: measured }
+    memory: 512 MiB
+    simulation: { work: 20 ms, varies: 2 % }
+
+interference:
+  light: { kind: busy_loop, threads: 1 }
+"""
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a robot of one component, which is where we are."""
+    write(tmp_path, MANIFEST)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def write(folder: Path, text: str) -> None:
+    (folder / "rarms.yaml").write_text(text, encoding="utf-8", newline="\n")
+
+
+def measured(*words: str) -> dict[str, object]:
+    ran = rarms("measure", *words, "--json")
+    assert ran.code == 0, ran.err
+    (only,) = json.loads(ran.out)["experiments"]
+    assert isinstance(only, dict)
+    return only
+
+
+def reserves(experiment: dict[str, object]) -> list[int]:
+    settings = experiment["settings"]
+    assert isinstance(settings, list)
+    return [one["reserve"] for one in settings]
+
+
+def host(folder: Path) -> SimulatedHostProvider:
+    return SimulatedHostProvider(a_host(), folder / ".rarms" / "hosts" / "onboard.json")
+
+
+def test_from_nothing_to_a_proven_layout(here: Path) -> None:
+    first = rarms("measure")
+    second = rarms("measure")
+    applied = rarms("apply", "--auto-approve", "--prove")
+
+    assert (first.code, second.code) == (0, 0), first.err
+    assert "enough" in first.out
+    assert "new" in first.out
+    assert "recorded already" in second.err
+    assert "new" not in second.out
+    assert (here / "measurements" / "onboard" / "vision" / "busy-loop.jsonl").is_file()
+    assert applied.code == 0, applied.err
+    assert "All components together: all thresholds met." in applied.out
+
+
+def test_a_search_ends_on_a_measured_pass_above_a_measured_fail(here: Path) -> None:
+    found = measured()
+
+    assert found["ending"] == "found"
+    assert {found["reserve"], found["failed"]} <= set(reserves(found))
+
+
+def test_the_papers_walk_says_its_message_where_nothing_is_enough(here: Path) -> None:
+    write(here, MANIFEST.replace("at_most: 50 ms", "at_most: 15 ms"))
+    ran = rarms("measure", "--strategy", "paper")
+
+    assert ran.code == 4
+    assert "Threshold performance is not achievable on this platform." in ran.err
+    assert "not achievable at 100 %" in ran.out
+
+
+def test_the_papers_walk_wants_the_host_to_itself(here: Path) -> None:
+    write(here, MANIFEST.replace("memory: 4 GiB }", "memory: 4 GiB, keep_for_host: { processor: 10 % } }"))
+
+    assert refused(rarms("measure", "--strategy", "paper")) == (3, "RARMS116")
+    assert max(reserves(measured("--from", "50%", "--to", "90%", "--step", "40%"))) == 90
+    assert refused(rarms("measure", "--from", "50%")) == (4, "RARMS117")
+
+
+def refused(ran: Ran) -> tuple[int, str]:
+    return ran.code, ran.err[ran.err.index("RARMS") :][:8]
+
+
+def test_chosen_settings_against_another_load_have_a_log_of_their_own(here: Path) -> None:
+    swept = measured("vision", "--from", "20%", "--to", "50%", "--step", "15 %", "--interference", "light")
+
+    assert swept["ending"] == "swept"
+    assert reserves(swept) == [20, 35, 50]
+    assert swept["log"] == "measurements/onboard/vision/light.jsonl"
+
+
+def test_again_is_beside_what_was_measured(here: Path) -> None:
+    words = ("--from", "40%", "--to", "50%")
+    measured(*words)
+    again = measured(*words, "--again")
+
+    assert again["new_settings"] == 2
+    lines = (here / "measurements" / "onboard" / "vision" / "busy-loop.jsonl").read_text(encoding="utf-8").splitlines()
+    assert [json.loads(line)["seed"] for line in lines[1:]] == [1, 1, 2, 2]
+
+
+def test_a_changed_component_begins_its_log_anew(here: Path) -> None:
+    measured("--from", "50%", "--to", "60%")
+    write(here, MANIFEST.replace("work: 20 ms", "work: 22 ms"))
+    ran = rarms("measure", "--from", "50%", "--to", "50%")
+
+    assert ran.code == 0
+    assert "is stale and is begun anew: vision.simulation.work: 20 ms -> 22 ms." in ran.err
+    assert reserves(measured("--from", "50%", "--to", "50%")) == [50]
+
+
+def test_what_runs_is_in_the_way_and_can_be_borne(here: Path) -> None:
+    words = ("--from", "30%", "--to", "30%")
+    measured(*words)
+    assert rarms("apply", "--auto-approve").code == 4, "30 % is not enough"
+    write(here, MANIFEST.replace("reserve: measured", "reserve: 50 %"))
+    assert rarms("apply", "--auto-approve").code == 0
+    ran = rarms("measure", "--from", "40%", "--to", "40%")
+
+    assert refused(ran) == (3, "RARMS115")
+    assert "vision" in ran.err
+    assert rarms("measure", *words).code == 0, "what is recorded needs no host"
+    borne = rarms("measure", "--from", "40%", "--to", "40%", "--on-busy-host")
+    assert borne.code == 0, borne.err
+    assert "RARMS263" in borne.err
+    log = here / "measurements" / "onboard" / "vision" / "busy-loop.jsonl"
+    assert json.loads(log.read_text(encoding="utf-8").splitlines()[-1])["provenance"]["beside"] == ["vision"]
+
+
+def test_a_held_host_is_measured_by_one_only(here: Path) -> None:
+    measured("--from", "50%", "--to", "50%")
+    with hold(here / ".rarms" / "hosts" / "onboard.lock", "somebody else"):
+        ran = rarms("measure", "--from", "60%", "--to", "60%")
+
+    assert ran.code == 3
+    assert "somebody else" in ran.err
+
+
+def test_what_cannot_be_run_or_searched_is_told_with_its_line(here: Path) -> None:
+    write(here, MANIFEST.replace("    simulation: { work: 20 ms, varies: 2 % }\n", ""))
+    assert refused(rarms("measure")) == (4, "RARMS114")
+
+    write(
+        here,
+        MANIFEST.replace("    apt:\n      mean_response_time: { at_most: 50 ms }\n", "").replace("measured", "5 %"),
+    )
+    assert refused(rarms("measure", "vision")) == (4, "RARMS264")
+
+
+def test_a_damaged_log_is_not_replaced(here: Path) -> None:
+    measured("--from", "50%", "--to", "60%")
+    log = here / "measurements" / "onboard" / "vision" / "busy-loop.jsonl"
+    log.write_bytes(log.read_bytes().replace(b'"reserve":50', b'"reserve":51'))
+    before = log.read_bytes()
+
+    assert refused(rarms("measure")) == (4, "RARMS107")
+    assert log.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--from", "0%"),
+        ("--from", "50"),
+        ("--from", "50%", "--to", "40%"),
+        ("--verify", "--strategy", "paper"),
+        ("--together", "vision"),
+        ("nobody",),
+        ("--interference", "nothing"),
+        ("--interactive",),
+    ],
+)
+def test_words_that_make_no_sense_are_wrong_usage(here: Path, words: tuple[str, ...]) -> None:
+    assert rarms("measure", *words).code == 64
+
+
+def test_a_layout_that_is_not_applied_cannot_be_proven(here: Path) -> None:
+    ran = rarms("prove")
+
+    assert refused(ran) == (3, "RARMS119")
+
+
+def test_a_layout_that_misses_a_threshold_is_told(here: Path) -> None:
+    write(here, MANIFEST.replace("reserve: measured", "reserve: 20 %"))
+    assert rarms("apply", "--auto-approve").code == 0
+    alone = rarms("prove")
+    crowded = rarms("prove", "--interference", "busy-loop", "--json")
+
+    assert alone.code == 0, alone.err
+    assert crowded.code == 4
+    answer = json.loads(crowded.out)
+    assert (answer["kind"], answer["met"]) == ("prove", False)
+    assert [one["code"] for one in answer["findings"]] == ["RARMS118"]
+    assert [one.settings.name for one in host(here).observe().partitions] == ["vision"]
+
+
+def test_a_killed_measurement_leaves_partitions_that_the_next_one_removes(here: Path) -> None:
+    left = standing(host(here), "robot", (load_shape(2, 2**28),))
+    left.__enter__()  # and never left: as a kill leaves it
+    ran = rarms("measure", "--from", "50%", "--to", "50%")
+
+    assert ran.code == 0
+    assert "RARMS261" in ran.err
+    assert host(here).observe().partitions == ()
