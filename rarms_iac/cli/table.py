@@ -21,6 +21,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "import": "Take over a partition that rarms did not make.",
         "release": "Let go of a partition: it stays, rarms forgets it.",
         "snapshot": "Write down what a host looks like.",
+        "run": "Run components on this machine, to see whether their `run` is right.",
         "graph": "Draw hosts, partitions and components.",
         "explain": "Explain a finding.",
         "schema": "Print a JSON Schema.",

@@ -25,8 +25,8 @@ def run_component(component: str, run: Run, around: Surroundings) -> "ComponentR
 class ComponentRun:
     """Yields each sample as it happens, failed ones too; leaves no process behind when it is closed.
 
-    The setting begins with the start of the process, for `call` with the function loaded. The samples end as `ending`
-    says: after `run.until`, with more failed ones than `run.failures`, or when it is closed, at any moment.
+    The setting begins with the first job (docs/running.md). The samples end as `ending` says: after `run.until`, with
+    more failed ones than `run.failures`, or when it is closed, at any moment.
     """
 
     def __init__(self, component: str, run: Run, around: Surroundings) -> None:

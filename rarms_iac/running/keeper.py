@@ -13,7 +13,6 @@ import contextlib
 import ctypes
 import json
 import os
-import resource
 import select
 import signal
 import sys
@@ -25,7 +24,7 @@ PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
 KILLING_S = 5.0
 """How long killed processes may take to be gone: one that waits for a disk cannot be hurried."""
 PAUSE_S = 0.02
-IGNORED = (signal.SIGINT, signal.SIGHUP, signal.SIGTERM)
+IGNORED = [getattr(signal, name) for name in ("SIGINT", "SIGHUP", "SIGTERM") if hasattr(signal, name)]
 """What a terminal or a service manager sends to everybody: the keeper ends when rarms does, not before."""
 
 
@@ -200,6 +199,8 @@ def descendants(of: int) -> list[int]:
 
 def cpu_ms() -> float:
     """The processor time of everything that was started and is gone."""
+    import resource
+
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return 1000 * (used.ru_utime + used.ru_stime)
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 from rarms_iac.model.measurement import Sample
 from rarms_iac.model.quantities import show_milliseconds
-from rarms_iac.model.system import Call
 from rarms_iac.running.answers import Answer, Listens, listener
 from rarms_iac.running.deaths import ended_well, too_early
 from rarms_iac.running.errors import CannotStart
@@ -47,7 +46,6 @@ class _Lines:
         self._kept = kept
         self._record = record
         self._listens: Listens = listener(record.run)
-        self._is_call = isinstance(record.run.start, Call)
         self._patience = record.timeout + (record.period or 0.0)
         self._now = _Process(last=time.perf_counter())
 
@@ -76,8 +74,6 @@ class _Lines:
         match event:
             case Started():
                 self._now.last = at
-                if not self._is_call:
-                    self._record.begin(at)
                 return None
             case Line(text=text, size=size):
                 return self._of_line(self._listens(text, at), size, at)
@@ -112,7 +108,13 @@ class _Lines:
         if answer.failure:
             return self._record.failure(self._now.last if answer.began is None else answer.began, answer.failure)
         told = answer.reading
-        began = at - (told.response_ms or 0.0) / 1000 if answer.began is None else answer.began
+        took = (told.response_ms or 0.0) / 1000
+        began = at - took if answer.began is None else answer.began
+        if not self._record.has_begun:
+            # How long a program takes to start is no job's time: the setting begins with the first job, as far as
+            # its beginning can be told.
+            known = took or self._record.period
+            self._record.begin(self._now.last if known is None else at - known)
         return self._record.answered(began, told.response_ms, successful=told.successful, count=told.count)
 
     def _give_up(self, says: str) -> Sample:

@@ -167,6 +167,54 @@ class RunOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SampleOutput:
+    """What one job showed; a failed sample says why in `failure`, which is empty otherwise."""
+
+    began_ms: float
+    response_ms: float | None
+    successful: bool
+    count: float
+    failure: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IndexOutput:
+    """A performance index beside its APT; null where the samples or the manifest do not say."""
+
+    index: str
+    unit: str
+    value: float | None
+    lower: float | None
+    upper: float | None
+    at_most: float | None
+    at_least: float | None
+    met: bool | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RanComponentOutput:
+    """A component that was run on this machine."""
+
+    component: str
+    ending: str  # until, failures or closed
+    elapsed_ms: float
+    cpu_ms: float | None
+    failed: int
+    indexes: tuple[IndexOutput, ...]
+    samples: tuple[SampleOutput, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ComponentRunOutput:
+    """`rarms run`: what each component showed, without any reservation."""
+
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["component_run"] = "component_run"
+    components: tuple[RanComponentOutput, ...]
+    findings: tuple[Diagnostic, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DriftedOutput:
     """One address that is not as it should be; `before` of an attribute is what is there."""
 
@@ -472,6 +520,7 @@ class VersionOutput:
 Output = (
     PlanOutput
     | RunOutput
+    | ComponentRunOutput
     | DriftOutput
     | DoctorOutput
     | FindingsOutput

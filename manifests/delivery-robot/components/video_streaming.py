@@ -4,12 +4,13 @@ Writes one JSON line a frame: how many frames were sent, and their bytes.
 """
 
 import json
+import os
 import sys
 import time
 import zlib
 
 WIDTH, HEIGHT = 320, 240
-PERIOD_S = 0.033
+PERIOD_S = float(os.environ.get("RARMS_PERIOD_MS", "33")) / 1000  # as the manifest's `arrival` says
 
 
 def picture(number: int) -> bytes:

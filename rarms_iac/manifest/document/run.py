@@ -31,7 +31,10 @@ class StopBlock(Block):
 class EveryBlock(Block):
     """A periodic job: its response counts from its scheduled start."""
 
-    every: PositiveTime = needed("The period: `33 ms`.")
+    every: PositiveTime = needed(
+        "The period: `33 ms`. rarms starts the jobs of `per_run` and of `call` itself; a command that writes lines "
+        "paces itself and finds the period in the variable RARMS_PERIOD_MS."
+    )
 
 
 def _arrival_kind(value: Any) -> str:
@@ -61,14 +64,18 @@ VariableValue = Annotated[
 class TimeFieldBlock(Block):
     """Where a time stands in a sample."""
 
-    field: Filled = needed("The key of the JSON object, or the named group of the pattern.")
+    field: Filled = needed(
+        "The key of the JSON object (`job.took`: in an object below), or the named group of the pattern."
+    )
     unit: Literal["us", "ms", "s", "min", "h"] = needed("The unit of the numbers there.")
 
 
 class FieldBlock(Block):
     """Where a value stands in a sample."""
 
-    field: Filled = needed("The key of the JSON object, or the named group of the pattern.")
+    field: Filled = needed(
+        "The key of the JSON object (`job.frames`: in an object below), or the named group of the pattern."
+    )
 
 
 def _pattern_only_where_it_is_read() -> dict[str, Any]:
@@ -88,7 +95,9 @@ class SamplesBlock(Block):
         alias="from",
     )
     pattern: Maybe[Filled] = optional("An RE2 pattern with named groups, for `from: pattern`.")
-    response_time: Maybe[TimeFieldBlock] = optional("Where the job's response time stands.")
+    response_time: Maybe[TimeFieldBlock] = optional(
+        "Where the job's response time stands; null there is a job without an answer."
+    )
     success: Maybe[FieldBlock] = optional("Where it stands whether the job succeeded (1 or 0, true or false).")
     count: Maybe[FieldBlock] = optional("Where it stands how much was done (frames, bytes); throughput counts it.")
 
@@ -107,14 +116,15 @@ class RunBlock(Block):
         "Globs of files that belong to the component: when one changes, its measurements are stale."
     )
     environment: Maybe[Annotated[dict[Variable, VariableValue], KeysLike(VARIABLE_PATTERN)]] = optional(
-        "Environment variables: a text, or `{from_env: NAME}`."
+        "Environment variables beside rarms' own: a text, or `{from_env: NAME}`."
     )
     folder: Filled = optional("The folder it runs in, relative to the file that says it.", ".")
     until: Maybe[UntilBlock] = optional("When a setting has been measured enough; absent: after 200 samples.")
     timeout: PositiveTime = optional("A job that takes longer is a failed sample: `60 s`.", "60 s")
     stop: Maybe[StopBlock] = optional("How it is asked to end; absent: TERM, and 5 s of grace.")
     arrival: Maybe[Arrival] = optional(
-        "`closed`: the next job starts when the last one ended; `{every: 33 ms}`: a job every period. Absent: closed."
+        "`closed`: the next job starts when the last one ended; `{every: 33 ms}`: a job every period, counted from its "
+        "scheduled start; an overrun does not shift the schedule. Absent: closed."
     )
     samples: Maybe[SamplesBlock] = optional("How its output becomes samples; absent: one a run.")
     deadline: Maybe[PositiveTime] = optional("When a job's answer is late; absent: the period, if it is periodic.")

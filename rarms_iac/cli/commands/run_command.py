@@ -1,0 +1,69 @@
+"""`rarms run`: is the manifest's `run` right?"""
+
+import click
+
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.manifests import system_of
+from rarms_iac.cli.options import ManifestOptions, json_option, manifest_options
+from rarms_iac.cli.running import RunWish, run_components
+from rarms_iac.cli.session import Session, rarms_command
+from rarms_iac.cli.telling import tell
+from rarms_iac.model.diagnostics import has_errors
+from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
+from rarms_iac.views.component_run import ran_json
+
+
+def _time(_context: click.Context, _parameter: click.Parameter, value: str | None) -> int | None:
+    if value is None:
+        return None
+    try:
+        time = int(parse_quantity(value, Unit.TIME)[1])
+    except NotAQuantity as error:
+        raise click.BadParameter(f"{value!r} is not a time as 5s; units: {', '.join(error.units)}.") from error
+    if time < 1:
+        raise click.BadParameter("it has to be at least 1 ms.")
+    return time
+
+
+@rarms_command("run")
+@click.argument("components", metavar="[COMPONENT]...", nargs=-1)
+@manifest_options
+@click.option("--for", "for_ms", metavar="TIME", callback=_time, help="For so long: 5s. [default: as `until` says]")
+@click.option("--samples", type=click.IntRange(min=1), help="Until there are so many. [default: as `until` says]")
+@click.option("--interference", metavar="NAME", help="Against this load of the manifest. [default: none]")
+@click.option("--together", is_flag=True, help="All at once. [default: one after the other]")
+@json_option
+def command(
+    session: Session,
+    *,
+    components: tuple[str, ...],
+    source: ManifestOptions,
+    for_ms: int | None,
+    samples: int | None,
+    interference: str | None,
+    together: bool,
+    as_json: bool,
+) -> ExitCode:
+    """Run components on this machine as the manifest says, without any reservation, and show each sample.
+
+    That is how to see whether a component's `run` is right, before anything is measured. Failed samples are shown
+    with their reason; at the end stands what the samples come to beside the APT. Exit code 4 where a component has
+    more failed samples than its `run.failures` allows, 1 where it cannot be started. Without names: every component
+    that says how it is run.
+    """
+    if for_ms is not None and samples is not None:
+        raise click.UsageError("Give --for or --samples, not both.", click.get_current_context())
+    system, opened = system_of(source)
+    wish = RunWish(
+        components=components,
+        for_ms=for_ms,
+        samples=samples,
+        interference=interference,
+        together=together,
+        live=not as_json,
+    )
+    ran, found = run_components(session, system, opened, wish)
+    if as_json:
+        session.terminal.data(ran_json(ran, found))
+    tell(session.terminal, found, opened.loaded.sources)
+    return ExitCode.NO if has_errors(found) else ExitCode.DONE

@@ -1,0 +1,158 @@
+"""`rarms run`: components as real processes, their samples live, and what they come to beside the APT."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from rarms_iac.storage.shipped import shipped
+from rarms_iac.views.as_json import output_schema
+from tests.needs import CHECKOUT
+from tests.unit.cli.running import rarms
+
+HEAD = """schema: rarms/v1
+application: { name: robot }
+hosts: { onboard: { logical_processors: 2, memory: 4 GiB } }
+components:
+"""
+QUICK = """
+import json, time
+while True:
+    print(json.dumps({"ms": 2}), flush=True)
+    time.sleep(0.01)
+"""
+
+
+def manifest(folder: Path, apt: str = "{ mean_response_time: { at_most: 5 ms } }", **programs: str) -> str:
+    """A manifest whose components are these Python programs."""
+    text = HEAD
+    for name, program in programs.items():
+        (folder / f"{name}.py").write_text(program, encoding="utf-8")
+        text += (
+            f"  {name}:\n    criticality: 10\n    memory: 64 MiB\n    cpu: {{ reserve: 10 % }}\n    apt: {apt}\n"
+            f"    run:\n      command: [python3, {name}.py]\n      until: {{ samples: 3 }}\n"
+            "      samples: { from: json_lines, response_time: { field: ms, unit: ms } }\n"
+        )
+    (folder / "rarms.yaml").write_text(text, encoding="utf-8")
+    return str(folder)
+
+
+def test_samples_are_shown_and_what_they_come_to(tmp_path: Path) -> None:
+    ran = rarms("run", "-f", manifest(tmp_path, vision=QUICK))
+
+    assert ran.code == 0, ran.err
+    assert [line.split()[:2] for line in ran.lines[:3]] == [["vision", "1"], ["vision", "2"], ["vision", "3"]]
+    assert ran.lines[0].endswith("response 2 ms")
+    assert ran.lines[3].startswith("vision: 3 samples in ")
+    assert ran.lines[4] == "  mean_response_time: 2 ms; APT at most 5 ms, met here"
+
+
+def test_an_apt_that_is_missed_here_is_told(tmp_path: Path) -> None:
+    ran = rarms("run", "-f", manifest(tmp_path, "{ mean_response_time: { at_most: 1 ms } }", vision=QUICK))
+
+    assert ran.code == 0
+    assert "missed here" in ran.out
+    assert "RARMS288" in ran.err
+
+
+def test_more_failed_samples_than_allowed_are_the_answer_no(tmp_path: Path) -> None:
+    program = "import sys\nsys.stderr.write('no camera\\n')\nprint('loading', flush=True)\n"
+
+    ran = rarms("run", "-f", manifest(tmp_path, vision=program))
+
+    assert ran.code == 4
+    assert 'failed: not a JSON object: "loading"' in ran.out
+    assert "RARMS286" in ran.err
+    assert "  no camera" in ran.err
+
+
+def test_what_cannot_be_started_fails(tmp_path: Path) -> None:
+    folder = manifest(tmp_path, vision=QUICK)
+    text = (tmp_path / "rarms.yaml").read_text(encoding="utf-8").replace("[python3,", "[no-such-program-anywhere,")
+    (tmp_path / "rarms.yaml").write_text(text, encoding="utf-8")
+
+    ran = rarms("run", "-f", folder)
+
+    assert ran.code == 1
+    assert "RARMS285" in ran.err
+    assert 'no program "no-such-program-anywhere"' in " ".join(ran.err.split())
+
+
+def test_programs_get_the_same_as_json(tmp_path: Path) -> None:
+    ran = rarms("run", "-f", manifest(tmp_path, vision=QUICK, speech=QUICK), "--together", "--samples", "4", "--json")
+
+    told = json.loads(ran.out)
+    jsonschema.Draft202012Validator(json.loads(output_schema())).validate(told)
+    assert ran.code == 0
+    assert [(one["component"], one["ending"], len(one["samples"])) for one in told["components"]] == [
+        ("vision", "until", 4),
+        ("speech", "until", 4),
+    ]
+    assert told["components"][0]["indexes"][0]["met"] is True
+
+
+def test_a_run_may_last_a_time_against_a_load(tmp_path: Path) -> None:
+    ran = rarms(
+        "run", "vision", "-f", manifest(tmp_path, vision=QUICK), "--for", "300ms", "--interference", "busy-loop"
+    )
+
+    assert ran.code == 0, ran.err
+    assert "in 0.3 s" in ran.out
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("visoin",), 'There is no component "visoin". Did you mean "vision"?'),
+        (("--interference", "busy-lop"), 'There is no interference "busy-lop".'),
+        (("--for", "5"), "'5' is not a time as 5s"),
+        (("--for", "5s", "--samples", "3"), "Give --for or --samples, not both."),
+    ],
+)
+def test_words_that_do_not_fit_are_wrong_usage(tmp_path: Path, words: tuple[str, ...], says: str) -> None:
+    ran = rarms("run", *words, "-f", manifest(tmp_path, vision=QUICK))
+
+    assert ran.code == 64
+    assert says in " ".join(ran.err.split())
+
+
+def test_a_component_that_does_not_say_how_is_told(tmp_path: Path) -> None:
+    (tmp_path / "rarms.yaml").write_text(
+        HEAD + "  vision: { criticality: 10, memory: 64 MiB, cpu: { reserve: 10 % }, simulation: { work: 1 ms } }\n",
+        encoding="utf-8",
+    )
+
+    ran = rarms("run", "-f", str(tmp_path))
+
+    assert ran.code == 4
+    assert "RARMS289" in ran.err
+
+
+def test_the_shipped_robot_runs_for_real() -> None:
+    ran = rarms("run", "-f", str(shipped("manifests") / "delivery-robot"), "--samples", "2", "--together")
+
+    assert ran.code == 0, ran.err
+    assert "failed" not in ran.out
+    for name in ("face-detection", "speech-recognition", "path-planning", "video-streaming"):
+        assert f"{name}: 2 samples in " in ran.out
+
+
+@pytest.mark.needs("posix")
+def test_ctrl_c_ends_the_component_and_the_command(tmp_path: Path) -> None:
+    program = "import os\nopen('pid', 'w').write(str(os.getpid()))\n" + QUICK
+    words = [sys.executable, "-m", "rarms_iac.cli.main", "run", "-f", manifest(tmp_path, vision=program), "--for", "1h"]
+    with subprocess.Popen(words, cwd=CHECKOUT, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=30)
+
+    assert process.returncode == 130
+    pid = int((tmp_path / "pid").read_text(encoding="ascii"))
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
