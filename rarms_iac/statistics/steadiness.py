@@ -81,4 +81,4 @@ def _noise(means: Sequence[float]) -> float:
 
 def _limit(blocks: int) -> float:
     """How clear the clearest change of so many blocks is by chance in one steady series of a hundred (simulated)."""
-    return 3.6 + 5.0 / blocks
+    return 3.5 + 5.0 / blocks

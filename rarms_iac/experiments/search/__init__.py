@@ -5,7 +5,7 @@
 Resuming is replaying the history out of the data log: the same history gives the same step.
 """
 
-from rarms_iac.experiments.search import bisection, paper
+from rarms_iac.experiments.search import bisection, default, paper
 from rarms_iac.experiments.search.values import (
     Found,
     Goal,
@@ -21,7 +21,7 @@ from rarms_iac.experiments.search.values import (
 )
 
 STRATEGIES: dict[str, Strategy] = {
-    "default": bisection.next_step,
+    "default": default.next_step,
     "bisection": bisection.next_step,
     "paper": paper.next_step,
 }

@@ -1,0 +1,188 @@
+"""The search for the least reservation: the default strategy beside halving and the paper's walk, in one run.
+
+`python -m benchmarks.search [COMPONENTS]` takes so many components a noise level (1,000 unless said), spread evenly
+over the shapes of `shapes.py`. An answer is *right* when it truly meets the APT within 1 % (a success rate: 1 point)
+and reserves at most 1 point above the least CR that meets an APT stricter by as much.
+"""
+
+import math
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from multiprocessing import Pool
+
+from benchmarks.shapes import NAMED, NOISES, UNSEEN, Truth, component
+from benchmarks.timing import Figure, report
+from benchmarks.trials import ALLOWED, Bench, goal_of, walk
+from rarms_iac.experiments.search import STRATEGIES, Found, Goal, Measure, Step, Trial
+from rarms_iac.experiments.search.bisection import halve
+
+COMPONENTS = 1000
+WALKED_BY_ONE = 10  # one component in so many is walked by 1 % too: that takes fifty settings
+TOLERANCE = 0.01
+CLEAR = 2.58  # deviations of the index, with all samples allowed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Result:
+    """How a strategy did on one component."""
+
+    shape: str
+    strategy: str
+    settings: int
+    samples: int
+    found: bool
+    certified: bool
+    right: bool
+    over: int  # points above the least CR that truly meets the APT
+    identifiable: bool
+
+
+def by_one(history: Sequence[Trial], _goal: Goal) -> Step:
+    """The paper's walk with a step of 1 %."""
+    if not history:
+        return Measure(reserve=1)
+    last = history[-1]
+    return (
+        Found(reserve=last.reserve, failed=last.reserve - 1 or None)
+        if last.passed
+        else Measure(reserve=last.reserve + 1)
+    )
+
+
+def to_width(history: Sequence[Trial], goal: Goal) -> Step:
+    """Halving until the certificate of the default strategy holds: a fail at most 3 points below."""
+    return halve(history, goal, width=3)
+
+
+def results(task: tuple[str, int, float]) -> list[Result]:
+    """All strategies on one component, which they measure in the same state of chance."""
+    shape, seed, noise = task
+    truth = component(shape, seed, noise)
+    bench = Bench(truth, goal_of(truth))
+    strategies = {
+        "default": STRATEGIES["default"],
+        "bisection": STRATEGIES["bisection"],
+        "width 3": to_width,
+        "walk by 10": STRATEGIES["paper"],
+        **({"walk by 1": by_one} if seed % WALKED_BY_ONE == 0 else {}),
+    }
+    done = {name: walk(strategy, bench) for name, strategy in strategies.items()}
+    return [_result(truth, name, one.trials, one.samples, one.end) for name, one in done.items()]
+
+
+def _result(truth: Truth, strategy: str, trials: Sequence[Trial], samples: int, end: Step) -> Result:
+    answer = end.reserve if isinstance(end, Found) else 0
+    passed = {trial.reserve for trial in trials if trial.passed}
+    failed = {trial.reserve for trial in trials if not trial.passed}
+    return Result(
+        shape=truth.shape,
+        strategy=strategy,
+        settings=len(trials),
+        samples=samples,
+        found=answer > 0,
+        certified=answer in passed and (answer == 1 or any(answer - 3 <= reserve < answer for reserve in failed)),
+        right=answer > 0 and truth.meets(answer, stricter=-TOLERANCE) and answer <= truth.least(stricter=TOLERANCE) + 1,
+        over=answer - truth.least(),
+        identifiable=_identifiable(truth),
+    )
+
+
+def _identifiable(truth: Truth) -> bool:
+    """Whether the samples allowed tell a point beyond the neighbours of the least CR apart from the APT."""
+    least = truth.least()
+    worth = ALLOWED * (1.0 - truth.correlation) / (1.0 + truth.correlation)
+    if truth.limit_ms is None:
+        error = truth.apt * truth.noise / math.sqrt(worth)
+    else:
+        error = math.sqrt(truth.apt * (100 - truth.apt) / worth)
+    near = [reserve for reserve in (least - 2, least + 1) if 1 <= reserve <= 100]
+    return all(abs(truth.index(reserve) - truth.apt) >= CLEAR * error for reserve in near)
+
+
+def percentile(numbers: Iterable[float], share: float) -> float:
+    ordered = sorted(numbers)
+    return ordered[math.ceil(share * len(ordered)) - 1]
+
+
+def mean(numbers: Iterable[float]) -> float:
+    listed = list(numbers)
+    return sum(listed) / len(listed)
+
+
+def figures(found: Sequence[Result]) -> list[Figure]:
+    """Those that have goals, and what stands beside them."""
+    ours = [one for one in found if one.strategy == "default"]
+    answers = [one for one in ours if one.found]
+    clear = [one for one in answers if one.identifiable]
+    worst = max(_not(one.right for one in ours if one.shape == shape) for shape in (*NAMED, *UNSEEN))
+    halved = mean(one.samples for one in found if one.strategy == "bisection")
+    return [
+        Figure(name="not resolved", value=_not(one.found for one in ours), unit="%", at_most=2),
+        Figure(
+            name="answers without their certificate", value=_not(one.certified for one in answers), unit="%", at_most=0
+        ),
+        Figure(name="not right", value=_not(one.right for one in ours), unit="%", at_most=1),
+        Figure(name="not right, worst shape", value=worst, unit="%", at_most=3),
+        Figure(name="settings, named shapes", value=_settings(ours, NAMED), unit="", at_most=3.5),
+        Figure(name="settings, unseen shapes", value=_settings(ours, UNSEEN), unit="", at_most=4.0),
+        Figure(
+            name="settings, 95th percentile", value=percentile((one.settings for one in ours), 0.95), unit="", at_most=6
+        ),
+        Figure(name="samples against bisection", value=mean(one.samples for one in ours) / halved, at_most=1),
+        Figure(name="not within 1 point of the truth", value=_not(abs(one.over) <= 1 for one in answers), unit="%"),
+        Figure(name="  of identifiable ones", value=_not(abs(one.over) <= 1 for one in clear), unit="%", at_most=1),
+        Figure(name="identifiable", value=100 * len(clear) / len(answers), unit="%"),
+        Figure(name="over-reservation, mean", value=mean(one.over for one in answers), unit="points", at_most=0.7),
+        Figure(
+            name="  99th percentile", value=percentile((one.over for one in answers), 0.99), unit="points", at_most=3
+        ),
+        *_beside(found),
+    ]
+
+
+def _beside(found: Sequence[Result]) -> Iterable[Figure]:
+    for name in ("bisection", "width 3", "walk by 10", "walk by 1"):
+        theirs = [one for one in found if one.strategy == name]
+        yield Figure(name=f"{name}: settings", value=mean(one.settings for one in theirs), unit="")
+        yield Figure(name="  samples", value=mean(one.samples for one in theirs), unit="")
+        yield Figure(name="  not right", value=_not(one.right for one in theirs), unit="%")
+
+
+def _not(marks: Iterable[bool]) -> float:
+    return 100 * (1.0 - mean(marks))
+
+
+def _settings(found: Sequence[Result], shapes: Iterable[str]) -> float:
+    return mean(one.settings for one in found if one.shape in set(shapes))
+
+
+def by_shape(found: Sequence[Result]) -> str:
+    """A line a shape: settings, their 95th percentile, samples, right, over-reservation."""
+    lines = [f"{'shape':<20} {'settings':>8} {'95 %':>5} {'samples':>8} {'right':>7} {'over':>6}"]
+    for shape in (*NAMED, *UNSEEN):
+        ours = [one for one in found if one.shape == shape and one.strategy == "default"]
+        most = percentile((one.settings for one in ours), 0.95)
+        lines.append(
+            f"{shape:<20} {mean(one.settings for one in ours):8.2f} {most:5.0f}"
+            f" {mean(one.samples for one in ours):8.0f} {100 * mean(one.right for one in ours):6.1f}%"
+            f" {mean(one.over for one in ours if one.found):6.2f}"
+        )
+    return "\n".join(lines)
+
+
+def main() -> int:
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else COMPONENTS
+    shapes = (*NAMED, *UNSEEN)
+    tasks = [
+        (shape, seed, noise) for noise in NOISES for shape in shapes for seed in range(math.ceil(count / len(shapes)))
+    ]
+    with Pool() as pool:
+        found = [one for many in pool.imap_unordered(results, tasks, chunksize=4) for one in many]
+    print(f"{len(tasks)} components, {len(NOISES)} noise levels, at most {ALLOWED} samples a setting\n")
+    print(by_shape(found) + "\n")
+    return report(figures(found))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
