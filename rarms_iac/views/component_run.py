@@ -14,7 +14,7 @@ from rarms_iac.statistics.estimates import Estimate, NoEstimate, estimate
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import visible
 from rarms_iac.views.diagnostics.text import counted
-from rarms_iac.views.output import ComponentRunOutput, IndexOutput, RanComponentOutput, SampleOutput
+from rarms_iac.views.output import ComponentRunOutput, RanIndexOutput, RanComponentOutput, SampleOutput
 
 UNIT_NAMES = {Unit.TIME: "ms", Unit.SHARE: "%", Unit.RATE: "/s"}
 
@@ -163,9 +163,9 @@ def _output(ran: Ran) -> RanComponentOutput:
     )
 
 
-def _index(index: str, found: Estimate | NoEstimate, threshold: Threshold | None) -> IndexOutput:
+def _index(index: str, found: Estimate | NoEstimate, threshold: Threshold | None) -> RanIndexOutput:
     known = found if isinstance(found, Estimate) else None
-    return IndexOutput(
+    return RanIndexOutput(
         index=index,
         unit=unit_of(index),
         value=known.value if known else None,

@@ -178,7 +178,7 @@ class SampleOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class IndexOutput:
+class RanIndexOutput:
     """A performance index beside its APT; null where the samples or the manifest do not say."""
 
     index: str
@@ -200,7 +200,7 @@ class RanComponentOutput:
     elapsed_ms: float
     cpu_ms: float | None
     failed: int
-    indexes: tuple[IndexOutput, ...]
+    indexes: tuple[RanIndexOutput, ...]
     samples: tuple[SampleOutput, ...]
 
 
