@@ -53,6 +53,7 @@ class Selected:
     """What follows from a choice."""
 
     selection: Selection
+    system: System  # the manifest's, with the level
     findings: tuple[Diagnostic, ...]
 
 
@@ -123,6 +124,7 @@ def select(choice: Choice, measured: Measurements, opened: Opened) -> Selected:
             headrooms=_headrooms(planning, system),
             why_no_headroom=_why(planning),
         ),
+        system=system,
         findings=() if has_errors(planning.findings) else planning.findings,
     )
 

@@ -11,9 +11,9 @@ def log_path(folder: Path, platform: str, components: Iterable[str], interferenc
     return folder / FOLDER / platform / joined(components) / f"{interference}.jsonl"
 
 
-def configuration_path(folder: Path, component: str) -> Path:
-    """The configuration log of a component, below the manifest's folder."""
-    return folder / FOLDER / "configuration" / f"{component}.jsonl"
+def configuration_path(folder: Path, platform: str, component: str) -> Path:
+    """The configuration log of a component on a platform; no name has a dot, so it is nobody's folder."""
+    return folder / FOLDER / platform / f"{component}.configuration.jsonl"
 
 
 def joined(components: Iterable[str]) -> str:

@@ -1,8 +1,11 @@
 """`rarms select`: choose a level of performance."""
 
+from dataclasses import replace
+
 import click
 
 from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.configuration import record_choices
 from rarms_iac.cli.datalogs import measurements_of
 from rarms_iac.cli.files import STANDARD_INPUT, write_file
 from rarms_iac.cli.manifests import system_of
@@ -43,13 +46,15 @@ def command(
         choice = choice_of(system, component, at, index)
     except Unclear as problem:
         raise click.UsageError(str(problem), click.get_current_context()) from None
-    selected = select(choice, measurements_of(system, opened.loaded.folder, source), opened)
+    measured = measurements_of(system, opened.loaded.folder, source)
+    selected = select(choice, measured, opened)
     file = ""
     if not dry_run:
         edit = edit_of(choice, opened)
         file = edit.file
         if edit.after != edit.before:
             write_file(edit.file, edit.after.encode("utf-8"))
+        record_choices(replace(measured, system=selected.system), (component,))
     if as_json:
         session.terminal.data(selection_json(selected.selection, file, written=not dry_run))
     else:

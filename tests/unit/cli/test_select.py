@@ -3,6 +3,8 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.datalog.configuration import Chosen, read_entries
+from rarms_iac.datalog.paths import configuration_path
 from tests.unit.cli.running import rarms
 from tests.unit.cli.test_data_logs import MEANS, edit, here, measure
 from tests.unit.views.test_json import check
@@ -28,6 +30,9 @@ def test_a_level_is_written_with_its_comments_and_the_reservation_follows(here: 
         "  left on onboard: 0.78 LP, 39 %",
     ]
     assert manifest(here) == before.replace("at_most: 100 ms", "at_most: 110 ms")
+    (entry,) = read_entries(configuration_path(here, "two-core", "vision"))
+    assert isinstance(entry, Chosen)
+    assert (entry.apt, entry.reserve) == ({"mean_response_time": "at most 110 ms"}, 61)
     assert "61 %" in rarms("plan", "-f", str(here)).out
 
 

@@ -1,0 +1,103 @@
+"""Writing configuration logs: what was chosen for each CoI, whenever that is not what its log says already."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+from rarms_iac import __version__
+from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, rests_on_a_log, subject_of
+from rarms_iac.datalog.configuration import Chosen, append_entry, last_chosen, read_entries
+from rarms_iac.datalog.files import LogUnreadable, read_log
+from rarms_iac.datalog.paths import configuration_path
+from rarms_iac.experiments.setup import interference_of
+from rarms_iac.model.indexes import find_index
+from rarms_iac.model.system import Component, Host
+from rarms_iac.model.thresholds import show_threshold
+from rarms_iac.planner.groups import Group, groups_of
+from rarms_iac.planner.reservations import names_of
+from rarms_iac.planner.sizes import Sized, size
+
+
+def record_choices(measured: Measurements, components: Iterable[str] = ()) -> tuple[Path, ...]:
+    """Write down what follows from the manifest and the data logs for these components (none: all); what changed.
+
+    A component whose reservation cannot be told is left out: `rarms plan` tells why.
+
+    Raises:
+        LogUnreadable: a configuration log is damaged.
+        OSError: one cannot be written.
+    """
+    system, wanted = measured.system, set(components)
+    reservations = measured_reservations(measured, {})
+    written: list[Path] = []
+    for group in filter(rests_on_a_log, groups_of(system)):
+        if wanted and wanted.isdisjoint(names_of(group.members)):
+            continue
+        platforms: dict[str, Host] = {}
+        for _, host in sorted(system.hosts.items()):
+            if all(one.hosts is None or host.name in one.hosts for one in group.members):
+                platforms.setdefault(host.platform, host)
+        for host in platforms.values():
+            sized = size(group, host, reservations)
+            least = reservations.least(group.members, host)
+            if isinstance(sized, Sized) and least is not None:
+                entries = _entries(measured, group, host, sized.placed.reserve, interpolated=least.interpolated)
+                written += [path for one in entries if (path := _record(measured.folder, host.platform, one))]
+    return tuple(written)
+
+
+def apt_in_words(component: Component) -> dict[str, str]:
+    """`at most 100 ms` by index."""
+    return {
+        name: show_threshold(index, threshold)
+        for name, threshold in component.apt.items()
+        if (index := find_index(name)) is not None
+    }
+
+
+def now() -> str:
+    """The time in UTC, to the second."""
+    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def _entries(
+    measured: Measurements, group: Group, host: Host, reserve: int, *, interpolated: bool
+) -> tuple[Chosen, ...]:
+    members = names_of(group.members)
+    subject = subject_of(measured.system, host, members, interference_of(measured.system, members))
+    path = path_of(measured.folder, subject)
+    log = read_log(path)
+    if log is None:
+        return ()
+    return tuple(
+        Chosen(
+            component=one.name,
+            when=now(),
+            rarms_version=__version__,
+            apt=apt_in_words(one),
+            partition=group.name,
+            reserve=reserve,
+            interpolated=interpolated,
+            task=one.task,
+            data_log=path.relative_to(measured.folder).as_posix(),
+            identity=log.header.digest,
+            setup=log.header.setup,
+            bench=log.header.bench,
+        )
+        for one in group.members
+        if one.apt
+    )
+
+
+def _record(folder: Path, platform: str, chosen: Chosen) -> Path | None:
+    path = configuration_path(folder, platform, chosen.component)
+    last = last_chosen(read_entries(path))
+    same = last is not None and replace(last, when=chosen.when, rarms_version=chosen.rarms_version) == chosen
+    if same:
+        return None
+    append_entry(path, chosen)
+    return path
+
+
+__all__ = ["LogUnreadable", "apt_in_words", "now", "record_choices"]
