@@ -1,6 +1,8 @@
 """`rarms measure` and `rarms prove`, from words to exit codes, on the simulated host."""
 
 import json
+from collections.abc import Iterator
+from contextlib import chdir
 from pathlib import Path
 
 import pytest
@@ -35,11 +37,11 @@ interference:
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(tmp_path: Path) -> Iterator[Path]:
     """A folder with a robot of one component, which is where we are."""
     write(tmp_path, MANIFEST)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+    with chdir(tmp_path):
+        yield tmp_path
 
 
 def write(folder: Path, text: str) -> None:

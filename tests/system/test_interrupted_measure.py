@@ -1,0 +1,65 @@
+"""Ctrl-C while a real process measures: it says that the same command goes on, and leaves nothing behind."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+MANIFEST = """\
+schema: rarms/v1
+
+application: { name: robot }
+
+hosts:
+  onboard: { logical_processors: 2, memory: 4 GiB }
+
+components:
+  vision:
+    criticality: 30
+    run: { command: [vision], until: { samples: 3000 }, samples: { from: per_run } }
+    memory: 512 MiB
+    simulation: { work: 20 ms, varies: 2 % }
+"""
+WORDS = [
+    sys.executable,
+    "-m",
+    "rarms_iac.cli.main",
+    "measure",
+    "vision",
+    "--from",
+    "10%",
+    "--to",
+    "100%",
+    "--step",
+    "1%",
+]
+
+
+@pytest.mark.needs("posix")
+def test_ctrl_c_ends_a_measurement_that_the_same_command_goes_on_with(tmp_path: Path) -> None:
+    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
+    log = tmp_path / "measurements" / "onboard" / "vision" / "busy-loop.jsonl"
+    process = subprocess.Popen(WORDS, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    until = time.monotonic() + 60
+    while not log.exists() and process.poll() is None and time.monotonic() < until:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+
+    assert process.returncode == 130, err
+    assert "the same command goes on" in err
+    assert "stopped" in out
+    host = json.loads((tmp_path / ".rarms" / "hosts" / "onboard.json").read_text(encoding="utf-8"))
+    assert host["content"]["machines"] == {}
+    recorded = len(log.read_text(encoding="utf-8").splitlines()) - 1
+    assert recorded >= 1
+    again = subprocess.run(
+        [*WORDS[:-4], "--to", f"{9 + recorded}%", "--step", "1%"], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert again.returncode == 0, again.stderr
+    assert f"{recorded} settings recorded already" in again.stderr or recorded == 1
+    assert len(log.read_text(encoding="utf-8").splitlines()) - 1 == recorded, "nothing was run again"
