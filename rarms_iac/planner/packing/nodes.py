@@ -152,6 +152,7 @@ def without(view: View, kind: int, mask: Mask) -> View:
         budget=None if program.budget is None else program.budget - charge,
         fits=(lambda at, some: fits(at, sum(1 << rest[item] for item in members(some)))) if fits else None,
     )
+    smaller = _listed(smaller, program.patterns, [1 << item for item in rest])
     return View(program=smaller, stands_for=tuple(view.stands_for[item] for item in rest))
 
 
@@ -201,4 +202,14 @@ def _view(program: Program, kinds: tuple[Kind, ...], groups: list[Mask], conflic
         budget=program.budget,
         fits=fit if fits else None,
     )
-    return View(program=smaller, stands_for=tuple(groups))
+    return View(program=_listed(smaller, program.patterns, groups), stands_for=tuple(groups))
+
+
+def _listed(smaller: Program, patterns: Sequence[Mask] | None, groups: Sequence[Mask]) -> Program:
+    """The smaller program with those of the patterns that it still allows."""
+    if patterns is None:
+        return smaller
+    view = View(program=smaller, stands_for=tuple(groups))
+    ours = (view.ours(mask) for mask in patterns)
+    left = (mask for mask in ours if mask and not any(smaller.conflicts[item] & mask for item in members(mask)))
+    return replace(smaller, patterns=tuple(left))

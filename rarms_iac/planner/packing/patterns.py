@@ -6,7 +6,7 @@ Column generation prices with it, and bounds are exact because its profits are w
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from rarms_iac.planner.packing.program import Kind, Mask, Program
+from rarms_iac.planner.packing.program import Kind, Mask, Program, members
 
 GRAIN = 128
 """Steps in which a large dimension is bounded; sizes are rounded down, so the bound stays one."""
@@ -34,6 +34,8 @@ def best_pattern(program: Program, at: int, profits: Sequence[int], nodes: int) 
         profits: by item, whole numbers of either sign.
         nodes: how many sets may be tried; a count, so that the same input has the same answer.
     """
+    if program.patterns is not None:
+        return _best_known(program, at, profits), True
     kind = program.kinds[at]
     possible = [item for item in range(program.items) if _fits_alone(program, at, item)]
     gainful = [item for item in possible if profits[item] > 0]
@@ -42,6 +44,20 @@ def best_pattern(program: Program, at: int, profits: Sequence[int], nodes: int) 
         return (None if best is None else Pattern(profit=profits[best], items=1 << best)), True
     ordered = sorted(gainful, key=lambda item: (-profits[item] / _share(kind, item), item))
     return _Knapsack(program, at, ordered, profits).search(nodes)
+
+
+def _best_known(program: Program, at: int, profits: Sequence[int]) -> Pattern | None:
+    """The most profitable of the patterns that are known to be all."""
+    assert program.patterns is not None
+    banned = sum(1 << item for item, size in enumerate(program.kinds[at].sizes) if size is None)
+    best = None
+    for mask in program.patterns:
+        if mask & banned or (program.fits is not None and not program.fits(at, mask)):
+            continue
+        profit = sum([profits[item] for item in members(mask)])
+        if best is None or profit > best.profit:
+            best = Pattern(profit=profit, items=mask)
+    return best
 
 
 def _fits_alone(program: Program, at: int, item: int) -> bool:

@@ -38,6 +38,7 @@ class Program:
     conflicts: tuple[Mask, ...]  # by item: those that it must not share a host with
     budget: int | None = None
     fits: Fits | None = None
+    patterns: tuple[Mask, ...] | None = None  # the only sets that a host can have in a packing; None: not known
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
