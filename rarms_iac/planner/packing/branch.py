@@ -13,6 +13,11 @@ from rarms_iac.planner.packing.program import Bundles, Mask, Program, charge_of,
 
 _HALF = 1e-4
 
+SECOND_THOUGHTS = 2
+"""How often a dive may take another than the largest part."""
+
+Parts = tuple[tuple[int, Mask, float], ...]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leaf:
@@ -53,6 +58,8 @@ class Limits:
 
     nodes: int = 400
     dives: int = 60
+    first_dive: int = 80  # relaxations of the first, and of each later one
+    dive: int = 20
     patterns: int = 40_000  # knapsacks in all
     effort: Effort = field(default_factory=Effort)
 
@@ -179,32 +186,40 @@ class Search:
             self.pool.update(bundles)
 
     def _dive(self, node: _Node) -> None:
-        """Fix the largest part, relax again, and so on down to a packing."""
+        """Look for a packing below the node: fix the largest part, relax again, and so on, with few second thoughts."""
         if self.dives >= self.limits.dives or node.view is None or node.relaxed is None:
             return
         self.dives += 1
-        view, parts = node.view, node.relaxed.parts
-        fixed: list[tuple[int, Mask]] = []
-        while True:
-            sure = [(kind, view.whole(mask)) for kind, mask, part in parts if part > 1 - _HALF]
-            if not sure:
-                kind, mask, _ = min(parts, key=lambda one: (-one[2], one[0], one[1]))
-                sure = [(kind, view.whole(mask))]
-            for kind, whole in sure:
-                ours = view.ours(whole)
+        steps = self.limits.first_dive if self.dives == 1 else self.limits.dive
+        self._down(node.view, node.relaxed.parts, (), SECOND_THOUGHTS, steps)
+
+    def _down(self, view: View, parts: Parts, fixed: Bundles, thoughts: int, steps: int) -> int:
+        """How many steps are left after the packings below were looked for; none where one was found."""
+        sure = [(kind, view.whole(mask)) for kind, mask, part in parts if part > 1 - _HALF]
+        ranked = sorted(parts, key=lambda one: (-one[2], one[0], one[1]))
+        choices = [sure] if sure else [[(kind, view.whole(mask))] for kind, mask, _ in ranked[: 1 + thoughts]]
+        for number, chosen in enumerate(choices):
+            smaller = view
+            for kind, whole in chosen:
+                ours = smaller.ours(whole)
                 assert ours is not None, "parts that are wholly there do not overlap"
-                view = without(view, kind, ours)
-            fixed += sure
-            if view.program.items == 0:
-                self._offer(tuple(fixed))
-                return
-            spent = value_of(self.program, tuple(fixed))
-            if spent >= self.upper:
-                return
-            again = self._relax(view, self.upper - spent)
+                smaller = without(smaller, kind, ours)
+            taken = (*fixed, *chosen)
+            spent = value_of(self.program, taken)
+            if smaller.program.items == 0:
+                before = self.upper
+                self._offer(taken)
+                return 0 if self.upper < before else steps
+            if spent >= self.upper or steps <= 0:
+                continue
+            steps -= 1
+            again = self._relax(smaller, self.upper - spent)
             if again is None or again.bound + spent >= self.upper or not again.parts:
-                return
-            parts = again.parts
+                continue
+            steps = self._down(smaller, again.parts, taken, thoughts - number, steps)
+            if steps <= 0:
+                return steps
+        return steps
 
     def _undecided(self, node: _Node) -> Decision | None:
         """The pair of items, or the item and kind, about which the relaxation is most in two minds."""
