@@ -4,7 +4,7 @@ The tree that is left at the end is the proof: every leaf carries weights that b
 """
 
 import heapq
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from rarms_iac.planner.packing.columns import Effort, Relaxed, Weights, relax
@@ -52,6 +52,10 @@ class Outcome:
     tree: Tree | None  # proof that nothing is better; None: not proved
 
 
+def _as_it_is(program: Program, bundles: Bundles, target: int) -> Bundles:
+    return bundles
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
     """When to give up: counts, so that the same input has the same answer."""
@@ -59,7 +63,8 @@ class Limits:
     nodes: int = 400
     dives: int = 60
     first_dive: int = 80  # relaxations of the first, and of each later one
-    dive: int = 20
+    dive: int = 10
+    improve: Callable[[Program, Bundles, int], Bundles] = _as_it_is  # of a packing that the first dive left unproved
     patterns: int = 40_000  # knapsacks in all
     effort: Effort = field(default_factory=Effort)
 
@@ -110,6 +115,8 @@ class Search:
             if node.relaxed is None:  # its knapsacks were too hard
                 return Outcome(bundles=self.best, bound=node.bound, tree=None)
             self._dive(node)
+            if opened == 1 and self.best is not None and node.bound < self.upper:
+                self._take(self.limits.improve(self.program, self.best, node.bound))
             if node.bound >= self.upper:
                 wait(node)
                 continue
@@ -180,6 +187,9 @@ class Search:
                 return
         if self.program.budget is not None and charge_of(self.program, bundles) != self.program.budget:
             return
+        self._take(bundles)
+
+    def _take(self, bundles: Bundles) -> None:
         value = value_of(self.program, bundles)
         if value < self.upper:
             self.best, self.upper = tuple(sorted(bundles)), value

@@ -1,6 +1,7 @@
 """All patterns of a packing that leaves no room: where every used host must be exactly full, few sets of items are."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from rarms_iac.planner.packing.program import Kind, Mask, Program, Sizes
 
@@ -8,6 +9,14 @@ MOST = 4_000
 """More patterns than these are not listed: the knapsack finds the ones that matter."""
 
 _STEPS = 400_000
+
+
+def without_waste(program: Program) -> Program:
+    """The program with its patterns listed, where the hosts that are paid for must be exactly full."""
+    if program.patterns is not None:
+        return program
+    full = full_dimensions(program)
+    return replace(program, patterns=exact_fills(program, full)) if full else program
 
 
 def full_dimensions(program: Program) -> tuple[int, ...]:

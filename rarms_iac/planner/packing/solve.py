@@ -1,10 +1,11 @@
 """The best packing of items onto hosts: least cost, then fewest moves, each with its proof where there is one."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from rarms_iac.planner.packing.branch import Limits, Outcome, Search, Tree
-from rarms_iac.planner.packing.exact_fills import exact_fills, full_dimensions
+from rarms_iac.planner.packing.exact_fills import without_waste
 from rarms_iac.planner.packing.heuristics import quick_packing
+from rarms_iac.planner.packing.improve import improved
 from rarms_iac.planner.packing.program import (
     Assignment,
     Bundles,
@@ -59,7 +60,7 @@ Result = Packed | Impossible | GaveUp
 class Settings:
     """How much is tried."""
 
-    limits: Limits = field(default_factory=Limits)
+    limits: Limits = field(default_factory=lambda: Limits(improve=improved))
     tries: int = TRIES
 
 
@@ -83,7 +84,7 @@ def _with_moves(problem: Problem, first: Program, bundles: Bundles, cost: Level,
     hosts = assignment_of(first, bundles)
     if not problem.now or all(one is None for one in problem.now):
         return Packed(hosts=hosts, cost=cost, moves=Level(value=0, bound=0, proof=None))
-    second = _without_waste(fewest_moves(problem, cost.value))
+    second = without_waste(fewest_moves(problem, cost.value))
     starts = [settled(problem, first, bundles)]
     quick = quick_packing(second, 0, how.tries)
     starts += [quick] if quick is not None else []
@@ -91,12 +92,6 @@ def _with_moves(problem: Problem, first: Program, bundles: Bundles, cost: Level,
     fewest = Search(second, known, how.limits, ceiling=_ceiling(second)).run()
     assert fewest.bundles is not None
     return Packed(hosts=assignment_of(second, fewest.bundles), cost=cost, moves=_level(second, fewest))
-
-
-def _without_waste(program: Program) -> Program:
-    """The program with its patterns listed, where the hosts that are paid for must be exactly full."""
-    full = full_dimensions(program)
-    return replace(program, patterns=exact_fills(program, full)) if full else program
 
 
 def _level(program: Program, outcome: Outcome) -> Level:
