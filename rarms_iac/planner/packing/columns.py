@@ -1,0 +1,181 @@
+"""The relaxation of a packing: every item is covered by patterns in parts, found by column generation.
+
+The duals of the linear program become whole numbers, one weight an item. Whatever they are, they bound every packing
+from below: no pattern of a kind can carry more weight than the exact knapsack says. So the bound is exact, and the
+weights are its certificate.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from rarms_iac.planner.packing.patterns import best_pattern
+from rarms_iac.planner.packing.program import Mask, Program, members, pattern_charge, pattern_cost
+from rarms_iac.planner.packing.simplex import Master
+
+SCALE = 1_000_000
+"""What one unit of cost is in weights."""
+
+_ROUNDS = 400
+_GAIN = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weights:
+    """Whole numbers that bound every packing from below."""
+
+    items: tuple[int, ...]  # by item
+    budget: int = 0  # of the budget row
+    scale: int = SCALE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Relaxed:
+    """What the relaxation says: no packing costs less than `bound`; `parts` is the fractional packing."""
+
+    bound: int
+    weights: Weights
+    parts: tuple[tuple[int, Mask, float], ...]  # kind, items, how much of it
+    complete: bool  # the parts are an optimum of the relaxation
+    patterns: int  # knapsacks that were solved
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effort:
+    """How much is tried, in counts."""
+
+    pattern_nodes: int = 200_000
+    rounds: int = _ROUNDS
+
+
+def bound_of(program: Program, weights: Weights, nodes: int) -> int | None:
+    """The bound that the weights give, rounded up; None where a knapsack could not be finished."""
+    total = sum(weights.items) + weights.budget * (program.budget or 0)
+    for at, kind in enumerate(program.kinds):
+        best, complete = best_pattern(program, at, _profits(program, at, weights), nodes)
+        if not complete:
+            return None
+        if best is not None:
+            total += len(kind.hosts) * min(0, _fixed(program, at, weights) - best.profit)
+    return -(-total // weights.scale)
+
+
+def _profits(program: Program, at: int, weights: Weights) -> list[int]:
+    """By item: what the weights gain by putting it onto a host of this kind."""
+    kind, scale, budget = program.kinds[at], weights.scale, weights.budget
+    if not budget or not kind.charges:
+        return [weight - scale * cost for weight, cost in zip(weights.items, kind.costs, strict=True)]
+    return [
+        weight + budget * charge - scale * cost
+        for weight, cost, charge in zip(weights.items, kind.costs, kind.charges, strict=True)
+    ]
+
+
+def _fixed(program: Program, at: int, weights: Weights) -> int:
+    return weights.scale * program.kinds[at].opening - weights.budget * program.kinds[at].charge
+
+
+class _Columns:
+    """The linear program of a packing, with the patterns that are in it."""
+
+    def __init__(self, program: Program, penalty: int) -> None:
+        self.program = program
+        self.patterns: dict[tuple[int, Mask], int] = {}
+        self.by_column: dict[int, tuple[int, Mask]] = {}
+        right = [1.0] * program.items + [float(len(kind.hosts)) for kind in program.kinds]
+        penalties = [float(penalty)] * program.items + [0.0] * len(program.kinds)
+        if program.budget is not None:
+            right.append(float(program.budget))
+            penalties.append(float(penalty))
+        self.master = Master(right=right, penalties=penalties)
+        for row in range(program.items, program.items + len(program.kinds)):
+            self.master.add(0.0, ((row, 1.0),))  # hosts that stay empty
+        if program.budget is not None:
+            self.master.add(float(penalty), ((len(right) - 1, -1.0),))
+
+    def add(self, kind: int, mask: Mask) -> bool:
+        """Whether the pattern was new."""
+        if (kind, mask) in self.patterns:
+            return False
+        program = self.program
+        entries = [(item, 1.0) for item in members(mask)]
+        entries.append((program.items + kind, 1.0))
+        if program.budget is not None:
+            charge = pattern_charge(program.kinds[kind], mask)
+            if charge:
+                entries.append((program.items + len(program.kinds), float(charge)))
+        column = self.master.add(float(pattern_cost(program.kinds[kind], mask)), tuple(entries))
+        self.patterns[kind, mask] = column
+        self.by_column[column] = (kind, mask)
+        return True
+
+    def weights(self) -> tuple[Weights, list[float]]:
+        """The duals as whole numbers, and those of the kinds as they are."""
+        duals = self.master.duals()
+        items, kinds = self.program.items, len(self.program.kinds)
+        return (
+            Weights(
+                items=tuple(round(one * SCALE) for one in duals[:items]),
+                budget=round(duals[items + kinds] * SCALE) if self.program.budget is not None else 0,
+            ),
+            duals[items : items + kinds],
+        )
+
+    def parts(self) -> tuple[tuple[int, Mask, float], ...]:
+        """The fractional packing."""
+        return tuple(
+            (*self.by_column[column], part)
+            for column, part in sorted(self.master.solution().items())
+            if column in self.by_column
+        )
+
+
+def relax(
+    program: Program, known: Iterable[tuple[int, Mask]], target: int, penalty: int, effort: Effort
+) -> Relaxed | None:
+    """Bound the packing from below; None where a knapsack could not be finished.
+
+    Args:
+        program: what is packed.
+        known: patterns to begin with.
+        target: a bound of so much is enough.
+        penalty: what an item that no pattern covers costs; the bound never says more than all of them together.
+        effort: how much is tried.
+    """
+    columns = _Columns(program, penalty)
+    for kind, mask in known:
+        columns.add(kind, mask)
+    best, best_weights = 0, Weights(items=(0,) * program.items)
+    solved = 0
+    for _ in range(effort.rounds):
+        columns.master.solve()
+        weights, kinds = columns.weights()
+        total = sum(weights.items) + weights.budget * (program.budget or 0)
+        new = False
+        for at, kind in enumerate(program.kinds):
+            pattern, complete = best_pattern(program, at, _profits(program, at, weights), effort.pattern_nodes)
+            solved += 1
+            if not complete:
+                return None
+            if pattern is None:
+                continue
+            reduced = _fixed(program, at, weights) - pattern.profit
+            total += len(kind.hosts) * min(0, reduced)
+            if reduced / SCALE - kinds[at] < -_GAIN:
+                new |= columns.add(at, pattern.items)
+        bound = -(-total // SCALE)
+        if bound > best or not any(best_weights.items):
+            best, best_weights = max(best, bound), weights
+        if best >= target:
+            return _relaxed(best, best_weights, columns, solved, complete=False)
+        if not new:
+            return _relaxed(best, best_weights, columns, solved, complete=True)
+    return _relaxed(best, best_weights, columns, solved, complete=False)
+
+
+def _relaxed(bound: int, weights: Weights, columns: _Columns, solved: int, *, complete: bool) -> Relaxed:
+    return Relaxed(bound=bound, weights=weights, parts=columns.parts(), complete=complete, patterns=solved)
+
+
+def weighty(sizes: Sequence[int], penalty: int) -> int:
+    """Kept small: the penalty of an uncovered item never exceeds what all of them could cost."""
+    return max(1, min(penalty, sum(sizes)))

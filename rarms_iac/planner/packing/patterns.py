@@ -1,0 +1,181 @@
+"""The most profitable set of items that one host takes: an exact knapsack in any number of dimensions.
+
+Column generation prices with it, and bounds are exact because its profits are whole numbers.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from rarms_iac.planner.packing.program import Kind, Mask, Program, members
+
+GRAIN = 128
+"""Steps in which a large dimension is bounded; sizes are rounded down, so the bound stays one."""
+
+EXACT_ROOM = 1_500
+"""A dimension of at most so many units is bounded without rounding."""
+
+_Table = list[list[int]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pattern:
+    """Items for one host, and their profit."""
+
+    profit: int
+    items: Mask
+
+
+def best_pattern(program: Program, at: int, profits: Sequence[int], nodes: int) -> tuple[Pattern | None, bool]:
+    """The most profitable set for a host of kind `at` with one item at least, and whether the search was complete.
+
+    Args:
+        program: what is packed.
+        at: the kind.
+        profits: by item, whole numbers of either sign.
+        nodes: how many sets may be tried; a count, so that the same input has the same answer.
+    """
+    if program.patterns is not None:
+        return _best_known(program, at, profits), True
+    kind = program.kinds[at]
+    possible = [item for item in range(program.items) if _fits_alone(program, at, item)]
+    gainful = [item for item in possible if profits[item] > 0]
+    if not gainful:
+        best = max(possible, key=lambda item: profits[item], default=None)
+        return (None if best is None else Pattern(profit=profits[best], items=1 << best)), True
+    ordered = sorted(gainful, key=lambda item: (-profits[item] / _share(kind, item), item))
+    return _Knapsack(program, at, ordered, profits).search(nodes)
+
+
+def _best_known(program: Program, at: int, profits: Sequence[int]) -> Pattern | None:
+    """The most profitable of the patterns that are known to be all."""
+    assert program.patterns is not None
+    banned = sum(1 << item for item, size in enumerate(program.kinds[at].sizes) if size is None)
+    best = None
+    for mask in program.patterns:
+        if mask & banned or (program.fits is not None and not program.fits(at, mask)):
+            continue
+        profit = sum([profits[item] for item in members(mask)])
+        if best is None or profit > best.profit:
+            best = Pattern(profit=profit, items=mask)
+    return best
+
+
+def _fits_alone(program: Program, at: int, item: int) -> bool:
+    size, room = program.kinds[at].sizes[item], program.kinds[at].room
+    if size is None or any(takes > there for takes, there in zip(size, room, strict=True)):
+        return False
+    return program.fits is None or program.fits(at, 1 << item)
+
+
+def _share(kind: Kind, item: int) -> float:
+    """The part of a host that the item takes, over all dimensions; never zero."""
+    size = kind.sizes[item]
+    assert size is not None
+    return sum(takes / max(1, there) for takes, there in zip(size, kind.room, strict=True)) + 1e-6
+
+
+class _Knapsack:
+    """Depth first over items of falling profit per size, cut by what each dimension alone would allow."""
+
+    def __init__(self, program: Program, at: int, ordered: Sequence[int], profits: Sequence[int]) -> None:
+        self.program, self.at, self.ordered = program, at, ordered
+        kind = program.kinds[at]
+        self.profits = [profits[item] for item in ordered]
+        self.sizes = [size for item in ordered if (size := kind.sizes[item]) is not None]
+        self.room = kind.room
+        self.scales = [_scale(room) for room in kind.room]
+        coarse = [
+            [takes * scale // max(1, room) for takes, scale, room in zip(size, self.scales, self.room, strict=True)]
+            for size in self.sizes
+        ]
+        self.tables = [_table([one[d] for one in coarse], self.profits, self.scales[d]) for d in range(len(self.room))]
+        self.together: _Table | None = None
+        if len(self.room) > 1:  # all dimensions added up: cuts where none alone is full
+            self.together = _table(_in_sum(self.sizes, self.room), self.profits, GRAIN * len(self.room))
+
+    def search(self, nodes: int) -> tuple[Pattern, bool]:
+        """The best set, and whether nothing was left untried."""
+        if len(self.room) == 1 and self.scales[0] == self.room[0] and not self._hindered():
+            return self._by_table(), True
+        best_profit, best_items = 0, 0
+        left = nodes
+        count, profits, sizes = len(self.ordered), self.profits, self.sizes
+        conflicts, fits = self.program.conflicts, self.program.fits
+        bound = self._bound()
+
+        def down(number: int, free: tuple[int, ...], profit: int, items: Mask, banned: Mask) -> None:
+            nonlocal best_profit, best_items, left
+            while number < count:
+                if profit + bound(number, free) <= best_profit or left <= 0:
+                    return
+                left -= 1
+                item, size = self.ordered[number], sizes[number]
+                after = tuple(map(int.__sub__, free, size))
+                bit = 1 << item
+                if min(after) >= 0 and not banned & bit and (fits is None or fits(self.at, items | bit)):
+                    gained = profit + profits[number]
+                    if gained > best_profit:
+                        best_profit, best_items = gained, items | bit
+                    down(number + 1, after, gained, items | bit, banned | conflicts[item])
+                number += 1
+
+        down(0, self.room, 0, 0, 0)
+        return Pattern(profit=best_profit, items=best_items), left > 0
+
+    def _hindered(self) -> bool:
+        """Whether anything but size keeps items apart."""
+        inside = sum(1 << item for item in self.ordered)
+        return self.program.fits is not None or any(self.program.conflicts[item] & inside for item in self.ordered)
+
+    def _by_table(self) -> Pattern:
+        """In one dimension the table is the answer; the items are read out of it."""
+        table, free, items = self.tables[0], self.room[0], 0
+        for number, item in enumerate(self.ordered):
+            if table[number][free] != table[number + 1][free]:
+                items |= 1 << item
+                free -= self.sizes[number][0]
+        return Pattern(profit=table[0][self.room[0]], items=items)
+
+    def _bound(self) -> Callable[[int, tuple[int, ...]], int]:
+        """What items from a number on can still bring, given what is free."""
+        tables, rooms = self.tables, tuple(max(1, room) for room in self.room)
+        if len(rooms) == 1:
+            (table,), (room,), (scale,) = tables, rooms, self.scales
+            return lambda number, free: table[number][free[0] * scale // room]
+        together, scales = self.together, tuple(self.scales)
+        assert together is not None
+
+        def least(number: int, free: tuple[int, ...]) -> int:
+            best = together[number][sum([left * GRAIN // room for left, room in zip(free, rooms, strict=True)])]
+            for table, left, scale, room in zip(tables, free, scales, rooms, strict=True):
+                one = table[number][left * scale // room]
+                if one < best:
+                    best = one
+            return best
+
+        return least
+
+
+def _scale(room: int) -> int:
+    return room if room <= EXACT_ROOM else GRAIN
+
+
+def _in_sum(sizes: Sequence[tuple[int, ...]], room: tuple[int, ...]) -> list[int]:
+    return [sum(takes * GRAIN // max(1, there) for takes, there in zip(size, room, strict=True)) for size in sizes]
+
+
+def _table(sizes: Sequence[int], profits: Sequence[int], room: int) -> _Table:
+    """By number and room left: the most that the items from that number on bring, by this one dimension."""
+    row = [0] * (room + 1)
+    table = [row]
+    for size, profit in zip(reversed(sizes), reversed(profits), strict=True):
+        if size == 0:
+            row = [one + profit for one in row]
+        elif size <= room:
+            row = row[:size] + [
+                with_it if (with_it := less + profit) > without else without
+                for without, less in zip(row[size:], row, strict=False)
+            ]
+        table.append(row)
+    table.reverse()
+    return table

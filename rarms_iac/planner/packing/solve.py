@@ -1,0 +1,125 @@
+"""The best packing of items onto hosts: least cost, then fewest moves, each with its proof where there is one."""
+
+from dataclasses import dataclass, field
+
+from rarms_iac.planner.packing.branch import Limits, Outcome, Search, Tree
+from rarms_iac.planner.packing.exact_fills import without_waste
+from rarms_iac.planner.packing.heuristics import quick_packing
+from rarms_iac.planner.packing.improve import improved
+from rarms_iac.planner.packing.program import (
+    Assignment,
+    Bundles,
+    Problem,
+    Program,
+    assignment_of,
+    cheapest,
+    feasible,
+    fewest_moves,
+    members,
+    value_of,
+)
+
+TRIES = 60
+"""Greedy packings that are tried before anything is proved."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Level:
+    """One level of the objective: the value of the packing, what none can be below, and the proof that they meet."""
+
+    value: int
+    bound: int
+    proof: Tree | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Packed:
+    """A packing, with what is known of better ones."""
+
+    hosts: Assignment
+    cost: Level
+    moves: Level
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Impossible:
+    """There is no packing; the proof is of a program without costs, bounded above nothing."""
+
+    proof: Tree
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GaveUp:
+    """No packing was found, and none was ruled out."""
+
+
+Result = Packed | Impossible | GaveUp
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """How much is tried."""
+
+    limits: Limits = field(default_factory=lambda: Limits(improve=improved))
+    tries: int = TRIES
+
+
+def solve(problem: Problem, settings: Settings | None = None) -> Result:
+    """Pack, at least cost first and then with the fewest moves; the same problem always has the same answer."""
+    how = settings or Settings()
+    first = cheapest(problem)
+    start = quick_packing(first, 0, how.tries)
+    if start is None:
+        answer = Search(feasible(first), None, how.limits, ceiling=1).run()
+        if answer.bundles is None:
+            return GaveUp() if answer.tree is None else Impossible(proof=answer.tree)
+        start = answer.bundles
+    least = Search(first, start, how.limits, ceiling=_ceiling(first)).run()
+    assert least.bundles is not None
+    cost = _level(first, least)
+    return _with_moves(problem, first, least.bundles, cost, how)
+
+
+def _with_moves(problem: Problem, first: Program, bundles: Bundles, cost: Level, how: Settings) -> Packed:
+    hosts = assignment_of(first, bundles)
+    if not problem.now or all(one is None for one in problem.now):
+        return Packed(hosts=hosts, cost=cost, moves=Level(value=0, bound=0, proof=None))
+    second = without_waste(fewest_moves(problem, cost.value))
+    starts = [settled(problem, first, bundles)]
+    quick = quick_packing(second, 0, how.tries)
+    starts += [quick] if quick is not None else []
+    known = min(starts, key=lambda one: value_of(second, one))
+    fewest = Search(second, known, how.limits, ceiling=_ceiling(second)).run()
+    assert fewest.bundles is not None
+    return Packed(hosts=assignment_of(second, fewest.bundles), cost=cost, moves=_level(second, fewest))
+
+
+def _level(program: Program, outcome: Outcome) -> Level:
+    assert outcome.bundles is not None
+    return Level(value=value_of(program, outcome.bundles), bound=outcome.bound, proof=outcome.tree)
+
+
+def _ceiling(program: Program) -> int:
+    """More than any packing costs."""
+    return 1 + sum(kind.opening * len(kind.hosts) for kind in program.kinds) + sum(
+        max(kind.costs[item] for kind in program.kinds) for item in range(program.items)
+    )
+
+
+def settled(problem: Problem, first: Program, bundles: Bundles) -> Bundles:
+    """The same packing on those of its hosts where most items already are, as bundles of the second level."""
+    second = fewest_moves(problem, 0)
+    kind_of = {host: at for at, kind in enumerate(second.kinds) for host in kind.hosts}
+    free = {at: list(kind.hosts) for at, kind in enumerate(first.kinds)}
+    wishes = sorted(
+        (-sum(problem.now[item] == host for item in members(mask)), number, host)
+        for number, (at, mask) in enumerate(bundles)
+        for host in free[at]
+    )
+    homes: dict[int, int] = {}
+    taken: set[int] = set()
+    for _, number, host in wishes:
+        if number not in homes and host not in taken:
+            homes[number] = host
+            taken.add(host)
+    return tuple(sorted((kind_of[homes[number]], mask) for number, (_, mask) in enumerate(bundles)))
