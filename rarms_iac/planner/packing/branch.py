@@ -52,7 +52,7 @@ class Outcome:
     tree: Tree | None  # proof that nothing is better; None: not proved
 
 
-def _as_it_is(program: Program, bundles: Bundles, target: int) -> Bundles:
+def _as_it_is(_program: Program, bundles: Bundles, _target: int) -> Bundles:
     return bundles
 
 
@@ -65,7 +65,7 @@ class Limits:
     first_dive: int = 80  # relaxations of the first, and of each later one
     dive: int = 10
     improve: Callable[[Program, Bundles, int], Bundles] = _as_it_is  # of a packing that the first dive left unproved
-    patterns: int = 40_000  # knapsacks in all
+    patterns: int = 12_000  # knapsacks in all
     effort: Effort = field(default_factory=Effort)
 
 
@@ -261,9 +261,7 @@ def _allowed(program: Program, at: int, mask: Mask) -> bool:
     """Whether the items may be on one host of the kind together, by what a node decided."""
     kind = program.kinds[at]
     items = members(mask)
-    if any(kind.sizes[item] is None or program.conflicts[item] & mask for item in items):
-        return False
-    return True
+    return not any(kind.sizes[item] is None or program.conflicts[item] & mask for item in items)
 
 
 def _spread(view: View, weights: Weights, items: int) -> Weights:

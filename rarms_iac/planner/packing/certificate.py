@@ -55,7 +55,11 @@ def _proof(program: Program, tree: Tree) -> Data:
         case Split(decision=decision, holds=holds, fails=fails):
             if not isinstance(decision, Together | On):
                 return _proof(program, Split(decision=other_side(decision), holds=fails, fails=holds))
-            return {"split": _split(program, decision), "holds": _proof(program, holds), "fails": _proof(program, fails)}
+            return {
+                "split": _split(program, decision),
+                "holds": _proof(program, holds),
+                "fails": _proof(program, fails),
+            }
 
 
 def _split(program: Program, decision: Together | On) -> Sequence[object]:
@@ -88,5 +92,3 @@ def _lifted(program: Program, weights: Weights) -> Weights:
         budget=weights.budget - more // first.charge * room,
         scale=weights.scale,
     )
-
-

@@ -5,7 +5,8 @@ from below: no pattern of a kind can carry more weight than the exact knapsack s
 weights are its certificate.
 """
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from rarms_iac.planner.packing.patterns import best_pattern
@@ -16,7 +17,7 @@ SCALE = 1_000_000
 """What one unit of cost is in weights."""
 
 _ROUNDS = 400
-_GAIN = 1e-6
+_GAIN = 1e-5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +36,6 @@ class Relaxed:
     bound: int
     weights: Weights
     parts: tuple[tuple[int, Mask, float], ...]  # kind, items, how much of it
-    complete: bool  # the parts are an optimum of the relaxation
     patterns: int  # knapsacks that were solved
 
 
@@ -45,18 +45,6 @@ class Effort:
 
     pattern_nodes: int = 200_000
     rounds: int = _ROUNDS
-
-
-def bound_of(program: Program, weights: Weights, nodes: int) -> int | None:
-    """The bound that the weights give, rounded up; None where a knapsack could not be finished."""
-    total = sum(weights.items) + weights.budget * (program.budget or 0)
-    for at, kind in enumerate(program.kinds):
-        best, complete = best_pattern(program, at, _profits(program, at, weights), nodes)
-        if not complete:
-            return None
-        if best is not None:
-            total += len(kind.hosts) * min(0, _fixed(program, at, weights) - best.profit)
-    return -(-total // weights.scale)
 
 
 def _profits(program: Program, at: int, weights: Weights) -> list[int]:
@@ -142,40 +130,31 @@ def relax(
         effort: how much is tried.
     """
     columns = _Columns(program, penalty)
-    for kind, mask in known:
-        columns.add(kind, mask)
+    for number, mask in known:
+        columns.add(number, mask)
     best, best_weights = 0, Weights(items=(0,) * program.items)
     solved = 0
     for _ in range(effort.rounds):
-        columns.master.solve()
+        value = columns.master.solve()
         weights, kinds = columns.weights()
         total = sum(weights.items) + weights.budget * (program.budget or 0)
-        new = False
+        new, exact = False, True
         for at, kind in enumerate(program.kinds):
-            pattern, complete = best_pattern(program, at, _profits(program, at, weights), effort.pattern_nodes)
+            fixed = _fixed(program, at, weights)
+            enough = fixed + math.ceil(-kinds[at] * SCALE) + 1  # the linear program has patterns of so much profit
+            profits = _profits(program, at, weights)
+            pattern, complete = best_pattern(program, at, profits, effort.pattern_nodes, enough)
             solved += 1
-            if not complete:
+            if not complete and pattern is None:
                 return None
-            if pattern is None:
-                continue
-            reduced = _fixed(program, at, weights) - pattern.profit
-            total += len(kind.hosts) * min(0, reduced)
-            if reduced / SCALE - kinds[at] < -_GAIN:
+            exact &= complete
+            total += len(kind.hosts) * min(0, fixed - (enough if pattern is None else pattern.profit))
+            if pattern is not None:
                 new |= columns.add(at, pattern.items)
         bound = -(-total // SCALE)
-        if bound > best or not any(best_weights.items):
+        if exact and (bound > best or not any(best_weights.items)):
             best, best_weights = max(best, bound), weights
-        if best >= target:
-            return _relaxed(best, best_weights, columns, solved, complete=False)
-        if not new:
-            return _relaxed(best, best_weights, columns, solved, complete=True)
-    return _relaxed(best, best_weights, columns, solved, complete=False)
-
-
-def _relaxed(bound: int, weights: Weights, columns: _Columns, solved: int, *, complete: bool) -> Relaxed:
-    return Relaxed(bound=bound, weights=weights, parts=columns.parts(), complete=complete, patterns=solved)
-
-
-def weighty(sizes: Sequence[int], penalty: int) -> int:
-    """Kept small: the penalty of an uncovered item never exceeds what all of them could cost."""
-    return max(1, min(penalty, sum(sizes)))
+        # What is to be paid is whole, so a bound of the value rounded up is all there is to find.
+        if best >= target or best >= math.ceil(value - _GAIN) or not new:
+            break
+    return Relaxed(bound=best, weights=best_weights, parts=columns.parts(), patterns=solved)

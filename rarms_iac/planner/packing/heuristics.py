@@ -77,7 +77,9 @@ def _choose(program: Program, item: int, opened: list[_Open], left: list[int], *
         cost = float(kind.costs[item] + (kind.opening + kind.charge if not host.items else 0))
         size = kind.sizes[item]
         assert size is not None
-        slack = sum((there - takes) / max(1, room) for there, takes, room in zip(host.free, size, kind.room, strict=True))
+        slack = sum(
+            (there - takes) / max(1, room) for there, takes, room in zip(host.free, size, kind.room, strict=True)
+        )
         rank = (cost, slack if tight else 0.0)
         if best is None or rank < best:
             best, chosen = rank, host

@@ -21,19 +21,22 @@ TOGETHER = (3, 4, 5)
 """Hosts that are packed anew at once: few first, more where that helps no further."""
 
 TRIES = 80
+PATTERNS = 4_000
+"""Knapsacks in all, after which nothing more is tried."""
 
 _SMALL = Limits(nodes=6, dives=3, first_dive=12, dive=6, patterns=600, effort=Effort(pattern_nodes=20_000))
 
 
 def improved(program: Program, bundles: Bundles, target: int, tries: int = TRIES) -> Bundles:
     """A packing that costs no more; a target reached or so many tries end it."""
-    best, left, fruitless = bundles, tries, set[Bundles]()
+    best, left, spent, fruitless = bundles, tries, 0, set[Bundles]()
     while left > 0 and value_of(program, best) > target:
         for some in _neighbours(program, best):
             if some in fruitless:
                 continue
-            left -= 1
-            better = _anew(program, best, some)
+            left -= 1 if spent < PATTERNS else left
+            better, patterns = _anew(program, best, some)
+            spent += patterns
             if better is not None:
                 best = better
                 break
@@ -53,8 +56,11 @@ def _neighbours(program: Program, bundles: Bundles) -> Iterator[Bundles]:
             yield tuple(sorted(ranked[at] for at in some))
 
 
-def _anew(program: Program, bundles: Bundles, some: Bundles) -> Bundles | None:
-    """The packing with these bundles' items packed anew on the hosts that the others leave, if that is better."""
+def _anew(program: Program, bundles: Bundles, some: Bundles) -> tuple[Bundles | None, int]:
+    """The packing with these bundles' items packed anew on the hosts that the others leave, if that is better.
+
+    And how many knapsacks that took.
+    """
     rest = tuple(one for one in bundles if one not in some)
     view = everything(program)
     for kind, mask in rest:
@@ -72,11 +78,13 @@ def _anew(program: Program, bundles: Bundles, some: Bundles) -> Bundles | None:
     )
     known = tuple(sorted((numbers.index(kind), _ours(view.ours(mask))) for kind, mask in some))
     before = value_of(small, known)
-    found = Search(without_waste(small), known, _SMALL, ceiling=before + 1).run()
+    search = Search(without_waste(small), known, _SMALL, ceiling=before + 1)
+    found = search.run()
     assert found.bundles is not None
     if value_of(small, found.bundles) >= before:
-        return None
-    return tuple(sorted((*rest, *((numbers[kind], view.whole(mask)) for kind, mask in found.bundles))))
+        return None, search.patterns
+    whole = ((numbers[kind], view.whole(mask)) for kind, mask in found.bundles)
+    return tuple(sorted((*rest, *whole))), search.patterns
 
 
 def _ours(mask: Mask | None) -> Mask:

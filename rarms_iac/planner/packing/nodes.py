@@ -141,9 +141,7 @@ def without(view: View, kind: int, mask: Mask) -> View:
         )
         for number, one in enumerate(program.kinds)
     )
-    conflicts = [
-        sum(1 << new for new, old in enumerate(rest) if program.conflicts[item] >> old & 1) for item in rest
-    ]
+    conflicts = [sum(1 << new for new, old in enumerate(rest) if program.conflicts[item] >> old & 1) for item in rest]
     fits = program.fits
     smaller = Program(
         items=len(rest),

@@ -4,8 +4,8 @@ Column generation prices with it, and bounds are exact because its profits are w
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
+from rarms_iac.planner.packing.density import Pattern, by_density
 from rarms_iac.planner.packing.program import Kind, Mask, Program, members
 
 GRAIN = 128
@@ -17,33 +17,35 @@ EXACT_ROOM = 1_500
 _Table = list[list[int]]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pattern:
-    """Items for one host, and their profit."""
-
-    profit: int
-    items: Mask
-
-
-def best_pattern(program: Program, at: int, profits: Sequence[int], nodes: int) -> tuple[Pattern | None, bool]:
-    """The most profitable set for a host of kind `at` with one item at least, and whether the search was complete.
+def best_pattern(
+    program: Program, at: int, profits: Sequence[int], nodes: int, above: int = 0
+) -> tuple[Pattern | None, bool]:
+    """The most profitable set for a host of kind `at` with one item at least, and whether it is known to be that.
 
     Args:
         program: what is packed.
         at: the kind.
         profits: by item, whole numbers of either sign.
         nodes: how many sets may be tried; a count, so that the same input has the same answer.
+        above: sets of no more profit do not matter; None is the answer where there is no other.
     """
     if program.patterns is not None:
-        return _best_known(program, at, profits), True
+        return _above(_best_known(program, at, profits), above), True
     kind = program.kinds[at]
     possible = [item for item in range(program.items) if _fits_alone(program, at, item)]
     gainful = [item for item in possible if profits[item] > 0]
     if not gainful:
         best = max(possible, key=lambda item: profits[item], default=None)
-        return (None if best is None else Pattern(profit=profits[best], items=1 << best)), True
-    ordered = sorted(gainful, key=lambda item: (-profits[item] / _share(kind, item), item))
-    return _Knapsack(program, at, ordered, profits).search(nodes)
+        return _above(None if best is None else Pattern(profit=profits[best], items=1 << best), above), True
+    found, complete = by_density(program, at, gainful, profits, above)
+    if not complete and found is None:
+        ordered = sorted(gainful, key=lambda item: (-profits[item] / _share(kind, item), item))
+        found, complete = _Knapsack(program, at, ordered, profits).search(nodes)
+    return _above(found, above), complete
+
+
+def _above(found: Pattern | None, above: int) -> Pattern | None:
+    return found if found is not None and found.profit > above else None
 
 
 def _best_known(program: Program, at: int, profits: Sequence[int]) -> Pattern | None:

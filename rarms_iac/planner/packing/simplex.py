@@ -66,10 +66,11 @@ class Master:
     def _entering(self, duals: Sequence[float], *, first: bool) -> int | None:
         best, chosen = -1e-7, None
         for column, (cost, entries) in enumerate(zip(self.costs, self.entries, strict=True)):
+            reduced = cost
             for row, coefficient in entries:
-                cost -= duals[row] * coefficient
-            if cost < best:
-                best, chosen = cost, column
+                reduced -= duals[row] * coefficient
+            if reduced < best:
+                best, chosen = reduced, column
                 if first:
                     break
         return chosen
@@ -99,9 +100,7 @@ class Master:
     def solution(self) -> dict[int, float]:
         """The columns that are used, with how much."""
         return {
-            column: value
-            for column, value in zip(self.basis, self.values, strict=True)
-            if column >= 0 and value > 1e-7
+            column: value for column, value in zip(self.basis, self.values, strict=True) if column >= 0 and value > 1e-7
         }
 
     def unmet(self) -> float:

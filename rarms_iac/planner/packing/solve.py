@@ -101,8 +101,10 @@ def _level(program: Program, outcome: Outcome) -> Level:
 
 def _ceiling(program: Program) -> int:
     """More than any packing costs."""
-    return 1 + sum(kind.opening * len(kind.hosts) for kind in program.kinds) + sum(
-        max(kind.costs[item] for kind in program.kinds) for item in range(program.items)
+    return (
+        1
+        + sum(kind.opening * len(kind.hosts) for kind in program.kinds)
+        + sum(max(kind.costs[item] for kind in program.kinds) for item in range(program.items))
     )
 
 

@@ -1,0 +1,97 @@
+"""The most profitable set of items by branch and bound, cut by what one dimension of all together would allow.
+
+Quick where profits tell items apart. Where they follow sizes exactly every set looks as good, and this gives up.
+"""
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rarms_iac.planner.packing.program import Kind, Mask, Program, Sizes
+
+TRIED = 1_000
+"""Sets after which this gives up."""
+
+_UNIT = 4_096
+_WEIGHTS = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pattern:
+    """Items for one host, and their profit."""
+
+    profit: int
+    items: Mask
+
+
+def by_density(
+    program: Program, at: int, gainful: Sequence[int], profits: Sequence[int], above: int
+) -> tuple[Pattern | None, bool]:
+    """The best set with a profit above that, None where there is none, and whether the search was complete.
+
+    Args:
+        program: what is packed.
+        at: the kind of host.
+        gainful: items of positive profit that fit alone.
+        profits: by item.
+        above: sets of no more profit do not matter.
+    """
+    kind = program.kinds[at]
+    size_of = {item: size for item in gainful if (size := kind.sizes[item]) is not None}
+    one_of, room = _in_one(kind, size_of)
+    ordered = sorted(gainful, key=lambda item: (-profits[item] / (one_of[item] + 1e-3), item))
+    gains, ones = [profits[item] for item in ordered], [one_of[item] for item in ordered]
+    sums, totals = [0], [0]
+    for one, gain in zip(ones, gains, strict=True):
+        sums.append(sums[-1] + one)
+        totals.append(totals[-1] + gain)
+    # All dimensions stand side by side in one number; a bit above each falls where it is exceeded.
+    width = max(1, *kind.room, *(max(size, default=0) for size in size_of.values())).bit_length() + 1
+    takes = [_side_by_side(size_of[item], width) for item in ordered]
+    guard = _side_by_side((1 << width - 1,) * len(kind.room), width)
+    count, conflicts, fits = len(ordered), program.conflicts, program.fits
+    best, chosen, left = max(above, 0), 0, TRIED
+
+    def down(number: int, free: int, space: int, profit: int, items: Mask, banned: Mask) -> None:
+        nonlocal best, chosen, left
+        while number < count:
+            target = sums[number] + space
+            full = bisect_right(sums, target, number) - 1
+            most = totals[full] - totals[number]
+            if full < count:
+                most += (target - sums[full]) * gains[full] // ones[full]
+            if profit + most <= best or left <= 0:
+                return
+            left -= 1
+            item, after = ordered[number], free - takes[number]
+            if after & guard == guard and not banned >> item & 1:
+                with_it = items | 1 << item
+                if fits is None or fits(at, with_it):
+                    gained = profit + gains[number]
+                    if gained > best:
+                        best, chosen = gained, with_it
+                    down(number + 1, after, space - ones[number], gained, with_it, banned | conflicts[item])
+            number += 1
+
+    down(0, _side_by_side(kind.room, width) | guard, room, 0, 0, 0)
+    return Pattern(profit=best, items=chosen) if chosen else None, left > 0
+
+
+def _side_by_side(sizes: Sizes, width: int) -> int:
+    return sum(size << at * width for at, size in enumerate(sizes))
+
+
+def _in_one(kind: Kind, sizes: dict[int, Sizes]) -> tuple[dict[int, int], int]:
+    """By item what it takes of all dimensions together, those that are scarce counting more, and the room in that.
+
+    Rounded down item by item, so that what fits in every dimension always fits here.
+    """
+    rooms = [max(1, there) for there in kind.room]
+    demands = [sum(size[d] for size in sizes.values()) / room for d, room in enumerate(rooms)]
+    largest = max(demands, default=0.0) or 1.0
+    weights = [1 + round(_WEIGHTS * (demand / largest) ** 2) for demand in demands]
+    one_of = {
+        item: sum(weight * _UNIT * one // room for weight, one, room in zip(weights, size, rooms, strict=True))
+        for item, size in sizes.items()
+    }
+    return one_of, _UNIT * sum(weights)

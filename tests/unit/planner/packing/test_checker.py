@@ -1,0 +1,234 @@
+"""The checker accepts what is proved and rejects what is false or not shown, whoever says it.
+
+Whether a damaged proof still shows something is judged by trying every set of items: nothing of the checker is used.
+"""
+
+import ast
+import copy
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from functools import partial
+from itertools import chain, combinations
+from math import ceil
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+
+from rarms_iac.planner.packing import checker
+from rarms_iac.planner.packing.certificate import claim_of, problem_data
+from rarms_iac.planner.packing.checker import Wrong, check
+from rarms_iac.planner.packing.program import Problem
+from rarms_iac.planner.packing.solve import GaveUp, Impossible, Packed, solve
+from tests.effort import LONG
+from tests.packings import a_packing, every_packing
+
+DAMAGED = 10_000 if LONG else 1_500
+Claim = dict[str, Any]
+
+
+def test_it_is_small_and_imports_nothing_of_the_planner() -> None:
+    text = Path(checker.__file__).read_text(encoding="utf-8")
+    imported = {one.module for one in ast.walk(ast.parse(text)) if isinstance(one, ast.ImportFrom)}
+
+    assert len(text.splitlines()) <= 150
+    assert imported == {"collections.abc", "typing"}
+
+
+def test_damaged_certificates_and_claims_are_rejected() -> None:
+    rejected, seed = 0, 0
+    kinds: dict[str, int] = {}
+    while rejected < DAMAGED:
+        seed += 1
+        problem = a_packing(seed)
+        solved = solve(problem)
+        assert not isinstance(solved, GaveUp)
+        claim = claim_of(problem, solved)
+        assert claim is not None
+        data: Any = problem_data(problem)
+        check(data, claim)
+        best = solved if isinstance(solved, Packed) else None
+        for name, damaged in damage(problem, claim, best, Random(seed)):
+            with pytest.raises(Wrong):
+                check(data, damaged)
+            rejected += 1
+            kinds[name] = kinds.get(name, 0) + 1
+
+    assert len(kinds) >= 12, kinds
+
+
+def damage(problem: Problem, claim: Claim, best: Packed | None, random: Random) -> Iterator[tuple[str, Claim]]:
+    """Claims that are false, or whose proof shows nothing any more."""
+    if best is None:
+        yield "a packing of what cannot be packed", {**packing_of(problem, random), **empty_proofs(claim)}
+    else:
+        yield from false_values(claim)
+        yield from false_packings(problem, claim, random)
+        yield from worse_packings(problem, claim, best)
+        yield "impossible, and it is not", {"impossible": claim["cost_proof"] or a_leaf(problem, random)}
+        yield "impossible, with any weights", {"impossible": a_leaf(problem, random)}
+    yield from torn(claim, random)
+    yield from weakened(problem, claim, random)
+
+
+def packing_of(problem: Problem, random: Random) -> Claim:
+    hosts = [random.randrange(len(problem.rooms)) for _ in range(problem.items)]
+    cost = sum(problem.opening[host] for host in set(hosts))
+    cost += sum(problem.costs[host][item] for item, host in enumerate(hosts))
+    return {"hosts": hosts, "cost": cost, "moves": 0}
+
+
+def empty_proofs(claim: Claim) -> Claim:
+    return {"cost_proof": claim["impossible"], "moves_proof": claim["impossible"]}
+
+
+def a_leaf(problem: Problem, random: Random) -> Claim:
+    items = [random.randint(-3, 3) for _ in range(problem.items)]
+    return {"weights": {"items": items, "budget": random.randint(-2, 2), "scale": 1}}
+
+
+def false_values(claim: Claim) -> Iterator[tuple[str, Claim]]:
+    for name in ("cost", "moves"):
+        for wrong in (claim[name] - 1, claim[name] + 1, -1, float(claim[name]), str(claim[name]), None, True):
+            yield f"another {name}", {**claim, name: wrong}
+        yield f"no {name}", {key: one for key, one in claim.items() if key != name}
+
+
+def false_packings(problem: Problem, claim: Claim, random: Random) -> Iterator[tuple[str, Claim]]:
+    hosts = claim["hosts"]
+    at = random.randrange(len(hosts))
+    for name, wrong in (
+        ("an item less", hosts[:-1]),
+        ("an item more", [*hosts, hosts[0]]),
+        ("a host that there is not", [*hosts[:at], len(problem.rooms), *hosts[at + 1 :]]),
+        ("a host before the first", [*hosts[:at], hosts[at] - len(problem.rooms), *hosts[at + 1 :]]),
+        ("a host in parts", [*hosts[:at], hosts[at] + 0.5, *hosts[at + 1 :]]),
+        ("no hosts", None),
+    ):
+        yield name, {**claim, "hosts": wrong}
+    everything = set(every_packing(problem))
+    for _ in range(4):
+        other = packing_of(problem, random)
+        where = tuple(other["hosts"])
+        if not any(where == one for _, one in everything):
+            yield "a packing that does not fit", {**claim, "hosts": list(where)}
+            yield "a packing that does not fit, with its cost", {**claim, **other}
+
+
+def worse_packings(problem: Problem, claim: Claim, best: Packed) -> Iterator[tuple[str, Claim]]:
+    """Packings that fit and are not the best: whatever their proof is, it is none."""
+    worse = [one for one in every_packing(problem) if one[0] > (best.cost.value, best.moves.value)]
+    for (cost, moves), where in worse[:: 1 + len(worse) // 4]:
+        proof = claim["cost_proof"] or claim["moves_proof"] or {"contradiction": True}
+        told = {"hosts": list(where), "cost": cost, "moves": moves}
+        yield "a worse packing", {**claim, **told}
+        yield "a worse packing with some proof", {**told, "cost_proof": proof, "moves_proof": proof}
+
+
+def leaves(node: Any) -> Iterator[Any]:
+    if "split" in node:
+        yield from leaves(node["holds"])
+        yield from leaves(node["fails"])
+    else:
+        yield node
+
+
+def proofs(claim: Claim) -> list[str]:
+    return [name for name in ("cost_proof", "moves_proof", "impossible") if claim.get(name) is not None]
+
+
+def torn(claim: Claim, random: Random) -> Iterator[tuple[str, Claim]]:
+    """Proofs of which something is missing or of another kind."""
+    for name in proofs(claim):
+        yield "no proof", {**claim, name: None}
+        yield "a proof that is a word", {**claim, name: "proved"}
+        yield "a proof that says nothing", {**claim, name: {}}
+        yield "a contradiction that is none", {**claim, name: {"contradiction": True}}
+        weighted = [at for at, leaf in enumerate(leaves(claim[name])) if "weights" in leaf]
+        if not weighted:
+            continue
+        chosen = random.choice(weighted)
+
+        def with_leaf(change: Callable[[Any], None], name: str = name, chosen: int = chosen) -> Claim:
+            again = copy.deepcopy(claim)
+            change(list(leaves(again[name]))[chosen])
+            return again
+
+        yield "a leaf without weights", with_leaf(lambda leaf: leaf.pop("weights"))
+        for word in ("items", "budget", "scale"):
+            yield f"weights without {word}", with_leaf(partial(without_weight, word))
+        yield "a weight less", with_leaf(lambda leaf: leaf["weights"]["items"].pop())
+        yield "a weight more", with_leaf(lambda leaf: leaf["weights"]["items"].append(10**9))
+        yield "a weight in parts", with_leaf(lambda leaf: leaf["weights"]["items"].__setitem__(0, 0.5))
+        yield "a scale of nothing", with_leaf(lambda leaf: leaf["weights"].update(scale=0))
+        yield "a scale below nothing", with_leaf(lambda leaf: leaf["weights"].update(scale=-1))
+        if "split" in claim[name]:
+            wrong = copy.deepcopy(claim)
+            wrong[name]["split"][0] = "perhaps"
+            yield "a split of another kind", wrong
+            yield "a side missing", {**claim, name: {k: v for k, v in claim[name].items() if k != "fails"}}
+
+
+def without_weight(word: str, leaf: Any) -> None:
+    leaf["weights"].pop(word)
+
+
+def weakened(problem: Problem, claim: Claim, random: Random) -> Iterator[tuple[str, Claim]]:
+    """Other weights in a proof of one leaf, where they show nothing any more."""
+    for name in proofs(claim):
+        leaf = claim[name]
+        if "weights" not in leaf:
+            continue
+        for _ in range(4):
+            weights = copy.deepcopy(leaf["weights"])
+            for at in random.sample(range(problem.items), random.randint(1, problem.items)):
+                weights["items"][at] += random.choice((-1, 1)) * random.randint(1, 3 * weights["scale"])
+            weights["scale"] *= random.choice((1, 1, 2))
+            value = 1 if name == "impossible" else claim[name.removesuffix("_proof")]
+            if bound(problem, claim, name, weights) < value:
+                yield f"other weights in {name}", {**claim, name: {"weights": weights}}
+
+
+def bound(problem: Problem, claim: Claim, name: str, weights: Any) -> int:
+    """What the weights show, by trying every set of items on every host."""
+    hosts, items = range(len(problem.rooms)), range(problem.items)
+    nothing = [0] * problem.items
+    moved = [[int(was not in (None, host)) for was in problem.now or [None] * problem.items] for host in hosts]
+    opening: Any = problem.opening if name == "cost_proof" else [0] * len(hosts)
+    costs: Any = {"cost_proof": problem.costs, "moves_proof": moved}.get(name, [nothing] * len(hosts))
+    total = sum(weights["items"])
+    if name == "moves_proof":
+        total += weights["budget"] * claim["cost"]
+    for host in hosts:
+        least = 0
+        for some in chain.from_iterable(combinations(items, count) for count in range(1, problem.items + 1)):
+            if not on_one_host(problem, host, some):
+                continue
+            spent = weights["scale"] * (opening[host] + sum(costs[host][at] for at in some))
+            spent -= sum(weights["items"][at] for at in some)
+            if name == "moves_proof":
+                charge = problem.opening[host] + sum(problem.costs[host][at] for at in some)
+                spent -= weights["budget"] * charge
+            least = min(least, spent)
+        total += least
+    return ceil(Fraction(total, weights["scale"]))
+
+
+def on_one_host(problem: Problem, host: int, some: tuple[int, ...]) -> bool:
+    sizes = [size for at in some if (size := problem.sizes[host][at]) is not None]
+    if len(sizes) < len(some) or any(one in some and other in some for one, other in problem.conflicts):
+        return False
+    return all(sum(size[d] for size in sizes) <= most for d, most in enumerate(problem.rooms[host]))
+
+
+def test_a_packing_that_cannot_be_is_certified_as_impossible() -> None:
+    some = [
+        (problem, found) for problem in map(a_packing, range(40)) if isinstance(found := solve(problem), Impossible)
+    ]
+
+    assert some
+    for problem, found in some:
+        claim = claim_of(problem, found)
+        assert claim is not None
+        check(problem_data(problem), claim)

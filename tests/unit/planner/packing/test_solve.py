@@ -1,0 +1,110 @@
+"""A packing fits, loses nobody, and is the best there is, on both levels; and the same problem has the same answer."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from benchmarks.packings import FAMILIES, instance
+from rarms_iac.planner.packing.branch import Limits
+from rarms_iac.planner.packing.certificate import claim_of, problem_data
+from rarms_iac.planner.packing.checker import check
+from rarms_iac.planner.packing.improve import improved
+from rarms_iac.planner.packing.solve import GaveUp, Impossible, Packed, Settings, solve
+from tests.effort import examples
+from tests.packings import a_packing, does_pack, every_packing, value_of
+
+SMALL = range(examples(150))
+
+
+def test_small_packings_are_the_best_of_all_and_certified() -> None:
+    impossible = 0
+    for seed in SMALL:
+        problem = a_packing(seed)
+        every = every_packing(problem)
+
+        found = solve(problem)
+
+        assert not isinstance(found, GaveUp), seed
+        claim = claim_of(problem, found)
+        assert claim is not None, seed
+        check(problem_data(problem), claim)
+        match found:
+            case Packed(hosts=hosts):
+                assert does_pack(problem, hosts), seed
+                assert value_of(problem, hosts) == every[0][0] == (found.cost.value, found.moves.value), seed
+                assert (found.cost.bound, found.moves.bound) == every[0][0], seed
+            case _:
+                assert isinstance(found, Impossible), seed
+                assert not every, seed
+                impossible += 1
+    assert impossible, "some of them have no packing"
+
+
+def test_what_fits_beyond_sizes_is_asked() -> None:
+    """No more than two items on the first host, whatever their sizes."""
+    for seed in SMALL[::4]:
+        problem = replace(a_packing(seed), fits=at_most_two_on_the_first, alike=tuple(range(3)))
+        every = every_packing(problem)
+
+        found = solve(problem)
+
+        if isinstance(found, Packed):
+            assert does_pack(problem, found.hosts), seed
+            assert (found.cost.value, found.moves.value) == every[0][0], seed
+        else:
+            assert not every, seed
+
+
+def at_most_two_on_the_first(host: int, items: object) -> bool:
+    assert isinstance(items, list)
+    return host != 0 or len(items) <= 2
+
+
+QUICK = Settings(limits=Limits(nodes=20, dives=4, first_dive=20, patterns=800, improve=improved))
+SURE = {"uniform", "thirds", "triplets", "shifted", "2-D", "2-D zero waste", "conflicts"}
+"""Families of which so little effort proves the first level of the instance tried here."""
+
+
+@pytest.mark.parametrize("family", sorted(FAMILIES))
+def test_an_instance_of_every_family_is_packed_and_what_is_claimed_holds(family: str) -> None:
+    one = instance(family, 2)
+    before = solve(one.before, QUICK)
+    assert isinstance(before, Packed)
+    problem = one.running(before.hosts)
+
+    found = solve(problem, QUICK)
+
+    assert isinstance(found, Packed)
+    assert does_pack(problem, found.hosts)
+    assert value_of(problem, found.hosts) == (found.cost.value, found.moves.value)
+    assert one.least is None or found.cost.value >= one.least
+    assert found.cost.bound <= found.cost.value
+    assert found.moves.bound <= found.moves.value
+    assert family not in SURE or found.cost.bound == found.cost.value
+    claim = claim_of(problem, found)
+    if claim is not None:
+        check(problem_data(problem), claim)
+
+
+def test_the_same_problem_has_the_same_answer_whatever_hashes_are() -> None:
+    script = (
+        "from benchmarks.packings import instance; from rarms_iac.planner.packing.solve import solve;"
+        "print(solve(instance('conflicts', 1).problem), solve(instance('uniform', 1).problem))"
+    )
+    root = Path(__file__).parents[4]
+    said = {
+        subprocess.run(
+            [sys.executable, "-c", script],
+            env={"PYTHONHASHSEED": seed, "PYTHONPATH": str(root), "SYSTEMROOT": "C:\\windows"},
+            cwd=root,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for seed in ("0", "1", "2")
+    }
+
+    assert len(said) == 1
