@@ -72,7 +72,7 @@ class Hypervisor:
         if not lp.taken:
             lp.taken_left = duration
         lp.taken.append((duration, name, then))
-        self.changed = True
+        self._arm(lp)
 
     def settle(self, lp: LogicalProcessor) -> None:
         """Accounts for what the LP did since it was last settled."""
@@ -140,9 +140,13 @@ class Hypervisor:
     def _standing(self, vp: VirtualProcessor) -> int:
         """LATE: its reserve must be honoured now. CLAIM: it may use it. NOTHING: it lives on what is left over."""
         saved = vp.saved()
-        if saved >= self._window - INSTANT:
+        if vp.waiting:
+            late, claim = self._window - INSTANT, SHORTEST_TURN_MS - INSTANT
+        else:  # what runs keeps its standing for a turn
+            late, claim = self._window - SHORTEST_TURN_MS, INSTANT
+        if saved >= late:
             return LATE
-        return CLAIM if saved >= (SHORTEST_TURN_MS - INSTANT if vp.waiting else INSTANT) else NOTHING
+        return CLAIM if saved >= claim else NOTHING
 
     def _place(self, vp: VirtualProcessor) -> bool:
         lp = self._lp_for(vp)
@@ -153,11 +157,12 @@ class Hypervisor:
             lp.vp = None
             self._queue(other)
         self._waiting.remove(vp)
+        # Who runs on its claim has no slice of what is left over: that is for the least served when the claim ends.
+        lp.slice_until = self._agenda.now + (SLICE_MS if self._standing(vp) == NOTHING else 0.0)
         vp.waiting = False
         vp.turn += 1
         vp.lp = vp.home = lp
         lp.vp = vp
-        lp.slice_until = self._agenda.now + SLICE_MS
         return True
 
     def _lp_for(self, vp: VirtualProcessor) -> LogicalProcessor | None:
@@ -218,22 +223,25 @@ class Hypervisor:
 
     def _lp_due(self, lp: LogicalProcessor) -> None:
         lp.armed_at = inf
-        self.changed = True
         self.settle(lp)
         if lp.taken:
-            if lp.taken_left <= INSTANT:
-                _, _, then = lp.taken.popleft()
-                if lp.taken:
-                    lp.taken_left = lp.taken[0][0]
-                if then is not None:
-                    then()
+            self._give_back(lp)
             return
+        self.changed = True
         vp = lp.vp
         if vp is not None and vp.thread is not None:
             if vp.thread.remaining <= INSTANT:
                 vp.guest.finished(vp)
             elif vp.quantum_left() <= INSTANT:
                 vp.guest.quantum_over(vp)
+
+    def _give_back(self, lp: LogicalProcessor) -> None:
+        _, _, then = lp.taken.popleft()
+        if lp.taken:
+            lp.taken_left = lp.taken[0][0]
+        self._arm(lp)
+        if then is not None:
+            then()
 
     def _look_again(self, vp: VirtualProcessor) -> None:
         self.changed = True

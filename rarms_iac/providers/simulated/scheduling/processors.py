@@ -114,7 +114,7 @@ class VirtualProcessor(Owner):
             if self.claim < INSTANT:
                 self.claim = 0.0
         else:
-            self.used += elapsed / self.weight
+            self.used += (1.0 - self.reserve) * elapsed / self.weight  # its reserve accrues and is used meanwhile
 
     def refill(self, window: int, length: float) -> None:
         """Makes its limit count anew in every window."""
