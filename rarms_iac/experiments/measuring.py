@@ -11,12 +11,14 @@ from typing import Protocol
 
 from rarms_iac.datalog.columns import as_recorded
 from rarms_iac.experiments.conclusions import Conclusion, Measure, NoVerdict, Step, Stopped
-from rarms_iac.experiments.partitions import Shape, set_reserves, shapes_of, standing
+from rarms_iac.experiments.partitions import Classes, Shape, set_reserves, shapes_of, standing
 from rarms_iac.experiments.reporter import MeasuringReporter
 from rarms_iac.experiments.room import Room, load_memory, reserve_beside
 from rarms_iac.experiments.setup import Experiment
 from rarms_iac.experiments.watching import TooManyFailed, watch
+from rarms_iac.model.diagnostics import Place
 from rarms_iac.model.measurement import P1, P2, Series, Setting
+from rarms_iac.planner.classes import classes_of, registry_values
 from rarms_iac.providers.measuring import Inside, MeasuringHost, Work
 
 SETTINGS = 101
@@ -60,6 +62,7 @@ class Surroundings:
     seed: int
     reporter: MeasuringReporter
     should_stop: Callable[[], bool]
+    others: tuple[Inside, ...] = ()  # what goes on in partitions that run beside P1 and P2, and is not looked at
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,8 +114,27 @@ def _made(experiment: Experiment, around: Surroundings, ends: ExitStack) -> _Ben
     room = around.room()
     memory = load_memory(room, experiment.setup)
     shapes = shapes_of(experiment.setup, room.capacity.logical_processors, memory)
-    ends.enter_context(standing(around.host, experiment.application, shapes))
+    classes = _classes(experiment)
+    ends.enter_context(standing(around.host, experiment.application, shapes, classes))
     return _Bench(room=room, shapes=shapes)
+
+
+def _classes(experiment: Experiment) -> Classes:
+    """The task classes that the members name, as a plan would set them in a partition of just these."""
+    decided = classes_of(experiment.members, experiment.tasks, P1, NoPlaces()).classes
+    return {one.name: registry_values(one) for one in decided}
+
+
+class NoPlaces:
+    """A `Places` for who is told nothing: whoever plans is told of an order that classes cannot express."""
+
+    def value(self, *_path: str | int) -> Place:
+        """No place in particular."""
+        return Place(file="", line=1, column=1)
+
+    def key(self, *_path: str | int) -> Place:
+        """No place in particular."""
+        return Place(file="", line=1, column=1)
 
 
 def _run(
@@ -123,7 +145,7 @@ def _run(
     if beside is None:
         raise ValueError(f"{reserve} % was asked for, and the host cannot give that")
     set_reserves(around.host, experiment.application, bench.shapes, {P1: reserve, P2: beside})
-    with around.host.run(_work(experiment, around.seed, reserve)) as running:
+    with around.host.run(_work(experiment, around, reserve)) as running:
         seen = watch(running, experiment.members, _looking(experiment, strategy, around, reserve), around.should_stop)
     match seen:
         case None:
@@ -151,11 +173,15 @@ def _setting(reserve: int, beside: int, seed: int, seen: Mapping[str, Series]) -
     return as_recorded(Setting(reserve=reserve, series=series, beside=beside, seed=seed))
 
 
-def _work(experiment: Experiment, seed: int, reserve: int) -> Work:
+def _work(experiment: Experiment, around: Surroundings, reserve: int) -> Work:
     """Chance is drawn anew for each setting: what two of them have in common is not an accident of one."""
     return Work(
         application=experiment.application,
-        inside=(Inside(partition=P1, components=experiment.members), Inside(partition=P2, load=experiment.load)),
+        inside=(
+            Inside(partition=P1, components=experiment.members),
+            Inside(partition=P2, load=experiment.load),
+            *around.others,
+        ),
         until={name: run.until for name, run in experiment.runs.items()},
-        seed=seed * SETTINGS + reserve,
+        seed=around.seed * SETTINGS + reserve,
     )
