@@ -172,6 +172,27 @@ def test_several_components_in_one_partition_must_all_meet_their_thresholds(tmp_
     assert [one.component for one in ended.settings[0].series] == ["speech", "vision"]
 
 
+def test_the_task_classes_of_the_members_are_in_p1_as_a_plan_would_set_them(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, "speech", "vision")
+    speech, vision = bench.experiment.members
+    bench.experiment = replace(
+        bench.experiment,
+        members=(
+            replace(speech, task="SpeechRecognition", criticality=10),
+            replace(vision, task="ObjectIdentification", criticality=40),
+        ),
+    )
+    priorities: dict[str, int] = {}
+
+    def looking(machine: Machine, seed: int) -> Iterator[JobDone]:
+        priorities.update({one.component: one.priority for each in machine.machines for one in each.components})
+        return fluid(machine, seed)
+
+    bench.measure(Sweeping(reserves=(50,)), simulate=looking)
+
+    assert priorities["vision"] > priorities["speech"] > 16
+
+
 def test_a_sweep_runs_every_setting_to_its_end(bench: Bench) -> None:
     ended = bench.measure(Sweeping(reserves=(10, 55, 100)))
 
