@@ -18,6 +18,9 @@ from rarms_iac.model.measurement import Series, Setting
 from rarms_iac.model.system import Threshold
 from rarms_iac.statistics.curve import curves_of, least_reserve
 
+EXTREMES = frozenset({"maximum_response_time"})
+"""Indexes that one more sample can turn from met to missed, and never back."""
+
 
 def goal_of(experiment: Experiment) -> Goal:
     """What a search looks for: every APT of every member."""
@@ -41,8 +44,14 @@ class Searching:
         return self._replayed(trials) if self.only_its_own else self._within(trials)
 
     def is_enough(self, seen: Mapping[str, Series]) -> bool:
-        """As `Strategy` says."""
-        return settled(seen, self.goal)
+        """As `Strategy` says.
+
+        NOTE: an extreme that is met so far may yet be missed: only all the samples that are allowed tell what they can.
+        """
+        if not settled(seen, self.goal):
+            return False
+        extremes = any(index in EXTREMES for member in self.goal.members for index in member.apt)
+        return not (extremes and trial_of(Setting(reserve=1, series=tuple(seen.values())), self.goal).passed)
 
     def _judged(self, settings: Sequence[Setting]) -> Sequence[Trial]:
         """NOTE: settings are only ever added, and judging one reads all of its samples: each is judged once."""

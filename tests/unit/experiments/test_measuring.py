@@ -305,6 +305,17 @@ def with_samples(experiment: Experiment, samples: int) -> Experiment:
     return replace(experiment, members=members)
 
 
+def test_a_maximum_that_is_met_so_far_is_watched_to_the_end_and_one_that_is_missed_is_not(bench: Bench) -> None:
+    vision = replace(bench.experiment.members[0], apt={"maximum_response_time": at_most(100)})
+    bench.experiment = replace(bench.experiment, members=(vision,))
+    ended = bench.measure()
+
+    counts = {one.reserve: len(one.series[0].samples) for one in ended.settings}
+    assert isinstance(ended.conclusion, Sufficient)
+    assert counts[ended.conclusion.reserve] == 60
+    assert min(counts.values()) < 60
+
+
 def test_what_is_decided_again_from_the_log_is_what_was_decided_before(bench: Bench) -> None:
     """Early ends are decided while samples come in, and judged anew from what was recorded."""
     ended = bench.measure()
