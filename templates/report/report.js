@@ -144,8 +144,9 @@
 
   const commandLines = (card) =>
     wanted(card).map((plot) => {
-      const index = plotsOf(card).filter((one) => one.component === plot.component).length > 1 ? `${plot.index}=` : "";
-      return `rarms select ${plot.component} --at ${index}${plot.text}${plot.unit}`;
+      const several = plotsOf(card).filter((one) => one.component === plot.component).length > 1;
+      const index = several || !plot.apt ? ` --index ${plot.index}` : "";
+      return `rarms select ${plot.component} --at "${plot.text} ${plot.unit}"${index}`;
     });
 
   const fill = (id, lines) => {
