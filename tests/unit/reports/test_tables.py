@@ -76,13 +76,20 @@ def test_a_workbook_has_a_summary_a_sheet_a_log_and_a_chart_a_curve() -> None:
     book = openpyxl.load_workbook(BytesIO(workbook(REPORT)))
 
     assert book.sheetnames == ["summary", "face-detection", "speech-recognition", "path-planning", "settings"]
-    assert [len(book[name]._charts) for name in book.sheetnames] == [0, 1, 2, 1, 0]
+    assert [charts_of(book[name]) for name in book.sheetnames] == [0, 1, 2, 1, 0]
     rows = list(book["summary"].iter_rows(values_only=True))
     assert rows[1][:8] == ("face-detection", "mean_response_time", "at_most", 100, "ms", rows[1][5], 60, 1.2)
     assert rows[-1][:4] == ("onboard", "onboard", 2, 1.72)
-    curve = [row[:3] for row in book["face-detection"].iter_rows(min_row=3, max_row=93, values_only=True)]
-    shown = REPORT.measurements[0].indexes[0]
-    assert curve == [(row.reserve, pytest.approx(row.value), pytest.approx(row.safe)) for row in shown.rows]
+    shown = REPORT.measurements[0].indexes[0].rows
+    curve = [[float(str(cell)) for cell in row[:3]] for row in list(book["face-detection"].values)[2:93]]
+    assert [reserve for reserve, _, _ in curve] == [row.reserve for row in shown]
+    assert [value for _, value, _ in curve] == pytest.approx([row.value for row in shown])
+    assert [safe for _, _, safe in curve] == pytest.approx([row.safe for row in shown])
+
+
+def charts_of(sheet: object) -> int:
+    """How many charts openpyxl found in it: it says so only in private."""
+    return len(getattr(sheet, "_charts", ()))
 
 
 def test_the_same_report_gives_the_same_bytes() -> None:
