@@ -81,7 +81,7 @@
     const over = pill.getBoundingClientRect();
     return [...element(labels).querySelectorAll(":scope > text")].map((label) => {
       const box = label.getBoundingClientRect();
-      return [label, box.left < over.right && over.left < box.right && box.top < over.bottom && over.top < box.bottom];
+      return [label, box.left < over.right + 4 && over.left < box.right + 4 && box.top < over.bottom && over.top < box.bottom];
     });
   };
 
