@@ -8,7 +8,7 @@ from rarms_iac.model.system import Run, Threshold
 from rarms_iac.statistics.estimates import NoEstimate, estimate
 from rarms_iac.statistics.verdict import VERDICT_ERROR, Met, Missed, Verdict, decide, judge
 
-TOLERANCE = 0.005
+TOLERANCE = 0.01
 """Within which part of its threshold (of a share: how many hundredths) an APT is decided."""
 
 
