@@ -26,7 +26,7 @@ from rarms_iac.providers.simulated.scheduling.values import (
 )
 from tests.effort import examples
 
-UNTIL_MS = 300.0
+UNTIL_MS = 160.0
 GRAIN = 1e-3  # ms: rounding of the model's floats over a run, with plenty to spare
 
 arrivals = st.one_of(st.just(OneAfterAnother()), st.builds(Every, period_ms=st.floats(5, 200)))
@@ -93,7 +93,7 @@ def run(machine: Machine, until_ms: float = UNTIL_MS, seed: int = 1) -> Ran:
 
 
 @given(machines())
-@settings(max_examples=examples(12), deadline=None)
+@settings(max_examples=examples(8), deadline=None)
 def test_every_lp_does_one_thing_at_a_time_and_all_of_the_time(machine: Machine) -> None:
     pieces = run(machine).pieces
 
@@ -105,7 +105,7 @@ def test_every_lp_does_one_thing_at_a_time_and_all_of_the_time(machine: Machine)
 
 
 @given(machines())
-@settings(max_examples=examples(12), deadline=None)
+@settings(max_examples=examples(8), deadline=None)
 def test_no_vp_is_on_two_lps_at_once(machine: Machine) -> None:
     by_vp: dict[str, list[Piece]] = defaultdict(list)
     for piece in run(machine).pieces:
@@ -118,7 +118,7 @@ def test_no_vp_is_on_two_lps_at_once(machine: Machine) -> None:
 
 
 @given(st.lists(demands("x"), min_size=1, max_size=3), st.integers(1, 3), st.integers(0, 100))
-@settings(max_examples=examples(10), deadline=None)
+@settings(max_examples=examples(8), deadline=None)
 def test_what_components_consumed_is_what_their_vps_ran(asked: list[Demand], lps: int, reserve: int) -> None:
     named = tuple(_named(one, f"c{number}") for number, one in enumerate(asked))
     vm = VirtualMachine(name="vm", vps=lps, reserve=reserve, components=named)
@@ -130,7 +130,7 @@ def test_what_components_consumed_is_what_their_vps_ran(asked: list[Demand], lps
 
 
 @given(st.floats(0.5, 60), st.integers(1, 3), st.integers(1, 100))
-@settings(max_examples=examples(10), deadline=None)
+@settings(max_examples=examples(8), deadline=None)
 def test_a_job_is_paid_in_full_and_only_once(work: float, threads: int, reserve: int) -> None:
     asked = Demand(component="c", work_ms=work, threads=threads)
     machine = Machine(
@@ -147,7 +147,7 @@ def test_a_job_is_paid_in_full_and_only_once(work: float, threads: int, reserve:
 
 
 @given(machines())
-@settings(max_examples=examples(12), deadline=None)
+@settings(max_examples=examples(8), deadline=None)
 def test_a_limit_is_passed_in_no_window(machine: Machine) -> None:
     used = _by_window(run(machine).pieces, machine.window_ms)
 
@@ -157,7 +157,7 @@ def test_a_limit_is_passed_in_no_window(machine: Machine) -> None:
 
 
 @given(machines(interrupts=False), st.integers(1, 100))
-@settings(max_examples=examples(12), deadline=None)
+@settings(max_examples=examples(8), deadline=None)
 def test_no_lp_idles_while_somebody_could_use_it(machine: Machine, weight: int) -> None:
     greedy = VirtualMachine(name="greedy", vps=machine.lps, weight=weight, loads=(BusyLoops(),))
     pieces = run(Machine(lps=machine.lps, machines=(*machine.machines, greedy))).pieces
@@ -166,7 +166,7 @@ def test_no_lp_idles_while_somebody_could_use_it(machine: Machine, weight: int) 
 
 
 @given(machines(interrupts=False), st.data())
-@settings(max_examples=examples(15), deadline=None)
+@settings(max_examples=examples(10), deadline=None)
 def test_a_reserve_that_is_demanded_is_given(machine: Machine, data: st.DataObject) -> None:
     """Over any time t from any moment on, a VP that always demands gets its share of all but one window of t."""
     left = 100 * machine.lps - sum(one.vps * one.reserve for one in machine.machines)
@@ -175,7 +175,7 @@ def test_a_reserve_that_is_demanded_is_given(machine: Machine, data: st.DataObje
     steady = VirtualMachine(name="steady", vps=vps, reserve=reserve, loads=(BusyLoops(),))
     quiet = tuple(_without_browsers(one) for one in machine.machines)
 
-    pieces = run(Machine(lps=machine.lps, machines=(*quiet, steady)), 800.0).pieces
+    pieces = run(Machine(lps=machine.lps, machines=(*quiet, steady)), 500.0).pieces
 
     for number in range(vps):
         wanted = _most_behind(pieces, f"steady.{number}", reserve / 100)
@@ -219,4 +219,4 @@ def _most_behind(pieces: list[Piece], vp: str, share: float) -> float:
         behind -= (1.0 - share) * (piece.ended - piece.began)
         least = min(least, behind)
         at = piece.ended
-    return max(most, behind + share * (800.0 - at) - least)
+    return max(most, behind + share * (500.0 - at) - least)
