@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from html import escape
 
 WIDTH, HEIGHT = 560, 330
-LEFT, RIGHT, TOP, BOTTOM = 60, 16, 34, 62
+LEFT, RIGHT, TOP, BOTTOM = 60, 16, 54, 62
 COLOURS = ("#0b6bcb", "#c2410c", "#15803d", "#7e22ce")
 DASHES = ("", "6 3", "2 3", "8 3 2 3")
 
@@ -20,14 +20,14 @@ class Chart:
     across: str
     up: str
     lines: Mapping[str, Line]
+    span: tuple[float, float]  # the ends of the horizontal axis
     most: float  # the upper end of the vertical axis
     least: float = 0.0
 
 
 def draw(chart: Chart) -> str:
     """The chart as SVG text."""
-    points = [point for line in chart.lines.values() for point in line]
-    low, high = min(x for x, _ in points), max(x for x, _ in points)
+    low, high = chart.span
 
     def place(x: float, y: float) -> tuple[float, float]:
         across = (x - low) / (high - low) * (WIDTH - LEFT - RIGHT)
@@ -50,7 +50,7 @@ def draw(chart: Chart) -> str:
         parts.append(f'<text x="{x}" y="{HEIGHT - BOTTOM + 16}" text-anchor="middle">{label}</text>')
     middle = (LEFT + WIDTH - RIGHT) / 2
     parts.append(f'<text x="{middle}" y="{HEIGHT - BOTTOM + 32}" text-anchor="middle">{escape(chart.across)}</text>')
-    parts.append(f'<text x="14" y="{TOP - 2}" font-size="11">{escape(chart.up)}</text>')
+    parts.append(f'<text x="14" y="{TOP - 14}" font-size="11">{escape(chart.up)}</text>')
     for number, (name, line) in enumerate(chart.lines.items()):
         parts += _line(number, name, [place(x, y) for x, y in line])
     return "\n".join([*parts, "</svg>", ""])

@@ -34,6 +34,7 @@ def _chart_1(one: dict[int, float]) -> Chart:
         across="CPU reservation of P1 (%)",
         up="mean response time (ms)",
         lines={"simulated": list(one.items()), "88 ms (paper, 70 %)": [(10, 88), (100, 88)]},
+        span=(0, 100),
         most=800,
     )
 
@@ -47,7 +48,8 @@ def _chart_3(three: list[Loaded]) -> Chart:
             name: [(one.utilisation, one.response_ms[part] / three[0].response_ms[part]) for one in three[:11]]
             for name, part in (("FDP, at 30", FDP), ("SRP, at 31", SRP), ("VSP, at 8", VSP), ("PPP, at 8", PPP))
         },
-        most=12,
+        span=(0, 100),
+        most=12.5,
     )
 
 
@@ -57,6 +59,7 @@ def _chart_4(four: dict[tuple[int, int], dict[int, float]]) -> Chart:
         across="browsers that stream video",
         up="mean response time (ms)",
         lines={f"{p1}/{p2}": list(line.items()) for (p1, p2), line in four.items()},
+        span=(0, 10),
         most=200,
     )
 

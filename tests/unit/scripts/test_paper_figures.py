@@ -88,8 +88,8 @@ def test_figure_4_falls_again_at_ten_browsers(four: dict[tuple[int, int], dict[i
 
 
 def test_a_chart_names_its_lines_and_the_same_numbers_give_the_same_bytes() -> None:
-    chart = Chart(title="A & B", across="x", up="y", lines={"one": [(0, 0), (1, 5)]}, most=10)
+    chart = Chart(title="A & B", across="x", up="y", lines={"one": [(0, 0), (1, 5)]}, span=(0, 1), most=10)
 
     assert draw(chart) == draw(chart)
     assert "A &amp; B" in draw(chart)
-    assert '<polyline points="60.0,268.0 544.0,151.0"' in draw(chart)
+    assert '<polyline points="60.0,268.0 544.0,161.0"' in draw(chart)
