@@ -32,8 +32,8 @@ class Strategy(Protocol):
         """What to do after these settings, in the order in which they were run."""
         ...
 
-    def is_enough(self, seen: Mapping[str, Series]) -> bool:
-        """Whether the samples of a running setting so far settle what it is run for."""
+    def is_enough(self, asked: Measure, seen: Mapping[str, Series]) -> bool:
+        """Whether the samples so far of the setting that was asked for settle what it is run for."""
         ...
 
 
@@ -91,7 +91,7 @@ def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, around
                 break
             bench = bench or _made(experiment, around, ends)
             around.reporter.setting_started(experiment, step.reserve, len(settings) + 1)
-            setting = _run(experiment, strategy, around, bench, step.reserve)
+            setting = _run(experiment, strategy, around, bench, step)
             if not isinstance(setting, Setting):
                 step = setting
                 break
@@ -138,15 +138,16 @@ class NoPlaces:
 
 
 def _run(
-    experiment: Experiment, strategy: Strategy, around: Surroundings, bench: _Bench, reserve: int
+    experiment: Experiment, strategy: Strategy, around: Surroundings, bench: _Bench, asked: Measure
 ) -> Setting | NoVerdict | Stopped:
     """One setting, from the reserves to the last sample."""
+    reserve = asked.reserve
     beside = reserve_beside(bench.room, experiment.setup, reserve)
     if beside is None:
         raise ValueError(f"{reserve} % was asked for, and the host cannot give that")
     set_reserves(around.host, experiment.application, bench.shapes, {P1: reserve, P2: beside})
     with around.host.run(_work(experiment, around, reserve)) as running:
-        seen = watch(running, experiment.members, _looking(experiment, strategy, around, reserve), around.should_stop)
+        seen = watch(running, experiment.members, _looking(experiment, strategy, around, asked), around.should_stop)
     match seen:
         case None:
             return Stopped()
@@ -157,12 +158,12 @@ def _run(
 
 
 def _looking(
-    experiment: Experiment, strategy: Strategy, around: Surroundings, reserve: int
+    experiment: Experiment, strategy: Strategy, around: Surroundings, asked: Measure
 ) -> Callable[[Mapping[str, Series]], bool]:
     def look(seen: Mapping[str, Series]) -> bool:
-        around.reporter.looked(experiment, reserve, seen)
-        recorded = _setting(reserve, 0, around.seed, seen)
-        return strategy.is_enough({one.component: one for one in recorded.series})
+        around.reporter.looked(experiment, asked.reserve, seen)
+        recorded = _setting(asked.reserve, 0, around.seed, seen)
+        return strategy.is_enough(asked, {one.component: one for one in recorded.series})
 
     return look
 
