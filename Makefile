@@ -8,7 +8,7 @@ RUNS := $(VENV)/.installed
 TESTS := $(VENV)/.installed-dev
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long lint test-windows generated bench clean
+.PHONY: help demo test test-long lint test-windows generated figures bench clean
 
 help: ## Show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | while IFS='|' read -r name says; do printf '%-20s %s\n' "$$name" "$$says"; done
@@ -30,6 +30,9 @@ test-windows: $(TESTS) ## The unit, case and law tests under the real Windows CP
 
 generated: $(TESTS) ## Write what is made from the code: schemas, references, the index of findings
 	@scripts/generate
+
+figures: $(TESTS) ## The paper's figures on the simulated host, with its numbers beside them
+	@scripts/figures
 
 bench: $(TESTS) ## All benchmarks, as ratios measured in one run
 	@scripts/bench

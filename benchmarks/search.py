@@ -14,7 +14,7 @@ from multiprocessing import Pool
 from benchmarks.shapes import NAMED, NOISES, UNSEEN, Truth, component
 from benchmarks.timing import Figure, report
 from benchmarks.trials import ALLOWED, Bench, goal_of, walk
-from rarms_iac.experiments.search import STRATEGIES, Found, Goal, Measure, Step, Trial
+from rarms_iac.experiments.search import STRATEGIES, Found, Goal, Measure, NotAchievable, Step, Trial
 from rarms_iac.experiments.search.bisection import halve
 
 COMPONENTS = 1000
@@ -43,11 +43,9 @@ def by_one(history: Sequence[Trial], _goal: Goal) -> Step:
     if not history:
         return Measure(reserve=1)
     last = history[-1]
-    return (
-        Found(reserve=last.reserve, failed=last.reserve - 1 or None)
-        if last.passed
-        else Measure(reserve=last.reserve + 1)
-    )
+    if last.passed:
+        return Found(reserve=last.reserve, failed=last.reserve - 1 or None)
+    return NotAchievable() if last.reserve == 100 else Measure(reserve=last.reserve + 1)
 
 
 def to_width(history: Sequence[Trial], goal: Goal) -> Step:

@@ -16,7 +16,7 @@ from rarms_iac.statistics.verdict import next_look
 ALLOWED = 4000
 """Samples a setting may have: with a CV of 15 % and a correlation of 0.5, a mean is then known within 0.4 %."""
 
-MOST_SETTINGS = 100
+MOST_SETTINGS = 100  # all there are
 NAME = "coi"
 
 
@@ -113,7 +113,7 @@ class Walk:
 def walk(strategy: Strategy | Callable[[list[Trial], Goal], Step], bench: Bench) -> Walk:
     """What the strategy measures of this component until it ends."""
     history: list[Trial] = []
-    while len(history) < MOST_SETTINGS:
+    while len(history) <= MOST_SETTINGS:
         step = strategy(history, bench.goal)
         if not isinstance(step, Measure):
             return Walk(trials=tuple(history), end=step)

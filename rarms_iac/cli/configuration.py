@@ -6,7 +6,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from rarms_iac import __version__
+from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, rests_on_a_log, subject_of
+from rarms_iac.cli.problems import Halted
 from rarms_iac.datalog.configuration import Chosen, append_entry, last_chosen, read_entries
 from rarms_iac.datalog.files import LogUnreadable, read_log
 from rarms_iac.datalog.paths import configuration_path
@@ -14,6 +16,7 @@ from rarms_iac.experiments.setup import interference_of
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.system import Component, Host
 from rarms_iac.model.thresholds import show_threshold
+from rarms_iac.planner.findings import UNREADABLE
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.reservations import names_of
 from rarms_iac.planner.sizes import Sized, size
@@ -25,7 +28,7 @@ def record_choices(measured: Measurements, components: Iterable[str] = ()) -> tu
     A component whose reservation cannot be told is left out: `rarms plan` tells why.
 
     Raises:
-        LogUnreadable: a configuration log is damaged.
+        Halted: a configuration log is damaged (4).
         OSError: one cannot be written.
     """
     system, wanted = measured.system, set(components)
@@ -92,12 +95,14 @@ def _entries(
 
 def _record(folder: Path, platform: str, chosen: Chosen) -> Path | None:
     path = configuration_path(folder, platform, chosen.component)
-    last = last_chosen(read_entries(path))
+    try:
+        last = last_chosen(read_entries(path))
+    except LogUnreadable as problem:
+        says = f"{path.relative_to(folder).as_posix()}, line {problem.line}: {problem.says}."
+        advice = "Bring it back from git, or remove it: what is chosen is then written anew."
+        raise Halted(ExitCode.NO, [UNREADABLE.at(None, says, advice)]) from None
     same = last is not None and replace(last, when=chosen.when, rarms_version=chosen.rarms_version) == chosen
     if same:
         return None
     append_entry(path, chosen)
     return path
-
-
-__all__ = ["LogUnreadable", "apt_in_words", "now", "record_choices"]

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -33,7 +34,8 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.state import Partition
 from rarms_iac.model.system import ProviderKind
 from rarms_iac.planner.findings import UNREADABLE
-from rarms_iac.providers.measuring import MeasuringHost
+from rarms_iac.planner.groups import groups_of
+from rarms_iac.providers.measuring import Inside, MeasuringHost
 from rarms_iac.statistics.curve import curves_of, least_reserve
 from rarms_iac.views.measured import Measured
 from rarms_iac.views.measuring import MeasuringProgress
@@ -94,6 +96,7 @@ def run_experiment(
         seed=_seed(book, options),
         reporter=MeasuringProgress(terminal.status, time.monotonic, lively=terminal.lively, width=terminal.width),
         should_stop=session.interrupts.should_stop,
+        others=tuple(_going_on(hosts, running)),
     )
     ended = measure(experiment, _strategy(hosts, experiment, options, top), book, around)
     if ended.new and running:
@@ -122,7 +125,7 @@ def _book(
     try:
         log = read_log(path)
     except LogUnreadable as problem:
-        raise Halted(ExitCode.NO, [_unreadable(problem)]) from None
+        raise Halted(ExitCode.NO, [unreadable(problem)]) from None
     compared = Comparison(changed=(), warns=(), unverified=())
     if log is not None:
         compared = compare(log.header, header.identity, known(header.bench))
@@ -223,6 +226,21 @@ def _refuse(
         raise Halted(ExitCode.NO, [findings.NO_ROOM.at(None, says, advice, address=f"host/{host}")])
 
 
+def _going_on(hosts: Hosts, running: Sequence[Partition]) -> Iterator[Inside]:
+    """What the application's own partitions do meanwhile: their components, under names that nobody looks for.
+
+    What machines of others do, nobody can say: a simulated host has them idle.
+    """
+    application = hosts.system.application.name
+    names = {one.mark.name for one in running if one.mark and one.mark.application == application}
+    for group in groups_of(hosts.system):
+        if group.name in names:
+            members = tuple(
+                replace(one, name=f"{one.name} in {group.name}") for one in group.members if one.simulation is not None
+            )
+            yield Inside(partition=group.name, components=members)
+
+
 def _seed(book: Book, options: MeasureOptions) -> int:
     """What chance is drawn from: as it is asked for, or as the log's last settings had it."""
     if book.seed is not None:
@@ -230,7 +248,8 @@ def _seed(book: Book, options: MeasureOptions) -> int:
     return options.seed or highest_seed(book.settings()) or USUAL_SEED
 
 
-def _unreadable(problem: LogUnreadable) -> Diagnostic:
+def unreadable(problem: LogUnreadable) -> Diagnostic:
+    """A log that is not as it was written."""
     return UNREADABLE.at(
         None,
         f"{problem.path.as_posix()}, line {problem.line}: {problem.says}.",

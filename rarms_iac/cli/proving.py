@@ -2,8 +2,12 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
 
+from rarms_iac import __version__
 from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.configuration import now
 from rarms_iac.cli.experiments import refuse_unknown
 from rarms_iac.cli.hosts import Hosts
 from rarms_iac.cli.measuring import held_benches
@@ -11,7 +15,10 @@ from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.telling import tell
 from rarms_iac.cli.wiring import open_bench
+from rarms_iac.datalog.configuration import Proven, ProvenIndex, append_entry
+from rarms_iac.datalog.paths import configuration_path
 from rarms_iac.experiments import findings
+from rarms_iac.experiments.measured import Shown
 from rarms_iac.experiments.proving import AppliedLayout, Proof, has_room, prove, with_samples
 from rarms_iac.experiments.room import room_of
 from rarms_iac.experiments.telling import show_measured, show_threshold
@@ -56,11 +63,48 @@ def prove_layout(session: Session, hosts: Hosts, options: ProveOptions, *, as_js
                 session.terminal.talk("Stopped: nothing is proven, and nothing was changed.")
                 return session.interrupts.asked or ExitCode.INTERRUPTED
             proofs.append(answer)
+    _record(hosts, proofs, states)
     missed = tuple(_missed(hosts, proofs))
     tell(session.terminal, missed, hosts.opened.loaded.sources)
     against = options.interference
     session.terminal.data(prove_json(proofs, against, missed) if as_json else proof_text(proofs, against))
     return ExitCode.NO if missed else ExitCode.DONE
+
+
+def _record(hosts: Hosts, proofs: list[Proof], states: Mapping[str, State]) -> None:
+    """Write every PI beside its APT into the configuration logs, whatever came of it."""
+    for proof in proofs:
+        application = proof.layout.application
+        reserves = {
+            one.mark.name: one.settings.reserve for one in states[proof.host].of(application).partitions if one.mark
+        }
+        where = {one.name: name for name, members in proof.layout.partitions.items() for one in members}
+        everyone = tuple(one.name for one in proof.layout.components)
+        for component in proof.layout.judged:
+            entry = Proven(
+                component=component.name,
+                when=now(),
+                rarms_version=__version__,
+                host=proof.host,
+                partition=where.get(component.name, ""),
+                reserve=reserves.get(where.get(component.name, ""), 0),
+                beside=tuple(one for one in everyone if one != component.name),
+                indexes=tuple(_proven(one) for one in proof.shown if one.component == component.name),
+            )
+            platform = hosts.system.hosts[proof.host].platform
+            append_entry(configuration_path(Path(hosts.folder), platform, component.name), entry)
+
+
+def _proven(one: Shown) -> ProvenIndex:
+    seen = one.estimate
+    return ProvenIndex(
+        index=one.index,
+        threshold=show_threshold(one.index, one.threshold),
+        value=seen.value if seen else None,
+        lower=seen.lower if seen and isfinite(seen.lower) else None,
+        upper=seen.upper if seen and isfinite(seen.upper) else None,
+        met=not one.misses,
+    )
 
 
 def applied_layouts(hosts: Hosts, states: Mapping[str, State]) -> dict[str, AppliedLayout]:

@@ -23,6 +23,8 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "snapshot": "Write down what a host looks like.",
         "run": "Run components on this machine, to see whether their `run` is right.",
         "graph": "Draw hosts, partitions and components.",
+        "report": "Show performance against reservation, as a page with lines to drag.",
+        "export": "Write what was measured as CSV or XLSX.",
         "explain": "Explain a finding.",
         "schema": "Print a JSON Schema.",
         "completion": "Print a completion script for a shell.",

@@ -8,6 +8,7 @@ class Measure:
     """Not ended: run the setting with this CR."""
 
     reserve: int
+    precision: float | None = None  # as of `experiments.search.Measure`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,12 +11,14 @@ from typing import Protocol
 
 from rarms_iac.datalog.columns import as_recorded
 from rarms_iac.experiments.conclusions import Conclusion, Measure, NoVerdict, Step, Stopped
-from rarms_iac.experiments.partitions import Shape, set_reserves, shapes_of, standing
+from rarms_iac.experiments.partitions import Classes, Shape, set_reserves, shapes_of, standing
 from rarms_iac.experiments.reporter import MeasuringReporter
 from rarms_iac.experiments.room import Room, load_memory, reserve_beside
 from rarms_iac.experiments.setup import Experiment
 from rarms_iac.experiments.watching import TooManyFailed, watch
+from rarms_iac.model.diagnostics import Place
 from rarms_iac.model.measurement import P1, P2, Series, Setting
+from rarms_iac.planner.classes import classes_of, registry_values
 from rarms_iac.providers.measuring import Inside, MeasuringHost, Work
 
 SETTINGS = 101
@@ -30,8 +32,8 @@ class Strategy(Protocol):
         """What to do after these settings, in the order in which they were run."""
         ...
 
-    def is_enough(self, seen: Mapping[str, Series]) -> bool:
-        """Whether the samples of a running setting so far settle what it is run for."""
+    def is_enough(self, asked: Measure, seen: Mapping[str, Series]) -> bool:
+        """Whether the samples so far of the setting that was asked for settle what it is run for."""
         ...
 
 
@@ -60,6 +62,7 @@ class Surroundings:
     seed: int
     reporter: MeasuringReporter
     should_stop: Callable[[], bool]
+    others: tuple[Inside, ...] = ()  # what goes on in partitions that run beside P1 and P2, and is not looked at
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,7 +91,7 @@ def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, around
                 break
             bench = bench or _made(experiment, around, ends)
             around.reporter.setting_started(experiment, step.reserve, len(settings) + 1)
-            setting = _run(experiment, strategy, around, bench, step.reserve)
+            setting = _run(experiment, strategy, around, bench, step)
             if not isinstance(setting, Setting):
                 step = setting
                 break
@@ -111,20 +114,40 @@ def _made(experiment: Experiment, around: Surroundings, ends: ExitStack) -> _Ben
     room = around.room()
     memory = load_memory(room, experiment.setup)
     shapes = shapes_of(experiment.setup, room.capacity.logical_processors, memory)
-    ends.enter_context(standing(around.host, experiment.application, shapes))
+    classes = _classes(experiment)
+    ends.enter_context(standing(around.host, experiment.application, shapes, classes))
     return _Bench(room=room, shapes=shapes)
 
 
+def _classes(experiment: Experiment) -> Classes:
+    """The task classes that the members name, as a plan would set them in a partition of just these."""
+    decided = classes_of(experiment.members, experiment.tasks, P1, NoPlaces()).classes
+    return {one.name: registry_values(one) for one in decided}
+
+
+class NoPlaces:
+    """A `Places` for who is told nothing: whoever plans is told of an order that classes cannot express."""
+
+    def value(self, *_path: str | int) -> Place:
+        """No place in particular."""
+        return Place(file="", line=1, column=1)
+
+    def key(self, *_path: str | int) -> Place:
+        """No place in particular."""
+        return Place(file="", line=1, column=1)
+
+
 def _run(
-    experiment: Experiment, strategy: Strategy, around: Surroundings, bench: _Bench, reserve: int
+    experiment: Experiment, strategy: Strategy, around: Surroundings, bench: _Bench, asked: Measure
 ) -> Setting | NoVerdict | Stopped:
     """One setting, from the reserves to the last sample."""
+    reserve = asked.reserve
     beside = reserve_beside(bench.room, experiment.setup, reserve)
     if beside is None:
         raise ValueError(f"{reserve} % was asked for, and the host cannot give that")
     set_reserves(around.host, experiment.application, bench.shapes, {P1: reserve, P2: beside})
-    with around.host.run(_work(experiment, around.seed, reserve)) as running:
-        seen = watch(running, experiment.members, _looking(experiment, strategy, around, reserve), around.should_stop)
+    with around.host.run(_work(experiment, around, reserve)) as running:
+        seen = watch(running, experiment.members, _looking(experiment, strategy, around, asked), around.should_stop)
     match seen:
         case None:
             return Stopped()
@@ -135,12 +158,12 @@ def _run(
 
 
 def _looking(
-    experiment: Experiment, strategy: Strategy, around: Surroundings, reserve: int
+    experiment: Experiment, strategy: Strategy, around: Surroundings, asked: Measure
 ) -> Callable[[Mapping[str, Series]], bool]:
     def look(seen: Mapping[str, Series]) -> bool:
-        around.reporter.looked(experiment, reserve, seen)
-        recorded = _setting(reserve, 0, around.seed, seen)
-        return strategy.is_enough({one.component: one for one in recorded.series})
+        around.reporter.looked(experiment, asked.reserve, seen)
+        recorded = _setting(asked.reserve, 0, around.seed, seen)
+        return strategy.is_enough(asked, {one.component: one for one in recorded.series})
 
     return look
 
@@ -151,11 +174,15 @@ def _setting(reserve: int, beside: int, seed: int, seen: Mapping[str, Series]) -
     return as_recorded(Setting(reserve=reserve, series=series, beside=beside, seed=seed))
 
 
-def _work(experiment: Experiment, seed: int, reserve: int) -> Work:
+def _work(experiment: Experiment, around: Surroundings, reserve: int) -> Work:
     """Chance is drawn anew for each setting: what two of them have in common is not an accident of one."""
     return Work(
         application=experiment.application,
-        inside=(Inside(partition=P1, components=experiment.members), Inside(partition=P2, load=experiment.load)),
+        inside=(
+            Inside(partition=P1, components=experiment.members),
+            Inside(partition=P2, load=experiment.load),
+            *around.others,
+        ),
         until={name: run.until for name, run in experiment.runs.items()},
-        seed=seed * SETTINGS + reserve,
+        seed=around.seed * SETTINGS + reserve,
     )

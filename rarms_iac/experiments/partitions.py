@@ -6,6 +6,7 @@ All of it is operations that a step of a plan may hold, too; whoever calls holds
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from rarms_iac.experiments.room import called, is_test_partition
 from rarms_iac.model.measurement import P1, P2, EnvironmentSetup
@@ -19,9 +20,10 @@ from rarms_iac.model.operations import (
     StartPartition,
     StopPartition,
     WriteMark,
+    WriteTaskClass,
 )
 from rarms_iac.model.plan import Scope
-from rarms_iac.model.state import Checkpoints, Partition, RunState, StartAction, StopAction
+from rarms_iac.model.state import Checkpoints, Partition, RegistryValue, RunState, StartAction, StopAction
 from rarms_iac.providers.interface import StepwiseHost
 
 MEASURING = "0" * 12
@@ -55,9 +57,17 @@ def load_shape(logical_processors: int, load_memory: int) -> Shape:
     return Shape(name=P2, processors=logical_processors, memory=load_memory, limit=100, weight=100)
 
 
+Classes = Mapping[str, Mapping[str, RegistryValue]]
+"""Values of task classes, by name."""
+
+
 @contextmanager
-def standing(host: StepwiseHost, application: str, shapes: Sequence[Shape]) -> Iterator[None]:
+def standing(
+    host: StepwiseHost, application: str, shapes: Sequence[Shape], classes: Classes = MappingProxyType({})
+) -> Iterator[None]:
     """The test partitions are there and run while the context lasts, and are gone after it, however it ends.
+
+    `classes` are the task classes in the operating system of P1: they go with it.
 
     Raises:
         HostError: one cannot be made, started or removed.
@@ -65,6 +75,9 @@ def standing(host: StepwiseHost, application: str, shapes: Sequence[Shape]) -> I
     try:
         for shape in shapes:
             _make(host, shape, Scope(application=application, plan=MEASURING))
+        for name, values in classes.items():
+            operation = WriteTaskClass(task=name, inside=P1, values=values)
+            host.execute(operation, Scope(application=application, plan=MEASURING))
         yield
     finally:
         remove_test_partitions(host)

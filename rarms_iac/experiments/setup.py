@@ -1,11 +1,12 @@
 """What is to be measured: components together in P1, a load in P2, on one host (DESIGN section 2)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from rarms_iac.model.measurement import EnvironmentSetup, run_of
 from rarms_iac.model.quantities import LogicalProcessors, in_processors, per_virtual_processor
-from rarms_iac.model.system import Component, Host, Interference, PartitionWish, Run, SampleCount, System
+from rarms_iac.model.system import Component, Host, Interference, PartitionWish, Run, SampleCount, System, TaskWish
 
 USUAL_WEIGHT = 100
 
@@ -19,6 +20,7 @@ class Experiment:
     members: tuple[Component, ...]  # by name
     load: Interference
     setup: EnvironmentSetup
+    tasks: Mapping[str, TaskWish]  # what the manifest fixes of task classes
 
     @property
     def name(self) -> str:
@@ -61,6 +63,7 @@ def experiment_of(
         members=tuple(_with_samples(one, samples) for one in components),
         load=system.interference[interference],
         setup=setup,
+        tasks=system.tasks,
     )
 
 

@@ -40,9 +40,9 @@ class Searching:
         trials = self._judged(settings)
         return self._replayed(trials) if self.only_its_own else self._within(trials)
 
-    def is_enough(self, seen: Mapping[str, Series]) -> bool:
+    def is_enough(self, asked: Measure, seen: Mapping[str, Series]) -> bool:
         """As `Strategy` says."""
-        return settled(seen, self.goal)
+        return settled(seen, self.goal, precision=asked.precision)
 
     def _judged(self, settings: Sequence[Setting]) -> Sequence[Trial]:
         """NOTE: settings are only ever added, and judging one reads all of its samples: each is judged once."""
@@ -63,10 +63,10 @@ class Searching:
     def _within(self, trials: Sequence[Trial]) -> Step:
         step = self.next_step(trials, self.goal)
         match step:
-            case searched.Measure(reserve=reserve) if reserve > self.most:
-                return self._at_most(trials)
-            case searched.Measure(reserve=reserve):
-                return Measure(reserve=reserve)
+            case searched.Measure(reserve=reserve, precision=precision) if reserve > self.most:
+                return self._at_most(trials, precision)
+            case searched.Measure(reserve=reserve, precision=precision):
+                return Measure(reserve=reserve, precision=precision)
             case searched.Found(reserve=reserve, failed=failed):
                 return Sufficient(reserve=reserve, failed=failed, error=self.goal.error)
             case searched.NotAchievable():
@@ -74,11 +74,11 @@ class Searching:
             case searched.NotResolved(why=why):
                 return NotResolved(says=why)
 
-    def _at_most(self, trials: Sequence[Trial]) -> Step:
+    def _at_most(self, trials: Sequence[Trial], precision: float | None) -> Step:
         """More is asked for than the host can give: what it can give decides."""
         known = [one for one in trials if one.reserve == self.most]
         if not known:
-            return Measure(reserve=self.most)
+            return Measure(reserve=self.most, precision=precision)
         if known[-1].passed:
             failed = max((one.reserve for one in trials if not one.passed and one.reserve < self.most), default=None)
             return Sufficient(reserve=self.most, failed=failed, error=self.goal.error)
@@ -96,7 +96,7 @@ class Sweeping:
         known = {one.reserve for one in settings}
         return next((Measure(reserve=one) for one in self.reserves if one not in known), Swept())
 
-    def is_enough(self, seen: Mapping[str, Series]) -> bool:  # noqa: ARG002 - `Strategy` asks all of them so
+    def is_enough(self, asked: Measure, seen: Mapping[str, Series]) -> bool:  # noqa: ARG002 - `Strategy` asks so
         """Every sample that `run.until` asks for is taken."""
         return False
 
@@ -117,7 +117,7 @@ class Verifying:
             return Measure(reserve=found.reserve)
         return Sufficient(reserve=found.reserve, failed=None, error=goal_of(self.experiment).error)
 
-    def is_enough(self, seen: Mapping[str, Series]) -> bool:  # noqa: ARG002 - `Strategy` asks all of them so
+    def is_enough(self, asked: Measure, seen: Mapping[str, Series]) -> bool:  # noqa: ARG002 - `Strategy` asks so
         """Every sample that `run.until` asks for is taken."""
         return False
 

@@ -86,14 +86,18 @@ def _not_achievable(
     experiment: Experiment, reserve: int, settings: tuple[Setting, ...], places: Places
 ) -> Iterator[Diagnostic]:
     last = [one for one in settings if one.reserve == reserve][-1:]
+    most = "" if reserve == 100 else f" {reserve} % is the most that {experiment.host.name} can give it now."
+    advice = "Relax the threshold, make the component cheaper, or use a faster platform."
+    if most:
+        advice = "Free the host, where something else holds its processors; else relax the threshold."
     for setting in last:
         for one in shown(setting, experiment):
             if one.misses:
                 yield NOT_ACHIEVABLE.at(
                     places.value("components", one.component, "apt", one.index),
                     f"{one.component} at {reserve} %: {show_measured(one)}, and its threshold is "
-                    f"{show_threshold(one.index, one.threshold)}.",
-                    "Relax the threshold, make the component cheaper, or use a faster platform.",
+                    f"{show_threshold(one.index, one.threshold)}.{most}",
+                    advice,
                     address=f"component/{one.component}",
                 )
 

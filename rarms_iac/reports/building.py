@@ -78,6 +78,7 @@ def _measurement(system: System, logged: Logged) -> Measurement:
         floor=0 if host is None or len(members) == 1 else per_virtual_processor(fixed(members, host), processors),
         stale=logged.stale,
         indexes=tuple(one for member in members for one in _indexes(logged.log, member)),
+        settings=logged.log.settings,
         facts=tuple(_facts(logged.log)),
     )
 

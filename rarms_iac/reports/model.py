@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from rarms_iac.model.indexes import PerformanceIndex
+from rarms_iac.model.measurement import Setting
 from rarms_iac.model.system import Threshold
 from rarms_iac.statistics.curve import Curve, LeastReserve, least_reserve
 
@@ -86,6 +87,7 @@ class Measurement:
     floor: int = 0  # per cent that the manifest fixes for some of several members: the least that they get
     stale: tuple[str, ...] = ()  # what changed since; nothing rests on a stale log
     indexes: tuple[Shown, ...] = ()
+    settings: tuple[Setting, ...] = ()  # with every sample, in the order in which they were measured
     facts: tuple[tuple[str, str], ...] = ()  # where it comes from, for people: name, value
 
     @property

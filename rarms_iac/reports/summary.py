@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 from fractions import Fraction
 
-from rarms_iac.model.indexes import PerformanceIndex
 from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
-from rarms_iac.model.system import AtMost, Threshold
+from rarms_iac.model.thresholds import show_threshold
 from rarms_iac.reports.model import Capacity, Measurement, Point, Proof, Report, Shown
-from rarms_iac.reports.scale import digits, exact, shown
+from rarms_iac.reports.scale import digits, shown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,18 +57,12 @@ def _level(measurement: Measurement, one: Shown) -> Level:
     return Level(
         component=one.component,
         index=one.index.name,
-        level=threshold_text(one.index, one.threshold),
+        level=show_threshold(one.index, one.threshold),
         shows="" if point is None else shown(point.value, one.index.unit),
         reserve="none is enough" if least is None else show_percent(least.reserve),
         bandwidth="" if least is None else show_processors(guaranteed(least.reserve, measurement.processors)),
         verdict=verdict_of(one),
     )
-
-
-def threshold_text(index: PerformanceIndex, threshold: Threshold) -> str:
-    """`at most 100 ms`, `at least 95 %`."""
-    side = "at most" if isinstance(threshold, AtMost) else "at least"
-    return f"{side} {exact(threshold.value, index.unit)}"
 
 
 def verdict_of(one: Shown) -> str:
@@ -126,7 +119,7 @@ def _proven(one: Proof) -> Proven:
     return Proven(
         component=one.component,
         index=one.index.name,
-        level=threshold_text(one.index, one.threshold),
+        level=show_threshold(one.index, one.threshold),
         shows="no answer" if one.value is None else shown(one.value, one.index.unit),
         met=one.met,
         result=("met" if one.met else "missed") + (f": {one.note}" if one.note else ""),

@@ -10,7 +10,7 @@ FEWEST = 40
 
 _BLOCKS = 40
 _SHORTEST_BLOCK = 5
-_MOST_WARM_UP = 0.5  # a warm-up that takes more of the series leaves no steady state
+_MOST_WARM_UP = 0.25  # a warm-up that takes more of the series leaves no steady state
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,5 +80,5 @@ def _noise(means: Sequence[float]) -> float:
 
 
 def _limit(blocks: int) -> float:
-    """How clear the clearest change of so many blocks is by chance in one steady series of a hundred (simulated)."""
-    return 3.5 + 5.0 / blocks
+    """How clear the clearest change of so many blocks is by chance in one steady series of seventy (simulated)."""
+    return 3.45 + 5.0 / blocks

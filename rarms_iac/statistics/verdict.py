@@ -19,6 +19,7 @@ VERDICT_ERROR: Final = 0.01
 FIRST_LOOK: Final = 40
 """Samples before the first look: a luckier few have ended settings too early, with rare large errors."""
 
+_MAXIMUM, _MINIMUM = "maximum_response_time", "minimum_response_time"
 _NEXT_LOOK = sqrt(2.0)
 _LAST_EARLY_LOOK = 0.75  # of a setting: a later one would leave too little error for its end
 
@@ -115,7 +116,8 @@ def decide(
 
     To be asked at `next_look` counts of samples and at the setting's end, where it is never None. The error holds
     for all looks of a setting together: each has spent no more of it than its share of the setting (an alpha
-    spending function), so that early looks need the clearest evidence.
+    spending function), so that early looks need the clearest evidence. An extreme that one more sample may turn is
+    not settled before the end.
     """
     share = _done(series, run)
     if share >= 1.0:
@@ -127,10 +129,19 @@ def decide(
     spent = error * share * (1.0 - 1.0 / _NEXT_LOOK)
     verdict = judge(series, apt, run, error=spent, tolerance=tolerance)
     match verdict:
-        case Met() | Missed():
+        case Met() | Missed() if not _may_turn(verdict):
             return replace(verdict, error=error)
         case _:
             return None
+
+
+def _may_turn(verdict: Met | Missed) -> bool:
+    """Whether a sample to come can turn it: a maximum met so far may yet be missed, a minimum missed so far met."""
+    match verdict:
+        case Met(judged=judged):
+            return any(one.index == _MAXIMUM for one in judged)
+        case Missed(judged=judged, tolerance=tolerance):
+            return all(one.index == _MINIMUM for one in judged if _misses(one, tolerance))
 
 
 def next_look(samples: int) -> int:
@@ -157,7 +168,7 @@ def _judge_steady(
     each = error / max(1, len(apt))
     judged: list[Judged] = []
     for index, threshold in apt.items():
-        whole = series if index == "maximum_response_time" else part  # no warm-up excuses a late answer
+        whole = series if index == _MAXIMUM else part  # no warm-up excuses a late answer
         found = estimate(index, whole, run, error=min(1.0, 2 * each))  # each side is wrong with half of it
         if isinstance(found, NoEstimate):
             return TooFewSamples(why=found.why)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rarms_iac.model.diagnostics import Diagnostic, Place
+from rarms_iac.views.output_report import ReportCapacityOutput, ReportMeasurementOutput
 
 Format = Literal["rarms-output/1"]
 FORMAT_VERSION: Format = "rarms-output/1"
@@ -485,6 +486,17 @@ class ProveOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ReportOutput:
+    """`rarms report`: what was measured, and what each threshold reserves."""
+
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["report"] = "report"
+    application: str
+    measurements: tuple[ReportMeasurementOutput, ...]
+    capacities: tuple[ReportCapacityOutput, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class NodeOutput:
     """Something in a graph."""
 
@@ -532,6 +544,7 @@ Output = (
     | ScriptDifferenceOutput
     | MeasureOutput
     | ProveOutput
+    | ReportOutput
     | GraphOutput
     | VersionOutput
 )

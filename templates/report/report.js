@@ -81,7 +81,7 @@
     const over = pill.getBoundingClientRect();
     return [...element(labels).querySelectorAll(":scope > text")].map((label) => {
       const box = label.getBoundingClientRect();
-      return [label, box.left < over.right && over.left < box.right && box.top < over.bottom && over.top < box.bottom];
+      return [label, box.left < over.right + 4 && over.left < box.right + 4 && box.top < over.bottom && over.top < box.bottom];
     });
   };
 
@@ -144,8 +144,9 @@
 
   const commandLines = (card) =>
     wanted(card).map((plot) => {
-      const index = plotsOf(card).filter((one) => one.component === plot.component).length > 1 ? `${plot.index}=` : "";
-      return `rarms select ${plot.component} --at ${index}${plot.text}${plot.unit}`;
+      const several = plotsOf(card).filter((one) => one.component === plot.component).length > 1;
+      const index = several || !plot.apt ? ` --index ${plot.index}` : "";
+      return `rarms select ${plot.component} --at "${plot.text} ${plot.unit}"${index}`;
     });
 
   const fill = (id, lines) => {

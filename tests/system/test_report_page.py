@@ -215,7 +215,7 @@ def test_lines_to_paste_and_the_command_say_the_threshold_and_are_copied(page: "
     page.find_element("css selector", '[data-copy="m1-command"]').click()
     copied = page.execute_async_script("navigator.clipboard.readText().then(arguments[0])")
 
-    assert copied == f"rarms select face-detection --at {value}ms"
+    assert copied == f'rarms select face-detection --at "{value} ms"'
     assert text(page, "m1-manifest").splitlines()[-1] == f"      mean_response_time: {{ at_most: {value} ms }}"
 
 

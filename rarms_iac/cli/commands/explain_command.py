@@ -1,10 +1,11 @@
-"""`rarms explain`: what a finding means and how to mend it."""
+"""`rarms explain`: what a finding means and how to mend it; how a component is set up by hand."""
 
 import click
 
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.options import json_option
+from rarms_iac.cli.options import ManifestOptions, json_option, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
+from rarms_iac.model.spelling import suggestion
 from rarms_iac.storage.finding_pages import finding_page
 from rarms_iac.views.as_json import as_json as to_json
 from rarms_iac.views.explain import explain_finding, unknown_code
@@ -12,13 +13,41 @@ from rarms_iac.views.output import ExplanationOutput
 
 
 @rarms_command("explain")
-@click.argument("finding", metavar="FINDING")
+@click.argument("subject", metavar="FINDING|COMPONENT")
+@click.option("--guide", is_flag=True, help="Show how to set COMPONENT up by hand: Hyper-V, MMCSS, Linux, in order.")
+@manifest_options
 @json_option
-def command(session: Session, *, finding: str, as_json: bool) -> ExitCode:
+def command(session: Session, *, subject: str, guide: bool, source: ManifestOptions, as_json: bool) -> ExitCode:
     """Say what a finding means, show an example of it, and say how to mend it.
 
-    FINDING is the id that stands before it, such as RARMS014; its number alone is enough.
+    FINDING is the id that stands before it, such as RARMS014; its number alone is enough. With --guide it is a
+    COMPONENT of the manifest: what to set by hand, where, and in which order, where it cannot be changed to read a
+    configuration. Exit code 4 where nothing says how much the component needs.
     """
+    text = _guide(source, subject) if guide else None
+    if text is not None:
+        shown = to_json(ExplanationOutput(subject=subject, page=text)) if as_json else text
+        session.terminal.data(shown)
+        return ExitCode.DONE
+    return _finding(session, subject, as_json=as_json)
+
+
+def _guide(source: ManifestOptions, name: str) -> str:
+    from rarms_iac.cli.datalogs import measurements_of
+    from rarms_iac.cli.guiding import guide_facts, has_a_partition
+    from rarms_iac.cli.manifests import system_of
+    from rarms_iac.views.guide import guide
+
+    system, opened = system_of(source)
+    component = system.components.get(name)
+    if component is None or not has_a_partition(component):
+        why = "runs on the host itself" if component else "is no component of the manifest"
+        hint = "" if component else suggestion(name, tuple(system.components))
+        raise click.UsageError(f"{name} {why}: there is no guide to it.{hint}", click.get_current_context())
+    return guide(guide_facts(measurements_of(system, opened.loaded.folder, source), opened, name))
+
+
+def _finding(session: Session, finding: str, *, as_json: bool) -> ExitCode:
     code = code_of(finding)
     page = finding_page(code)
     text = explain_finding(code)

@@ -6,10 +6,12 @@ import click
 
 from rarms_iac.cli.asking import ask_levels, refuse_without_terminal
 from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.configuration import record_choices
+from rarms_iac.cli.datalogs import measurements_of
 from rarms_iac.cli.experiments import MeasureOptions, experiments_for
 from rarms_iac.cli.hosts import Hosts, hosts_of
 from rarms_iac.cli.manifests import system_of
-from rarms_iac.cli.measuring import held_benches, run_experiment
+from rarms_iac.cli.measuring import held_benches, run_experiment, unreadable
 from rarms_iac.cli.options import (
     HostOptions,
     ManifestOptions,
@@ -18,8 +20,10 @@ from rarms_iac.cli.options import (
     manifest_options,
     time_option,
 )
+from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.telling import tell
+from rarms_iac.datalog.files import LogUnreadable
 from rarms_iac.experiments.conclusions import Stopped
 from rarms_iac.experiments.telling import findings_of
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
@@ -102,12 +106,28 @@ def command(
     system, opened = system_of(source)
     hosts = hosts_of(system, opened, source, where)
     done = measured(session, hosts, options, interactive=interactive)
+    record_what_follows(hosts)
     tell(session.terminal, done.findings, opened.loaded.sources)
     session.terminal.data(measure_json(done.results, done.findings) if as_json else summary_text(done.results))
+    now = system_of(source)[0] if interactive else system  # levels may have been chosen meanwhile
+    record_choices(measurements_of(now, opened.loaded.folder, source), components)
     if done.stopped:
         session.terminal.talk("Stopped. What is recorded stays: the same command goes on.")
         return session.interrupts.asked or ExitCode.INTERRUPTED
     return ExitCode.NO if has_errors(done.findings) else ExitCode.DONE
+
+
+def record_what_follows(hosts: Hosts) -> None:
+    """Write the reservations that follow from the data logs now into the configuration logs.
+
+    Raises:
+        Halted: one of them is damaged (4).
+    """
+    system, _ = system_of(hosts.source)  # a level may have been chosen meanwhile
+    try:
+        record_choices(measurements_of(system, hosts.folder, hosts.source))
+    except LogUnreadable as problem:
+        raise Halted(ExitCode.NO, [unreadable(problem)]) from None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

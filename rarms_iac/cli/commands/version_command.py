@@ -11,7 +11,17 @@ from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.views.as_json import as_json as to_json
 from rarms_iac.views.output import VersionOutput
 
-LIBRARIES = ("click", "google-re2", "jinja2", "networkx", "pydantic", "PyYAML", "rich", "tree-sitter-powershell")
+LIBRARIES = (
+    "click",
+    "google-re2",
+    "jinja2",
+    "networkx",
+    "pydantic",
+    "PyYAML",
+    "rich",
+    "tree-sitter-powershell",
+    "xlsxwriter",
+)
 
 
 @rarms_command("version")

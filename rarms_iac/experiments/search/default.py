@@ -14,7 +14,7 @@ FIRST = 45
 PRECISION = 0.015
 """How well the first setting's level must be known, as a part of it: all that follows rests on it."""
 
-DOUBT = 0.04
+DOUBT = 0.02
 """The probability with which the answer may lie more than a point above the least reservation."""
 
 PATIENCE = 12

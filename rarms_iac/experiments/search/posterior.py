@@ -25,7 +25,7 @@ from rarms_iac.experiments.search.families import (
 )
 from rarms_iac.experiments.search.observations import Observation, Question
 
-UNIFORM = 0.05
+UNIFORM = 0.01
 """The part of the probability that rests on no model."""
 
 SHAPELESS = 0.1

@@ -79,7 +79,9 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         content = self.load()
         machines = tuple(self._machine(content, one, work.application) for one in work.inside)
         idle = self._idle(content, work)
-        machine = model.Machine(lps=self._host.logical_processors, machines=(*machines, *idle))
+        machine = model.Machine(
+            lps=self._host.logical_processors, machines=(*machines, *idle), interrupts=model.QUIET_INTERRUPTS
+        )
         jobs = self._simulate(machine, work.seed)
         runs = {one.name: run_of(one) for inside in work.inside for one in inside.components}
         timeouts = {name: float(run.timeout) for name, run in runs.items()}

@@ -209,7 +209,7 @@ def test_fmt_for_programs(here: Path) -> None:
     assert json.loads(answer.out)["files"][0]["changed"] is False
 
 
-@pytest.mark.parametrize("name", ["manifest", "plan", "snapshot", "output"])
+@pytest.mark.parametrize("name", ["manifest", "plan", "snapshot", "output", "datalog"])
 def test_schema_prints_what_is_shipped(name: str) -> None:
     assert json.loads(rarms("schema", name).out)["$schema"].startswith("https://json-schema.org/")
 

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.datalog.configuration import Chosen, Proven, read_entries
+from rarms_iac.datalog.paths import configuration_path
 from rarms_iac.experiments.partitions import load_shape, standing
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.storage.lock import hold
@@ -79,6 +81,13 @@ def test_from_nothing_to_a_proven_layout(here: Path) -> None:
     assert (here / "measurements" / "onboard" / "vision" / "busy-loop.jsonl").is_file()
     assert applied.code == 0, applied.err
     assert "All components together: all thresholds met." in applied.out
+    chosen, proven = read_entries(configuration_path(here, "onboard", "vision"))
+    assert isinstance(chosen, Chosen)
+    assert isinstance(proven, Proven)
+    assert proven.reserve == chosen.reserve
+    assert [(one.index, one.threshold, one.met) for one in proven.indexes] == [
+        ("mean_response_time", "at most 50 ms", True)
+    ]
 
 
 def test_a_search_ends_on_a_measured_pass_above_a_measured_fail(here: Path) -> None:

@@ -14,6 +14,7 @@ from rarms_iac.storage.shipped import shipped
 from rarms_iac.views.as_json import output_schema
 from tests.needs import CHECKOUT
 from tests.unit.cli.running import rarms
+from tests.unit.running.programs import same_everywhere
 
 HEAD = """schema: rarms/v1
 application: { name: robot }
@@ -52,6 +53,7 @@ def test_samples_are_shown_and_what_they_come_to(tmp_path: Path) -> None:
     assert ran.lines[4] == "  mean_response_time: 2 ms; APT at most 5 ms, met here"
 
 
+@same_everywhere
 def test_an_apt_that_is_missed_here_is_told(tmp_path: Path) -> None:
     ran = rarms("run", "-f", manifest(tmp_path, "{ mean_response_time: { at_most: 1 ms } }", vision=QUICK))
 
@@ -60,6 +62,7 @@ def test_an_apt_that_is_missed_here_is_told(tmp_path: Path) -> None:
     assert "RARMS288" in ran.err
 
 
+@same_everywhere
 def test_more_failed_samples_than_allowed_are_the_answer_no(tmp_path: Path) -> None:
     program = "import sys\nsys.stderr.write('no camera\\n')\nprint('loading', flush=True)\n"
 
@@ -71,6 +74,7 @@ def test_more_failed_samples_than_allowed_are_the_answer_no(tmp_path: Path) -> N
     assert "  no camera" in ran.err
 
 
+@same_everywhere
 def test_what_cannot_be_started_fails(tmp_path: Path) -> None:
     folder = manifest(tmp_path, vision=QUICK)
     text = (tmp_path / "rarms.yaml").read_text(encoding="utf-8").replace("[python3,", "[no-such-program-anywhere,")
@@ -96,6 +100,7 @@ def test_programs_get_the_same_as_json(tmp_path: Path) -> None:
     assert told["components"][0]["indexes"][0]["met"] is True
 
 
+@same_everywhere
 def test_a_run_may_last_a_time_against_a_load(tmp_path: Path) -> None:
     ran = rarms(
         "run", "vision", "-f", manifest(tmp_path, vision=QUICK), "--for", "300ms", "--interference", "busy-loop"

@@ -9,7 +9,7 @@ import pytest
 from rarms_iac.datalog.identity import Subject, header_of, identity_of
 from rarms_iac.datalog.log import Provenance
 from rarms_iac.experiments.book import Book
-from rarms_iac.experiments.conclusions import NotAchievable, NoVerdict, Stopped, Sufficient, Swept
+from rarms_iac.experiments.conclusions import Measure, NotAchievable, NoVerdict, Stopped, Sufficient, Swept
 from rarms_iac.experiments.measuring import Ended, Strategy, Surroundings, measure
 from rarms_iac.experiments.partitions import remove_test_partitions
 from rarms_iac.experiments.reporter import Silent
@@ -23,6 +23,7 @@ from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuring
 from rarms_iac.providers.simulated.scheduling.values import JobDone, Machine
 from rarms_iac.storage import disk
 from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most
+from tests.builders_measured import a_series
 from tests.crashing import Crash, CrashingDisk, When
 from tests.fluid import fluid
 
@@ -172,6 +173,27 @@ def test_several_components_in_one_partition_must_all_meet_their_thresholds(tmp_
     assert [one.component for one in ended.settings[0].series] == ["speech", "vision"]
 
 
+def test_the_task_classes_of_the_members_are_in_p1_as_a_plan_would_set_them(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, "speech", "vision")
+    speech, vision = bench.experiment.members
+    bench.experiment = replace(
+        bench.experiment,
+        members=(
+            replace(speech, task="SpeechRecognition", criticality=10),
+            replace(vision, task="ObjectIdentification", criticality=40),
+        ),
+    )
+    priorities: dict[str, int] = {}
+
+    def looking(machine: Machine, seed: int) -> Iterator[JobDone]:
+        priorities.update({one.component: one.priority for each in machine.machines for one in each.components})
+        return fluid(machine, seed)
+
+    bench.measure(Sweeping(reserves=(50,)), simulate=looking)
+
+    assert priorities["vision"] > priorities["speech"] > 16
+
+
 def test_a_sweep_runs_every_setting_to_its_end(bench: Bench) -> None:
     ended = bench.measure(Sweeping(reserves=(10, 55, 100)))
 
@@ -282,6 +304,31 @@ def with_samples(experiment: Experiment, samples: int) -> Experiment:
         replace(one, run=replace(run_of(one), until=SampleCount(samples=samples))) for one in experiment.members
     )
     return replace(experiment, members=members)
+
+
+def test_a_maximum_that_is_met_so_far_is_watched_to_the_end_and_one_that_is_missed_is_not(bench: Bench) -> None:
+    vision = replace(bench.experiment.members[0], apt={"maximum_response_time": at_most(100)})
+    bench.experiment = replace(bench.experiment, members=(vision,))
+    ended = bench.measure()
+
+    counts = {one.reserve: len(one.series[0].samples) for one in ended.settings}
+    assert isinstance(ended.conclusion, Sufficient)
+    assert counts[ended.conclusion.reserve] == 60
+    assert min(counts.values()) < 60
+
+
+def test_the_first_setting_goes_on_until_its_level_is_known_as_precisely_as_the_search_asks(bench: Bench) -> None:
+    bench.experiment = with_samples(bench.experiment, 400)
+    searching = bench.search("default")
+    asked = searching.step(())
+    jobs = [76.0 if number % 2 else 84.0 for number in range(200)]
+    few, many = ({"vision": a_series("vision", jobs[:count])} for count in (40, 160))
+
+    assert isinstance(asked, Measure)
+    assert asked.precision is not None
+    assert not searching.is_enough(asked, few)
+    assert searching.is_enough(replace(asked, precision=None), few)
+    assert searching.is_enough(asked, many)
 
 
 def test_what_is_decided_again_from_the_log_is_what_was_decided_before(bench: Bench) -> None:

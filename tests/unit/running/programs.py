@@ -5,6 +5,8 @@ from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from pathlib import Path
 
+import pytest
+
 from rarms_iac.model.measurement import Sample
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.system import (
@@ -25,6 +27,9 @@ from rarms_iac.running.order import Surroundings
 
 PER_RUN = Samples(source="per_run")
 JSON_LINES = Samples(source="json_lines", response_time=Field(name="ms"))
+same_everywhere = pytest.mark.needs("posix")
+"""For what does not depend on the system: a start takes seconds on the Windows that tests run on."""
+
 HEARD = "import sys, time, json, os, signal\ndef say(text): print(text, flush=True)\n"
 """What every program begins with."""
 

@@ -12,7 +12,7 @@ from rarms_iac.running.errors import CannotStart
 from rarms_iac.running.order import Surroundings
 from rarms_iac.running.record import Ending
 from tests.needs import ON_WINDOWS
-from tests.unit.running.programs import PER_RUN, a_run, all_of, component, failures, ms, responses
+from tests.unit.running.programs import PER_RUN, a_run, all_of, component, failures, ms, responses, same_everywhere
 
 PATIENT = 6000 if ON_WINDOWS else 700
 """A time-out that a small program keeps where its interpreter starts at its usual speed."""
@@ -20,6 +20,7 @@ PATIENT = 6000 if ON_WINDOWS else 700
 GOOD = "say('{\"ms\": 1}')\n"
 
 
+@same_everywhere
 def test_an_unreadable_line_is_a_failed_sample_and_the_next_is_read(tmp_path: Path) -> None:
     samples = all_of(a_run(f"say('oops')\n{GOOD}time.sleep(60)", until=2, failures=1), tmp_path)
 
@@ -36,12 +37,14 @@ def test_bytes_that_are_no_text_are_an_unreadable_line(tmp_path: Path) -> None:
     assert all(one.isprintable() for one in failures(samples))
 
 
+@same_everywhere
 def test_a_job_without_an_answer_is_no_failed_sample(tmp_path: Path) -> None:
     samples = all_of(a_run("say('{\"ms\": null}')\ntime.sleep(60)", until=1), tmp_path)
 
     assert [(one.response_ms, one.successful, one.failure) for one in samples] == [(None, False, "")]
 
 
+@same_everywhere
 def test_more_failed_samples_than_allowed_end_the_setting(tmp_path: Path) -> None:
     with component(a_run("while True: say('oops')", until=100, failures=2), tmp_path) as one:
         samples = list(one)
@@ -57,6 +60,7 @@ def test_a_program_that_ends_with_another_code_is_a_failed_sample_and_starts_aga
     assert failures(samples) == ["it ended with exit code 3"] * 2
 
 
+@same_everywhere
 def test_a_program_that_ends_without_a_sample_is_a_failed_sample(tmp_path: Path) -> None:
     assert failures(all_of(a_run("say('')", until=2, failures=9), tmp_path)) == ["it ended without a sample"] * 2
 
@@ -71,6 +75,7 @@ def test_death_by_a_signal_is_a_failed_sample(tmp_path: Path, samples: Samples) 
     ]
 
 
+@same_everywhere
 def test_a_run_that_takes_too_long_is_a_failed_sample_and_the_next_is_started(tmp_path: Path) -> None:
     program = "from pathlib import Path\nif not Path('seen').exists():\n    Path('seen').touch()\n    time.sleep(60)"
 
@@ -88,6 +93,7 @@ def test_a_program_that_says_nothing_for_too_long_is_started_again(tmp_path: Pat
     assert [one.failure for one in samples] == ["", f"no sample within {show_milliseconds(ms(PATIENT))}", ""]
 
 
+@same_everywhere
 def test_a_function_that_hangs_is_a_failed_sample(tmp_path: Path) -> None:
     (tmp_path / "planning.py").write_text("import time\ndef plan():\n    time.sleep(60)\n", encoding="utf-8")
     run = a_run(Call(module="planning", function="plan"), samples=PER_RUN, until=1, timeout=PATIENT)
@@ -102,6 +108,7 @@ def test_a_function_that_ends_its_process_is_a_failed_sample(tmp_path: Path) -> 
     assert failures(all_of(run, tmp_path)) == ["it ended with exit code 9"]
 
 
+@same_everywhere
 def test_a_line_that_is_too_long_is_a_failed_sample(tmp_path: Path) -> None:
     program = f"say('x' * 300_000)\n{GOOD}time.sleep(60)"
 
@@ -116,6 +123,7 @@ def test_a_line_without_end_ends_the_process(tmp_path: Path) -> None:
     assert failures(all_of(run, tmp_path)) == ["a line of more than 64 KiB", "a line of more than 16 MiB"]
 
 
+@same_everywhere
 def test_a_flood_of_lines_that_are_no_samples_ends_the_process(tmp_path: Path) -> None:
     samples = Samples(source="pattern", pattern="^ms=(?P<ms>[0-9]+)", response_time=Field(name="ms"))
     run = a_run("while True: os.write(1, (b'x' * 1000 + b'\\n') * 60)", samples=samples, until=9)

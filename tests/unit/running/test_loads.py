@@ -14,7 +14,7 @@ from rarms_iac.running.order import Surroundings
 from rarms_iac.running.record import Ending
 from rarms_iac.running.together import together
 from tests.effort import LONG
-from tests.unit.running.programs import a_run, component
+from tests.unit.running.programs import a_run, component, same_everywhere
 
 
 def processes_with(word: str) -> int:
@@ -65,6 +65,7 @@ def test_a_load_that_ends_is_told(tmp_path: Path) -> None:
         measure()
 
 
+@same_everywhere
 def test_a_load_that_cannot_run_is_told(tmp_path: Path) -> None:
     with pytest.raises(CannotStart):
         Load("others", CommandLoad(command=("no-such-program-anywhere",)), Surroundings(base=tmp_path))
@@ -107,6 +108,7 @@ def test_several_components_run_at_once(tmp_path: Path) -> None:
     assert [one.ending for one in runs] == [Ending.UNTIL] * 2
 
 
+@same_everywhere
 def test_components_that_run_at_once_end_at_any_moment(tmp_path: Path) -> None:
     endless = a_run("while True: say('{\"ms\": 1}')", until=1_000_000)
     runs = [component(endless, tmp_path), component(endless, tmp_path)]
@@ -118,6 +120,7 @@ def test_components_that_run_at_once_end_at_any_moment(tmp_path: Path) -> None:
     assert all(one.series().elapsed_ms >= 0 for one in runs)
 
 
+@same_everywhere
 def test_a_component_can_be_ended_by_another_thread(tmp_path: Path) -> None:
     runs = [component(a_run("time.sleep(60)"), tmp_path)]
 

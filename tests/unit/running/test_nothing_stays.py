@@ -11,7 +11,7 @@ import pytest
 
 from rarms_iac.running.errors import KeeperLost
 from tests.needs import CHECKOUT
-from tests.unit.running.programs import PER_RUN, a_run, component
+from tests.unit.running.programs import PER_RUN, a_run, component, same_everywhere
 
 BEATS = """
 import subprocess
@@ -54,6 +54,7 @@ def test_what_a_run_leaves_behind_is_gone_before_the_next(tmp_path: Path) -> Non
         assert not still_beats(tmp_path)
 
 
+@same_everywhere
 def test_a_run_that_is_left_by_an_exception_leaves_nothing(tmp_path: Path) -> None:
     def interrupted() -> None:
         with component(a_run(ANSWERS, until=1000), tmp_path) as one:

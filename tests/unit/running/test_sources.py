@@ -9,7 +9,7 @@ import pytest
 from rarms_iac.model.system import Call, Field, Samples
 from rarms_iac.running.record import Ending
 from tests.needs import ON_WINDOWS
-from tests.unit.running.programs import PER_RUN, a_run, all_of, component, failures, responses
+from tests.unit.running.programs import PER_RUN, a_run, all_of, component, failures, responses, same_everywhere
 
 LASTS = 6000.0 if ON_WINDOWS else 400.0
 """Time enough for an interpreter to start."""
@@ -59,6 +59,7 @@ def test_a_run_is_a_job_and_its_exit_code_its_success(tmp_path: Path) -> None:
     assert all(50 <= (one.response_ms or 0) < 5000 for one in samples)
 
 
+@same_everywhere
 def test_the_schedule_of_periodic_runs_is_not_shifted_by_an_overrun(tmp_path: Path) -> None:
     program = (
         "from pathlib import Path\nfirst = not Path('seen').exists()\nPath('seen').touch()\n"
@@ -95,6 +96,7 @@ def test_a_periodic_call_counts_from_its_scheduled_start(tmp_path: Path) -> None
     ] * 4
 
 
+@same_everywhere
 def test_fields_of_what_a_function_returns_are_read(tmp_path: Path) -> None:
     text = "def plan():\n    return {'way': {'found': True}, 'cells': 12}\n"
     samples = Samples(source="json_lines", success=Field(name="way.found"), count=Field(name="cells"))
@@ -105,6 +107,7 @@ def test_fields_of_what_a_function_returns_are_read(tmp_path: Path) -> None:
     assert found[0].response_ms is not None
 
 
+@same_everywhere
 def test_an_exception_of_a_function_is_a_failed_sample_and_the_next_job_is_done(tmp_path: Path) -> None:
     text = "turn = [0, 1, 1]\ndef plan():\n    return 1 / turn.pop(0)\n"
 
@@ -132,6 +135,7 @@ def test_a_setting_may_last_a_time(tmp_path: Path) -> None:
     assert all(sample.began_ms < LASTS for sample in samples)
 
 
+@same_everywhere
 def test_a_job_that_runs_when_the_time_is_over_is_no_sample(tmp_path: Path) -> None:
     assert all_of(a_run("time.sleep(60)", samples=PER_RUN, until=200.0), tmp_path) == []
 
@@ -166,6 +170,7 @@ def test_the_processor_time_of_all_processes_is_told(tmp_path: Path) -> None:
     assert 300 <= told < 3000
 
 
+@same_everywhere
 def test_without_a_field_for_it_a_line_has_no_response_time(tmp_path: Path) -> None:
     samples = Samples(source="json_lines", count=Field(name="frames"))
 

@@ -73,6 +73,16 @@ def test_a_clear_setting_stops_at_the_first_look_and_a_close_one_goes_on() -> No
     assert decide(early, {"mean_response_time": at_most(101)}, RUN) is None
 
 
+def test_an_extreme_that_one_more_sample_may_turn_is_not_settled_early() -> None:
+    early = a_series(noisy(1, 100.0, count=FIRST_LOOK))
+
+    assert decide(early, {"maximum_response_time": at_most(200)}, RUN) is None
+    assert isinstance(decide(early, {"maximum_response_time": at_most(100)}, RUN), Missed)
+    assert decide(early, {"minimum_response_time": at_most(50)}, RUN) is None
+    assert isinstance(decide(early, {"minimum_response_time": at_most(99)}, RUN), Met)
+    assert isinstance(decide(SERIES, {"maximum_response_time": at_most(200)}, RUN), Met)
+
+
 def test_a_setting_that_is_over_has_a_verdict() -> None:
     assert decide(SERIES, {"mean_response_time": at_most(100)}, RUN) is not None
 

@@ -3,19 +3,19 @@
 FRAME_MS = 40.0
 """25 frames a second, as web video of the time had."""
 
-DECODE_MS = 6.0
+DECODE_MS = 5.0
 """Decoding and scaling one frame in software, on the browser's own thread."""
 
-PAINT_MS = 2.0
+PAINT_MS = 3.0
 """Drawing it where the graphics driver is the machine's own."""
 
 INTERRUPT_MS = 0.2
 """ISRs and DPCs of a frame's network packets and its screen update."""
 
-INTERCEPT_MS = 4.8
+INTERCEPT_MS = 10.0
 """The same in a partition: every access to an emulated device traps into the hypervisor, above every VP."""
 
-PARENT_MS = 20.0
+PARENT_MS = 16.0
 """Drawing it in a partition: the parent emulates the screen and encodes it, above every VP."""
 
 PIECE_MS = 1.0
@@ -24,7 +24,7 @@ PIECE_MS = 1.0
 SYSTEM_MIB = 150.0
 """What the guest's operating system needs of its memory."""
 
-BROWSER_MIB = 100.0
+BROWSER_MIB = 130.0
 """What a browser that plays video works on."""
 
 PAGE_IN_MS = 4.0

@@ -17,6 +17,9 @@ from rarms_iac.providers.simulated.scheduling.values import Piece
 SHORTEST_TURN_MS = 2.0
 """A waiting VP must have saved claim for this much time before it interrupts one without: VPs do not thrash."""
 
+SHORTEST_WAIT_MS = 0.05
+"""How often at most a waiting VP is looked at again, since interrupts delay the moment for which it waits."""
+
 SLICE_MS = 10.0
 """How long one VP runs of what is left over before another of less use (by weight) takes its turn."""
 
@@ -24,12 +27,13 @@ SLICE_MS = 10.0
 class Hypervisor:
     """Places VPs on LPs; tells the guest (`finished`, `quantum_over`) when a thread's work or turn is over."""
 
-    __slots__ = ("_agenda", "_trace", "_waiting", "_window", "changed", "lps", "vps")
+    __slots__ = ("_agenda", "_taken", "_trace", "_waiting", "_window", "changed", "lps", "vps")
 
     def __init__(self, agenda: Agenda, lps: int, window_ms: float, trace: Callable[[Piece], None] | None) -> None:
         self._agenda = agenda
         self._window = window_ms
         self._trace = trace
+        self._taken = 0.0
         self._waiting: list[VirtualProcessor] = []
         self.lps = [LogicalProcessor(number) for number in range(lps)]
         for lp in self.lps:
@@ -46,15 +50,14 @@ class Hypervisor:
 
     def wake(self, vp: VirtualProcessor) -> None:
         """The VP has a thread again."""
-        vp.accrue(self._agenda.now, self._window)
+        vp.accrue(self._clock(), self._window)
         vp.used = max(vp.used, min((one.used for one in self._waiting), default=vp.used))
         self._queue(vp)
 
     def rest(self, vp: VirtualProcessor) -> None:
         """The VP has no thread any more; what it had not used of its claim is kept for the window."""
-        now = self._agenda.now
         if vp.lp is None:
-            vp.accrue(now, self._window)
+            vp.accrue(self._clock(), self._window)
             self._waiting.remove(vp)
         else:
             self.settle(vp.lp)
@@ -63,7 +66,7 @@ class Hypervisor:
         vp.turn += 1
         vp.waiting = False
         vp.claim = min(vp.claim, vp.reserve * self._window)
-        vp.since = now
+        vp.since = self._clock()
         self.changed = True
 
     def take(self, lp: LogicalProcessor, duration: float, name: str, then: Callable[[], None] | None = None) -> None:
@@ -72,7 +75,7 @@ class Hypervisor:
         if not lp.taken:
             lp.taken_left = duration
         lp.taken.append((duration, name, then))
-        self.changed = True
+        self._arm(lp)
 
     def settle(self, lp: LogicalProcessor) -> None:
         """Accounts for what the LP did since it was last settled."""
@@ -85,10 +88,20 @@ class Hypervisor:
         lp.since = now
         if lp.taken:
             lp.taken_left -= elapsed
+            self._taken += elapsed
             if lp.vp is not None:
-                lp.vp.claim += lp.vp.reserve * elapsed
+                lp.vp.claim += lp.vp.gain(self._clock())
         elif lp.vp is not None:
-            lp.vp.consume(elapsed)
+            lp.vp.consume(elapsed, self._clock())
+
+    def _clock(self) -> float:
+        """The reserve clock: it stands still while interrupts take the LPs, so that reserves share what they leave."""
+        now = self._agenda.now
+        taken = self._taken
+        for lp in self.lps:
+            if lp.taken:
+                taken += now - lp.since
+        return now - taken / len(self.lps)
 
     def settle_all(self) -> None:
         """Accounts for everything up to now."""
@@ -109,7 +122,7 @@ class Hypervisor:
     def _queue(self, vp: VirtualProcessor) -> None:
         vp.lp = None
         vp.waiting = True
-        vp.since = self._agenda.now
+        vp.since = self._clock()
         self._waiting.append(vp)
         self._look_later(vp)
         self.changed = True
@@ -126,12 +139,12 @@ class Hypervisor:
         return vp.limit_left
 
     def _in_order(self) -> list[VirtualProcessor]:
-        now = self._agenda.now
+        clock = self._clock()
         waiting = []
         for vp in self._waiting:
             if vp.limit < 1.0 and self._left_of_limit(vp) <= INSTANT:
                 continue
-            vp.accrue(now, inf)
+            vp.accrue(clock, inf)
             waiting.append((-self._standing(vp), -vp.saved(), vp.used, vp))
         if len(waiting) > 1:
             waiting.sort(key=lambda one: one[:3])
@@ -140,9 +153,13 @@ class Hypervisor:
     def _standing(self, vp: VirtualProcessor) -> int:
         """LATE: its reserve must be honoured now. CLAIM: it may use it. NOTHING: it lives on what is left over."""
         saved = vp.saved()
-        if saved >= self._window - INSTANT:
+        if vp.waiting:
+            late, claim = self._window - INSTANT, SHORTEST_TURN_MS - INSTANT
+        else:  # what runs keeps its standing for a turn
+            late, claim = self._window - SHORTEST_TURN_MS, INSTANT
+        if saved >= late:
             return LATE
-        return CLAIM if saved >= (SHORTEST_TURN_MS - INSTANT if vp.waiting else INSTANT) else NOTHING
+        return CLAIM if saved >= claim else NOTHING
 
     def _place(self, vp: VirtualProcessor) -> bool:
         lp = self._lp_for(vp)
@@ -153,11 +170,12 @@ class Hypervisor:
             lp.vp = None
             self._queue(other)
         self._waiting.remove(vp)
+        # Who runs on its claim has no slice of what is left over: that is for the least served when the claim ends.
+        lp.slice_until = self._agenda.now + (SLICE_MS if self._standing(vp) == NOTHING else 0.0)
         vp.waiting = False
         vp.turn += 1
         vp.lp = vp.home = lp
         lp.vp = vp
-        lp.slice_until = self._agenda.now + SLICE_MS
         return True
 
     def _lp_for(self, vp: VirtualProcessor) -> LogicalProcessor | None:
@@ -218,22 +236,25 @@ class Hypervisor:
 
     def _lp_due(self, lp: LogicalProcessor) -> None:
         lp.armed_at = inf
-        self.changed = True
         self.settle(lp)
         if lp.taken:
-            if lp.taken_left <= INSTANT:
-                _, _, then = lp.taken.popleft()
-                if lp.taken:
-                    lp.taken_left = lp.taken[0][0]
-                if then is not None:
-                    then()
+            self._give_back(lp)
             return
+        self.changed = True
         vp = lp.vp
         if vp is not None and vp.thread is not None:
             if vp.thread.remaining <= INSTANT:
                 vp.guest.finished(vp)
             elif vp.quantum_left() <= INSTANT:
                 vp.guest.quantum_over(vp)
+
+    def _give_back(self, lp: LogicalProcessor) -> None:
+        _, _, then = lp.taken.popleft()
+        if lp.taken:
+            lp.taken_left = lp.taken[0][0]
+        self._arm(lp)
+        if then is not None:
+            then()
 
     def _look_again(self, vp: VirtualProcessor) -> None:
         self.changed = True
@@ -242,12 +263,12 @@ class Hypervisor:
     def _look_later(self, vp: VirtualProcessor) -> None:
         """A waiting VP gains standing as its claim grows, and by the next window if it is at its limit."""
         vp.turn += 1
-        vp.accrue(self._agenda.now, inf)
+        vp.accrue(self._clock(), inf)
         delay = inf
         if vp.reserve > 0.0:
             saved = vp.saved()
             steps = (SHORTEST_TURN_MS - saved, self._window - saved, SHORTEST_TURN_MS)
-            delay = next(step for step in steps if step > INSTANT)
+            delay = max(SHORTEST_WAIT_MS, next(step for step in steps if step > INSTANT))
         if vp.limit < 1.0 and self._left_of_limit(vp) <= INSTANT:
             delay = min(delay, self._to_next_window())
         if delay != inf:

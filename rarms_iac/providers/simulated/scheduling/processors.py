@@ -85,7 +85,7 @@ class VirtualProcessor(Owner):
         self.lp: LogicalProcessor | None = None
         self.waiting = False
         self.claim = 0.0
-        self.since = 0.0  # up to when claim is counted while it does not run
+        self.since = 0.0  # up to when claim is counted, on the reserve clock
         self.used = 0.0  # ms of what is left over, by weight
         self.limit_left = 0.0
         self.limit_window = -1
@@ -94,14 +94,20 @@ class VirtualProcessor(Owner):
         """For how long its reserve has not been used, in ms."""
         return self.claim / self.reserve if self.reserve else 0.0
 
-    def accrue(self, now: float, window: float) -> None:
-        """Counts the claim of a VP that does not run; beyond the window it lapses (inf: somebody waits for it)."""
+    def accrue(self, clock: float, window: float) -> None:
+        """Adds the claim of a VP that does not run; beyond the window it lapses (inf: somebody waits for it)."""
         if self.lp is None:
+            gained = self.gain(clock)
             if self.reserve:
-                self.claim = min(self.claim + self.reserve * (now - self.since), max(self.claim, self.reserve * window))
-            self.since = now
+                self.claim = min(self.claim + gained, max(self.claim, self.reserve * window))
 
-    def consume(self, elapsed: float) -> None:
+    def gain(self, clock: float) -> float:
+        """The claim gained up to the reserve clock, not yet added."""
+        gained = self.reserve * (clock - self.since)
+        self.since = clock
+        return gained
+
+    def consume(self, elapsed: float, clock: float) -> None:
         """Ran for so long: first of its claim, then of what is left over."""
         thread = self.thread
         assert thread is not None
@@ -109,12 +115,13 @@ class VirtualProcessor(Owner):
         thread.quantum -= elapsed
         thread.account.consumed += elapsed
         self.limit_left -= elapsed
-        if self.claim > 0.0:
-            self.claim -= (1.0 - self.reserve) * elapsed
-            if self.claim < INSTANT:
-                self.claim = 0.0
-        else:
-            self.used += elapsed / self.weight
+        net = self.gain(clock) - elapsed
+        if self.claim <= 0.0:
+            self.used -= net / self.weight  # what its reserve gains meanwhile is used up at once
+            return
+        self.claim += net
+        if -INSTANT < self.claim < INSTANT:
+            self.claim = 0.0
 
     def refill(self, window: int, length: float) -> None:
         """Makes its limit count anew in every window."""

@@ -8,6 +8,10 @@ ORDINARY = 8
 """The thread priority of a program that asks for none (Windows' normal class)."""
 
 
+QUIET_INTERRUPTS = 1.0
+"""Per cent of every LP that a machine's clock, network and disks take even when nobody asks anything of them."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OneAfterAnother:
     """The next job begins when the last one ended (`arrival: closed`)."""

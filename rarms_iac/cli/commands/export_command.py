@@ -1,0 +1,51 @@
+"""`rarms export`: what was measured as a table or a spreadsheet."""
+
+from pathlib import Path
+
+import click
+
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.files import write_file
+from rarms_iac.cli.options import ManifestOptions, manifest_options
+from rarms_iac.cli.problems import Halted
+from rarms_iac.cli.reporting import reported
+from rarms_iac.cli.session import Session, rarms_command
+from rarms_iac.model.diagnostics import Finding, Severity
+
+TOO_LONG = Finding(code="RARMS292", severity=Severity.ERROR, summary="A sheet cannot hold so many rows")
+
+
+@rarms_command("export")
+@click.argument("file", metavar="FILE")
+@click.argument("components", metavar="[COMPONENT]...", nargs=-1)
+@manifest_options
+@click.option("--samples", is_flag=True, help="Every sample too: a row each.")
+def command(
+    session: Session, *, file: str, components: tuple[str, ...], source: ManifestOptions, samples: bool
+) -> ExitCode:
+    """Write what was measured of the COMPONENTs (default: all) to FILE: name.csv or name.xlsx.
+
+    CSV has a row a setting and performance index, or with --samples a row a sample. XLSX has a summary and, for each
+    data log, a sheet with settings, curve and a chart. Numbers are numbers; their units stand in the headers.
+    """
+    from rarms_iac.reports.tables import csv_text, sample_rows, setting_rows
+
+    ending = Path(file).suffix.lower()
+    if ending not in {".csv", ".xlsx"}:
+        raise click.UsageError(f"{file!r} ends with neither .csv nor .xlsx.", click.get_current_context())
+    report = reported(source, components)
+    if ending == ".csv":
+        data = csv_text(sample_rows(report) if samples else setting_rows(report)).encode("utf-8", "replace")
+    else:
+        from rarms_iac.reports.workbook import TooManyRows, workbook
+
+        try:
+            data = workbook(report, samples=samples)
+        except TooManyRows as problem:
+            says = f"{problem.rows} samples are more than the {problem.limit} rows of a sheet."
+            raise Halted(
+                ExitCode.NO, [TOO_LONG.at(None, says, "Export them to a .csv file, or name fewer components.")]
+            ) from None
+    write_file(file, data)
+    session.terminal.talk(f"Wrote {file}.")
+    return ExitCode.DONE

@@ -1,0 +1,69 @@
+"""`rarms report`: performance against reservation, as a page, as text, as JSON."""
+
+import click
+
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.files import write_file
+from rarms_iac.cli.options import ManifestOptions, json_option, manifest_options
+from rarms_iac.cli.reporting import reported, speaks_ascii_only
+from rarms_iac.cli.session import Session, rarms_command
+from rarms_iac.cli.telling import tell
+from rarms_iac.model.diagnostics import Finding, Severity
+
+LARGE = Finding(code="RARMS291", severity=Severity.WARNING, summary="The report is larger than a megabyte")
+DEFAULT_FILE = "report.html"
+MEGABYTE = 1_000_000
+
+
+@rarms_command("report")
+@click.argument("components", metavar="[COMPONENT]...", nargs=-1)
+@manifest_options
+@click.option(
+    "-o",
+    "--out",
+    metavar="FILE",
+    help=f"Where the page goes; - is standard output. [default: {DEFAULT_FILE}]",
+)
+@click.option("--text", "as_text", is_flag=True, help="Plot in the terminal instead of writing a page.")
+@json_option
+def command(
+    session: Session,
+    *,
+    components: tuple[str, ...],
+    source: ManifestOptions,
+    out: str | None,
+    as_text: bool,
+    as_json: bool,
+) -> ExitCode:
+    """Show what was measured of the COMPONENTs (default: all) and what each level of performance reserves.
+
+    Writes one HTML file that needs no network: each curve has a line to drag to the level that is good enough, and
+    shows the reservation, what the host has left, and the lines for the manifest.
+    """
+    if as_text and (out is not None or as_json):
+        raise click.UsageError("--text goes without --out and --json.", click.get_current_context())
+    report = reported(source, components)
+    if as_text:
+        from rarms_iac.views.report import report_text
+
+        on, plainly = session.terminal, speaks_ascii_only(session.terminal)
+        on.data(report_text(report, width=on.width, ascii_only=plainly, colour=on.colour))
+        return ExitCode.DONE
+    if as_json:
+        from rarms_iac.views.report import report_json
+
+        session.terminal.data(report_json(report))
+        if out is None:
+            return ExitCode.DONE
+    from rarms_iac.reports.html import as_html
+
+    page, file = as_html(report), out or DEFAULT_FILE
+    if file == "-":
+        session.terminal.data(page.decode("utf-8"))
+        return ExitCode.DONE
+    write_file(file, page)
+    if len(page) > MEGABYTE:
+        says = f"{file} has {len(page):,} bytes: a plot of each of {len(report.measurements)} data logs."
+        tell(session.terminal, [LARGE.at(None, says, "Name the components that matter: `rarms report COMPONENT...`.")])
+    session.terminal.talk(f"Wrote {file}. Open it in a browser.")
+    return ExitCode.DONE

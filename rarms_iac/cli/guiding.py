@@ -1,0 +1,96 @@
+"""What the manual integration guide of a component says, from manifest and data logs."""
+
+import shlex
+from collections.abc import Iterable
+from dataclasses import replace
+
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.configuration import apt_in_words
+from rarms_iac.cli.datalogs import Measurements, measured_reservations, rests_on_a_log
+from rarms_iac.cli.manifests import Opened
+from rarms_iac.cli.problems import Halted
+from rarms_iac.model.indexes import find_index
+from rarms_iac.model.quantities import Unit
+from rarms_iac.model.system import Command, Component, Host, RunsOn
+from rarms_iac.planner.classes import ClassValues, classes_of, registry_values
+from rarms_iac.planner.groups import Group, groups_of
+from rarms_iac.planner.layout import plan_layout
+from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether
+from rarms_iac.planner.sizes import Sized, size
+from rarms_iac.views.guide import GuideFacts
+
+
+def guide_facts(measured: Measurements, opened: Opened, name: str) -> GuideFacts:
+    """What is to be set for a component, on the first host (by name) that can have it.
+
+    Raises:
+        Halted: nothing says how much it needs (4).
+    """
+    system = measured.system
+    reservations = measured_reservations(measured, {})
+    group = next(one for one in groups_of(system) if name in {each.name for each in one.members})
+    for _, host in sorted(system.hosts.items()):
+        sized = size(group, host, reservations)
+        if isinstance(sized, Sized) and all(one.hosts is None or host.name in one.hosts for one in group.members):
+            facts = _facts(group, host, sized, reservations, system.components[name])
+            classes = classes_of(group.members, system.tasks, group.name, opened.loaded.places).classes
+            return replace(facts, task_values=_task_values(facts.task, classes))
+    planning = plan_layout(system, reservations, {}, opened.loaded.places)
+    raise Halted(ExitCode.NO, planning.findings, opened.loaded.sources)
+
+
+def _task_values(task: str | None, classes: Iterable[ClassValues]) -> tuple[str, ...]:
+    """What the class is to have in the registry, in words; every member of the partition counts for it."""
+    mine = (one for one in classes if task is not None and one.name.lower() == task.lower())
+    return tuple(
+        f"{name} = {value.data} ({value.kind.value})" for one in mine for name, value in registry_values(one).items()
+    )
+
+
+def has_a_partition(component: Component) -> bool:
+    """Whether there is something to set by hand but a task class."""
+    return component.runs_on is RunsOn.PARTITION
+
+
+def _facts(
+    group: Group, host: Host, sized: Sized, reservations: MeasuredReservations, component: Component
+) -> GuideFacts:
+    placed = sized.placed
+    log = reservations.log(group.members, host)
+    measured = rests_on_a_log(group) and isinstance(log, MeasuredTogether)
+    return GuideFacts(
+        component=component.name,
+        partition=group.name,
+        beside=tuple(one.name for one in group.members if one.name != component.name),
+        apt=tuple(f"{index} {words}" for index, words in apt_in_words(component).items()),
+        platform=host.platform,
+        reserve=placed.reserve,
+        limit=placed.limit,
+        weight=placed.weight,
+        processors=placed.processors,
+        host_processors=host.logical_processors,
+        memory_mib=placed.memory // 2**20,
+        task=component.task,
+        task_values=(),
+        command=_command(component),
+        rests_on=f"the least at which {log.path} meets that"
+        if measured and isinstance(log, MeasuredTogether)
+        else "as the manifest fixes it",
+        shortest_ms=_shortest(component),
+    )
+
+
+def _command(component: Component) -> str:
+    if component.run is None:
+        return component.name
+    start = component.run.start
+    return shlex.join(start.words) if isinstance(start, Command) else f"{start.module}:{start.function}"
+
+
+def _shortest(component: Component) -> float | None:
+    times = [
+        float(threshold.value)
+        for name, threshold in component.apt.items()
+        if (index := find_index(name)) is not None and index.unit is Unit.TIME
+    ]
+    return min(times, default=None)

@@ -1,0 +1,92 @@
+"""Data logs for reports and exports: every one beside the manifest is read, and compared with what is now."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.datalogs import bench_now, compared, is_here, path_of, subject_of
+from rarms_iac.cli.manifests import system_of
+from rarms_iac.cli.options import ManifestOptions
+from rarms_iac.cli.problems import Halted
+from rarms_iac.cli.terminal import Terminal
+from rarms_iac.datalog.files import LogUnreadable, read_log
+from rarms_iac.datalog.hashing import Files
+from rarms_iac.datalog.log import DataLog
+from rarms_iac.datalog.paths import FOLDER
+from rarms_iac.experiments.setup import interference_of
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.system import Host, System
+from rarms_iac.planner.findings import UNREADABLE
+from rarms_iac.reports.building import Logged, report_of
+from rarms_iac.reports.model import Report
+
+NOTHING_MEASURED = Finding(code="RARMS290", severity=Severity.ERROR, summary="There is nothing to report")
+
+
+def reported(source: ManifestOptions, components: tuple[str, ...] = ()) -> Report:
+    """What the data logs beside the manifest show, of these components only or of all.
+
+    Raises:
+        Halted: the manifest has errors, a log cannot be read, or there is none (4).
+    """
+    system, opened = system_of(source)
+    folder = Path(opened.loaded.folder)
+    logs = tuple(_logged(system, folder))
+    if components:
+        logs = tuple(one for one in logs if set(one.log.header.setup.members) & set(components))
+    report = report_of(system, logs)
+    if not report.measurements:
+        raise Halted(ExitCode.NO, [_nothing(components)])
+    return report
+
+
+def _nothing(components: tuple[str, ...]) -> Diagnostic:
+    of = f" of {', '.join(components)}" if components else ""
+    says = f"Below {FOLDER}/ beside the manifest there is no data log{of}."
+    return NOTHING_MEASURED.at(None, says, f"Measure first: `rarms measure{''.join(f' {one}' for one in components)}`.")
+
+
+def _logged(system: System, folder: Path) -> Iterator[Logged]:
+    """Every log of a platform of the manifest, by path."""
+    hosts = {host.platform: host for host in reversed(list(system.hosts.values()))}
+    files = Files(folder)
+    for path in sorted((folder / FOLDER).glob("*/*/*.jsonl")):
+        log = _read(path)
+        if log is not None and log.header.platform in hosts and _is_of(system, log):
+            yield _beside(system, folder, path, log, hosts[log.header.platform], files)
+
+
+def _is_of(system: System, log: DataLog) -> bool:
+    setup = log.header.setup
+    return set(setup.members) <= system.components.keys() and setup.interference in system.interference
+
+
+def _beside(system: System, folder: Path, path: Path, log: DataLog, host: Host, files: Files) -> Logged:
+    setup = log.header.setup
+    asked = path_of(folder, subject_of(system, host, setup.members, interference_of(system, setup.members)))
+    subject = subject_of(system, host, setup.members, setup.interference)
+    comparison = compared(log, subject, files, bench_now(host), here=is_here(host))
+    return Logged(
+        path=path.relative_to(folder).as_posix(),
+        log=log,
+        asked=path == asked,
+        stale=tuple(map(str, comparison.changed)),
+    )
+
+
+def _read(path: Path) -> DataLog | None:
+    try:
+        return read_log(path)
+    except LogUnreadable as problem:
+        says = f"{path.as_posix()}, line {problem.line}: {problem.says}."
+        advice = "Bring it back from git, or remove it and measure again."
+        raise Halted(ExitCode.NO, [UNREADABLE.at(None, says, advice)]) from None
+
+
+def speaks_ascii_only(terminal: Terminal) -> bool:
+    """Whether lines and dots beyond ASCII would be escapes there."""
+    try:
+        "\u2812\u2500\u25cf\u2591".encode(terminal.out.encoding or "utf-8")
+    except (LookupError, UnicodeEncodeError):
+        return True
+    return False

@@ -1,0 +1,218 @@
+"""The candidate graph: every compound that could save something, with what is known of the reservation it needs.
+
+One assumption is made: a compound needs at least what any part of it needs. That a compound needs at most the sum of
+its parts is expected and never used: one that fails just below that sum is no gain, and is dropped.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+from rarms_iac.planner.combining.paper import Sharing
+from rarms_iac.planner.combining.values import WHOLE, Asked, Coi, Members, leader, total
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+EXACT_UP_TO = 12
+"""CoIs of which every compound is considered; of more, the compounds of the least critical ones."""
+
+Mask = int
+"""A set of CoIs: bit k is the k-th least critical one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """A compound, and the interval in which the least CR that meets its members' APTs lies."""
+
+    mask: Mask
+    coi: Coi  # what it would be; its reserve is the lower end
+    highest: int  # the highest CR at which it still reserves less than its parts
+    passed: int | None = None  # the lowest CR at which it was seen to meet all APTs
+    failed: int | None = None  # the highest CR at which it was seen to miss one
+
+    @property
+    def low(self) -> int:
+        """It needs at least so much."""
+        return self.coi.reserve
+
+    @property
+    def is_known(self) -> bool:
+        """Whether its least CR was measured."""
+        return self.passed == self.low
+
+    @property
+    def is_gain(self) -> bool:
+        """Whether it may still reserve less than its parts."""
+        return self.low <= self.highest
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Break:
+    """An answer that contradicts the assumption."""
+
+    members: Members
+    says: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidates:
+    """All compounds that may be, with what answers say of them."""
+
+    cois: tuple[Coi, ...]  # the least critical first: bit k is the k-th
+    by_mask: Mapping[Mask, Candidate]
+    breaks: tuple[Break, ...] = ()
+
+    def members(self, mask: Mask) -> tuple[Coi, ...]:
+        """The CoIs of a set."""
+        return tuple(one for at, one in enumerate(self.cois) if mask >> at & 1)
+
+
+def candidates_of(cois: Sequence[Coi], may_share: Sharing, *, most: int, largest: int | None = None) -> Candidates:
+    """All compounds of these CoIs before anything was asked; `most`: the highest CR that P1 can be given.
+
+    A compound consists of CoIs that may share a partition with each other, two by two, and is one that may: so those
+    that may not are not even looked at. `largest`: CoIs that a compound may consist of; None: any number.
+    """
+    ordered = tuple(sorted(cois, key=lambda one: (-one.criticality, one.name), reverse=True))
+    found = {}
+    for mask in _cliques(ordered, may_share, largest):
+        members = tuple(one for at, one in enumerate(ordered) if mask >> at & 1)
+        coi = compound_of(members)
+        highest = min(most, (total(members) - 1) // coi.processors)
+        if coi.reserve <= highest:
+            found[mask] = Candidate(mask=mask, coi=coi, highest=highest)
+    return Candidates(cois=ordered, by_mask=dict(sorted(found.items())))
+
+
+def compound_of(members: Sequence[Coi]) -> Coi:
+    """These together, with the least that they can need: what the neediest of them needs."""
+    processors = max(one.processors for one in members)
+    names = tuple(sorted(name for one in members for name in one.members))
+    least = -(-max(one.cost for one in members) // processors)
+    return replace(leader(members), members=names, processors=processors, reserve=least)
+
+
+def _cliques(cois: Sequence[Coi], may_share: Sharing, largest: int | None) -> Iterator[Mask]:
+    """Sets of two or more that may share a partition, smaller ones first."""
+    graph = _company(cois[:EXACT_UP_TO], may_share)
+    import networkx as nx
+
+    for clique in nx.enumerate_all_cliques(graph):
+        if largest is not None and len(clique) > largest:
+            return
+        members = tuple(sorted(name for at in clique for name in cois[at].members))
+        if len(clique) == 2 or (len(clique) > 2 and may_share(members)):
+            yield sum(1 << at for at in clique)
+
+
+def _company(cois: Sequence[Coi], may_share: Sharing) -> "nx.Graph":
+    """Nodes are the CoIs by number; an edge joins two that may share a partition."""
+    import networkx as nx
+
+    graph = nx.Graph()
+    graph.add_nodes_from(range(len(cois)))
+    for one, other in combinations(range(len(cois)), 2):
+        if may_share(tuple(sorted((*cois[one].members, *cois[other].members)))):
+            graph.add_edge(one, other)
+    return graph
+
+
+def informed(candidates: Candidates, answers: Iterable[Asked]) -> Candidates:
+    """The candidates after these answers, in whatever order they came."""
+    own: dict[Members, tuple[list[int], list[int]]] = {}
+    for one in answers:
+        passed, failed = own.setdefault(one.members, ([], []))
+        (passed if one.passed else failed).append(one.reserve)
+    by_members = {one.coi.members: one for one in candidates.by_mask.values()}
+    told = {
+        by_members[members].mask: _own(by_members[members], passed, failed)
+        for members, (passed, failed) in own.items()
+        if members in by_members
+    }
+    known = {mask: told.get(mask, one) for mask, one in candidates.by_mask.items()}
+    floors = [(mask, one.coi.cost) for mask, one in told.items() if one.failed is not None]
+    raised = {mask: _raised(one, floors) for mask, one in known.items()}
+    return replace(candidates, by_mask=raised, breaks=tuple(_breaks(candidates, own, told, floors)))
+
+
+def _own(one: Candidate, passed: Sequence[int], failed: Sequence[int]) -> Candidate:
+    """What its own settings say; where they contradict each other, the safe side."""
+    highest = max(failed, default=None)
+    enough = min((each for each in passed if highest is None or each > highest), default=None)
+    low = one.low if highest is None else max(one.low, highest + 1)
+    # One that passes below what its parts need breaks the assumption: what was seen counts.
+    low = low if enough is None else min(low, enough)
+    return replace(one, coi=replace(one.coi, reserve=low), passed=enough, failed=highest)
+
+
+def _raised(one: Candidate, floors: Iterable[tuple[Mask, int]]) -> Candidate:
+    """It needs at least what each part of it needs, unless it was seen to need less."""
+    cost = max((floor for mask, floor in floors if mask & one.mask == mask), default=0)
+    low = max(one.low, -(-cost // one.coi.processors))
+    low = one.low if one.passed is not None and low > one.passed else low
+    return one if low == one.low else replace(one, coi=replace(one.coi, reserve=low))
+
+
+def _breaks(
+    candidates: Candidates,
+    own: Mapping[Members, tuple[Sequence[int], Sequence[int]]],
+    told: Mapping[Mask, Candidate],
+    floors: Sequence[tuple[Mask, int]],
+) -> Iterator[Break]:
+    for mask, one in sorted(told.items()):
+        passed, failed = own[one.coi.members]
+        if passed and failed and min(passed) <= max(failed):
+            yield Break(
+                members=one.coi.members,
+                says=f"{named(one.coi.members)} meets its thresholds at {min(passed)} % "
+                f"and misses one at {max(failed)} %",
+            )
+        if not passed:
+            continue
+        for part, floor in (*_parts(candidates, mask), *floors):
+            if part & mask == part and part != mask and min(passed) * one.coi.processors < floor:
+                needs = named(compound_of(candidates.members(part)).members)
+                yield Break(
+                    members=one.coi.members,
+                    says=f"{named(one.coi.members)} meets its thresholds with less than {needs} needs",
+                )
+                break
+
+
+def _parts(candidates: Candidates, mask: Mask) -> Iterator[tuple[Mask, int]]:
+    for at, one in enumerate(candidates.cois):
+        if mask >> at & 1:
+            yield 1 << at, one.cost
+
+
+def named(members: Members) -> str:
+    """`speech+vision`."""
+    return "+".join(members)
+
+
+def graph_of(candidates: Candidates) -> "nx.DiGraph":
+    """The candidate graph: nodes are CoIs (`low`, `high` in whole per cent) and compounds; edges lead into a compound.
+
+    A compound also has `passed`, `failed` (None: not seen) and `is_gain`.
+    """
+    import networkx as nx
+
+    graph = nx.DiGraph()
+    for one in candidates.cois:
+        graph.add_node(named(one.members), compound=False, low=one.reserve, high=one.reserve)
+    for each in candidates.by_mask.values():
+        high = each.highest if each.passed is None else min(each.passed, WHOLE)
+        graph.add_node(
+            named(each.coi.members),
+            compound=True,
+            low=each.low,
+            high=high,
+            passed=each.passed,
+            failed=each.failed,
+            is_gain=each.is_gain,
+        )
+        for part in candidates.members(each.mask):
+            graph.add_edge(named(part.members), named(each.coi.members))
+    return graph

@@ -1,0 +1,137 @@
+"""TPTULR and CombineComponents as PAPER.md has them; where it is silent, DESIGN section 3."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+from rarms_iac.planner.combining.oracle import Always, Consent, PerformanceOracle, PlannerReporter, Silent
+from rarms_iac.planner.combining.values import WHOLE, Asked, Coi, Members, leader, total, union
+
+SUCCESSFUL = "successful"
+UNABLE = "Unable to reduce total CPU reservation by combining CoIs"
+
+STEP = 10
+"""CMCPUR: 10, 20, ... 100 %."""
+
+Sharing = Callable[[Members], bool]
+"""Whether these may be in one partition: what `apart` and `dedicated` forbid is not tried."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asking:
+    """Who answers, who is told, and what may be tried."""
+
+    oracle: PerformanceOracle
+    reporter: PlannerReporter = field(default_factory=Silent)
+    consent: Consent = field(default_factory=Always)
+    may_share: Sharing = lambda _members: True
+
+    def ask(self, members: Members, reserve: int, why: str) -> Asked:
+        """One setting.
+
+        Raises:
+            Unanswered: the oracle has no answer.
+        """
+        self.reporter.setting_asked(members, reserve, why)
+        worse = self.oracle.worse(members, reserve)
+        answer = Asked(members=members, reserve=reserve, worse=tuple(sorted(worse)))
+        self.reporter.setting_answered(answer)
+        return answer
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Combination:
+    """Two that became one."""
+
+    compound: Coi
+    parts: tuple[Coi, Coi]
+
+    @property
+    def gain(self) -> int:
+        """What it reserves less, in per cent of one logical processor; below 0: it reserves more."""
+        return total(self.parts) - self.compound.cost
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaperTuning:
+    """How tuning ended."""
+
+    cois: tuple[Coi, ...]  # as they are now, most critical first
+    combinations: tuple[Combination, ...]  # in the order in which they were made
+    trail: tuple[Asked, ...]
+    needed: bool  # False: the total lay below the capacity, and there was nothing to do
+
+    @property
+    def message(self) -> str:
+        """What the paper says; empty where there was nothing to do."""
+        if not self.needed:
+            return ""
+        return SUCCESSFUL if self.combinations else UNABLE
+
+
+def tune_performance_to_use_less_resource(
+    cois: Sequence[Coi], capacity: int, asking: Asking, *, repeat: bool = False
+) -> PaperTuning:
+    """TPTULR: combine, unless the total lies below the capacity (per cent of one logical processor).
+
+    One call makes one combination; `repeat` goes on with the compound until the total fits or nothing succeeds.
+
+    Raises:
+        Unanswered: the oracle has no answer.
+    """
+    trail: list[Asked] = []
+    made: list[Combination] = []
+    now = ordered(cois)
+    needed = total(now) >= capacity
+    while needed and (not made or (repeat and total(now) > capacity)):
+        found = combine_components(now, asking, trail)
+        if found is None:
+            break
+        made.append(found)
+        now = ordered([one for one in now if one not in found.parts] + [found.compound])
+    return PaperTuning(cois=now, combinations=tuple(made), trail=tuple(trail), needed=needed)
+
+
+def ordered(cois: Sequence[Coi]) -> tuple[Coi, ...]:
+    """By non-increasing criticality, equal ones by name."""
+    return tuple(sorted(cois, key=lambda one: (-one.criticality, one.name)))
+
+
+def combine_components(cois: Sequence[Coi], asking: Asking, trail: list[Asked]) -> Combination | None:
+    """CombineComponents: the least critical one with the next that it can be combined with; None: unsuccessful.
+
+    What was asked is added to the trail.
+
+    Raises:
+        Unanswered: the oracle has no answer.
+    """
+    others = list(ordered(cois))
+    least = others.pop() if others else None
+    while least is not None and others:
+        next_to_last = others.pop()
+        compound = _tried(least, next_to_last, asking, trail)
+        if compound is not None:
+            asking.reporter.combined(compound, total((least, next_to_last)))
+            return Combination(compound=compound, parts=(next_to_last, least))
+    return None
+
+
+def _tried(least: Coi, next_to_last: Coi, asking: Asking, trail: list[Asked]) -> Coi | None:
+    """One pair: first with the sum of both, then by CMCPUR; None is TryAgain."""
+    pair = (next_to_last, least)
+    members, processors = union(*pair), max(one.processors for one in pair)
+    together = min(WHOLE, -(-total(pair) // processors))  # no partition can reserve more than all of it
+    gain = total(pair) - max(one.cost for one in pair)
+    allowed = asking.may_share(members) and asking.consent.allows(members, settings=1 + WHOLE // STEP, gain=gain)
+    if not allowed:
+        asking.reporter.declined(members)
+        return None
+    first = asking.ask(members, together, "the sum of both reservations")
+    trail.append(first)
+    if all(set(one.members) & set(first.worse) for one in pair):
+        return None
+    for reserve in range(STEP, WHOLE + 1, STEP):
+        answer = asking.ask(members, reserve, "CMCPUR of the pair")
+        trail.append(answer)
+        if answer.passed:
+            return replace(leader(pair), members=members, processors=processors, reserve=reserve)
+    return None

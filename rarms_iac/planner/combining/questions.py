@@ -1,0 +1,163 @@
+"""The next threshold question: does this compound meet its APTs at this reservation? A pure function of the answers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from rarms_iac.model.system import Minimise
+from rarms_iac.planner.combining.candidates import (
+    EXACT_UP_TO,
+    Break,
+    Candidate,
+    Candidates,
+    candidates_of,
+    informed,
+)
+from rarms_iac.planner.combining.layouts import Choice, Layouts, Objective
+from rarms_iac.planner.combining.paper import Asking, Sharing
+from rarms_iac.planner.combining.values import WHOLE, Asked, Coi, Members, total
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ask:
+    """Not ended: this question could change the answer."""
+
+    members: Members
+    reserve: int
+    why: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Best:
+    """The best layout, its compounds at their measured least reservations."""
+
+    cois: tuple[Coi, ...]  # most critical first
+    total: int  # in per cent of one logical processor
+    breaks: tuple[Break, ...]  # answers that contradict the assumption: with any, nothing is proved
+    complete: bool  # whether every layout was considered
+
+    @property
+    def proved(self) -> bool:
+        """No other layout is better, if a compound needs at least what any part of it needs."""
+        return self.complete and not self.breaks
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NothingFits:
+    """No layout fits, whatever the compounds that were not measured need."""
+
+    breaks: tuple[Break, ...]
+    complete: bool
+
+    @property
+    def proved(self) -> bool:
+        """As of `Best`."""
+        return self.complete and not self.breaks
+
+
+Step = Ask | Best | NothingFits
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tuning:
+    """What is to be combined, and what makes a layout the better one."""
+
+    candidates: Candidates  # before anything was asked
+    objective: Objective
+    complete: bool  # whether these candidates are all that the objective could choose
+    every_size: bool  # whether compounds may have any number of parts
+
+
+def tuning_of(
+    cois: Sequence[Coi], objective: Objective, may_share: Sharing, *, most: int = WHOLE, largest: int | None = None
+) -> Tuning:
+    """The problem with every compound that could be a gain; see `candidates_of`."""
+    candidates = candidates_of(cois, may_share, most=most, largest=largest)
+    every_size = largest is None
+    complete = every_size and len(cois) <= EXACT_UP_TO
+    return Tuning(candidates=candidates, objective=objective, complete=complete, every_size=every_size)
+
+
+def next_step(tuning: Tuning, answers: Sequence[Asked]) -> Step:
+    """What to ask after these answers, or the answer.
+
+    The best layout that what is known allows is looked at: where the least CR of all its compounds was measured, no
+    other one can be better, since each was taken to need the least that it can. Otherwise the compound of it of which
+    least is known is asked for, in the middle of its interval: both answers change what that layout is worth.
+    """
+    known = informed(tuning.candidates, answers)
+    best = Layouts(candidates=known, objective=tuning.objective).best()
+    if best is None:
+        return NothingFits(breaks=known.breaks, complete=tuning.complete)
+    unknown = [one for mask in best.blocks if not (one := known.by_mask[mask]).is_known]
+    if not unknown:
+        return _best(tuning, known, best)
+    widest = max(unknown, key=lambda one: (_highest(one) - one.low, one.coi.members))
+    highest = _highest(widest)
+    beside = " and ".join("+".join(known.by_mask[mask].coi.members) for mask in best.blocks)
+    return Ask(
+        members=widest.coi.members,
+        reserve=(widest.low + highest) // 2,
+        why=f"between {widest.low} % and {highest} %; the best layout may combine {beside}",
+    )
+
+
+def _highest(one: Candidate) -> int:
+    """The highest CR that is worth a question: one point more is known to be enough, or no gain."""
+    return one.highest if one.passed is None else one.passed - 1
+
+
+def _best(tuning: Tuning, known: Candidates, best: Choice) -> Best:
+    cois = Layouts(candidates=known, objective=tuning.objective).cois_of(best.blocks)
+    return Best(
+        cois=tuple(sorted(cois, key=lambda one: (-one.criticality, one.name))),
+        total=best.total,
+        breaks=known.breaks,
+        complete=tuning.complete or _is_first(tuning, best),
+    )
+
+
+def _is_first(tuning: Tuning, best: Choice) -> bool:
+    """Combining as little as possible, a layout of the least critical CoIs comes before all that touch others.
+
+    Only their number was limited then; a compound of them of more parts was looked at, too.
+    """
+    least = (1 << EXACT_UP_TO) - 1
+    shares = 0
+    for mask in best.blocks:
+        shares |= mask
+    return tuning.every_size and tuning.objective.minimise is Minimise.COMBINING and shares & least == shares
+
+
+def search(
+    tuning: Tuning, asking: Asking, answers: Sequence[Asked] = ()
+) -> tuple[Best | NothingFits, tuple[Asked, ...]]:
+    """Ask until the answer is there; what was answered before is not asked again.
+
+    A combination that somebody says no to is left out, and nothing is said of the layouts that have it.
+
+    Raises:
+        Unanswered: the oracle has no answer; the trail up to there is in what it recorded.
+    """
+    trail = list(answers)
+    consented: set[Members] = {one.members for one in trail}
+    while isinstance(step := next_step(tuning, trail), Ask):
+        if step.members not in consented:
+            if not _consent(tuning, asking, step.members):
+                asking.reporter.declined(step.members)
+                tuning = _without(tuning, step.members)
+                continue
+            consented.add(step.members)
+        trail.append(asking.ask(step.members, step.reserve, step.why))
+    return step, tuple(trail)
+
+
+def _consent(tuning: Tuning, asking: Asking, members: Members) -> bool:
+    one = next(each for each in tuning.candidates.by_mask.values() if each.coi.members == members)
+    parts = total(tuning.candidates.members(one.mask))
+    settings = (one.highest - one.low + 1).bit_length()
+    return asking.consent.allows(members, settings=settings, gain=parts - one.coi.cost)
+
+
+def _without(tuning: Tuning, members: Members) -> Tuning:
+    left = {mask: one for mask, one in tuning.candidates.by_mask.items() if one.coi.members != members}
+    return replace(tuning, candidates=replace(tuning.candidates, by_mask=left))

@@ -1,0 +1,54 @@
+"""What combining speaks of: CoIs and compounds with what they cost, questions and their answers."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+Members = tuple[str, ...]
+"""Components together in one partition, by name."""
+
+WHOLE = 100
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coi:
+    """A component of interest, or a compound one: what one partition holds."""
+
+    name: str
+    members: Members
+    criticality: int  # the highest of its members'
+    processors: int  # VPs of its partition
+    reserve: int  # whole per cent of each of them
+
+    @property
+    def cost(self) -> int:
+        """The reservation in per cent of one logical processor."""
+        return self.processors * self.reserve
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asked:
+    """A setting that was asked for, with its answer."""
+
+    members: Members
+    reserve: int  # CR: per cent of P1's own VPs
+    worse: tuple[str, ...]  # members that miss an APT there, by name
+
+    @property
+    def passed(self) -> bool:
+        """Whether every APT of every member is met."""
+        return not self.worse
+
+
+def union(one: Coi, other: Coi) -> Members:
+    """Who is in a partition of both."""
+    return tuple(sorted((*one.members, *other.members)))
+
+
+def leader(cois: Iterable[Coi]) -> Coi:
+    """The most critical, ties by name: what their compound is called after."""
+    return min(cois, key=lambda one: (-one.criticality, one.name))
+
+
+def total(cois: Iterable[Coi]) -> int:
+    """What they reserve together, in per cent of one logical processor."""
+    return sum(one.cost for one in cois)

@@ -1,0 +1,135 @@
+"""The same measurements as rows of cells, for spreadsheets: units in the headers, numbers as numbers.
+
+A text that a spreadsheet would take for a formula stays text: in CSV, which has no types, behind an apostrophe.
+"""
+
+import csv
+from collections.abc import Iterable, Iterator, Sequence
+from io import StringIO
+from math import isfinite
+
+from rarms_iac.reports.model import Measurement, Point, Report, Shown
+from rarms_iac.reports.scale import UNIT_TEXT
+
+Cell = str | int | float | None
+Rows = Iterable[Sequence[Cell]]
+
+SETTINGS = (
+    "component",
+    "measured with",
+    "platform",
+    "interference",
+    "reserve (% of the partition's VPs)",
+    "processors (VPs)",
+    "index",
+    "unit",
+    "value",
+    "interval from",
+    "interval to",
+    "samples",
+    "effective samples",
+    "failed samples",
+    "direction",
+    "threshold",
+    "verdict",
+    "error of the verdict (%)",
+    "remark",
+    "data log",
+)
+
+SAMPLES = (
+    "component",
+    "measured with",
+    "platform",
+    "interference",
+    "reserve (% of the partition's VPs)",
+    "setting",
+    "job",
+    "began (ms)",
+    "response time (ms)",
+    "successful",
+    "count",
+    "failure",
+)
+
+BEGINNINGS = ("=", "+", "-", "@", "\t", "\n")
+"""What a spreadsheet takes for the beginning of a formula."""
+
+
+def setting_rows(report: Report) -> Iterator[Sequence[Cell]]:
+    """The header, then a row a setting and index."""
+    yield SETTINGS
+    for one in report.measurements:
+        for index in one.indexes:
+            for point in index.points:
+                yield _setting(one, index, point)
+
+
+def _setting(one: Measurement, index: Shown, point: Point) -> Sequence[Cell]:
+    threshold = index.threshold
+    return (
+        index.component,
+        one.name,
+        one.platform,
+        one.interference,
+        point.reserve,
+        one.processors,
+        index.index.name,
+        UNIT_TEXT[index.index.unit],
+        point.value,
+        None if point.value is None else finite(point.low),
+        None if point.value is None else finite(point.high),
+        point.samples,
+        point.effective,
+        point.failed,
+        index.index.direction,
+        None if threshold is None else float(threshold.value),
+        point.verdict,
+        None if point.error is None else 100 * point.error,
+        point.remark,
+        one.path,
+    )
+
+
+def sample_rows(report: Report) -> Iterator[Sequence[Cell]]:
+    """The header, then a row a sample, in the order in which they were measured."""
+    yield SAMPLES
+    for one in report.measurements:
+        for number, setting in enumerate(one.settings, 1):
+            for series in setting.series:
+                for job, sample in enumerate(series.samples, 1):
+                    yield (
+                        series.component,
+                        one.name,
+                        one.platform,
+                        one.interference,
+                        setting.reserve,
+                        number,
+                        job,
+                        sample.began_ms,
+                        sample.response_ms,
+                        int(sample.successful),
+                        sample.count,
+                        sample.failure,
+                    )
+
+
+def finite(value: float) -> float | None:
+    """No spreadsheet knows infinity: an empty cell stands for a side without a bound."""
+    return value if isfinite(value) else None
+
+
+def csv_text(rows: Rows) -> str:
+    """Comma-separated, quoted where it must be, lines ending in LF."""
+    text = StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    for row in rows:
+        writer.writerow([_inert(cell) for cell in row])
+    return text.getvalue()
+
+
+def _inert(cell: Cell) -> Cell:
+    if not isinstance(cell, str):
+        return cell
+    text = cell.replace("\r\n", "\n").replace("\r", "\n")  # Python's writer leaves a lone CR unquoted
+    return f"'{text}" if text.startswith(BEGINNINGS) else text

@@ -1,0 +1,66 @@
+"""What `rarms report --json` is made of; a side of a band that has no bound is null."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportPointOutput:
+    """An index at a setting. `error`: how probably the verdict is wrong."""
+
+    reserve: int
+    value: float | None
+    low: float | None
+    high: float | None
+    samples: int
+    failed: int
+    verdict: str
+    error: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportRowOutput:
+    """The curve at one whole per cent; a reservation rests on `safe`."""
+
+    reserve: int
+    value: float | None
+    safe: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportIndexOutput:
+    """An index of a component against the reserve; `reserve` is what its threshold alone asks for."""
+
+    component: str
+    index: str
+    direction: str
+    threshold: float | None
+    reserve: int | None
+    points: tuple[ReportPointOutput, ...]
+    curve: tuple[ReportRowOutput, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportMeasurementOutput:
+    """A data log. `rests`: a plan looks its reservation up here."""
+
+    components: tuple[str, ...]
+    platform: str
+    interference: str
+    log: str
+    processors: int
+    rests: bool
+    stale: tuple[str, ...]
+    reserve: int | None
+    interpolated: bool
+    indexes: tuple[ReportIndexOutput, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportCapacityOutput:
+    """What the hosts of a platform can promise and what they would, in LPs."""
+
+    platform: str
+    hosts: tuple[str, ...]
+    capacity: float
+    reserved: float
+    fits: bool

@@ -1,0 +1,109 @@
+"""The report in the terminal, and for programs."""
+
+from collections.abc import Iterator
+from math import isfinite
+
+from rarms_iac.reports.model import Measurement, Report, Shown
+from rarms_iac.reports.summary import fit_text, fits_of, proofs_of, summary_of
+from rarms_iac.views.as_json import as_json
+from rarms_iac.views.diagnostics.layout import wrap
+from rarms_iac.views.output import ReportOutput
+from rarms_iac.views.output_report import (
+    ReportCapacityOutput,
+    ReportIndexOutput,
+    ReportMeasurementOutput,
+    ReportPointOutput,
+    ReportRowOutput,
+)
+from rarms_iac.views.plot import plot_text
+from rarms_iac.views.table import table
+
+
+def report_text(report: Report, *, width: int = 80, ascii_only: bool = False, colour: bool = False) -> str:
+    """The summary, each host's total, and a plot of every curve."""
+    return "\n".join(_parts(report, width, ascii_only=ascii_only, colour=colour))
+
+
+def _parts(report: Report, width: int, *, ascii_only: bool, colour: bool) -> Iterator[str]:
+    rows = [(one.component, one.index, one.level, one.reserve, one.bandwidth) for one in summary_of(report)]
+    yield table([("component", "index", "threshold", "CR", "bandwidth"), *rows])
+    for fit in fits_of(report):
+        yield "\n".join(wrap(f"{', '.join(fit.of.hosts)}: {fit_text(fit)}", width, "")) + "\n"
+    if report.proofs:
+        proven = [(one.component, one.index, one.level, one.shows, one.result) for one in proofs_of(report)]
+        yield table([("all together", "index", "threshold", "observed", "result"), *proven])
+    for one in report.measurements:
+        for index in one.indexes:
+            yield f"{one.name} against {one.interference} on {one.platform}{_remark(one)}"
+            yield plot_text(index, width=width, ascii_only=ascii_only, colour=colour)
+
+
+def _remark(one: Measurement) -> str:
+    if one.stale:
+        return f" (stale: {'; '.join(one.stale)})"
+    return "" if one.rests else " (to compare: no reservation rests on it)"
+
+
+def report_json(report: Report) -> str:
+    """The same for programs; a side of a band without a bound is null."""
+    return as_json(
+        ReportOutput(
+            application=report.application,
+            measurements=tuple(_measurement(one) for one in report.measurements),
+            capacities=tuple(
+                ReportCapacityOutput(
+                    platform=fit.of.platform,
+                    hosts=fit.of.hosts,
+                    capacity=float(fit.of.capacity),
+                    reserved=float(fit.total),
+                    fits=fit.fits,
+                )
+                for fit in fits_of(report)
+            ),
+        )
+    )
+
+
+def _measurement(one: Measurement) -> ReportMeasurementOutput:
+    return ReportMeasurementOutput(
+        components=one.components,
+        platform=one.platform,
+        interference=one.interference,
+        log=one.path,
+        processors=one.processors,
+        rests=one.rests,
+        stale=one.stale,
+        reserve=one.reserve,
+        interpolated=one.least is not None and one.least.interpolated,
+        indexes=tuple(_index(index) for index in one.indexes),
+    )
+
+
+def _index(one: Shown) -> ReportIndexOutput:
+    return ReportIndexOutput(
+        component=one.component,
+        index=one.index.name,
+        direction=one.index.direction,
+        threshold=None if one.threshold is None else float(one.threshold.value),
+        reserve=None if one.least is None else one.least.reserve,
+        points=tuple(
+            ReportPointOutput(
+                reserve=point.reserve,
+                value=point.value,
+                low=_finite(point.low),
+                high=_finite(point.high),
+                samples=point.samples,
+                failed=point.failed,
+                verdict=point.verdict,
+                error=point.error,
+            )
+            for point in one.points
+        ),
+        curve=tuple(
+            ReportRowOutput(reserve=row.reserve, value=_finite(row.value), safe=_finite(row.safe)) for row in one.rows
+        ),
+    )
+
+
+def _finite(value: float) -> float | None:
+    return value if isfinite(value) else None

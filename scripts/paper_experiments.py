@@ -1,0 +1,151 @@
+"""The paper's experiments on the simulated scheduler, with the delivery robot's own parameters.
+
+What differs between the figures is what the paper varied: reserves, and how much interferes. Nothing else.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from itertools import islice
+from statistics import mean
+
+from rarms_iac.manifest.load import load
+from rarms_iac.model.system import System
+from rarms_iac.providers.simulated.scheduling.demands import demand_of
+from rarms_iac.providers.simulated.scheduling.simulation import simulate
+from rarms_iac.providers.simulated.scheduling.values import (
+    IDLE,
+    ORDINARY,
+    QUIET_INTERRUPTS,
+    Browsers,
+    BusyLoops,
+    Demand,
+    JobDone,
+    Load,
+    Machine,
+    Piece,
+    VirtualMachine,
+)
+from rarms_iac.storage.shipped import shipped
+
+FDP, SRP, VSP, PPP = "face-detection", "speech-recognition", "video-streaming", "path-planning"
+LPS = 2  # Table 1: Core 2 Duo
+MEMORY_MIB = 512.0  # Table 1: what each partition has
+HOST_MEMORY_MIB = 4096.0
+RESERVES = tuple(range(10, 101, 10))
+PAIRS = ((50, 50), (75, 25), (75, 0))
+BROWSERS = (0, 1, 2, 5, 10)
+PRIORITIES = {FDP: 30, SRP: 31}  # Fig. 3's; whoever names no task class has the ordinary priority
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loaded:
+    """One point of Fig. 3: every component alone with the browsers in one operating system."""
+
+    browsers: int
+    utilisation: float  # per cent of all LPs that the browsers use when nothing else runs
+    response_ms: dict[str, float]  # by component
+    success_rate: dict[str, float]  # by component, per cent
+    throughput: dict[str, float]  # by component, successes a second
+
+
+def the_robot() -> System:
+    """The delivery robot as it is shipped."""
+    path = shipped("manifests/delivery-robot/rarms.yaml")
+    loaded = load(str(path), today=datetime.now(tz=UTC).date())
+    if loaded.system is None:
+        raise ValueError(f"{path} cannot be read: {loaded.diagnostics}")
+    return loaded.system
+
+
+def demands() -> dict[str, Demand]:
+    """What the delivery robot's components ask for, at Fig. 3's priorities (which change nothing in one's own VM)."""
+    return {
+        name: demand_of(component, PRIORITIES.get(name, ORDINARY)) for name, component in the_robot().components.items()
+    }
+
+
+def bench(demand: Demand, reserves: tuple[float, float], load: Load | None) -> Machine:
+    """P1 with the component, P2 with what interferes; P1's and P2's reserves in per cent."""
+    inside = () if load is None else (load,)
+    return Machine(
+        lps=LPS,
+        interrupts=QUIET_INTERRUPTS,
+        machines=(
+            VirtualMachine(name="P1", vps=LPS, reserve=reserves[0], memory_mib=MEMORY_MIB, components=(demand,)),
+            VirtualMachine(name="P2", vps=LPS, reserve=reserves[1], memory_mib=MEMORY_MIB, loads=inside),
+        ),
+    )
+
+
+def mean_response(machine: Machine, jobs: int, seeds: Sequence[int]) -> float:
+    """Over the first jobs of each seed."""
+    return mean(job.response for seed in seeds for job in islice(simulate(machine, seed), jobs))
+
+
+def figure_1(jobs: int, seeds: Sequence[int], reserves: Sequence[int] = RESERVES) -> dict[int, float]:
+    """FDP's mean response time in ms by P1's reserve; P2 reserves the rest for a busy loop a VP."""
+    fdp = demands()[FDP]
+    return {cr: mean_response(bench(fdp, (cr, 100 - cr), BusyLoops()), jobs, seeds) for cr in reserves}
+
+
+def figure_3(until_ms: float, seeds: Sequence[int], browsers: Sequence[int] = range(13)) -> list[Loaded]:
+    """One operating system without partitions, and ever more browsers."""
+    return [_loaded(number, until_ms, seeds) for number in browsers]
+
+
+def figure_4(
+    jobs: int, seeds: Sequence[int], browsers: Sequence[int] = BROWSERS
+) -> dict[tuple[int, int], dict[int, float]]:
+    """FDP's mean response time in ms by the browsers in P2, by the reserves of P1 and P2."""
+    fdp = demands()[FDP]
+    return {
+        pair: {number: mean_response(bench(fdp, pair, playing(number)), jobs, seeds) for number in browsers}
+        for pair in PAIRS
+    }
+
+
+def playing(browsers: int) -> Load | None:
+    """So many browsers."""
+    return Browsers(instances=browsers) if browsers else None
+
+
+def _loaded(browsers: int, until_ms: float, seeds: Sequence[int]) -> Loaded:
+    asked = demands()
+    jobs = {name: _jobs(asked[name], browsers, until_ms, seeds) for name in (FDP, SRP, VSP, PPP)}
+    elapsed_s = until_ms * len(seeds) / 1000.0
+    return Loaded(
+        browsers=browsers,
+        utilisation=_utilisation(browsers, until_ms, seeds),
+        response_ms={name: mean(job.response for job in done) for name, done in jobs.items()},
+        success_rate={name: 100.0 * mean(job.successful for job in done) for name, done in jobs.items()},
+        throughput={name: sum(job.successful for job in done) / elapsed_s for name, done in jobs.items()},
+    )
+
+
+def _jobs(demand: Demand, browsers: int, until_ms: float, seeds: Sequence[int]) -> list[JobDone]:
+    machine = _one_system(browsers)
+    inside = replace(machine.machines[0], components=(demand,))
+    return [job for seed in seeds for job in simulate(replace(machine, machines=(inside,)), seed, until_ms=until_ms)]
+
+
+def _utilisation(browsers: int, until_ms: float, seeds: Sequence[int]) -> float:
+    busy = 0.0
+
+    def count(piece: Piece) -> None:
+        nonlocal busy
+        if piece.ran != IDLE:
+            busy += piece.ended - piece.began
+
+    for seed in seeds:
+        for _ in simulate(_one_system(browsers), seed, until_ms=until_ms, trace=count):
+            pass
+    return 100.0 * busy / (LPS * until_ms * len(seeds))
+
+
+def _one_system(browsers: int) -> Machine:
+    load = playing(browsers)
+    system = VirtualMachine(
+        name="os", vps=LPS, memory_mib=HOST_MEMORY_MIB, loads=() if load is None else (load,), partitioned=False
+    )
+    return Machine(lps=LPS, machines=(system,), interrupts=QUIET_INTERRUPTS)

@@ -1,0 +1,222 @@
+"""What the scheduler model never does, whatever runs: time is neither lost nor made, and shares are kept."""
+
+from collections import defaultdict
+from dataclasses import dataclass
+from itertools import pairwise
+from math import floor
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rarms_iac.providers.simulated.scheduling.hypervisor import SHORTEST_TURN_MS
+from rarms_iac.providers.simulated.scheduling.simulation import Simulation, simulate
+from rarms_iac.providers.simulated.scheduling.values import (
+    IDLE,
+    INTERRUPT,
+    PARENT,
+    Browsers,
+    BusyLoops,
+    Demand,
+    Every,
+    Machine,
+    OneAfterAnother,
+    Piece,
+    Programs,
+    VirtualMachine,
+)
+from tests.effort import examples
+
+UNTIL_MS = 160.0
+GRAIN = 1e-3  # ms: rounding of the model's floats over a run, with plenty to spare
+
+arrivals = st.one_of(st.just(OneAfterAnother()), st.builds(Every, period_ms=st.floats(5, 200)))
+loads = st.lists(
+    st.one_of(
+        st.builds(BusyLoops, threads=st.one_of(st.none(), st.integers(1, 3))),
+        st.builds(Browsers, instances=st.integers(1, 4)),
+        st.builds(Programs, instances=st.integers(1, 2)),
+    ),
+    max_size=2,
+)
+
+
+@st.composite
+def demands(draw: st.DrawFn, name: str) -> Demand:
+    return Demand(
+        component=name,
+        work_ms=draw(st.floats(0.1, 80)),
+        blocked_ms=draw(st.sampled_from([0.0, 0.5, 12.0])),
+        varies=draw(st.sampled_from([0.0, 5.0, 40.0])),
+        threads=draw(st.integers(1, 3)),
+        arrival=draw(arrivals),
+        priority=draw(st.sampled_from([8, 8, 20, 31])),
+    )
+
+
+@st.composite
+def machines(draw: st.DrawFn, *, interrupts: bool = True) -> Machine:
+    lps = draw(st.integers(1, 4))
+    left = 100.0 * lps
+    made = []
+    for number in range(draw(st.integers(1, 4))):
+        vps = draw(st.integers(1, lps))
+        reserve = draw(st.integers(0, min(100, floor(left / vps))))
+        left -= reserve * vps
+        made.append(
+            VirtualMachine(
+                name=f"vm{number}",
+                vps=vps,
+                reserve=reserve,
+                limit=draw(st.one_of(st.just(100), st.integers(max(1, reserve), 100))),
+                weight=draw(st.integers(1, 1000)),
+                memory_mib=draw(st.one_of(st.none(), st.just(512))),
+                components=tuple(draw(demands(f"c{number}{one}")) for one in range(draw(st.integers(0, 2)))),
+                loads=tuple(draw(loads)),
+                partitioned=draw(st.booleans()),
+            )
+        )
+    taken = draw(st.sampled_from([0.0, 5.0, 40.0])) if interrupts else 0.0
+    return Machine(lps=lps, machines=tuple(made), interrupts=taken)
+
+
+@dataclass(frozen=True, slots=True)
+class Ran:
+    simulation: Simulation
+    pieces: list[Piece]
+    jobs: int
+
+
+def run(machine: Machine, until_ms: float = UNTIL_MS, seed: int = 1) -> Ran:
+    pieces: list[Piece] = []
+    simulation = simulate(machine, seed, until_ms=until_ms, trace=pieces.append)
+    return Ran(simulation, pieces, sum(1 for _ in simulation))
+
+
+@given(machines())
+@settings(max_examples=examples(8), deadline=None)
+def test_every_lp_does_one_thing_at_a_time_and_all_of_the_time(machine: Machine) -> None:
+    pieces = run(machine).pieces
+
+    for number in range(machine.lps):
+        its = [one for one in pieces if one.lp == number]
+        assert its[0].began == 0.0
+        assert its[-1].ended == UNTIL_MS
+        assert all(before.ended == after.began for before, after in pairwise(its))
+
+
+@given(machines())
+@settings(max_examples=examples(8), deadline=None)
+def test_no_vp_is_on_two_lps_at_once(machine: Machine) -> None:
+    by_vp: dict[str, list[Piece]] = defaultdict(list)
+    for piece in run(machine).pieces:
+        if piece.ran not in (IDLE, INTERRUPT, PARENT):
+            by_vp[piece.ran].append(piece)
+
+    for its in by_vp.values():
+        its.sort(key=lambda one: one.began)
+        assert all(before.ended <= after.began for before, after in pairwise(its))
+
+
+@given(st.lists(demands("x"), min_size=1, max_size=3), st.integers(1, 3), st.integers(0, 100))
+@settings(max_examples=examples(8), deadline=None)
+def test_what_components_consumed_is_what_their_vps_ran(asked: list[Demand], lps: int, reserve: int) -> None:
+    named = tuple(_named(one, f"c{number}") for number, one in enumerate(asked))
+    vm = VirtualMachine(name="vm", vps=lps, reserve=reserve, components=named)
+
+    ran = run(Machine(lps=lps, machines=(vm,), interrupts=10))
+
+    on_vps = sum(one.ended - one.began for one in ran.pieces if one.ran.startswith("vm."))
+    assert abs(on_vps - sum(ran.simulation.consumed_ms(one.component) for one in named)) < GRAIN
+
+
+@given(st.floats(0.5, 60), st.integers(1, 3), st.integers(1, 100))
+@settings(max_examples=examples(8), deadline=None)
+def test_a_job_is_paid_in_full_and_only_once(work: float, threads: int, reserve: int) -> None:
+    asked = Demand(component="c", work_ms=work, threads=threads)
+    machine = Machine(
+        lps=2,
+        machines=(
+            VirtualMachine(name="P1", vps=2, reserve=reserve, components=(asked,)),
+            VirtualMachine(name="P2", vps=2, reserve=100 - reserve, loads=(BusyLoops(),)),
+        ),
+    )
+
+    jobs = list(simulate(machine, 1, until_ms=UNTIL_MS))
+
+    assert all(abs(job.cpu - work * number) < GRAIN for number, job in enumerate(jobs, start=1))
+
+
+@given(machines())
+@settings(max_examples=examples(8), deadline=None)
+def test_a_limit_is_passed_in_no_window(machine: Machine) -> None:
+    used = _by_window(run(machine).pieces, machine.window_ms)
+
+    for vm in machine.machines:
+        allowed = vm.limit / 100 * machine.window_ms + GRAIN
+        assert all(time <= allowed for (vp, _), time in used.items() if vp.startswith(f"{vm.name}."))
+
+
+@given(machines(interrupts=False), st.integers(1, 100))
+@settings(max_examples=examples(8), deadline=None)
+def test_no_lp_idles_while_somebody_could_use_it(machine: Machine, weight: int) -> None:
+    greedy = VirtualMachine(name="greedy", vps=machine.lps, weight=weight, loads=(BusyLoops(),))
+    pieces = run(Machine(lps=machine.lps, machines=(*machine.machines, greedy))).pieces
+
+    assert sum(one.ended - one.began for one in pieces if one.ran == IDLE) == 0.0
+
+
+@given(machines(interrupts=False), st.data())
+@settings(max_examples=examples(10), deadline=None)
+def test_a_reserve_that_is_demanded_is_given(machine: Machine, data: st.DataObject) -> None:
+    """Over any time t from any moment on, a VP that always demands gets its share of all but one window of t."""
+    left = 100 * machine.lps - sum(one.vps * one.reserve for one in machine.machines)
+    vps = data.draw(st.integers(1, machine.lps))
+    reserve = data.draw(st.integers(0, min(100, floor(left / vps))))
+    steady = VirtualMachine(name="steady", vps=vps, reserve=reserve, loads=(BusyLoops(),))
+    quiet = tuple(_without_browsers(one) for one in machine.machines)
+
+    pieces = run(Machine(lps=machine.lps, machines=(*quiet, steady)), 500.0).pieces
+
+    for number in range(vps):
+        wanted = _most_behind(pieces, f"steady.{number}", reserve / 100)
+        assert wanted <= reserve / 100 * (machine.window_ms + 5 * SHORTEST_TURN_MS) + GRAIN
+
+
+def _named(demand: Demand, name: str) -> Demand:
+    return Demand(component=name, work_ms=demand.work_ms, blocked_ms=demand.blocked_ms, threads=demand.threads)
+
+
+def _without_browsers(vm: VirtualMachine) -> VirtualMachine:
+    kept = tuple(one for one in vm.loads if not isinstance(one, Browsers))
+    return VirtualMachine(
+        name=vm.name,
+        vps=vm.vps,
+        reserve=vm.reserve,
+        limit=vm.limit,
+        weight=vm.weight,
+        components=vm.components,
+        loads=kept,
+    )
+
+
+def _by_window(pieces: list[Piece], window_ms: float) -> dict[tuple[str, int], float]:
+    used: dict[tuple[str, int], float] = defaultdict(float)
+    for piece in pieces:
+        window = floor(piece.began / window_ms + 1e-9)
+        while window * window_ms < piece.ended - GRAIN:
+            begin, end = max(piece.began, window * window_ms), min(piece.ended, (window + 1) * window_ms)
+            used[piece.ran, window] += max(0.0, end - begin)
+            window += 1
+    return used
+
+
+def _most_behind(pieces: list[Piece], vp: str, share: float) -> float:
+    """The most that the VP got less than its share between any two moments, in ms."""
+    behind = least = most = at = 0.0
+    for piece in sorted((one for one in pieces if one.ran == vp), key=lambda one: one.began):
+        behind += share * (piece.began - at)
+        most = max(most, behind - least)
+        behind -= (1.0 - share) * (piece.ended - piece.began)
+        least = min(least, behind)
+        at = piece.ended
+    return max(most, behind + share * (500.0 - at) - least)

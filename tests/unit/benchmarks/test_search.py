@@ -1,0 +1,50 @@
+"""A small share of the search's benchmark: its answers are certified and right."""
+
+from dataclasses import replace
+
+from benchmarks.search import Result, by_shape, figures, mean, results
+from benchmarks.shapes import NAMED, NOISES, UNSEEN, component
+from benchmarks.timing import table
+from tests.effort import examples
+
+SHAPES = (*NAMED, *UNSEEN)
+
+
+def searched(each: int) -> list[Result]:
+    """Seeds 1, 2, ... so that no component is walked by 1 %; the noise levels in turn."""
+    tasks = [(shape, seed, NOISES[seed % len(NOISES)]) for shape in SHAPES for seed in range(1, each + 1)]
+    return [one for task in tasks for one in results(task)]
+
+
+def test_answers_are_certified_and_right_with_fewer_settings_than_halving() -> None:
+    found = searched(examples(2))
+    ours = [one for one in found if one.strategy == "default"]
+    halved = [one for one in found if one.strategy == "bisection"]
+
+    assert all(one.certified for one in ours if one.found)
+    assert sum(not one.right for one in ours) <= 0.03 * len(ours) + 1
+    assert mean(one.settings for one in ours) < mean(one.settings for one in halved) - 1.5
+    assert mean(one.samples for one in ours) < mean(one.samples for one in halved)
+
+
+def test_every_shape_has_a_least_reservation_and_never_rises() -> None:
+    for shape in SHAPES:
+        truth = component(shape, 3, 0.05)
+        assert 2 <= truth.least() <= 100
+        assert not truth.meets(truth.least() - 1)
+        assert all(later <= sooner * (1 + 1e-9) for sooner, later in zip(truth.level, truth.level[1:], strict=False))
+
+
+def test_the_figures_name_their_goals() -> None:
+    found = [one for seed in (0, 10) for shape in SHAPES[:2] + SHAPES[5:6] for one in results((shape, seed, 0.01))]
+    filled = [*found, *(_as(one, shape) for shape in SHAPES for one in found[:1])]
+
+    text = table(figures(filled))
+
+    assert "settings, unseen shapes" in text
+    assert "walk by 1: settings" in text
+    assert by_shape(filled).count("\n") == len(SHAPES)
+
+
+def _as(result: Result, shape: str) -> Result:
+    return replace(result, shape=shape)

@@ -1,0 +1,44 @@
+from pathlib import Path
+
+from tests.unit.cli.running import rarms
+from tests.unit.cli.test_data_logs import MEANS, edit, here, measure
+from tests.unit.views.test_json import check
+
+__all__ = ["here"]
+
+
+def test_the_guide_says_what_to_set_where_and_in_which_order(here: Path) -> None:
+    measure(here, MEANS)
+    edit(here / "rarms.yaml", "    memory: 512 MiB\n", "    memory: 512 MiB\n    task: ObjectIdentification\n")
+    measure(here, MEANS)
+
+    answer = rarms("explain", "vision", "--guide", "-f", str(here))
+
+    assert answer.code == 0, answer.err
+    hyperv = [answer.out.index(word) for word in ("Stop-VM", "-ProcessorCount 2", "-Reserve 62", "Start-VM")]
+    assert hyperv == sorted(hyperv)
+    assert "`Priority = " in answer.out
+    assert "`Scheduling Category = Medium (sz)`" in answer.out
+    assert 'AvSetMmThreadCharacteristics("ObjectIdentification")' in answer.out
+    assert "echo 124 > /sys/fs/cgroup/rarms.slice/vision/cpu.weight" in answer.out
+    assert "exec python3 vision.py" in answer.out
+    assert "mean_response_time at most 100 ms" in answer.out
+    assert max(map(len, answer.lines)) <= 130
+
+
+def test_a_fixed_reserve_and_a_limit_have_a_guide_too(here: Path) -> None:
+    edit(here / "rarms.yaml", "    memory: 512 MiB\n", "    memory: 512 MiB\n    cpu: { reserve: 40 %, limit: 50 % }\n")
+
+    answer = rarms("explain", "vision", "--guide", "--json", "-f", str(here))
+
+    check(answer.out)
+    assert "as the manifest fixes it" in answer.out
+    assert "echo '10000 10000'" in answer.out, "half of two processors in each period of a tenth of 100 ms"
+    assert "nothing is to be set" in answer.out
+
+
+def test_without_a_log_there_is_no_guide_and_without_a_component_neither(here: Path) -> None:
+    assert rarms("explain", "vision", "--guide", "-f", str(here)).code == 4
+    unknown = rarms("explain", "visoin", "--guide", "-f", str(here))
+    assert unknown.code == 64
+    assert 'Did you mean "vision"?' in " ".join(unknown.err.split())

@@ -1,0 +1,125 @@
+"""`rarms report` and `rarms export`, from data logs in files to pages, plots and tables."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.cli.datalogs import path_of, subject_of
+from rarms_iac.cli.manifests import open_manifest
+from rarms_iac.cli.options import today_utc
+from rarms_iac.datalog.files import append_setting, begin_log
+from rarms_iac.datalog.hashing import Files
+from rarms_iac.datalog.identity import header_of, identity_of
+from rarms_iac.datalog.log import Recorded
+from tests.builders_measured import TAKEN, a_bench
+from tests.measured_robot import a_measured_setting, face_detection
+from tests.unit.cli.running import rarms
+
+MANIFEST = """\
+schema: rarms/v1
+application: { name: robot }
+hosts:
+  onboard: { provider: simulated, logical_processors: 2, memory: 4 GiB }
+components:
+  vision:
+    criticality: 40
+    apt: { mean_response_time: { at_most: 100 ms } }
+    memory: 512 MiB
+    cpu: { reserve: measured }
+    simulation: { work: 60 ms }
+interference:
+  busy-loop: { kind: busy_loop }
+"""
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Path:
+    """A manifest with the data log of its component, as it is now."""
+    manifest = tmp_path / "rarms.yaml"
+    manifest.write_text(MANIFEST, encoding="utf-8")
+    system = open_manifest(str(manifest), (), today_utc()).loaded.system
+    assert system is not None
+    subject = subject_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
+    path = path_of(tmp_path, subject)
+    begin_log(path, header_of(subject, identity_of(subject, Files(tmp_path).of(subject), {}), a_bench()))
+    for reserve in (20, 40, 60, 80):
+        setting = a_measured_setting("vision", reserve, face_detection, samples=60)
+        append_setting(path, Recorded(setting=setting, provenance=replace(TAKEN)))
+    return manifest
+
+
+def test_the_page_is_written_and_says_the_reserve_of_the_plan(robot: Path) -> None:
+    page = robot.parent / "out.html"
+
+    ran = rarms("report", "-f", str(robot), "-o", str(page))
+    planned = rarms("plan", "-f", str(robot), "--json")
+
+    assert (ran.code, ran.out) == (0, "")
+    assert "Wrote" in ran.err
+    reported = json.loads(rarms("report", "-f", str(robot), "--json").out)
+    [measurement] = reported["measurements"]
+    assert measurement["rests"]
+    reserves = [
+        attribute["after"]
+        for host in json.loads(planned.out)["hosts"]
+        for change in host["changes"]
+        for attribute in change["attributes"]
+        if attribute["name"] == "reserve"
+    ]
+    assert reserves == [measurement["reserve"]]
+    assert page.read_text(encoding="utf-8").startswith("<!doctype html>")
+
+
+def test_the_text_is_a_plot_within_the_terminals_width(robot: Path) -> None:
+    ran = rarms("report", "-f", str(robot), "--text")
+
+    assert ran.code == 0
+    assert "vision: mean_response_time (ms) against CPU reservation (%)" in ran.out
+    assert max(map(len, ran.lines)) <= 80
+
+
+def test_a_changed_component_makes_its_log_stale_and_the_report_says_so(robot: Path) -> None:
+    robot.write_text(MANIFEST.replace("60 ms", "70 ms"), encoding="utf-8")
+
+    ran = rarms("report", "-f", str(robot), "--text")
+
+    assert ran.code == 0
+    assert "stale: vision.simulation.work: 60 ms -> 70 ms" in ran.out
+
+
+def test_without_a_log_there_is_nothing_to_report(tmp_path: Path) -> None:
+    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8")
+
+    for words in (("report",), ("export", str(tmp_path / "out.csv"))):
+        ran = rarms(*words, "-f", str(tmp_path))
+        assert ran.code == 4
+        assert "error[RARMS290]" in ran.err
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_a_damaged_log_is_named(robot: Path) -> None:
+    [log] = robot.parent.glob("measurements/*/*/*.jsonl")
+    log.write_bytes(b"what is this\n" + log.read_bytes())
+
+    ran = rarms("report", "-f", str(robot), "--text")
+
+    assert ran.code == 4
+    assert "error[RARMS107]" in ran.err
+
+
+@pytest.mark.parametrize("name", ["out.csv", "out.XLSX"])
+def test_an_export_is_written(robot: Path, name: str) -> None:
+    target = robot.parent / name
+
+    ran = rarms("export", str(target), "vision", "-f", str(robot), "--samples")
+
+    assert ran.code == 0
+    assert target.read_bytes()[:2] in {b"PK", b"co"}
+
+
+def test_words_that_make_no_sense_are_refused(robot: Path) -> None:
+    assert rarms("export", "out.pdf", "-f", str(robot)).code == 64
+    assert rarms("report", "-f", str(robot), "--text", "-o", "x").code == 64
+    assert rarms("report", "nobody", "-f", str(robot)).code == 4

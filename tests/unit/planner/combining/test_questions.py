@@ -1,0 +1,222 @@
+"""The default strategy against an oracle that knows what compounds need: the optimum, its proof, what breaks it."""
+
+import itertools
+import random
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import pytest
+
+from rarms_iac.model.system import Minimise
+from rarms_iac.planner.combining.candidates import candidates_of, graph_of
+from rarms_iac.planner.combining.layouts import Objective
+from rarms_iac.planner.combining.paper import Asking
+from rarms_iac.planner.combining.questions import Ask, Best, NothingFits, next_step, search, tuning_of
+from rarms_iac.planner.combining.values import Asked, Coi, Members, total
+
+
+@dataclass
+class Needs:
+    """Knows what each compound needs; asked settings are written down."""
+
+    needs: Mapping[Members, int]
+    asked: list[tuple[Members, int]] = field(default_factory=list)
+
+    def worse(self, members: Members, reserve: int) -> frozenset[str]:
+        self.asked.append((members, reserve))
+        return frozenset() if reserve >= self.needs[members] else frozenset(members)
+
+
+@dataclass
+class No:
+    """Declines some."""
+
+    to: frozenset[Members]
+
+    def allows(self, members: Members, *, settings: int, gain: int) -> bool:
+        return members not in self.to
+
+
+def cois(**reserves: int) -> tuple[Coi, ...]:
+    """The first is the most critical."""
+    return tuple(
+        Coi(name=name, members=(name,), criticality=10 * (len(reserves) - at), processors=1, reserve=reserve)
+        for at, (name, reserve) in enumerate(reserves.items())
+    )
+
+
+def objective(of: Sequence[Coi], capacity: int, minimise: Minimise = Minimise.COMBINING) -> Objective:
+    return Objective(
+        capacity=capacity,
+        fits=lambda layout: total(layout) <= capacity,
+        minimise=minimise,
+        criticalities={one.name: one.criticality for one in of},
+    )
+
+
+def anyone(_members: Members) -> bool:
+    return True
+
+
+def partitions(of: Sequence[Coi]) -> Iterator[list[tuple[Coi, ...]]]:
+    """Every way to put them into partitions."""
+    if not of:
+        yield []
+        return
+    first, rest = of[0], of[1:]
+    for size in range(len(rest) + 1):
+        for others in itertools.combinations(rest, size):
+            left = [one for one in rest if one not in others]
+            for more in partitions(left):
+                yield [(first, *others), *more]
+
+
+def by_hand(of: Sequence[Coi], needs: Mapping[Members, int], capacity: int, minimise: Minimise) -> object:
+    """The best value of all layouts, by looking at every one; None: none fits."""
+    values = []
+    for layout in partitions(of):
+        shared = sorted((one.criticality for block in layout if len(block) > 1 for one in block), reverse=True)
+        costs = [
+            needs[tuple(sorted(one.name for one in block))] if len(block) > 1 else block[0].reserve for block in layout
+        ]
+        gains = all(
+            cost < total(block) for cost, block in zip(costs, layout, strict=True) if len(block) > 1
+        )  # what is no gain is dropped
+        if sum(costs) <= capacity and gains:
+            first, second = (shared, sum(costs)) if minimise is Minimise.COMBINING else (sum(costs), shared)
+            values.append((first, second, len(layout)))
+    return min(values, default=None)
+
+
+def needs_of(of: Sequence[Coi], chance: random.Random) -> dict[Members, int]:
+    """Of every compound: at least what its parts need, sometimes more than their sum."""
+    found: dict[Members, int] = {(one.name,): one.reserve for one in of}
+    for size in range(2, len(of) + 1):
+        for block in itertools.combinations(of, size):
+            names = tuple(sorted(one.name for one in block))
+            floor = max(found[tuple(name for name in names if name != left)] for left in names)
+            found[names] = floor + chance.randint(0, max(1, (total(block) - floor) * 5 // 4))
+    return found
+
+
+@pytest.mark.parametrize("minimise", list(Minimise))
+@pytest.mark.parametrize("seed", range(12))
+def test_the_answer_is_the_best_of_all_layouts(seed: int, minimise: Minimise) -> None:
+    chance = random.Random(seed)
+    of = cois(**{name: chance.randint(5, 45) for name in "abcde"[: 3 + seed % 3]})
+    needs = needs_of(of, chance)
+    capacity = int(total(of) * chance.uniform(0.6, 1.0))
+    oracle = Needs(needs)
+    found, trail = search(tuning_of(of, objective(of, capacity, minimise), anyone), Asking(oracle=oracle))
+
+    best = by_hand(of, needs, capacity, minimise)
+    assert found.proved
+    assert len(set(oracle.asked)) == len(oracle.asked) == len(trail)
+    if best is None:
+        assert isinstance(found, NothingFits)
+        return
+    assert isinstance(found, Best)
+    shared = sorted(
+        (one.criticality for one in of for coi in found.cois if one.name in coi.members and len(coi.members) > 1),
+        reverse=True,
+    )
+    first, second = (shared, found.total) if minimise is Minimise.COMBINING else (found.total, shared)
+    assert (first, second, len(found.cois)) == best
+    assert all(one.reserve == needs[one.members] for one in found.cois)
+
+
+def test_what_fits_already_is_not_asked_for() -> None:
+    of = cois(a=40, b=30)
+    assert isinstance(next_step(tuning_of(of, objective(of, 70), anyone), ()), Best)
+
+
+def test_a_search_that_is_cut_off_anywhere_goes_on_to_the_same_end() -> None:
+    of = cois(a=40, b=30, c=25, d=20)
+    needs = needs_of(of, random.Random(3))
+    tuning = tuning_of(of, objective(of, 90), anyone)
+    whole, trail = search(tuning, Asking(oracle=Needs(needs)))
+
+    assert trail
+    for kept in range(len(trail)):
+        oracle = Needs(needs)
+        again, all_of_it = search(tuning, Asking(oracle=oracle), trail[:kept])
+        assert (again, all_of_it) == (whole, trail)
+        assert len(oracle.asked) == len(trail) - kept
+
+
+def test_compounds_that_may_not_be_are_never_asked_for() -> None:
+    of = cois(a=40, b=30, c=25)
+    oracle = Needs(needs_of(of, random.Random(1)))
+    search(tuning_of(of, objective(of, 80), lambda members: "c" not in members), Asking(oracle=oracle))
+
+    assert {members for members, _ in oracle.asked} == {("a", "b")}
+
+
+def test_a_combination_that_is_declined_is_left_out() -> None:
+    of = cois(a=40, b=30, c=25)
+    oracle = Needs({("b", "c"): 30, ("a", "c"): 42, ("a", "b"): 45, ("a", "b", "c"): 50})
+    asking = Asking(oracle=oracle, consent=No(frozenset({("b", "c")})))
+    found, _ = search(tuning_of(of, objective(of, 80), anyone), asking)
+
+    assert isinstance(found, Best)
+    assert [one.members for one in found.cois] == [("a", "c"), ("b",)]
+
+
+def test_where_nothing_fits_that_is_proved() -> None:
+    of = cois(a=60, b=50)
+    found, trail = search(tuning_of(of, objective(of, 70), anyone), Asking(oracle=Needs({("a", "b"): 80})))
+
+    assert isinstance(found, NothingFits)
+    assert found.proved
+    assert max(one.reserve for one in trail) <= 109
+
+
+def test_an_answer_that_contradicts_another_voids_the_proof() -> None:
+    of = cois(a=40, b=30)
+    tuning = tuning_of(of, objective(of, 60), anyone)
+    answers = [
+        Asked(members=("a", "b"), reserve=45, worse=()),
+        Asked(members=("a", "b"), reserve=50, worse=("a",)),
+    ]
+    step = next_step(tuning, answers)
+
+    assert isinstance(step, Ask)
+    assert step.reserve > 50, "the safe side: what failed counts"
+    ended = next_step(tuning, [*answers, Asked(members=("a", "b"), reserve=51, worse=())])
+    assert isinstance(ended, Best)
+    assert not ended.proved
+    assert ended.breaks[0].says == "a+b meets its thresholds at 45 % and misses one at 50 %"
+
+
+def test_a_compound_that_needs_less_than_a_part_of_it_voids_the_proof() -> None:
+    of = cois(a=40, b=38, c=36)
+    answers = [
+        Asked(members=("b", "c"), reserve=60, worse=("b",)),
+        Asked(members=("a", "b", "c"), reserve=50, worse=()),
+    ]
+    step = next_step(tuning_of(of, objective(of, 61), anyone), answers)
+
+    assert isinstance(step, Ask), "50 % was seen to be enough for all three: their least is still asked for"
+    assert step.members == ("a", "b", "c")
+    done = [*answers, Asked(members=("a", "b", "c"), reserve=49, worse=("a",))]
+    ended = next_step(tuning_of(of, objective(of, 61), anyone), done)
+    assert isinstance(ended, Best)
+    assert [one.says for one in ended.breaks] == ["a+b+c meets its thresholds with less than b+c needs"]
+
+
+def test_of_many_only_the_least_critical_are_looked_at() -> None:
+    of = cois(**{f"n{at:02}": 10 for at in range(16)})
+    pair = ("n14", "n15")
+    found, trail = search(tuning_of(of, objective(of, 155), anyone), Asking(oracle=Needs({pair: 12})))
+
+    assert isinstance(found, Best)
+    assert {one.members for one in trail} == {pair}
+    assert found.proved, "combining as little as possible, no layout with a more critical one comes before"
+
+
+def test_the_candidate_graph_has_compounds_with_their_intervals() -> None:
+    graph = graph_of(candidates_of(cois(a=40, b=30, c=20), anyone, most=100))
+
+    assert graph.nodes["a"] == {"compound": False, "low": 40, "high": 40}
+    assert (graph.nodes["a+b"]["low"], graph.nodes["a+b"]["high"]) == (40, 69)
+    assert sorted(graph.predecessors("a+b+c")) == ["a", "b", "c"]

@@ -1,0 +1,59 @@
+from fractions import Fraction
+
+from rarms_iac.experiments.setup import experiment_of
+from rarms_iac.model.measurement import Sample, Series, Setting
+from rarms_iac.model.system import SampleCount
+from rarms_iac.views.measuring import MeasuringProgress, done_of
+from rarms_iac.views.progress import WRITE_OVER
+from tests.builders import a_component, a_run, a_simulation, a_system, at_most
+
+SYSTEM = a_system(
+    components=[
+        a_component(
+            "vision",
+            apt={"mean_response_time": at_most(Fraction(100))},
+            run=a_run(until=SampleCount(samples=200)),
+            simulation=a_simulation(),
+        )
+    ]
+)
+EXPERIMENT = experiment_of(SYSTEM, SYSTEM.hosts["onboard"], ("vision",), "busy-loop")
+
+
+def a_series(count: int) -> Series:
+    samples = tuple(Sample(began_ms=100.0 * at, response_ms=97.0 + at % 3, successful=True) for at in range(count))
+    return Series(component="vision", samples=samples, elapsed_ms=100.0 * count)
+
+
+def told(*, lively: bool) -> str:
+    """What is written about one setting that is looked at once, four seconds after it began."""
+    written: list[str] = []
+    times = iter([0.0, 4.0, 8.0])
+    progress = MeasuringProgress(written.append, lambda: next(times), lively=lively, width=100)
+    progress.experiment_started(EXPERIMENT, ())
+    progress.setting_started(EXPERIMENT, 62, 1)
+    progress.looked(EXPERIMENT, 62, {"vision": a_series(50)})
+    if not lively:
+        next(times)
+    progress.setting_ended(EXPERIMENT, Setting(reserve=62, series=(a_series(100),), beside=38))
+    progress.experiment_ended()
+    return "".join(written)
+
+
+def test_a_pipe_is_told_whole_lines_and_nothing_twice() -> None:
+    assert told(lively=False).splitlines() == [
+        "vision on onboard against busy-loop",
+        "   62 %  100 samples, mean_response_time 98 ms (97.8 to 98.2 ms), in 8.0 s",
+    ]
+
+
+def test_a_terminal_sees_the_running_setting_and_how_long_it_may_take() -> None:
+    lines = told(lively=True).split(WRITE_OVER)
+
+    assert lines[1] == "   62 %  ..."
+    assert lines[2] == "   62 %  50 samples, mean 98 ms, at most 12 s left"
+    assert lines[3].startswith("   62 %  100 samples")
+
+
+def test_what_is_done_is_told_by_the_component_that_takes_longest() -> None:
+    assert done_of(EXPERIMENT, {"vision": a_series(50)}) == 0.25

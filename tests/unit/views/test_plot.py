@@ -1,0 +1,80 @@
+"""The plot in the terminal: complete without colour, as wide as there is room, in ASCII where that is all there is."""
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from rarms_iac.model.indexes import find_index
+from rarms_iac.reports.building import report_of
+from rarms_iac.reports.model import Shown
+from rarms_iac.statistics.curve import curve_of
+from rarms_iac.views.plot import ASCII, UNICODE, plot_text
+from rarms_iac.views.report import report_text
+from tests.builders import a_run, at_most
+from tests.measured_robot import a_robot, the_logs
+
+SYSTEM = a_robot()
+REPORT = report_of(SYSTEM, the_logs(SYSTEM))
+FACES = REPORT.measurements[0].indexes[0]
+
+
+def nothing_known() -> Shown:
+    index = find_index("mean_response_time")
+    assert index is not None
+    curve = curve_of([], "vision", index.name, a_run())
+    return Shown(component="vision", index=index, threshold=at_most(100), curve=curve, points=())
+
+
+def field_of(text: str, axis: str, tick: str) -> list[str]:
+    """The rows of the field, right of the axis."""
+    return [re.split(f"[{re.escape(axis + tick)}]", line, maxsplit=1)[1] for line in text.splitlines()[1:15]]
+
+
+def test_the_threshold_is_a_line_across_and_the_reserve_one_from_top_to_bottom() -> None:
+    text = plot_text(FACES, width=80, ascii_only=True)
+
+    field = field_of(text, "|", "+")
+    assert len([row for row in field if row.count(ASCII.threshold) > 40]) == 1
+    column = int(60 / 100 * 68)
+    assert {row.ljust(80)[column] for row in field} <= {":", "+", "o", "*"}
+    assert sum(row.count("o") for row in field) == 10
+    assert text.splitlines()[-1] == "at most 100 ms: reserve 60 %, measured"
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 120])
+@pytest.mark.parametrize("ascii_only", [False, True])
+def test_no_line_is_wider_than_the_terminal(width: int, ascii_only: bool) -> None:
+    for measurement in REPORT.measurements:
+        for shown in measurement.indexes:
+            lines = plot_text(shown, width=width, ascii_only=ascii_only).splitlines()
+            assert max(map(len, lines)) <= width
+
+
+def test_ascii_is_ascii_and_otherwise_braille_is_drawn() -> None:
+    assert plot_text(FACES, ascii_only=True).isascii()
+    assert any("\u2800" < sign <= "\u28ff" for sign in plot_text(FACES))
+    assert plot_text(FACES).count(UNICODE.measured) == 11  # ten, and the legend
+
+
+def test_colour_changes_no_sign() -> None:
+    coloured = plot_text(FACES, colour=True)
+
+    assert "\x1b[" in coloured
+    assert re.sub(r"\x1b\[[0-9;]*m", "", coloured) == plot_text(FACES)
+
+
+def test_what_cannot_be_plotted_is_said() -> None:
+    assert plot_text(nothing_known()).splitlines()[1] == "  Nothing can be said yet."
+    assert plot_text(replace(FACES, threshold=at_most(1))).splitlines()[-1] == (
+        "at most 1 ms: no measured reserve is enough"
+    )
+    assert plot_text(replace(FACES, threshold=None)).splitlines()[-1] == "No APT yet."
+
+
+def test_the_text_report_has_the_summary_the_total_and_every_plot() -> None:
+    text = report_text(REPORT, width=80)
+
+    assert "onboard: 86 % reserved of 100 %" in text
+    assert re.search(r"face-detection +mean_response_time +at most 100 ms +60 % +1\.2 LP", text)
+    assert text.count("against CPU reservation") == 4
