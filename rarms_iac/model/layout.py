@@ -33,6 +33,8 @@ class PlacedPartition:
     generation: int
     reason: str  # why it gets this, for a person
     making: Making = Making()
+    why_limit: str = ""
+    why_weight: str = ""
 
     @property
     def reserved(self) -> LogicalProcessors:

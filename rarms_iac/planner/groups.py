@@ -4,8 +4,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from rarms_iac.model.layout import Cause
-from rarms_iac.model.system import Component, PartitionWish, RunsOn, System
+from rarms_iac.model.system import Component, Headroom, PartitionWish, RunsOn, System
 from rarms_iac.planner import findings
+from rarms_iac.planner.leftover import Asking, Rank, ranks_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -15,11 +16,18 @@ class Group:
     name: str
     members: tuple[Component, ...]
     wish: PartitionWish
+    headroom: Headroom = Headroom.BY_CRITICALITY
+    rank: Rank = Rank()  # of its criticality in the manifest
 
     @property
     def criticality(self) -> int:
         """The highest of its members'."""
         return max((one.criticality for one in self.members), default=0)
+
+    @property
+    def asking(self) -> Asking:
+        """What it may have of what is left over depends on this."""
+        return Asking(members=self.members, wish=self.wish, headroom=self.headroom, rank=self.rank)
 
 
 def groups_of(system: System) -> tuple[Group, ...]:
@@ -35,11 +43,11 @@ def groups_of(system: System) -> tuple[Group, ...]:
         members = [inside[name] for name in wish.components if name in inside]
         spoken_for.update(wish.components)
         if members:
-            groups.append(_group(wish.name, members, wish))
+            groups.append(_group(wish.name, members, wish, system))
     free = {name: one for name, one in inside.items() if name not in spoken_for}
     for together in _together(free):
         name = most_critical_first(together)[0].name
-        groups.append(_group(name, together, PartitionWish(name=name, components=())))
+        groups.append(_group(name, together, PartitionWish(name=name, components=()), system))
     return tuple(sorted(groups, key=lambda one: one.name))
 
 
@@ -48,8 +56,11 @@ def most_critical_first(components: Iterable[Component]) -> tuple[Component, ...
     return tuple(sorted(components, key=lambda one: (-one.criticality, one.name)))
 
 
-def _group(name: str, members: list[Component], wish: PartitionWish) -> Group:
-    return Group(name=name, members=most_critical_first(members), wish=wish)
+def _group(name: str, members: list[Component], wish: PartitionWish, system: System) -> Group:
+    ordered = most_critical_first(members)
+    inside = (one for one in system.components.values() if one.runs_on is RunsOn.PARTITION)
+    rank = ranks_of(inside)[ordered[0].criticality]
+    return Group(name=name, members=ordered, wish=wish, headroom=system.policy.headroom, rank=rank)
 
 
 def _together(free: dict[str, Component]) -> Iterator[list[Component]]:

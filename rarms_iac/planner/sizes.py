@@ -18,10 +18,8 @@ from rarms_iac.model.quantities import (
 from rarms_iac.model.system import Host, HypervHost, Measured
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import Group
+from rarms_iac.planner.leftover import share_of
 from rarms_iac.planner.reservations import NotMeasured, ReservationSource
-
-WEIGHT = 100
-"""A weight left open: the same for all, and not below 100, because a lower one would falsify what was measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +54,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> Sized | C
     if reserve and processors > host.logical_processors:
         says = f"The {_count(processors)} of {group.name} are more than the {host.logical_processors} of {host.name}."
         return Cause(what=f"partition/{group.name}", says=says, code=findings.TOO_WIDE.code)
-    limit = max(reserve, limit_of(group, host, processors))
+    share = share_of(group.asking, host, processors, reserve)
     memory = sum(one.memory for one in group.members) if group.wish.memory is None else group.wish.memory
     return Sized(
         placed=PlacedPartition(
@@ -66,8 +64,10 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> Sized | C
             criticality=group.criticality,
             processors=processors,
             reserve=reserve,
-            limit=limit,
-            weight=_weight(group),
+            limit=share.limit,
+            weight=share.weight,
+            why_limit=share.why_limit,
+            why_weight=share.why_weight,
             memory=Bytes(memory),
             start=group.wish.start,
             generation=_generation(group, host),
@@ -90,24 +90,6 @@ def _processors(group: Group, host: Host) -> int:
     """Its own, or the most that a member wants; who says nothing wants all of the host's."""
     own = group.wish.processors
     return own if own is not None else max(one.processors or host.logical_processors for one in group.members)
-
-
-def limit_of(group: Group, host: Host, processors: int) -> int:
-    """Its own, or the members' together where each has one; otherwise none: a cap falsifies what was measured."""
-    own = group.wish.cpu.limit
-    amounts: list[CpuAmount | None] = [own] if own is not None else [one.cpu.limit for one in group.members]
-    total = Fraction(0)
-    for amount in amounts:
-        if amount is None:
-            return 100
-        total += in_processors(amount, host.logical_processors)
-    return min(100, per_virtual_processor(LogicalProcessors(total), processors))
-
-
-def _weight(group: Group) -> int:
-    """Its own, or the highest of its members'; a member that says nothing wants the usual."""
-    own = group.wish.cpu.weight
-    return own if own is not None else max(one.cpu.weight or WEIGHT for one in group.members)
 
 
 def _generation(group: Group, host: Host) -> int:

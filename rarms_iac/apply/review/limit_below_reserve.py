@@ -6,7 +6,7 @@ from rarms_iac.apply.review.reviewed import Reviewed
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.where import partition_place
 from rarms_iac.planner.groups import groups_of
-from rarms_iac.planner.sizes import limit_of
+from rarms_iac.planner.leftover import said_limit
 
 FINDING = Finding(code="RARMS221", severity=Severity.WARNING, summary="A limit is below what the reserve needs")
 
@@ -20,8 +20,8 @@ def review(part: Reviewed) -> Iterator[Diagnostic]:
     raised = [one for one in part.layout.partitions if one.host == host.name and one.limit == one.reserve]
     groups = {one.name: one for one in groups_of(part.system)} if raised else {}
     for placed in raised:
-        asked = limit_of(groups[placed.name], host, placed.processors)
-        if asked < placed.reserve:
+        asked = said_limit(groups[placed.name].asking, host, placed.processors)
+        if asked is not None and asked < placed.reserve:
             yield FINDING.at(
                 partition_place(part.system, part.places, placed.name),
                 f'"{placed.name}" is limited to {asked} % of each of its virtual processors, and its reserve needs '

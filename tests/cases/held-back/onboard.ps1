@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         bc3802645029, manifest e66ef5c21060, rarms 0.1.0
+# Plan         da07261fc605, manifest 07e858a72e54, rarms 0.1.0
 # Steps        2
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -862,12 +862,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'bc3802645029'
+        Plan = 'da07261fc605'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '5d9243ab0f30f095f0b38949251dcbe2d1f0a07a57332616be35dccb91defe49'
+        UndoDigest = '3f8a09c1d92eb26a3b208b27b1b68409bece8f8587e145e77a8e07d09c001c3c'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4

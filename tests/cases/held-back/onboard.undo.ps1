@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         bc3802645029, manifest e66ef5c21060, rarms 0.1.0
+# Plan         da07261fc605, manifest 07e858a72e54, rarms 0.1.0
 # Steps        2
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -862,7 +862,7 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = 'bc3802645029'
+        Plan = 'da07261fc605'
         Application = 'robot'
         Serial = 1
         Total = 2

@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         b57060485718, manifest 33e57ee050a8, rarms 0.1.0
+# Plan         0b23576311ff, manifest 33e57ee050a8, rarms 0.1.0
 # Steps        17
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -862,12 +862,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'b57060485718'
+        Plan = '0b23576311ff'
         Application = 'robot'
         Serial = 0
         Total = 17
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'b7e0e7f272359713831fe29500b0e9523a4091e08f2cbfad550ade38d7ffec60'
+        UndoDigest = 'fce0be414867a44dc8caa53c6fca897276b6a0626531edb4def1463bbddd6c1e'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4
@@ -888,7 +888,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 536870912 }
         Set = {
-            Hyper-V\New-VM -Name 'speech.rarms-b57060485718' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
+            Hyper-V\New-VM -Name 'speech.rarms-0b23576311ff' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
         }
     }
 
@@ -1027,7 +1027,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-b57060485718' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-0b23576311ff' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 
@@ -1065,20 +1065,20 @@ try {
         }
     }
 
-    # 12/17  mark it as robot/vision, set 361ebcdb6468
+    # 12/17  mark it as robot/vision, set b0900e6c24e2
     # why: it is not there; from now on it is known as ours, whatever happens
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
         Number = 11
         Address = 'partition/vision'
-        Action = 'mark it as robot/vision, set 361ebcdb6468'
+        Action = 'mark it as robot/vision, set b0900e6c24e2'
         Needs = @('partition/vision')
         Read = { Read-Partition -Name 'vision' }
         Before = @{ 'exists' = $true }
-        After = @{ 'exists' = $true; 'mark' = 'robot/vision'; 'set' = '361ebcdb6468' }
+        After = @{ 'exists' = $true; 'mark' = 'robot/vision'; 'set' = 'b0900e6c24e2' }
         Set = {
-            Write-Mark -Name 'vision' -Application 'robot' -Partition 'vision' -Digest '361ebcdb6468'
+            Write-Mark -Name 'vision' -Application 'robot' -Partition 'vision' -Digest 'b0900e6c24e2'
         }
     }
 
@@ -1100,21 +1100,21 @@ try {
         }
     }
 
-    # 14/17  reserve 80 %, limit 100 %, weight 100
+    # 14/17  reserve 80 %, limit 100 %, weight 200
     # why: it is not there; while it is off nothing is promised yet
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
         Number = 13
         Address = 'partition/vision'
-        Action = 'reserve 80 %, limit 100 %, weight 100'
+        Action = 'reserve 80 %, limit 100 %, weight 200'
         Needs = @('partition/vision')
         Read = { Read-Partition -Name 'vision' }
         Before = @{ 'exists' = $true }
-        After = @{ 'exists' = $true; 'limit' = 100; 'reserve' = 80; 'weight' = 100 }
+        After = @{ 'exists' = $true; 'limit' = 100; 'reserve' = 80; 'weight' = 200 }
         Set = {
             $vm = Get-Machine -Name 'vision'
-            Hyper-V\Set-VMProcessor -VM $vm -Reserve 80 -Maximum 100 -RelativeWeight 100
+            Hyper-V\Set-VMProcessor -VM $vm -Reserve 80 -Maximum 100 -RelativeWeight 200
         }
     }
 

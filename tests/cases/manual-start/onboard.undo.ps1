@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         b57060485718, manifest 33e57ee050a8, rarms 0.1.0
+# Plan         0b23576311ff, manifest 33e57ee050a8, rarms 0.1.0
 # Steps        3
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -862,7 +862,7 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = 'b57060485718'
+        Plan = '0b23576311ff'
         Application = 'robot'
         Serial = 0
         Total = 3

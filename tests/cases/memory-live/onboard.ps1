@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         3b8d6325acc0, manifest 9865595d0876, rarms 0.1.0
+# Plan         134c6ca6ed30, manifest 67dca71b7024, rarms 0.1.0
 # Steps        4
 # Not undone   it starts anew: what its programs had in memory is lost
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -863,12 +863,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '3b8d6325acc0'
+        Plan = '134c6ca6ed30'
         Application = 'robot'
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '65c0a60570165ca2f2b3dd5082e94154ab4ceb18a04bd89a2b3cc7478305195c'
+        UndoDigest = '06b80df165c81bf478ae77eabcc2f3f7dd1040caa177541ec6a503cd8fd1c8cb'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4

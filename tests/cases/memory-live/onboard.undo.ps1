@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         3b8d6325acc0, manifest 9865595d0876, rarms 0.1.0
+# Plan         134c6ca6ed30, manifest 67dca71b7024, rarms 0.1.0
 # Steps        4
 # Not undone   it starts anew: what its programs had in memory is lost
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -863,7 +863,7 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '3b8d6325acc0'
+        Plan = '134c6ca6ed30'
         Application = 'robot'
         Serial = 1
         Total = 4

@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         9a547c7b8beb, manifest bbb4806d4bbf, rarms 0.1.0
+# Plan         825e3a679a80, manifest ebb8198705b8, rarms 0.1.0
 # Steps        3
 # Not undone   it starts anew: what its programs had in memory is lost
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -863,12 +863,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '9a547c7b8beb'
+        Plan = '825e3a679a80'
         Application = 'robot'
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'f0e6634f5b14264c2a3eba1802613a1a48eb30fc090cf60955d8861bb30dede8'
+        UndoDigest = 'adef6c880417187c5ff4900ce1bc3449c7bd7ac6ce6f3a4bab36fdae6f609136'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4

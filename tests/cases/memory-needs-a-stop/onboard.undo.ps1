@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         9a547c7b8beb, manifest bbb4806d4bbf, rarms 0.1.0
+# Plan         825e3a679a80, manifest ebb8198705b8, rarms 0.1.0
 # Steps        3
 # Not undone   it starts anew: what its programs had in memory is lost
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -863,7 +863,7 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '9a547c7b8beb'
+        Plan = '825e3a679a80'
         Application = 'robot'
         Serial = 1
         Total = 3

@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         98214a04f6f9, manifest 1957f7b01106, rarms 0.1.0
+# Plan         2fc11662037b, manifest 8730f6de8bc7, rarms 0.1.0
 # Steps        4
 # Not undone   it starts anew: what its programs had in memory is lost
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -863,12 +863,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '98214a04f6f9'
+        Plan = '2fc11662037b'
         Application = 'robot'
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '8afbbba582101895487eafaa60048196d776a71432c73382be00f2c1d4f8e482'
+        UndoDigest = 'e34cff7e6a77ec10f9d8453321e6ca0f4776cc5eb107e17f3f6e58d3f46ae25b'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         98214a04f6f9, manifest 1957f7b01106, rarms 0.1.0
+# Plan         2fc11662037b, manifest 8730f6de8bc7, rarms 0.1.0
 # Steps        4
 # Not undone   it starts anew: what its programs had in memory is lost
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -863,7 +863,7 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '98214a04f6f9'
+        Plan = '2fc11662037b'
         Application = 'robot'
         Serial = 1
         Total = 4

@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         a855af51250e, manifest 1dd4ad0a57e3, rarms 0.1.0
+# Plan         7c1fb1fd0d37, manifest e002180b1f5c, rarms 0.1.0
 # Steps        5
 # Not undone   it starts anew: what its programs had in memory is lost
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -863,12 +863,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'a855af51250e'
+        Plan = '7c1fb1fd0d37'
         Application = 'robot'
         Serial = 1
         Total = 5
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '7a4a96338759b228e1ebca9cb7b52c1c893305901ca5299c02bf81b4eea91065'
+        UndoDigest = '6ce1d143aa76529208cd4e4933f6baca433e4b85ce039ce754e81718aaf0a8e5'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4

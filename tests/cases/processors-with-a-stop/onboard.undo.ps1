@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         a855af51250e, manifest 1dd4ad0a57e3, rarms 0.1.0
+# Plan         7c1fb1fd0d37, manifest e002180b1f5c, rarms 0.1.0
 # Steps        5
 # Not undone   it starts anew: what its programs had in memory is lost
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -863,7 +863,7 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = 'a855af51250e'
+        Plan = '7c1fb1fd0d37'
         Application = 'robot'
         Serial = 1
         Total = 5

@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         78792f64eeaa, manifest 33c499d37c22, rarms 0.1.0
+# Plan         af0f5b511ddc, manifest 6c594f432f20, rarms 0.1.0
 # Steps        3
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -862,12 +862,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '78792f64eeaa'
+        Plan = 'af0f5b511ddc'
         Application = 'robot'
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '1eeb99898968e5cca5ee061dd1edb2704ab5072094c27b0efb1ac03f7b479dd0'
+        UndoDigest = 'dc6977f8fd82b45452c334e918f2544b2b98c62da29090cc5ba383db36626592'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4

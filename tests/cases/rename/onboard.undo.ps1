@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         78792f64eeaa, manifest 33c499d37c22, rarms 0.1.0
+# Plan         af0f5b511ddc, manifest 6c594f432f20, rarms 0.1.0
 # Steps        3
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -862,7 +862,7 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '78792f64eeaa'
+        Plan = 'af0f5b511ddc'
         Application = 'robot'
         Serial = 1
         Total = 3

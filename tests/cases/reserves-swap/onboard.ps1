@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         7ac1e2f494ed, manifest 64accb4205fe, rarms 0.1.0
+# Plan         435e437e3780, manifest 964de3a17dd7, rarms 0.1.0
 # Steps        4
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -862,12 +862,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '7ac1e2f494ed'
+        Plan = '435e437e3780'
         Application = 'robot'
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '1fa674733954aeb673a303b6bacf3f337e8b9fb65fa665d4aac788fe1815c59b'
+        UndoDigest = '6f4b599d75fe016fe784436442a3da166e3791381b9ef3ee92bd42aa193053ab'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4

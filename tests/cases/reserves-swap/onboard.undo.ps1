@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         7ac1e2f494ed, manifest 64accb4205fe, rarms 0.1.0
+# Plan         435e437e3780, manifest 964de3a17dd7, rarms 0.1.0
 # Steps        4
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -862,7 +862,7 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '7ac1e2f494ed'
+        Plan = '435e437e3780'
         Application = 'robot'
         Serial = 1
         Total = 4

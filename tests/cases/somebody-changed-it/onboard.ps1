@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         d3edda473065, manifest bbb4806d4bbf, rarms 0.1.0
+# Plan         a6e4a22dd234, manifest ebb8198705b8, rarms 0.1.0
 # Steps        1
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -862,12 +862,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'd3edda473065'
+        Plan = 'a6e4a22dd234'
         Application = 'robot'
         Serial = 1
         Total = 1
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'e5b71becfb84b91dff247dbf0d4fddf6cdf4b8cda8548a89be802eea866a0562'
+        UndoDigest = '4aae7d4ab9ab59206988ab62ef8ee85abec99a50d289270de62044630c2f9622'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4

@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         d3edda473065, manifest bbb4806d4bbf, rarms 0.1.0
+# Plan         a6e4a22dd234, manifest ebb8198705b8, rarms 0.1.0
 # Steps        1
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -862,7 +862,7 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = 'd3edda473065'
+        Plan = 'a6e4a22dd234'
         Application = 'robot'
         Serial = 1
         Total = 1

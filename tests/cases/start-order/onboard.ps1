@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         a9442f1351e1, manifest b1bd658d1c20, rarms 0.1.0
+# Plan         33df8fa8ee25, manifest b1bd658d1c20, rarms 0.1.0
 # Steps        27
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -862,12 +862,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'a9442f1351e1'
+        Plan = '33df8fa8ee25'
         Application = 'robot'
         Serial = 0
         Total = 27
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '9c4dd50c9ba51e77e78fd7611f22fd72382fef239d3295f747b137f639691ec2'
+        UndoDigest = 'a227e62c7156b5cc6d6437d3353121a6e96be2c21529b0ab6f3ffa35490840aa'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4
@@ -888,7 +888,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 268435456 }
         Set = {
-            Hyper-V\New-VM -Name 'door.rarms-a9442f1351e1' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD
+            Hyper-V\New-VM -Name 'door.rarms-33df8fa8ee25' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD
         }
     }
 
@@ -1027,7 +1027,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 536870912 }
         Set = {
-            Hyper-V\New-VM -Name 'speech.rarms-a9442f1351e1' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
+            Hyper-V\New-VM -Name 'speech.rarms-33df8fa8ee25' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
         }
     }
 
@@ -1065,20 +1065,20 @@ try {
         }
     }
 
-    # 12/27  mark it as robot/speech, set 63f8fd0cdc73
+    # 12/27  mark it as robot/speech, set 90826a6a7c44
     # why: it is not there; from now on it is known as ours, whatever happens
     # at:  rarms.yaml:13:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
         Number = 11
         Address = 'partition/speech'
-        Action = 'mark it as robot/speech, set 63f8fd0cdc73'
+        Action = 'mark it as robot/speech, set 90826a6a7c44'
         Needs = @('partition/speech')
         Read = { Read-Partition -Name 'speech' }
         Before = @{ 'exists' = $true }
-        After = @{ 'exists' = $true; 'mark' = 'robot/speech'; 'set' = '63f8fd0cdc73' }
+        After = @{ 'exists' = $true; 'mark' = 'robot/speech'; 'set' = '90826a6a7c44' }
         Set = {
-            Write-Mark -Name 'speech' -Application 'robot' -Partition 'speech' -Digest '63f8fd0cdc73'
+            Write-Mark -Name 'speech' -Application 'robot' -Partition 'speech' -Digest '90826a6a7c44'
         }
     }
 
@@ -1100,21 +1100,21 @@ try {
         }
     }
 
-    # 14/27  reserve 40 %, limit 100 %, weight 100
+    # 14/27  reserve 40 %, limit 100 %, weight 200
     # why: it is not there; while it is off nothing is promised yet
     # at:  rarms.yaml:13:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
         Number = 13
         Address = 'partition/speech'
-        Action = 'reserve 40 %, limit 100 %, weight 100'
+        Action = 'reserve 40 %, limit 100 %, weight 200'
         Needs = @('partition/speech')
         Read = { Read-Partition -Name 'speech' }
         Before = @{ 'exists' = $true }
-        After = @{ 'exists' = $true; 'limit' = 100; 'reserve' = 40; 'weight' = 100 }
+        After = @{ 'exists' = $true; 'limit' = 100; 'reserve' = 40; 'weight' = 200 }
         Set = {
             $vm = Get-Machine -Name 'speech'
-            Hyper-V\Set-VMProcessor -VM $vm -Reserve 40 -Maximum 100 -RelativeWeight 100
+            Hyper-V\Set-VMProcessor -VM $vm -Reserve 40 -Maximum 100 -RelativeWeight 200
         }
     }
 
@@ -1166,7 +1166,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-a9442f1351e1' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-33df8fa8ee25' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 
@@ -1204,20 +1204,20 @@ try {
         }
     }
 
-    # 20/27  mark it as robot/vision, set 361ebcdb6468
+    # 20/27  mark it as robot/vision, set 092c674cd6c2
     # why: it is not there; from now on it is known as ours, whatever happens
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
         Number = 19
         Address = 'partition/vision'
-        Action = 'mark it as robot/vision, set 361ebcdb6468'
+        Action = 'mark it as robot/vision, set 092c674cd6c2'
         Needs = @('partition/vision')
         Read = { Read-Partition -Name 'vision' }
         Before = @{ 'exists' = $true }
-        After = @{ 'exists' = $true; 'mark' = 'robot/vision'; 'set' = '361ebcdb6468' }
+        After = @{ 'exists' = $true; 'mark' = 'robot/vision'; 'set' = '092c674cd6c2' }
         Set = {
-            Write-Mark -Name 'vision' -Application 'robot' -Partition 'vision' -Digest '361ebcdb6468'
+            Write-Mark -Name 'vision' -Application 'robot' -Partition 'vision' -Digest '092c674cd6c2'
         }
     }
 
@@ -1239,21 +1239,21 @@ try {
         }
     }
 
-    # 22/27  reserve 80 %, limit 100 %, weight 100
+    # 22/27  reserve 80 %, limit 100 %, weight 300
     # why: it is not there; while it is off nothing is promised yet
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
     Invoke-Step -Definition @{
         Number = 21
         Address = 'partition/vision'
-        Action = 'reserve 80 %, limit 100 %, weight 100'
+        Action = 'reserve 80 %, limit 100 %, weight 300'
         Needs = @('partition/vision')
         Read = { Read-Partition -Name 'vision' }
         Before = @{ 'exists' = $true }
-        After = @{ 'exists' = $true; 'limit' = 100; 'reserve' = 80; 'weight' = 100 }
+        After = @{ 'exists' = $true; 'limit' = 100; 'reserve' = 80; 'weight' = 300 }
         Set = {
             $vm = Get-Machine -Name 'vision'
-            Hyper-V\Set-VMProcessor -VM $vm -Reserve 80 -Maximum 100 -RelativeWeight 100
+            Hyper-V\Set-VMProcessor -VM $vm -Reserve 80 -Maximum 100 -RelativeWeight 300
         }
     }
 

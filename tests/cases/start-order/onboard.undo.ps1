@@ -3,7 +3,7 @@
 #Requires -RunAsAdministrator
 # rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         a9442f1351e1, manifest b1bd658d1c20, rarms 0.1.0
+# Plan         33df8fa8ee25, manifest b1bd658d1c20, rarms 0.1.0
 # Steps        6
 # --- runtime: the same bytes in every script --------------------------------------------------
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
@@ -862,7 +862,7 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = 'a9442f1351e1'
+        Plan = '33df8fa8ee25'
         Application = 'robot'
         Serial = 0
         Total = 6

@@ -34,9 +34,9 @@ def test_the_delivery_robot_gets_what_it_fixes() -> None:
     found = layout(the_delivery_robot())
 
     assert {one.name: (one.reserve, one.limit, one.weight) for one in found.partitions} == {
-        "face-detection": (40, 100, 100),
-        "speech-recognition": (30, 100, 100),
-        "path-planning": (20, 60, 100),
+        "face-detection": (40, 100, 400),
+        "speech-recognition": (30, 100, 300),
+        "path-planning": (20, 60, 200),
         "video-streaming": (10, 100, 100),
     }
     assert found.proven

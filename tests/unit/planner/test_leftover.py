@@ -1,0 +1,83 @@
+from dataclasses import replace
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rarms_iac.model.layout import Layout, PlacedPartition
+from rarms_iac.model.system import Headroom, System
+from rarms_iac.planner.layout import plan_layout
+from rarms_iac.planner.leftover import MAX_WEIGHT, WEIGHT, ranks_of, weight_of_rank
+from rarms_iac.planner.reservations import FixedReservations
+from tests.builders import a_component, a_system, at_most
+from tests.planning import PLACES
+
+
+def placed(system: System, headroom: Headroom = Headroom.BY_CRITICALITY) -> dict[str, PlacedPartition]:
+    wanted = replace(system, policy=replace(system.policy, headroom=headroom))
+    answer = plan_layout(wanted, FixedReservations(), {}, PLACES).answer
+    assert isinstance(answer, Layout)
+    return {one.name: one for one in answer.partitions}
+
+
+def a_robot(reserve: str = "30 %") -> System:
+    return a_system(
+        components=[
+            a_component("vision", criticality=30, reserve=reserve, apt={"mean_response_time": at_most(100)}),
+            a_component("speech", criticality=10, reserve="20 %"),
+            a_component("logging", criticality=0, reserve=None),
+        ]
+    )
+
+
+def test_by_criticality_the_more_critical_has_the_larger_part() -> None:
+    found = placed(a_robot())
+
+    assert {name: (one.limit, one.weight) for name, one in found.items()} == {
+        "vision": (100, 300),
+        "speech": (100, 200),
+        "logging": (100, 100),
+    }
+    assert found["vision"].why_limit == "left open: a cap would falsify what was measured"
+    assert "criticality 3 of 3" in found["vision"].why_weight
+
+
+def test_what_one_needs_moves_nobody_elses_share() -> None:
+    before, after = placed(a_robot()), placed(a_robot("45 %"))
+
+    assert before["vision"] != after["vision"]
+    assert {name: one for name, one in before.items() if name != "vision"} == {
+        name: one for name, one in after.items() if name != "vision"
+    }
+
+
+def test_equal_hands_out_the_same() -> None:
+    assert {one.weight for one in placed(a_robot(), Headroom.EQUAL).values()} == {WEIGHT}
+
+
+def test_none_keeps_those_without_an_apt_to_their_reservation() -> None:
+    found = placed(a_robot(), Headroom.NONE)
+
+    assert {name: (one.limit, one.weight) for name, one in found.items()} == {
+        "vision": (100, 100),
+        "speech": (20, 1),
+        "logging": (100, 1),
+    }
+
+
+def test_what_the_manifest_fixes_stands_under_every_policy() -> None:
+    system = a_system(components=[a_component("speech", criticality=9, weight=50, limit="80 %"), a_component("vision")])
+
+    for policy in Headroom:
+        found = placed(system, policy)["speech"]
+        assert (found.limit, found.weight, found.why_weight) == (80, 50, "the manifest fixes it for speech")
+
+
+@given(st.sets(st.integers(0, 1_000_000), min_size=1, max_size=300))
+def test_the_order_of_criticalities_is_the_order_of_weights(criticalities: set[int]) -> None:
+    ranks = ranks_of(a_component(f"c{at}", criticality=one) for at, one in enumerate(criticalities))
+
+    weights = [weight_of_rank(ranks[one]) for one in sorted(criticalities)]
+
+    assert weights == sorted(set(weights))
+    assert weights[0] == WEIGHT
+    assert weights[-1] <= MAX_WEIGHT
