@@ -67,6 +67,7 @@ class Relaxation:
     """A change of the manifest with which it would fit; each was tried."""
 
     says: str
+    may: bool = False  # it was tried with the least that could be needed; a measurement has to tell
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

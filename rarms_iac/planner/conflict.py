@@ -5,7 +5,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places
-from rarms_iac.model.layout import Cause, Infeasible
+from rarms_iac.model.layout import Cause, Infeasible, Relaxation
 from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import plain, show_bytes, show_percent, show_processors
 from rarms_iac.model.where import partition_place
@@ -155,7 +155,7 @@ def _where(bins: Sequence[Bin]) -> str:
 
 def told(answer: Infeasible, problem: Problem, places: Places) -> Iterator[Diagnostic]:
     """The causes as findings; the ways out stand in each that they are for."""
-    ways = [one.says for one in answer.relaxations]
+    ways = answer.relaxations
     for cause in answer.causes:
         finding = findings.KINDS[cause.code]
         advice = _advice(cause, ways)
@@ -165,7 +165,7 @@ def told(answer: Infeasible, problem: Problem, places: Places) -> Iterator[Diagn
         yield finding.at(_place(cause, problem, places), says, advice, address=cause.what)
 
 
-def _advice(cause: Cause, ways: Sequence[str]) -> str:
+def _advice(cause: Cause, ways: Sequence[Relaxation]) -> str:
     usual: Mapping[str, str] = {
         findings.UNMEASURED.code: "Fix it with `cpu: { reserve: ... }`, or measure it first.",
         findings.PARALLELISM.code: "Give the partition or the component more `processors`, or lower the reserve.",
@@ -178,7 +178,10 @@ def _advice(cause: Cause, ways: Sequence[str]) -> str:
         return usual[cause.code]
     if not ways:
         return "Relax an APT, lower a reserve or add a host."
-    return f"Each of these would fit: {'; '.join(ways)}."
+    sure = [one.says for one in ways if not one.may]
+    told = [f"Each of these would fit: {'; '.join(sure)}."] if sure else []
+    told += [f"{one.says[0].upper()}{one.says[1:]}." for one in ways if one.may]
+    return " ".join(told)
 
 
 def _place(cause: Cause, problem: Problem, places: Places) -> Place:

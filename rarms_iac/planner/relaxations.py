@@ -1,11 +1,13 @@
 """Changes of the manifest with which it would fit. Each is tried by planning it; none is guessed."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import islice
 from typing import Protocol
 
 from rarms_iac.model.layout import Relaxation
+from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import (
     Bytes,
     Percent,
@@ -16,7 +18,10 @@ from rarms_iac.model.quantities import (
     show_percent,
 )
 from rarms_iac.model.system import Component, Host, Measured, System
+from rarms_iac.planner.groups import Group
+from rarms_iac.planner.pairs import pair_to_combine
 from rarms_iac.planner.problem import HostView, Problem
+from rarms_iac.planner.relaxed_apts import one_relaxed, several_relaxed, slack_of
 from rarms_iac.planner.search import free_in
 
 OFFERED = 4
@@ -47,11 +52,72 @@ class Trial:
 
 
 def relaxations(problem: Problem, conflict: Sequence[str], trial: Trial) -> tuple[Relaxation, ...]:
-    """A few ways out, those that cost the least first: moving, lower reserves, more memory, more processors."""
-    found = [*_moving(problem, trial), *_larger(problem, trial)]
-    if len(problem.groups) <= TRIED_UP_TO:
-        found += _lower(problem, conflict, trial)
-    return tuple(Relaxation(says=says) for says in found[:OFFERED])
+    """A few ways out, one of each kind before a second of any: moving, a lower APT, more of a host, a lower reserve.
+
+    Which pair to combine stands last: it may help, and what it needs has to be measured.
+    """
+    few = len(problem.groups) <= TRIED_UP_TO
+    kinds = [
+        _moving(problem, trial),
+        _apts(problem, conflict, trial) if few else iter(()),
+        _larger(problem, trial),
+        _lower(problem, conflict, trial) if few else iter(()),
+    ]
+    found = [Relaxation(says=says) for says in islice(_in_turns(kinds), OFFERED)]
+    pair = _pair(problem, conflict, trial) if few else None
+    return tuple([*found, Relaxation(says=pair, may=True)] if pair else found)
+
+
+def _in_turns(kinds: Iterable[Iterator[str]]) -> Iterator[str]:
+    """One of each in turn, until all are told; what is not asked for is not tried."""
+    left = list(kinds)
+    while left:
+        for one in tuple(left):
+            said = next(one, None)
+            if said is None:
+                left.remove(one)
+            else:
+                yield said
+
+
+def _least_critical_first(problem: Problem, conflict: Sequence[str]) -> list[Group]:
+    return sorted((one for one in problem.groups if one.name in conflict), key=lambda one: (one.criticality, one.name))
+
+
+def _apts(problem: Problem, conflict: Sequence[str], trial: Trial) -> Iterator[str]:
+    """One partition's APTs, of the least critical first; where none alone is enough, several together."""
+    slacks = [
+        slack
+        for group in _least_critical_first(problem, conflict)
+        if (slack := slack_of(group, trial.system.hosts[next(iter(problem.claims[group.name]))], problem.reservations))
+    ]
+
+    def fits(system: System) -> bool:
+        return trial.works(system, trial.views, moving=False)
+
+    alone = False
+    for said in one_relaxed(slacks[:OFFERED], trial.system, fits):
+        alone = True
+        yield said
+    if not alone:
+        together = several_relaxed(slacks, trial.system, fits)
+        if together:
+            yield together
+
+
+def _pair(problem: Problem, conflict: Sequence[str], trial: Trial) -> str | None:
+    """On one host the two are looked at as they are there; several hosts are `rarms tune`'s to weigh."""
+    if len(trial.system.hosts) != 1:
+        return None
+    (host,) = trial.system.hosts.values()
+
+    def claimed(group: Group) -> Claim | None:
+        return problem.claims[group.name].get(host.name)
+
+    def fits(system: System) -> bool:
+        return trial.works(system, trial.views, moving=False)
+
+    return pair_to_combine(_least_critical_first(problem, conflict), host, claimed, trial.system, fits)
 
 
 def _moving(problem: Problem, trial: Trial) -> Iterator[str]:
@@ -61,10 +127,7 @@ def _moving(problem: Problem, trial: Trial) -> Iterator[str]:
 
 def _lower(problem: Problem, conflict: Sequence[str], trial: Trial) -> Iterator[str]:
     """One reserve lowered as little as helps, of the least critical first."""
-    groups = sorted(
-        (one for one in problem.groups if one.name in conflict), key=lambda one: (one.criticality, one.name)
-    )
-    for group in groups[:OFFERED]:
+    for group in _least_critical_first(problem, conflict)[:OFFERED]:
         for component in reversed(group.members):
             lowered = _lowered(component, next(iter(problem.claims[group.name])), trial)
             if lowered is not None:
