@@ -25,7 +25,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "graph": "Draw hosts, partitions and components.",
         "report": "Show performance against reservation, as a page with lines to drag.",
         "export": "Write what was measured as CSV or XLSX.",
-        "explain": "Explain a finding.",
+        "explain": "Explain a finding, or how a component comes to what it gets.",
         "schema": "Print a JSON Schema.",
         "completion": "Print a completion script for a shell.",
         "version": "Show the version of rarms and of what it stands on.",

@@ -284,6 +284,36 @@ class ExplanationOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WalkStepOutput:
+    """A step from the APT to the per cent: what it is about, and its sentences."""
+
+    topic: str
+    says: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WalkOutput:
+    """`rarms explain COMPONENT`. `cr` is per cent of P1's virtual processors, null where nothing was looked up."""
+
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["walk"] = "walk"
+    component: str
+    partition: str
+    host: str
+    fits: bool  # false: there is no layout, and the host is the first by name that could have it
+    data_log: str | None
+    cr: int | None
+    interpolated: bool
+    wanted_processors: float  # LPs before rounding to the provider's grain
+    reserved_processors: float  # LPs after it
+    reserve: int  # whole per cent of each virtual processor
+    processors: int
+    limit: int
+    weight: int
+    steps: tuple[WalkStepOutput, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ExaminedOutput:
     """What `rarms doctor` looked at; null where it could not be read. `os_build` is 0 where there is no Windows."""
 
@@ -539,6 +569,7 @@ Output = (
     | FmtOutput
     | WrittenOutput
     | ExplanationOutput
+    | WalkOutput
     | SelectionOutput
     | ScriptsOutput
     | ScriptDifferenceOutput

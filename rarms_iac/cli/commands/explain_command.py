@@ -1,5 +1,7 @@
 """`rarms explain`: what a finding means and how to mend it; how a component is set up by hand."""
 
+from typing import TYPE_CHECKING
+
 import click
 
 from rarms_iac.cli.codes import ExitCode
@@ -11,6 +13,10 @@ from rarms_iac.views.as_json import as_json as to_json
 from rarms_iac.views.explain import explain_finding, unknown_code
 from rarms_iac.views.output import ExplanationOutput
 
+if TYPE_CHECKING:
+    from rarms_iac.cli.datalogs import Measurements
+    from rarms_iac.cli.manifests import Opened
+
 
 @rarms_command("explain")
 @click.argument("subject", metavar="FINDING|COMPONENT")
@@ -18,33 +24,57 @@ from rarms_iac.views.output import ExplanationOutput
 @manifest_options
 @json_option
 def command(session: Session, *, subject: str, guide: bool, source: ManifestOptions, as_json: bool) -> ExitCode:
-    """Say what a finding means, show an example of it, and say how to mend it.
+    """Say what a finding means and how to mend it, or how a component comes to what it gets.
 
-    FINDING is the id that stands before it, such as RARMS014; its number alone is enough. With --guide it is a
-    COMPONENT of the manifest: what to set by hand, where, and in which order, where it cannot be changed to read a
-    configuration. Exit code 4 where nothing says how much the component needs.
+    FINDING is the id that stands before it, such as RARMS014; its number alone is enough. COMPONENT is one of the
+    manifest: from its APT over the data log to the per cent that its partition gets, and what was rejected. With
+    --guide: what to set by hand for it, where, and in which order, where it cannot be changed to read a
+    configuration. Exit code 4 where nothing says how much the component needs, or where everything does not fit.
     """
-    text = _guide(source, subject) if guide else None
-    if text is not None:
-        shown = to_json(ExplanationOutput(subject=subject, page=text)) if as_json else text
-        session.terminal.data(shown)
+    if guide:
+        text = _guide(source, subject)
+        session.terminal.data(to_json(ExplanationOutput(subject=subject, page=text)) if as_json else text)
         return ExitCode.DONE
-    return _finding(session, subject, as_json=as_json)
+    if is_code(subject):
+        return _finding(session, subject, as_json=as_json)
+    return _component(session, source, subject, as_json=as_json)
+
+
+def _component(session: Session, source: ManifestOptions, name: str, *, as_json: bool) -> ExitCode:
+    from rarms_iac.cli.explaining import walk_of
+    from rarms_iac.views.walk import walk_json, walk_text
+
+    measured, opened = _asked_for(source, name, f"there is no finding {name} either: docs/diagnostics.md lists them.")
+    walk = walk_of(measured, opened, name)
+    session.terminal.data(walk_json(walk) if as_json else walk_text(walk))
+    return ExitCode.NO if walk.misfit else ExitCode.DONE
 
 
 def _guide(source: ManifestOptions, name: str) -> str:
-    from rarms_iac.cli.datalogs import measurements_of
-    from rarms_iac.cli.guiding import guide_facts, has_a_partition
-    from rarms_iac.cli.manifests import system_of
+    from rarms_iac.cli.guiding import guide_facts
     from rarms_iac.views.guide import guide
+
+    measured, opened = _asked_for(source, name, "there is no guide to it.")
+    return guide(guide_facts(measured, opened, name))
+
+
+def _asked_for(source: ManifestOptions, name: str, otherwise: str) -> "tuple[Measurements, Opened]":
+    """The manifest and its measurements, where the component is one that has a partition.
+
+    Raises:
+        UsageError: it is not.
+    """
+    from rarms_iac.cli.datalogs import measurements_of
+    from rarms_iac.cli.guiding import has_a_partition
+    from rarms_iac.cli.manifests import system_of
 
     system, opened = system_of(source)
     component = system.components.get(name)
     if component is None or not has_a_partition(component):
         why = "runs on the host itself" if component else "is no component of the manifest"
         hint = "" if component else suggestion(name, tuple(system.components))
-        raise click.UsageError(f"{name} {why}: there is no guide to it.{hint}", click.get_current_context())
-    return guide(guide_facts(measurements_of(system, opened.loaded.folder, source), opened, name))
+        raise click.UsageError(f"{name} {why}: {otherwise}{hint}", click.get_current_context())
+    return measurements_of(system, opened.loaded.folder, source), opened
 
 
 def _finding(session: Session, finding: str, *, as_json: bool) -> ExitCode:
@@ -55,6 +85,12 @@ def _finding(session: Session, finding: str, *, as_json: bool) -> ExitCode:
         raise click.UsageError(unknown_code(finding), click.get_current_context())
     session.terminal.data(to_json(ExplanationOutput(subject=code, page=page)) if as_json else text)
     return ExitCode.DONE
+
+
+def is_code(subject: str) -> bool:
+    """Whether a finding is meant: a number, with or without its letters."""
+    number = subject.upper().removeprefix("RARMS")
+    return number.isascii() and number.isdecimal()
 
 
 def code_of(finding: str) -> str:
