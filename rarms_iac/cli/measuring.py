@@ -68,9 +68,14 @@ def held_benches(
 
 
 def run_experiment(
-    session: Session, hosts: Hosts, experiment: Experiment, bench: MeasuringHost, options: MeasureOptions
+    session: Session,
+    hosts: Hosts,
+    experiment: Experiment,
+    bench: MeasuringHost,
+    options: MeasureOptions,
+    strategy: Strategy | None = None,
 ) -> Measured:
-    """Measure it as far as its data log does not say it already.
+    """Measure it as far as its data log does not say it already; `strategy`: None, as the options ask.
 
     Raises:
         Halted: the host is busy or has other reservations (3); it has no room, there is nothing to run or to search
@@ -98,7 +103,7 @@ def run_experiment(
         should_stop=session.interrupts.should_stop,
         others=tuple(_going_on(hosts, running)),
     )
-    ended = measure(experiment, _strategy(hosts, experiment, options, top), book, around)
+    ended = measure(experiment, strategy or _strategy(hosts, experiment, options, top), book, around)
     if ended.new and running:
         tell(terminal, [_busy_warning(experiment, running)])
     return Measured(

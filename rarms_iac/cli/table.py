@@ -11,6 +11,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "doctor": "Tell what makes a plan void or unsafe on the hosts.",
         "measure": "Find the reservations that components need.",
         "select": "Choose the performance that is good enough for a component.",
+        "tune": "Combine components so that their reservations fit.",
         "plan": "Show what would change on the hosts.",
         "show": "Show a plan file.",
         "apply": "Do what a plan says, or plan, ask and do it.",

@@ -102,6 +102,23 @@ class Sweeping:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Answering:
+    """One threshold question: are all APTs met at this reservation? Ends as soon as the samples tell."""
+
+    goal: Goal
+    reserve: int
+
+    def step(self, settings: Sequence[Setting]) -> Step:
+        """As `Strategy` says."""
+        known = any(one.reserve == self.reserve for one in settings)
+        return Swept() if known else Measure(reserve=self.reserve)
+
+    def is_enough(self, asked: Measure, seen: Mapping[str, Series]) -> bool:
+        """As `Strategy` says."""
+        return settled(seen, self.goal, precision=asked.precision)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Verifying:
     """Measures the reservation that a curve gives between two settings, until it gives one that was measured."""
 

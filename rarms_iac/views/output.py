@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rarms_iac.model.diagnostics import Diagnostic, Place
+from rarms_iac.views.output_combining import AskedOutput, CombinedOutput
 from rarms_iac.views.output_report import ReportCapacityOutput, ReportMeasurementOutput
 
 Format = Literal["rarms-output/1"]
@@ -504,6 +505,26 @@ class MeasureOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TuneOutput:
+    """`rarms tune`. Amounts are per cent of one logical processor (140: 1.4 LP); `written`: the manifest's file."""
+
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["tune"] = "tune"
+    strategy: Literal["default", "paper"]
+    ending: Literal["nothing_to_do", "successful", "unable", "stopped"]
+    message: str
+    capacity: int
+    before: int
+    after: int
+    proved: bool  # that no other layout is better, if a compound needs at least what any part of it needs
+    contradictions: tuple[str, ...]
+    partitions: tuple[CombinedOutput, ...]
+    trail: tuple[AskedOutput, ...]
+    written: str
+    findings: tuple[Diagnostic, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ProveOutput:
     """`rarms prove`: every component in the applied layout."""
 
@@ -574,6 +595,7 @@ Output = (
     | ScriptsOutput
     | ScriptDifferenceOutput
     | MeasureOutput
+    | TuneOutput
     | ProveOutput
     | ReportOutput
     | GraphOutput

@@ -46,7 +46,12 @@ class Trial:
     @property
     def passed(self) -> bool:
         """Whether every member was shown to meet its APT; within the noise, the safe side is no."""
-        return all(isinstance(verdict, Met) for verdict in self.verdicts.values())
+        return not self.worse
+
+    @property
+    def worse(self) -> tuple[str, ...]:
+        """The members that were not shown to meet their APT."""
+        return tuple(name for name, verdict in self.verdicts.items() if not isinstance(verdict, Met))
 
     @property
     def judged(self) -> bool:

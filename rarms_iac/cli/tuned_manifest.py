@@ -1,0 +1,70 @@
+"""Compounds as `partitions` of the manifest: what its text becomes, comments kept."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rarms_iac.cli.files import write_file
+from rarms_iac.cli.manifests import Opened
+from rarms_iac.manifest.edit import remove_value, set_value
+from rarms_iac.model.system import System
+from rarms_iac.planner.combining.values import Coi
+from rarms_iac.planner.groups import most_critical_first
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Written:
+    """What was changed."""
+
+    files: tuple[str, ...]
+    removed: tuple[str, ...]  # entries of partitions whose members are elsewhere now
+
+
+def write_partitions(system: System, opened: Opened, compounds: Sequence[Coi]) -> Written:
+    """Each compound as a partition of its name; entries of partitions that are left without members go.
+
+    Raises:
+        CannotFormat: the text is no manifest.
+        OSError: a file cannot be written.
+    """
+    texts: dict[str, str] = {}
+    before: dict[str, str] = {}
+    gone = _emptied(system, compounds)
+    for name in gone:
+        file = opened.loaded.places.key("partitions", name).file
+        texts[file] = remove_value(_text(texts, before, file), ("partitions", name))
+    for one in compounds:
+        file = _file(system, opened, one.name)
+        members = [each.name for each in most_critical_first(system.components[name] for name in one.members)]
+        texts[file] = set_value(_text(texts, before, file), ("partitions", one.name, "components"), members)
+    changed = [file for file in sorted(texts) if texts[file] != before[file]]
+    for file in changed:
+        write_file(file, texts[file].encode("utf-8"))
+    return Written(files=tuple(changed), removed=gone)
+
+
+def _emptied(system: System, compounds: Sequence[Coi]) -> tuple[str, ...]:
+    """Entries of partitions that lose their members to a compound of another name."""
+    home: Mapping[str, str] = {member: one.name for one in compounds for member in one.members}
+    return tuple(
+        sorted(
+            name
+            for name, wish in system.partitions.items()
+            if any(home.get(member, name) != name for member in wish.components)
+        )
+    )
+
+
+def _file(system: System, opened: Opened, name: str) -> str:
+    """The file that says what is to be changed, or that has the components."""
+    places = opened.loaded.places
+    if name in system.partitions:
+        return places.key("partitions", name).file
+    return places.key("partitions").file if system.partitions else places.key("components").file
+
+
+def _text(texts: dict[str, str], before: dict[str, str], file: str) -> str:
+    if file not in texts:
+        with Path(file).open(encoding="utf-8", newline="") as source:
+            before[file] = texts[file] = source.read()
+    return texts[file]

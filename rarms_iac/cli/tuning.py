@@ -1,0 +1,208 @@
+"""What `rarms tune` is about: the CoIs with their reservations, what the hosts can promise, and who answers."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.datalogs import measured_reservations, measurements_of, rests_on_a_log
+from rarms_iac.cli.experiments import MeasureOptions
+from rarms_iac.cli.hosts import Hosts
+from rarms_iac.cli.measuring import run_experiment
+from rarms_iac.cli.problems import Halted
+from rarms_iac.cli.session import Session
+from rarms_iac.cli.wiring import open_bench
+from rarms_iac.experiments.conclusions import NoVerdict, Stopped
+from rarms_iac.experiments.findings import CANNOT_MEASURE
+from rarms_iac.experiments.room import most, room_of
+from rarms_iac.experiments.search import trial_of
+from rarms_iac.experiments.setup import Experiment, experiment_of, interference_of
+from rarms_iac.experiments.strategies import Answering, goal_of
+from rarms_iac.model.diagnostics import has_errors
+from rarms_iac.model.plan import Claim
+from rarms_iac.model.state import State
+from rarms_iac.model.system import Component, Host, System
+from rarms_iac.planner.combining import findings
+from rarms_iac.planner.combining.layouts import Objective
+from rarms_iac.planner.combining.oracle import Unanswered
+from rarms_iac.planner.combining.values import Coi, Members
+from rarms_iac.planner.groups import Group
+from rarms_iac.planner.layout import plan_layout
+from rarms_iac.planner.problem import Problem, host_view, problem_of
+from rarms_iac.planner.search import Item, cost, free_in, place
+from rarms_iac.providers.measuring import MeasuringHost
+
+
+class TuningStopped(Unanswered):
+    """Somebody asked for an end; what is recorded stays, and the same command goes on."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Subject:
+    """What is to be tuned: partitions whose reservations rest on measurements, on hosts of one platform."""
+
+    hosts: Hosts
+    bench: Host  # where compounds are measured
+    problem: Problem  # as it is planned now
+    state: State  # of the bench
+    cois: tuple[Coi, ...]
+    capacity: int  # that these may reserve together, in per cent of one logical processor
+
+    @property
+    def system(self) -> System:
+        """What the manifest says."""
+        return self.hosts.system
+
+    def may_share(self, members: Members) -> bool:
+        """Whether these components may be in one partition, somewhere, and be measured there."""
+        components = [self.system.components[name] for name in members]
+        company = not any(set(one.apart) & set(members) or (one.dedicated and len(members) > 1) for one in components)
+        return company and bool(_homes(self.hosts, components)) and self.highest(members) > 0
+
+    def highest(self, members: Members) -> int:
+        """The highest CR that the bench can give to a P1 of these."""
+        return most(room_of(self.bench, self.state, self.system.application.name), self.experiment(members).setup)
+
+    def experiment(self, members: Members, samples: int | None = None) -> Experiment:
+        """These together in P1, against the load that they must stand up to."""
+        return experiment_of(self.system, self.bench, members, interference_of(self.system, members), samples)
+
+    def objective(self) -> Objective:
+        """What makes a layout the better one here."""
+        return Objective(
+            capacity=self.capacity,
+            fits=self.fits,
+            minimise=self.system.policy.minimise,
+            criticalities={name: self.system.components[name].criticality for one in self.cois for name in one.members},
+        )
+
+    def fits(self, layout: Sequence[Coi]) -> bool:
+        """Whether the hosts can keep these promises beside what is not tuned."""
+        tuned = {one.name for one in self.cois}
+        others = [one for one in self.problem.items if one.name not in tuned]
+        return place([*others, *map(self._item, layout)], self.problem.bins).hosts is not None
+
+    def _item(self, one: Coi) -> Item:
+        if one in self.cois:
+            return next(each for each in self.problem.items if each.name == one.name)
+        components = [self.system.components[name] for name in one.members]
+        memory = sum(each.memory for each in components)
+        claim = Claim(processors=one.processors, reserve=one.reserve, memory=memory)
+        return Item(name=one.name, claims=dict.fromkeys(_homes(self.hosts, components), claim))
+
+
+def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) -> Subject:
+    """What there is to tune.
+
+    Raises:
+        Halted: a reservation is not measured, or there are hosts of several platforms (4).
+    """
+    platforms = sorted({hosts.system.hosts[name].platform for name in hosts.chosen})
+    if len(platforms) > 1:
+        says = f"The hosts are of the platforms {', '.join(platforms)}, and measurements hold for one."
+        raise Halted(ExitCode.NO, [findings.PLATFORMS.at(None, says, "Name the hosts of one with --host.")])
+    system, places = hosts.system, hosts.opened.loaded.places
+    reservations = measured_reservations(measurements_of(system, hosts.folder, hosts.source), states)
+    views = {name: host_view(state, system.application.name) for name, state in states.items()}
+    problem = problem_of(system, reservations, views, may_move=False)
+    if any(not problem.claims[one.name] for one in problem.groups) or problem.contradictions:
+        found = plan_layout(system, reservations, views, places).findings
+        raise Halted(ExitCode.NO, [one for one in found if has_errors([one])], hosts.opened.loaded.sources)
+    groups = [one for one in problem.groups if _can_be_tuned(one, problem, bench)]
+    cois = tuple(_coi(one, problem.claims[one.name][bench.name]) for one in groups)
+    tuned = {one.name for one in cois}
+    chosen = [one for one in problem.bins if one.name in hosts.chosen]
+    others = sum(min(map(cost, one.claims.values())) for one in problem.items if one.name not in tuned)
+    capacity = sum(free_in(one).percent for one in chosen) - others
+    return Subject(
+        hosts=hosts, bench=bench, problem=problem, state=states[bench.name], cois=cois, capacity=max(0, capacity)
+    )
+
+
+def bench_of(hosts: Hosts) -> Host:
+    """The first of the chosen hosts that can be measured on.
+
+    Raises:
+        Halted: there is none (1).
+    """
+    for name in hosts.chosen:
+        if open_bench(hosts.system.hosts[name], hosts.folder, hosts.state_path(name)) is not None:
+            return hosts.system.hosts[name]
+    says = f"None of {', '.join(hosts.chosen)} is a simulated host."
+    raise Halted(
+        ExitCode.FAILED, [CANNOT_MEASURE.at(None, says, "Tune on a simulated host of the same platform: --host.")]
+    )
+
+
+def _can_be_tuned(group: Group, problem: Problem, bench: Host) -> bool:
+    """One that says of itself what it gets keeps its partition: what was measured of another would not hold there."""
+    wish = group.wish
+    own = wish.memory is not None or wish.processors is not None or wish.cpu.limit is not None
+    measured = rests_on_a_log(group) and all(one.apt for one in group.members)
+    return measured and not own and wish.cpu.weight is None and bench.name in problem.claims[group.name]
+
+
+def _coi(group: Group, claim: Claim) -> Coi:
+    return Coi(
+        name=group.name,
+        members=tuple(sorted(one.name for one in group.members)),
+        criticality=group.criticality,
+        processors=claim.processors,
+        reserve=claim.reserve,
+    )
+
+
+def _homes(hosts: Hosts, components: Sequence[Component]) -> tuple[str, ...]:
+    """Where all of them may run."""
+    return tuple(name for name in hosts.chosen if all(one.hosts is None or name in one.hosts for one in components))
+
+
+@dataclass(slots=True, kw_only=True)
+class Experiments:
+    """A `PerformanceOracle` that runs what the data logs do not know yet."""
+
+    session: Session
+    subject: Subject
+    bench: MeasuringHost
+    options: MeasureOptions
+    new: int = 0  # settings that were run
+    _known: dict[tuple[Members, int], frozenset[str]] = field(default_factory=dict)
+
+    def worse(self, members: Members, reserve: int) -> frozenset[str]:
+        """As `PerformanceOracle` says.
+
+        Raises:
+            Unanswered: too many samples failed.
+            TuningStopped: somebody asked for an end.
+            Halted: the host is busy, or there is nothing to run.
+        """
+        if (members, reserve) not in self._known:
+            self._known[members, reserve] = self._measured(members, reserve)
+        return self._known[members, reserve]
+
+    def _measured(self, members: Members, reserve: int) -> frozenset[str]:
+        if reserve > (highest := self.subject.highest(members)):
+            raise Unanswered(f"{reserve} % was to be measured of {', '.join(members)}; the host gives {highest} %")
+        experiment = self.subject.experiment(members, self.options.samples)
+        goal = goal_of(experiment)
+        strategy = Answering(goal=goal, reserve=reserve)
+        with self.session.interrupts.gently():
+            done = run_experiment(
+                self.session, self.subject.hosts, experiment, self.bench, self.options, strategy=strategy
+            )
+        self.new += done.new
+        match done.conclusion:
+            case Stopped():
+                raise TuningStopped("stopped")
+            case NoVerdict(component=component, failures=failures):
+                raise Unanswered(
+                    f"{len(failures)} samples of {component} failed, together with {_but(members, component)} "
+                    f"at {reserve} %: {failures[0]}"
+                )
+            case _:
+                pass
+        setting = next(one for one in reversed(done.settings) if one.reserve == reserve)
+        return frozenset(trial_of(setting, goal).worse)
+
+
+def _but(members: Members, name: str) -> str:
+    return ", ".join(one for one in members if one != name)

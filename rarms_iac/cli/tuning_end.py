@@ -1,0 +1,191 @@
+"""How tuning ended, for the manifest, the reader and the exit code."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Literal
+
+from rarms_iac.cli.datalogs import measured_reservations, measurements_of
+from rarms_iac.cli.hosts import Hosts, observed
+from rarms_iac.cli.manifests import system_of
+from rarms_iac.cli.tuning import Subject, TuningStopped
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.layout import Layout
+from rarms_iac.model.quantities import show_processors
+from rarms_iac.model.system import System
+from rarms_iac.planner.combining import findings
+from rarms_iac.planner.combining.candidates import Break
+from rarms_iac.planner.combining.oracle import Unanswered
+from rarms_iac.planner.combining.paper import (
+    SUCCESSFUL,
+    UNABLE,
+    Asking,
+    ordered,
+    tune_performance_to_use_less_resource,
+)
+from rarms_iac.planner.combining.questions import Best, search, tuning_of
+from rarms_iac.planner.combining.values import WHOLE, Asked, Coi, total
+from rarms_iac.planner.groups import most_critical_first
+from rarms_iac.planner.layout import plan_layout
+from rarms_iac.planner.problem import host_view
+from rarms_iac.views.tuned import Ending, Partition, Tuned
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class End:
+    """What came of it."""
+
+    subject: Subject
+    ending: Ending
+    cois: tuple[Coi, ...]  # as they are now, most critical first
+    trail: tuple[Asked, ...] = ()
+    proved: bool = False
+    breaks: tuple[Break, ...] = ()
+    unanswered: str = ""  # why a compound could not be measured
+
+    @property
+    def compounds(self) -> tuple[Coi, ...]:
+        """Those that are new."""
+        return tuple(one for one in self.cois if one not in self.subject.cois)
+
+    @staticmethod
+    def of(subject: Subject, asking: Asking, strategy: str, *, repeat: bool) -> "End":
+        """Tune by this strategy."""
+        trail: list[Asked] = []
+        heard = replace(asking, oracle=_Noting(asking, trail))
+        before = End(subject=subject, ending="stopped", cois=ordered(subject.cois))
+        try:
+            if strategy == "paper":
+                return _by_the_paper(before, heard, repeat=repeat)
+            return _by_the_graph(before, heard)
+        except TuningStopped:
+            return replace(before, trail=tuple(trail))
+        except Unanswered as problem:
+            return replace(before, ending="unable", trail=tuple(trail), unanswered=str(problem))
+
+
+class _Noting:
+    """An oracle whose answers are kept, also when it is asked for an end."""
+
+    def __init__(self, asking: Asking, trail: list[Asked]) -> None:
+        self._asking = asking
+        self._trail = trail
+
+    def worse(self, members: tuple[str, ...], reserve: int) -> frozenset[str]:
+        """As the oracle says."""
+        found = self._asking.oracle.worse(members, reserve)
+        self._trail.append(Asked(members=members, reserve=reserve, worse=tuple(sorted(found))))
+        return found
+
+
+def _by_the_paper(before: End, asking: Asking, *, repeat: bool) -> End:
+    subject = before.subject
+    done = tune_performance_to_use_less_resource(subject.cois, subject.capacity, asking, repeat=repeat)
+    ending: Ending = "nothing_to_do"
+    if done.needed:
+        ending = "successful" if done.combinations else "unable"
+    return replace(before, ending=ending, cois=done.cois, trail=done.trail)
+
+
+def _by_the_graph(before: End, asking: Asking) -> End:
+    subject = before.subject
+    most = min((subject.highest(one.members) for one in subject.cois), default=WHOLE)
+    tuning = tuning_of(subject.cois, subject.objective(), asking.may_share, most=most)
+    found, trail = search(tuning, asking)
+    if not isinstance(found, Best):
+        return replace(before, ending="unable", trail=trail, proved=found.proved, breaks=found.breaks)
+    ending: Ending = "successful" if set(found.cois) != set(subject.cois) else "nothing_to_do"
+    for one in found.cois:
+        if one not in subject.cois:
+            asking.reporter.combined(one, total(_parts(subject, one)))
+    return replace(before, ending=ending, cois=found.cois, trail=trail, proved=found.proved, breaks=found.breaks)
+
+
+def _parts(subject: Subject, one: Coi) -> Sequence[Coi]:
+    return [each for each in subject.cois if set(each.members) <= set(one.members)]
+
+
+def findings_of(end: End, hosts: Hosts) -> Iterator[Diagnostic]:
+    """What is to be said of the end itself."""
+    places = hosts.opened.loaded.places
+    if end.unanswered:
+        advice = "Mend the component's `run`, allow more `run.failures`, or keep it `apart`; then the command goes on."
+        yield findings.NO_ANSWER.at(None, end.unanswered, advice)
+    elif end.ending == "unable":
+        reserved, capacity = (_shown(one) for one in (total(end.subject.cois), end.subject.capacity))
+        yield findings.UNABLE.at(
+            places.key("hosts", end.subject.bench.name),
+            f"{reserved} are reserved, {capacity} are there, and no combination that was allowed fits.",
+            "Relax an APT (`rarms select`), lift an `apart`, or add a logical processor.",
+            address=f"host/{end.subject.bench.name}",
+        )
+    for broken in end.breaks:
+        yield findings.CONTRADICTION.at(
+            None,
+            f"{broken.says}. So nothing is proved: what was found holds, and another layout may be better.",
+            "Measure again with more samples: `--samples`, after removing the data log.",
+            address=f"component/{broken.members[0]}",
+        )
+    for one in end.compounds:
+        apart = total(_parts(end.subject, one))
+        if one.cost > apart:
+            yield findings.ABOVE_THE_SUM.at(
+                None,
+                f"{', '.join(one.members)} reserve {_shown(one.cost)} together, and {_shown(apart)} apart.",
+                "The paper's procedure counts this as successful; the default strategy drops such compounds.",
+                address=f"partition/{one.name}",
+            )
+
+
+def still_too_much(hosts: Hosts, end: End) -> Iterator[Diagnostic]:
+    """Whether what the manifest says now can be planned.
+
+    Raises:
+        Halted: the manifest cannot be read any more (4).
+    """
+    system, opened = system_of(hosts.source)
+    states = observed(hosts)
+    reservations = measured_reservations(measurements_of(system, hosts.folder, hosts.source), states)
+    views = {name: host_view(state, system.application.name) for name, state in states.items()}
+    if isinstance(plan_layout(system, reservations, views, opened.loaded.places).answer, Layout):
+        return
+    now, capacity = _shown(total(end.cois)), _shown(end.subject.capacity)
+    yield findings.STILL_TOO_MUCH.at(
+        None,
+        f"{now} are reserved now, and {capacity} are there; `rarms plan` tells more.",
+        "Go on: `rarms tune --strategy paper --repeat`, or `rarms tune`.",
+        address=f"host/{end.subject.bench.name}",
+    )
+
+
+def tuned_of(end: End, strategy: Literal["default", "paper"], system: System, written: str) -> Tuned:
+    """The same for the reader."""
+    message = {"successful": SUCCESSFUL, "unable": UNABLE, "nothing_to_do": "", "stopped": ""}[end.ending]
+    return Tuned(
+        strategy=strategy,
+        ending=end.ending,
+        message=message,
+        capacity=end.subject.capacity,
+        before=total(end.subject.cois),
+        after=total(end.cois),
+        proved=end.proved,
+        contradictions=tuple(one.says for one in end.breaks),
+        partitions=tuple(
+            Partition(
+                name=one.name,
+                components=tuple(
+                    each.name for each in most_critical_first(system.components[name] for name in one.members)
+                ),
+                processors=one.processors,
+                reserve=one.reserve,
+                parts=total(_parts(end.subject, one)),
+            )
+            for one in end.cois
+        ),
+        trail=end.trail,
+        written=written,
+    )
+
+
+def _shown(percent: int) -> str:
+    return show_processors(Fraction(percent, 100))

@@ -1,0 +1,57 @@
+"""What tuning says to a person, and asks of one."""
+
+import sys
+from fractions import Fraction
+
+from rarms_iac.cli.session import Session
+from rarms_iac.cli.terminal import Terminal
+from rarms_iac.model.quantities import show_processors
+from rarms_iac.planner.combining.oracle import Silent
+from rarms_iac.planner.combining.values import Asked, Coi, Members
+
+
+class Telling(Silent):
+    """A `PlannerReporter` that writes beside the data; measuring itself shows every setting."""
+
+    def __init__(self, terminal: Terminal) -> None:
+        self._terminal = terminal
+
+    def setting_asked(self, members: Members, reserve: int, why: str) -> None:
+        """What is asked, and why."""
+        self._terminal.talk(f"Is {reserve} % enough for {_together(members)}? ({why})")
+
+    def setting_answered(self, answer: Asked) -> None:
+        """The answer."""
+        self._terminal.talk("  yes" if answer.passed else f"  no: {', '.join(answer.worse)} would miss a threshold")
+
+    def declined(self, members: Members) -> None:
+        """That it is left out."""
+        self._terminal.talk(f"Not combined: {_together(members)}.")
+
+    def combined(self, compound: Coi, before: int) -> None:
+        """What it brought."""
+        apart, now = (show_processors(Fraction(one, 100)) for one in (before, compound.cost))
+        self._terminal.talk(f"Combined: {_together(compound.members)}, {apart} apart and {now} together.")
+
+
+class AskingConsent:
+    """Asks at the terminal, once for each combination."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._said: dict[Members, bool] = {}
+
+    def allows(self, members: Members, *, settings: int, gain: int) -> bool:
+        """As `Consent` says; an empty answer is no."""
+        if members not in self._said:
+            terminal = self._session.terminal
+            terminal.flush()
+            saves = show_processors(Fraction(gain, 100))
+            takes = "one setting" if settings == 1 else f"{settings} settings"
+            terminal.status(f"Try {_together(members)}? At most {takes}; saves at most {saves}. [y/N] ")
+            self._said[members] = sys.stdin.readline().strip().lower() in {"y", "yes"}
+        return self._said[members]
+
+
+def _together(members: Members) -> str:
+    return " and ".join(members) if len(members) == 2 else f"{', '.join(members[:-1])} and {members[-1]}"

@@ -1,0 +1,129 @@
+"""What tuning came to: partitions, the trail of settings, and the same for programs and spreadsheets."""
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal
+
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.quantities import show_processors
+from rarms_iac.planner.combining.values import Asked
+from rarms_iac.views.as_json import as_json
+from rarms_iac.views.output import TuneOutput
+from rarms_iac.views.output_combining import AskedOutput, CombinedOutput
+from rarms_iac.views.table import table
+
+Ending = Literal["nothing_to_do", "successful", "unable", "stopped"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Partition:
+    """A partition after tuning."""
+
+    name: str
+    components: tuple[str, ...]  # the most critical first
+    processors: int
+    reserve: int
+    parts: int  # what its parts reserved apart, in per cent of one logical processor
+
+    @property
+    def reserved(self) -> int:
+        """In per cent of one logical processor."""
+        return self.processors * self.reserve
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tuned:
+    """How `rarms tune` ended; amounts in per cent of one logical processor."""
+
+    strategy: Literal["default", "paper"]
+    ending: Ending
+    message: str
+    capacity: int
+    before: int
+    after: int
+    proved: bool
+    contradictions: tuple[str, ...]
+    partitions: tuple[Partition, ...]
+    trail: tuple[Asked, ...]
+    written: str = ""
+
+
+def tuned_text(tuned: Tuned) -> str:
+    """The trail, the partitions, and what all of it came to."""
+    trail = table([("setting", "CR", "verdict"), *_trail(tuned.trail)]) + "\n" if tuned.trail else ""
+    rows = [("partition", "components", "CR", "reserves", "apart")]
+    for one in tuned.partitions:
+        names = ", ".join(one.components)
+        rows.append((one.name, names, f"{one.reserve} %", _shown(one.reserved), _shown(one.parts)))
+    return f"{trail}{table(rows)}\n{_sentence(tuned)}\n"
+
+
+def _trail(trail: Sequence[Asked]) -> Iterator[tuple[str, str, str]]:
+    for one in trail:
+        verdict = "all thresholds met" if one.passed else f"missed by {', '.join(one.worse)}"
+        yield "+".join(one.members), f"{one.reserve} %", verdict
+
+
+def _sentence(tuned: Tuned) -> str:
+    before, after, capacity = map(_shown, (tuned.before, tuned.after, tuned.capacity))
+    match tuned.ending:
+        case "nothing_to_do":
+            return f"Nothing to do: {before} of {capacity} are reserved."
+        case "stopped":
+            return f"Stopped: {before} are reserved, and there are {capacity}."
+        case "unable":
+            return f"{tuned.message}: {before} are reserved, and there are {capacity}."
+        case "successful":
+            proof = "\nNo other layout is better, if a compound needs at least what any part of it needs."
+            return f"{tuned.message}: {before} became {after} of {capacity}.{proof if tuned.proved else ''}"
+
+
+def _shown(percent: int) -> str:
+    return show_processors(Fraction(percent, 100))
+
+
+def trail_csv(tuned: Tuned) -> str:
+    """A row a setting, in the order in which they were asked for."""
+    out = io.StringIO()
+    rows = csv.writer(out, lineterminator="\n")
+    rows.writerow(("number", "components", "reserve_percent", "met", "worse"))
+    for number, one in enumerate(tuned.trail, start=1):
+        met = "yes" if one.passed else "no"
+        rows.writerow((number, "+".join(one.members), one.reserve, met, " ".join(one.worse)))
+    return out.getvalue()
+
+
+def tuned_json(tuned: Tuned, findings: Sequence[Diagnostic]) -> str:
+    """The same for programs."""
+    return as_json(
+        TuneOutput(
+            strategy=tuned.strategy,
+            ending=tuned.ending,
+            message=tuned.message,
+            capacity=tuned.capacity,
+            before=tuned.before,
+            after=tuned.after,
+            proved=tuned.proved,
+            contradictions=tuned.contradictions,
+            partitions=tuple(
+                CombinedOutput(
+                    name=one.name,
+                    components=one.components,
+                    processors=one.processors,
+                    reserve=one.reserve,
+                    reserved=one.reserved,
+                    parts_reserved=one.parts,
+                )
+                for one in tuned.partitions
+            ),
+            trail=tuple(
+                AskedOutput(components=one.members, reserve=one.reserve, met=one.passed, worse=one.worse)
+                for one in tuned.trail
+            ),
+            written=tuned.written,
+            findings=tuple(findings),
+        )
+    )

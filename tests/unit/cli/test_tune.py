@@ -1,0 +1,144 @@
+"""`rarms tune`, from words to the manifest's `partitions`, on the simulated host."""
+
+import json
+from collections.abc import Iterator
+from contextlib import chdir
+from pathlib import Path
+from shutil import copytree
+
+import pytest
+
+from tests.unit.cli.running import rarms
+
+MANIFEST = """\
+# A robot that asks for more than it has.
+schema: rarms/v1
+
+application: { name: robot }
+
+hosts:
+  onboard: { logical_processors: 2, memory: 4 GiB }
+
+components:
+  vision: # what it sees
+    criticality: 30
+    apt:
+      mean_response_time: { at_most: 25 ms }
+    memory: 512 MiB
+    cpu: { reserve: measured }
+    simulation: { work: 20 ms, varies: 2 % }
+
+  paths:
+    criticality: 20
+    apt:
+      mean_response_time: { at_most: 65 ms }
+    memory: 512 MiB
+    cpu: { reserve: measured }
+    simulation: { work: 20 ms, varies: 2 % }
+
+  video:
+    criticality: 10
+    apt:
+      mean_response_time: { at_most: 75 ms }
+    memory: 512 MiB
+    cpu: { reserve: measured }
+    simulation: { work: 20 ms, varies: 2 % }
+"""
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a robot whose components were measured one by one, and do not fit."""
+    folder = tmp_path_factory.mktemp("robot")
+    (folder / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
+    with chdir(folder):
+        ran = rarms("measure", "--samples", "60")
+    assert ran.code == 0, ran.err
+    return folder
+
+
+@pytest.fixture
+def here(measured: Path, tmp_path: Path) -> Iterator[Path]:
+    """A copy of that folder, which is where we are."""
+    copytree(measured, tmp_path / "robot")
+    with chdir(tmp_path / "robot"):
+        yield tmp_path / "robot"
+
+
+def test_it_does_not_fit_is_tuned_and_fits(here: Path) -> None:
+    before = rarms("plan")
+    declined = rarms("tune", "--samples", "60", "--dry-run", "--json")
+    tuned = rarms("tune", "--samples", "60", "--trail", "trail.csv")
+    after = rarms("plan")
+    again = rarms("tune", "--json")
+
+    assert (before.code, declined.code, tuned.code, after.code, again.code) == (4, 0, 0, 2, 0), tuned.err
+    found = json.loads(declined.out)
+    assert (found["ending"], found["message"], found["proved"], found["written"]) == (
+        "successful",
+        "successful",
+        True,
+        "",
+    )
+    assert found["after"] <= found["capacity"] == 200 < found["before"]
+    text = (here / "rarms.yaml").read_text(encoding="utf-8")
+    assert "vision: # what it sees" in text
+    assert "partitions:\n  paths:\n    components: [paths, video]\n" in text
+    trail = (here / "trail.csv").read_text(encoding="utf-8").splitlines()
+    assert len(trail) == 1 + len(found["trail"])
+    assert "recorded already" not in declined.err.split("paths+video", 2)[1]
+    assert "No other layout is better" in tuned.out
+    assert json.loads(again.out)["ending"] == "nothing_to_do"
+
+
+def test_what_is_recorded_is_not_run_again(here: Path) -> None:
+    rarms("tune", "--samples", "60", "--dry-run")
+    log = here / "measurements" / "onboard" / "paths+video" / "busy-loop.jsonl"
+    whole = log.read_bytes()
+    first_settings = b"".join(whole.splitlines(keepends=True)[:2])
+    log.write_bytes(first_settings)  # as if killed after the first setting
+    rarms("tune", "--samples", "60", "--dry-run")
+    again = log.read_bytes()
+    rarms("tune", "--samples", "60", "--dry-run")
+
+    assert again.startswith(first_settings)
+    assert again.count(b"\n") == whole.count(b"\n")
+    assert log.read_bytes() == again
+
+
+def test_the_papers_procedure_says_its_message_and_walks_by_ten(here: Path) -> None:
+    ran = rarms("tune", "--samples", "60", "--strategy", "paper", "--json")
+
+    found = json.loads(ran.out)
+    assert found["message"] == "successful"
+    asked = [(tuple(one["components"]), one["reserve"]) for one in found["trail"]]
+    assert {members for members, _ in asked} == {("paths", "video")}
+    assert [reserve for _, reserve in asked[1:]] == list(range(10, 10 * len(asked), 10))
+
+
+def test_where_nothing_may_be_combined_the_answer_is_no(here: Path) -> None:
+    alone = MANIFEST.replace("    criticality:", "    dedicated: true\n    criticality:")
+    (here / "rarms.yaml").write_text(alone, encoding="utf-8", newline="\n")
+
+    for strategy in ("default", "paper"):
+        ran = rarms("tune", "--strategy", strategy)
+        assert ran.code == 4
+        assert "RARMS305" in ran.err
+        assert "Unable to reduce total CPU reservation by combining CoIs" in ran.out
+    assert (here / "rarms.yaml").read_text(encoding="utf-8") == alone
+
+
+def test_what_was_not_measured_is_told(tmp_path: Path) -> None:
+    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
+    with chdir(tmp_path):
+        ran = rarms("tune")
+
+    assert ran.code == 4
+    assert "RARMS100" in ran.err
+
+
+def test_repeating_belongs_to_the_papers_procedure(here: Path) -> None:
+    ran = rarms("tune", "--repeat")
+
+    assert ran.code == 64
+    assert "--strategy paper" in ran.err
