@@ -33,7 +33,9 @@ def guide_facts(measured: Measurements, opened: Opened, name: str) -> GuideFacts
         sized = size(group, host, reservations)
         if isinstance(sized, Sized) and all(one.hosts is None or host.name in one.hosts for one in group.members):
             facts = _facts(group, host, sized, reservations, system.components[name])
-            classes = classes_of(group.members, system.tasks, group.name, opened.loaded.places).classes
+            classes = classes_of(
+                group.members, system.tasks, group.name, opened.loaded.places, processors=sized.placed.processors
+            ).classes
             return replace(facts, task_values=_task_values(facts.task, classes))
     planning = plan_layout(system, reservations, {}, opened.loaded.places)
     raise Halted(ExitCode.NO, planning.findings, opened.loaded.sources)

@@ -5,13 +5,14 @@ run at 26; in Low it is BackgroundPriority + 7. The order is promised among the 
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.state import RegistryValue, ValueKind
 from rarms_iac.model.system import Component, TaskCategory, TaskWish
 from rarms_iac.planner import findings
+from rarms_iac.planner.affinity import ALL, masks_of
 from rarms_iac.planner.groups import most_critical_first
 
 LEVELS = 8
@@ -50,6 +51,7 @@ class ClassValues:
     background_priority: int
     criticality: int  # the highest of those who name it
     user: str  # who that is
+    affinity: int = ALL  # the processors of its operating system that its threads may use: a bit each; 0: all
 
     @property
     def thread_priority(self) -> int:
@@ -76,8 +78,17 @@ class Classes:
     findings: tuple[Diagnostic, ...]
 
 
-def classes_of(components: Iterable[Component], wishes: Mapping[str, TaskWish], inside: str, places: Places) -> Classes:
+def classes_of(
+    components: Iterable[Component],
+    wishes: Mapping[str, TaskWish],
+    inside: str,
+    places: Places,
+    *,
+    processors: int = 0,
+) -> Classes:
     """Values for every class that these components of one operating system name.
+
+    It has so many processors; of 0, an unknown number, no class is kept to some.
 
     The most critical class gets the highest priority that is left, equals share one; what the manifest fixes stands.
     """
@@ -90,6 +101,8 @@ def classes_of(components: Iterable[Component], wishes: Mapping[str, TaskWish], 
     ways = [_decide(by_weight, fixed, spacing) for spacing in SPACINGS]
     decided = next((one for one in ways if not any(_out_of_order(one, fixed, inside, places))), ways[-1])
     told = (*_out_of_order(decided, fixed, inside, places), *_neighbours(decided, inside, places))
+    masks = masks_of(by_weight, processors)
+    decided = [replace(one, affinity=masks.get(one.name.lower(), ALL)) for one in decided]
     return Classes(classes=tuple(sorted(decided, key=lambda one: one.name)), findings=told)
 
 
@@ -206,7 +219,7 @@ def _address(inside: str, name: str) -> str:
 def registry_values(one: ClassValues) -> Mapping[str, RegistryValue]:
     """The class's whole key, with types: the booleans are text (FACTS 6.1)."""
     return {
-        "Affinity": _number(0),
+        "Affinity": _number(one.affinity),
         "Background Only": _text("False"),
         "BackgroundPriority": _number(one.background_priority),
         "Clock Rate": _number(CLOCK_RATE),

@@ -141,8 +141,11 @@ def _tasks(
     problems: list[Diagnostic] = []
     if observed.facts.provider is ProviderKind.LINUX:
         return tasks, decided, ()  # MMCSS is of Windows; on Linux classes are scheduling parameters of threads
+    # The host's own Windows may have fewer processors than the machine (minroot), so none of its are named.
+    processors = {one.name: one.processors for one in here}
     for inside, members in _systems(layout, observed.facts.name, here):
-        found = classes_of([system.components[name] for name in members], system.tasks, inside, places)
+        users = [system.components[name] for name in members]
+        found = classes_of(users, system.tasks, inside, places, processors=processors.get(inside, 0))
         problems += found.findings
         for values in found.classes:
             decided[inside, values.name] = values
