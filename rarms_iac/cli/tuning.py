@@ -1,7 +1,7 @@
 """What `rarms tune` is about: the CoIs with their reservations, what the hosts can promise, and who answers."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.datalogs import measured_reservations, measurements_of, rests_on_a_log
@@ -183,7 +183,8 @@ class Experiments:
         if reserve > (highest := self.subject.highest(members)):
             raise Unanswered(f"{reserve} % was to be measured of {', '.join(members)}; the host gives {highest} %")
         experiment = self.subject.experiment(members, self.options.samples)
-        goal = goal_of(experiment)
+        # A plan rests on the safe side of the curve: what is met only within a tolerance would not hold there.
+        goal = replace(goal_of(experiment), tolerance=0.0)
         strategy = Answering(goal=goal, reserve=reserve)
         with self.session.interrupts.gently():
             done = run_experiment(
