@@ -83,18 +83,22 @@ def _observations(
                 reserve=reserve,
                 level=level,
                 error=max(above / seen.value, 1e-4),
-                served=_served(series, level),
+                served=_served(series, level, while_answering=index != "throughput"),
             )
         )
     return tuple(points)
 
 
-def _served(series: Series, level: float) -> float | None:
-    """The level at CR 1 if a job did nothing but use one processor for the CPU time that jobs took here."""
+def _served(series: Series, level: float, *, while_answering: bool) -> float | None:
+    """The level at CR 1 if a job did nothing but use one processor for the CPU time that jobs took here.
+
+    Of response times only the time counts in which there is a job; a throughput has all of it, also what a periodic
+    component waits.
+    """
     if series.cpu_ms is None or series.cpu_ms <= 0.0:
         return None
-    time = sum(values.response_times(series.samples)) or series.elapsed_ms
-    return level + log(100 * series.cpu_ms / time)
+    time = sum(values.response_times(series.samples)) if while_answering else 0.0
+    return level + log(100 * series.cpu_ms / (time or series.elapsed_ms))
 
 
 def _deadline_question(found: Sequence[tuple[int, Series]], member: Member, share: float) -> Question | None:
@@ -164,7 +168,7 @@ def _unseen_question(found: Sequence[tuple[int, Series]], share: float) -> Quest
                 reserve=reserve,
                 level=level,
                 error=_UNSEEN_VARIATION / sqrt(count),
-                served=_served(series, level),
+                served=_served(series, level, while_answering=True),
             )
         )
         away = normal.inv_cdf((gained + 0.5) / (count + 1.0)) - wanted
