@@ -29,7 +29,7 @@ from rarms_iac.experiments.partitions import remove_test_partitions
 from rarms_iac.experiments.room import Room, called, in_the_way, most, room_of
 from rarms_iac.experiments.search import STRATEGIES
 from rarms_iac.experiments.setup import Experiment
-from rarms_iac.experiments.strategies import Searching, Sweeping, Verifying, apts_of, goal_of
+from rarms_iac.experiments.strategies import Agreeing, Searching, Sweeping, Verifying, apts_of, goal_of
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.state import Partition
 from rarms_iac.model.system import ProviderKind
@@ -175,14 +175,14 @@ def _strategy(hosts: Hosts, experiment: Experiment, options: MeasureOptions, top
                 [findings.NO_THRESHOLD.at(place, says, advice, address=f"component/{one.name}")],
                 hosts.opened.loaded.sources,
             )
+    verifying = Verifying(experiment=experiment, most=top)
     if options.verify:
-        return Verifying(experiment=experiment, most=top)
-    return Searching(
-        goal=goal_of(experiment),
-        next_step=STRATEGIES[options.strategy],
-        most=top,
-        only_its_own=options.strategy == PAPER,
+        return verifying
+    to_the_letter = options.strategy == PAPER
+    search = Searching(
+        goal=goal_of(experiment), next_step=STRATEGIES[options.strategy], most=top, only_its_own=to_the_letter
     )
+    return search if to_the_letter else Agreeing(search=search, verifying=verifying)
 
 
 def _refuse_what_cannot_run(hosts: Hosts, experiment: Experiment) -> None:

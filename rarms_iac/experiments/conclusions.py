@@ -1,6 +1,14 @@
 """How the measuring of an experiment ended: the strategies say it, the command line tells it."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from rarms_iac.model.measurement import Series
+
+
+def to_its_end(_seen: Mapping[str, Series]) -> bool:
+    """Every sample that `run.until` asks for is taken."""
+    return False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -8,7 +16,8 @@ class Measure:
     """Not ended: run the setting with this CR."""
 
     reserve: int
-    precision: float | None = None  # as of `experiments.search.Measure`
+    settled: Callable[[Mapping[str, Series]], bool] = field(default=to_its_end, compare=False)
+    """Whether the samples so far, by component, may end it; asked now and then."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ from rarms_iac.model.system import AtLeast, AtMost, Component, Threshold
 from rarms_iac.statistics import values
 from rarms_iac.statistics.estimates import Estimate, NoEstimate, estimate
 from rarms_iac.statistics.steadiness import Steady, steady_part
-from rarms_iac.statistics.verdict import without_warm_up
+from rarms_iac.statistics.verdict import part_for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,9 +58,8 @@ def steady(series: Series) -> str:
 
 def _shown(component: Component, index: str, threshold: Threshold, series: Series) -> Shown:
     begin = steady_part(values.response_times(series.samples))
-    part = without_warm_up(series, begin.first) if isinstance(begin, Steady) else series
-    whole = series if index == "maximum_response_time" else part
-    found = estimate(index, whole, run_of(component))
+    part = part_for(index, series, begin.first) if isinstance(begin, Steady) else series
+    found = estimate(index, part, run_of(component))
     if isinstance(found, NoEstimate):
         return Shown(component=component.name, index=index, threshold=threshold, estimate=None, why=found.why)
     return Shown(component=component.name, index=index, threshold=threshold, estimate=found)

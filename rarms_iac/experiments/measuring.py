@@ -32,10 +32,6 @@ class Strategy(Protocol):
         """What to do after these settings, in the order in which they were run."""
         ...
 
-    def is_enough(self, asked: Measure, seen: Mapping[str, Series]) -> bool:
-        """Whether the samples so far of the setting that was asked for settle what it is run for."""
-        ...
-
 
 class SettingsLog(Protocol):
     """Where settings are recorded."""
@@ -91,7 +87,7 @@ def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, around
                 break
             bench = bench or _made(experiment, around, ends)
             around.reporter.setting_started(experiment, step.reserve, len(settings) + 1)
-            setting = _run(experiment, strategy, around, bench, step)
+            setting = _run(experiment, around, bench, step)
             if not isinstance(setting, Setting):
                 step = setting
                 break
@@ -137,9 +133,7 @@ class NoPlaces:
         return Place(file="", line=1, column=1)
 
 
-def _run(
-    experiment: Experiment, strategy: Strategy, around: Surroundings, bench: _Bench, asked: Measure
-) -> Setting | NoVerdict | Stopped:
+def _run(experiment: Experiment, around: Surroundings, bench: _Bench, asked: Measure) -> Setting | NoVerdict | Stopped:
     """One setting, from the reserves to the last sample."""
     reserve = asked.reserve
     beside = reserve_beside(bench.room, experiment.setup, reserve)
@@ -147,7 +141,7 @@ def _run(
         raise ValueError(f"{reserve} % was asked for, and the host cannot give that")
     set_reserves(around.host, experiment.application, bench.shapes, {P1: reserve, P2: beside})
     with around.host.run(_work(experiment, around, reserve)) as running:
-        seen = watch(running, experiment.members, _looking(experiment, strategy, around, asked), around.should_stop)
+        seen = watch(running, experiment.members, _looking(experiment, around, asked), around.should_stop)
     match seen:
         case None:
             return Stopped()
@@ -157,13 +151,11 @@ def _run(
             return _setting(reserve, beside, around.seed, seen)
 
 
-def _looking(
-    experiment: Experiment, strategy: Strategy, around: Surroundings, asked: Measure
-) -> Callable[[Mapping[str, Series]], bool]:
+def _looking(experiment: Experiment, around: Surroundings, asked: Measure) -> Callable[[Mapping[str, Series]], bool]:
     def look(seen: Mapping[str, Series]) -> bool:
         around.reporter.looked(experiment, asked.reserve, seen)
         recorded = _setting(asked.reserve, 0, around.seed, seen)
-        return strategy.is_enough(asked, {one.component: one for one in recorded.series})
+        return asked.settled({one.component: one for one in recorded.series})
 
     return look
 

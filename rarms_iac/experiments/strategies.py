@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 from rarms_iac.experiments.conclusions import (
     Measure,
@@ -13,8 +14,9 @@ from rarms_iac.experiments.conclusions import (
 )
 from rarms_iac.experiments.search import Goal, Member, Trial, settled, trial_of
 from rarms_iac.experiments.search import values as searched
+from rarms_iac.experiments.search.tree import WIDTH
 from rarms_iac.experiments.setup import Experiment
-from rarms_iac.model.measurement import Series, Setting
+from rarms_iac.model.measurement import Setting
 from rarms_iac.model.system import Threshold
 from rarms_iac.statistics.curve import curves_of, least_reserve
 
@@ -40,10 +42,6 @@ class Searching:
         trials = self._judged(settings)
         return self._replayed(trials) if self.only_its_own else self._within(trials)
 
-    def is_enough(self, asked: Measure, seen: Mapping[str, Series]) -> bool:
-        """As `Strategy` says."""
-        return settled(seen, self.goal, precision=asked.precision)
-
     def _judged(self, settings: Sequence[Setting]) -> Sequence[Trial]:
         """NOTE: settings are only ever added, and judging one reads all of its samples: each is judged once."""
         self._trials += [trial_of(one, self.goal) for one in settings[len(self._trials) :]]
@@ -66,7 +64,7 @@ class Searching:
             case searched.Measure(reserve=reserve, precision=precision) if reserve > self.most:
                 return self._at_most(trials, precision)
             case searched.Measure(reserve=reserve, precision=precision):
-                return Measure(reserve=reserve, precision=precision)
+                return self._measure(reserve, precision)
             case searched.Found(reserve=reserve, failed=failed):
                 return Sufficient(reserve=reserve, failed=failed, error=self.goal.error)
             case searched.NotAchievable():
@@ -74,11 +72,14 @@ class Searching:
             case searched.NotResolved(why=why):
                 return NotResolved(says=why)
 
+    def _measure(self, reserve: int, precision: float | None) -> Measure:
+        return Measure(reserve=reserve, settled=partial(settled, goal=self.goal, precision=precision))
+
     def _at_most(self, trials: Sequence[Trial], precision: float | None) -> Step:
         """More is asked for than the host can give: what it can give decides."""
         known = [one for one in trials if one.reserve == self.most]
         if not known:
-            return Measure(reserve=self.most, precision=precision)
+            return self._measure(self.most, precision)
         if known[-1].passed:
             failed = max((one.reserve for one in trials if not one.passed and one.reserve < self.most), default=None)
             return Sufficient(reserve=self.most, failed=failed, error=self.goal.error)
@@ -96,10 +97,6 @@ class Sweeping:
         known = {one.reserve for one in settings}
         return next((Measure(reserve=one) for one in self.reserves if one not in known), Swept())
 
-    def is_enough(self, asked: Measure, seen: Mapping[str, Series]) -> bool:  # noqa: ARG002 - `Strategy` asks so
-        """Every sample that `run.until` asks for is taken."""
-        return False
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answering:
@@ -111,11 +108,9 @@ class Answering:
     def step(self, settings: Sequence[Setting]) -> Step:
         """As `Strategy` says."""
         known = any(one.reserve == self.reserve for one in settings)
-        return Swept() if known else Measure(reserve=self.reserve)
-
-    def is_enough(self, asked: Measure, seen: Mapping[str, Series]) -> bool:
-        """As `Strategy` says."""
-        return settled(seen, self.goal, precision=asked.precision)
+        if known:
+            return Swept()
+        return Measure(reserve=self.reserve, settled=partial(settled, goal=self.goal, precision=None))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,16 +122,64 @@ class Verifying:
 
     def step(self, settings: Sequence[Setting]) -> Step:
         """As `Strategy` says."""
-        found = least_reserve(curves_of(settings, self.experiment.runs, apts_of(self.experiment)))
+        curves = curves_of(settings, self.experiment.runs, apts_of(self.experiment))
+        found = least_reserve(curves)
         if found is None:
-            return NotResolved(says="no setting that was measured meets every threshold for sure")
+            return NotResolved(says=NOTHING_FOR_SURE)
+        if found.interpolated and any(one.reserve == found.reserve for one in settings):
+            return NotResolved(says=f"{found.reserve} % was measured, and its samples give no estimate")
         if found.interpolated and found.reserve <= self.most:
             return Measure(reserve=found.reserve)
-        return Sufficient(reserve=found.reserve, failed=None, error=goal_of(self.experiment).error)
+        failed = max((one.reserve for one in settings if one.reserve < found.reserve), default=None)
+        one_sided = max(curve.error for curve, _ in curves) / 2
+        return Sufficient(reserve=found.reserve, failed=failed, error=one_sided)
 
-    def is_enough(self, asked: Measure, seen: Mapping[str, Series]) -> bool:  # noqa: ARG002 - `Strategy` asks so
-        """Every sample that `run.until` asks for is taken."""
-        return False
+
+NOTHING_FOR_SURE = "no setting that was measured meets every threshold for sure"
+
+BEYOND = 3
+"""So many points above what a search found are tried, where that is met within the tolerance and not for sure."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Agreeing:
+    """A search that ends with what a plan reserves: the least that the curve's safe side allows, measured itself.
+
+    A search decides within a tolerance, and a plan is strict. So what the curve gives besides is measured, too: it
+    lies a point or two beside what was found.
+    """
+
+    search: Searching
+    verifying: Verifying
+
+    def step(self, settings: Sequence[Setting]) -> Step:
+        """As `Strategy` says."""
+        step = self.search.step(settings)
+        if not isinstance(step, Sufficient):
+            return step
+        match self.verifying.step(settings):
+            case Sufficient() as planned:
+                return step if planned.reserve == step.reserve else _certified(planned)
+            case NotResolved(says=says):
+                # Settings without a steady state have no place on the curve: there the search knows more.
+                return self._above(step, settings) if says == NOTHING_FOR_SURE else step
+            case other:
+                return other
+
+    def _above(self, found: Sufficient, settings: Sequence[Setting]) -> Step:
+        """Nothing measured is met for sure: a point more than the most that was."""
+        above = max(one.reserve for one in settings) + 1
+        if above <= min(self.verifying.most, found.reserve + BEYOND):
+            return Measure(reserve=above)
+        says = f"{found.reserve} % meets every threshold within {self.search.goal.tolerance:.0%}, and nothing for sure"
+        return NotResolved(says=says)
+
+
+def _certified(planned: Sufficient) -> Step:
+    """With a measured fail close below, as a search has it: what its verdict leaves open may do on the curve."""
+    if planned.reserve == 1 or planned.reserve - (planned.failed or 0) <= WIDTH:
+        return planned
+    return Measure(reserve=max(1, planned.reserve - WIDTH + 1))
 
 
 def apts_of(experiment: Experiment) -> dict[str, Mapping[str, Threshold]]:

@@ -13,7 +13,7 @@ from rarms_iac.model.system import AtLeast, AtMost, Run, Threshold
 from rarms_iac.statistics import isotonic, values
 from rarms_iac.statistics.estimates import USUAL_ERROR, Estimate, NoEstimate, estimate
 from rarms_iac.statistics.steadiness import Steady, steady_part
-from rarms_iac.statistics.verdict import without_warm_up
+from rarms_iac.statistics.verdict import part_for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,7 +117,7 @@ def _steady_estimate(series: Series, index: str, run: Run, error: float) -> Esti
     begin = steady_part(values.response_times(series.samples))
     if not isinstance(begin, Steady):
         return NoEstimate(why=begin.why)
-    found = estimate(index, without_warm_up(series, begin.first), run, error=error)
+    found = estimate(index, part_for(index, series, begin.first), run, error=error)
     if isinstance(found, Estimate) and found.beyond is not None:
         # An extreme has no bound of its own: the curve shows what was seen.
         return Estimate(

@@ -164,12 +164,12 @@ def _done(series: Series, run: Run) -> float:
 def _judge_steady(
     series: Series, first: int, apt: Mapping[str, Threshold], run: Run, error: float, tolerance: float
 ) -> Verdict:
-    part = without_warm_up(series, first)
     each = error / max(1, len(apt))
     judged: list[Judged] = []
     for index, threshold in apt.items():
-        whole = series if index == _MAXIMUM else part  # no warm-up excuses a late answer
-        found = estimate(index, whole, run, error=min(1.0, 2 * each))  # each side is wrong with half of it
+        found = estimate(
+            index, part_for(index, series, first), run, error=min(1.0, 2 * each)
+        )  # each side is wrong with half of it
         if isinstance(found, NoEstimate):
             return TooFewSamples(why=found.why)
         judged.append(Judged(index=index, threshold=threshold, estimate=found))
@@ -178,6 +178,11 @@ def _judge_steady(
     if all(_meets(one, tolerance) for one in judged):
         return Met(error=error, tolerance=tolerance, judged=tuple(judged), warm_up=first)
     return WithinTheNoise(error=2 * error, judged=tuple(judged), warm_up=first)
+
+
+def part_for(index: str, series: Series, first: int) -> Series:
+    """What of a series that is steady from `first` on an index is made of: no warm-up excuses a late answer."""
+    return series if index == _MAXIMUM else without_warm_up(series, first)
 
 
 def without_warm_up(series: Series, first: int) -> Series:

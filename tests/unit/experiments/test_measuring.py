@@ -9,18 +9,19 @@ import pytest
 from rarms_iac.datalog.identity import Subject, header_of, identity_of
 from rarms_iac.datalog.log import Provenance
 from rarms_iac.experiments.book import Book
-from rarms_iac.experiments.conclusions import Measure, NotAchievable, NoVerdict, Stopped, Sufficient, Swept
+from rarms_iac.experiments.conclusions import Measure, NotAchievable, NotResolved, NoVerdict, Stopped, Sufficient, Swept
 from rarms_iac.experiments.measuring import Ended, Strategy, Surroundings, measure
 from rarms_iac.experiments.partitions import remove_test_partitions
 from rarms_iac.experiments.reporter import Silent
 from rarms_iac.experiments.room import room_of
-from rarms_iac.experiments.search import STRATEGIES
+from rarms_iac.experiments.search import STRATEGIES, settled
 from rarms_iac.experiments.setup import Experiment, experiment_of
-from rarms_iac.experiments.strategies import Searching, Sweeping, Verifying, goal_of
+from rarms_iac.experiments.strategies import Agreeing, Searching, Sweeping, Verifying, goal_of
 from rarms_iac.model.measurement import run_of
 from rarms_iac.model.system import SampleCount
 from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.values import JobDone, Machine
+from rarms_iac.statistics.curve import LeastReserve, curves_of, least_reserve
 from rarms_iac.storage import disk
 from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most
 from tests.builders_measured import a_series
@@ -219,6 +220,39 @@ def test_verifying_measures_what_lies_between_settings(bench: Bench) -> None:
     assert 47 <= ended.conclusion.reserve <= 50
 
 
+def agreeing(bench: Bench) -> Agreeing:
+    return Agreeing(search=bench.search("default"), verifying=Verifying(experiment=bench.experiment, most=100))
+
+
+def test_a_search_ends_with_the_reservation_that_a_plan_takes_measured_itself(bench: Bench) -> None:
+    """Each threshold lies another part of a point from where the search decides."""
+    for threshold in (80, 81, 82, 83, 84, 85):
+        vision = replace(an_experiment().members[0], apt={"mean_response_time": at_most(threshold)})
+        bench.experiment = replace(an_experiment(), members=(vision,))
+        ended = bench.measure(agreeing(bench))
+        curves = curves_of(ended.settings, bench.experiment.runs, {"vision": vision.apt})
+
+        assert isinstance(ended.conclusion, Sufficient)
+        assert least_reserve(curves) == LeastReserve(reserve=ended.conclusion.reserve, interpolated=False)
+        assert ended.conclusion.reserve in bench.recorded
+
+
+def test_a_threshold_at_the_floor_is_met_within_the_tolerance_and_never_for_sure(bench: Bench) -> None:
+    """A plan could reserve nothing for it: so measuring says that, too."""
+    vision = replace(an_experiment().members[0], apt={"mean_response_time": at_most(84)})
+    bench.experiment = replace(an_experiment(), members=(vision,))
+
+    def flat(machine: Machine, seed: int) -> Iterator[JobDone]:
+        reserve = max(one.reserve for one in machine.machines if one.components)
+        for number, job in enumerate(fluid(machine, seed)):
+            yield replace(job, response=168.0 if reserve < 60 else 85.5 if number % 2 else 81.5)
+
+    ended = bench.measure(agreeing(bench), simulate=flat)
+
+    assert isinstance(ended.conclusion, NotResolved)
+    assert "nothing for sure" in ended.conclusion.says
+
+
 def test_more_failed_samples_than_are_allowed_end_without_a_verdict(bench: Bench) -> None:
     def dying(machine: Machine, seed: int) -> Iterator[JobDone]:
         for number, job in enumerate(fluid(machine, seed)):
@@ -319,16 +353,14 @@ def test_a_maximum_that_is_met_so_far_is_watched_to_the_end_and_one_that_is_miss
 
 def test_the_first_setting_goes_on_until_its_level_is_known_as_precisely_as_the_search_asks(bench: Bench) -> None:
     bench.experiment = with_samples(bench.experiment, 400)
-    searching = bench.search("default")
-    asked = searching.step(())
+    asked = bench.search("default").step(())
     jobs = [76.0 if number % 2 else 84.0 for number in range(200)]
     few, many = ({"vision": a_series("vision", jobs[:count])} for count in (40, 160))
 
     assert isinstance(asked, Measure)
-    assert asked.precision is not None
-    assert not searching.is_enough(asked, few)
-    assert searching.is_enough(replace(asked, precision=None), few)
-    assert searching.is_enough(asked, many)
+    assert settled(few, goal_of(bench.experiment))
+    assert not asked.settled(few)
+    assert asked.settled(many)
 
 
 def test_what_is_decided_again_from_the_log_is_what_was_decided_before(bench: Bench) -> None:
