@@ -569,6 +569,32 @@ class GraphOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CandidateOutput:
+    """A CoI as it is (no `parts`), or a compound that could reserve less than its parts.
+
+    It needs `low` whole per cent of each virtual processor or more, and saves something up to `high`.
+    """
+
+    name: str
+    members: tuple[str, ...]
+    parts: tuple[str, ...]
+    low: int
+    high: int
+    measured: bool
+    is_gain: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CandidatesOutput:
+    """`rarms graph --candidates`."""
+
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["candidates"] = "candidates"
+    application: str
+    candidates: tuple[CandidateOutput, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class VersionOutput:
     """`rarms version`."""
 
@@ -599,5 +625,6 @@ Output = (
     | ProveOutput
     | ReportOutput
     | GraphOutput
+    | CandidatesOutput
     | VersionOutput
 )

@@ -3,8 +3,8 @@
 import click
 
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.datalogs import measured_reservations, measurements_of
-from rarms_iac.cli.manifests import system_of
+from rarms_iac.cli.datalogs import Measurements, measured_reservations, measurements_of
+from rarms_iac.cli.manifests import Opened, system_of
 from rarms_iac.cli.options import ManifestOptions, json_option, manifest_options
 from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session, rarms_command
@@ -22,17 +22,33 @@ from rarms_iac.views.graph import GraphFormat, graph_json, graph_text, nodes_of
     default=GraphFormat.MERMAID.value,
     help="The language of the graph. [default: mermaid]",
 )
+@click.option("--candidates", is_flag=True, help="Draw which components could be combined, and what is known of it.")
 @json_option
-def command(session: Session, *, source: ManifestOptions, form: str, as_json: bool) -> ExitCode:
+def command(session: Session, *, source: ManifestOptions, form: str, candidates: bool, as_json: bool) -> ExitCode:
     """Draw which component runs in which partition on which host, as the manifest alone places them.
 
-    Needs no host. Mermaid is drawn by GitHub and GitLab; DOT by Graphviz: rarms graph --format dot | dot -Tsvg.
+    With --candidates: the components whose reservations are measured, and every compound of them that could reserve
+    less than its parts. Needs no host. Mermaid is drawn by GitHub and GitLab; DOT by Graphviz:
+    rarms graph --format dot | dot -Tsvg.
     """
     system, opened = system_of(source)
+    if candidates:
+        return _candidates(
+            session, measurements_of(system, opened.loaded.folder, source), opened, form, as_json=as_json
+        )
     reservations = measured_reservations(measurements_of(system, opened.loaded.folder, source), {})
     planning = plan_layout(system, reservations, {}, opened.loaded.places)
     if not isinstance(planning.answer, Layout):
         raise Halted(ExitCode.NO, planning.findings, opened.loaded.sources)
     name, nodes = system.application.name, nodes_of(system, planning.answer)
     session.terminal.data(graph_json(name, nodes) if as_json else graph_text(GraphFormat(form), name, nodes))
+    return ExitCode.DONE
+
+
+def _candidates(session: Session, measured: Measurements, opened: Opened, form: str, *, as_json: bool) -> ExitCode:
+    from rarms_iac.cli.candidates import candidates_in
+    from rarms_iac.views.candidates import candidates_json, candidates_text, shown_of
+
+    name, nodes = measured.system.application.name, shown_of(candidates_in(measured, opened))
+    session.terminal.data(candidates_json(name, nodes) if as_json else candidates_text(GraphFormat(form), name, nodes))
     return ExitCode.DONE

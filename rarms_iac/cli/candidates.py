@@ -1,0 +1,76 @@
+"""The candidate graph of a manifest, with what the data logs of compounds say; nothing is measured."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, rests_on_a_log, subject_of
+from rarms_iac.cli.manifests import Opened
+from rarms_iac.cli.problems import Halted
+from rarms_iac.experiments.setup import interference_of
+from rarms_iac.model.diagnostics import has_errors
+from rarms_iac.model.system import Host, PartitionWish, System
+from rarms_iac.planner.combining.candidates import Candidates, candidates_of, informed
+from rarms_iac.planner.combining.values import WHOLE, Asked, Coi, Members
+from rarms_iac.planner.groups import groups_of
+from rarms_iac.planner.layout import plan_layout
+from rarms_iac.planner.problem import by_name, problem_of
+from rarms_iac.planner.reservations import NotMeasured
+
+
+def candidates_in(measured: Measurements, opened: Opened) -> Candidates:
+    """Every compound of the partitions that rest on data logs, on the first host by name that all of them may run on.
+
+    Raises:
+        Halted: a reservation is not known, or no host may have them all (4).
+    """
+    system = measured.system
+    reservations = measured_reservations(measured, {})
+    problem = problem_of(system, reservations, {}, may_move=False)
+    groups = [one for one in problem.groups if rests_on_a_log(one) and all(member.apt for member in one.members)]
+    host = next((one for one in by_name(system.hosts) if all(one.name in problem.claims[g.name] for g in groups)), None)
+    if host is None:
+        found = plan_layout(system, reservations, {}, opened.loaded.places).findings
+        raise Halted(ExitCode.NO, [one for one in found if has_errors([one])], opened.loaded.sources)
+    cois = []
+    for group in groups:
+        claim = problem.claims[group.name][host.name]
+        members = tuple(sorted(one.name for one in group.members))
+        coi = Coi(
+            name=group.name,
+            members=members,
+            criticality=group.criticality,
+            processors=claim.processors,
+            reserve=claim.reserve,
+        )
+        cois.append(coi)
+    candidates = candidates_of(cois, lambda names: _may_share(system, names), most=WHOLE)
+    compounds = [one.coi.members for one in candidates.by_mask.values()]
+    return informed(candidates, [asked for names in compounds for asked in _answers(measured, host, names)])
+
+
+def _may_share(system: System, names: Members) -> bool:
+    components = [system.components[name] for name in names]
+    return not any(set(one.apart) & set(names) or one.dedicated for one in components)
+
+
+def _answers(measured: Measurements, host: Host, names: Members) -> Iterator[Asked]:
+    """What the data log of a compound says, if there is one that holds."""
+    subject = subject_of(measured.system, host, names, interference_of(measured.system, names))
+    if not path_of(measured.folder, subject).is_file():
+        return
+    system = _together(measured.system, names)
+    reservations = measured_reservations(replace(measured, system=system), {})
+    group = next(one for one in groups_of(system) if set(names) == {member.name for member in one.members})
+    log, least = reservations.log(group.members, host), reservations.least(group.members, host)
+    if isinstance(log, NotMeasured):
+        return
+    for reserve in log.measured:
+        enough = least is not None and reserve >= least.reserve
+        yield Asked(members=names, reserve=reserve, worse=() if enough else names)
+
+
+def _together(system: System, names: Members) -> System:
+    """The manifest with these in one partition."""
+    others = {name: one for name, one in system.partitions.items() if not set(one.components) & set(names)}
+    return replace(system, partitions={**others, names[0]: PartitionWish(name=names[0], components=names)})

@@ -1,0 +1,97 @@
+"""`rarms graph --candidates`: what could be combined, as the data logs say."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.builders_measured import a_setting
+from tests.measuring import leave_log, steady
+from tests.unit.cli.running import rarms
+from tests.unit.views.test_json import check
+
+MANIFEST = """\
+schema: rarms/v1
+application: { name: robot }
+hosts:
+  onboard: { provider: simulated, platform: two-core, logical_processors: 2, memory: 4 GiB }
+components:
+  path:
+    criticality: 10
+    apt: { mean_response_time: { at_most: 100 ms } }
+    memory: 64 MiB
+    simulation: { work: 10 ms }
+  speech:
+    criticality: 20
+    apt: { mean_response_time: { at_most: 100 ms } }
+    memory: 64 MiB
+    simulation: { work: 20 ms }
+  vision:
+    criticality: 30
+    apart: [path]
+    apt: { mean_response_time: { at_most: 100 ms } }
+    memory: 64 MiB
+    simulation: { work: 30 ms }
+"""
+
+
+@pytest.fixture
+def here(tmp_path: Path) -> Path:
+    """Three measured components, two of which must be apart."""
+    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
+    for name, reserve in {"path": 20, "speech": 30, "vision": 50}.items():
+        leave(tmp_path, [name], {reserve - 1: 150.0, reserve: 90.0})
+    return tmp_path
+
+
+def leave(folder: Path, names: list[str], means: dict[int, float]) -> None:
+    settings = [a_setting(reserve, *(steady(name, mean) for name in names)) for reserve, mean in means.items()]
+    leave_log(folder, names, settings)
+
+
+def labels(folder: Path) -> list[str]:
+    answer = rarms("graph", "--candidates", "-f", str(folder))
+    assert answer.code == 0, answer.err
+    return [line for line in answer.lines if "[" in line]
+
+
+def test_compounds_stand_with_the_interval_in_which_they_save_something(here: Path) -> None:
+    assert labels(here) == [
+        '  n0["path<br/>20 %"]',
+        '  n1["speech<br/>30 %"]',
+        '  n2["vision<br/>50 %"]',
+        '  n3["path+speech<br/>30 % to 49 %, to be measured"]',
+        '  n4["speech+vision<br/>50 % to 79 %, to be measured"]',
+    ]
+
+
+def test_what_was_measured_of_a_compound_is_told(here: Path) -> None:
+    leave(here, ["path", "speech"], {34: 150.0, 35: 90.0})
+    leave(here, ["speech", "vision"], {79: 150.0})
+
+    assert labels(here)[3:] == [
+        '  n3["path+speech<br/>35 %"]',
+        '  n4["speech+vision<br/>no gain: needs at least 80 %"]',
+    ]
+
+
+def test_dot_and_json_show_the_same_graph(here: Path) -> None:
+    dot = rarms("graph", "--candidates", "--format", "dot", "-f", str(here)).lines
+    assert '  "path" -> "path+speech";' in dot
+    assert '  "path+speech" [label="path+speech\\n30 % to 49 %, to be measured", style="rounded,dashed"];' in dot
+
+    answer = rarms("graph", "--candidates", "--json", "-f", str(here))
+    check(answer.out)
+    shown = {one["name"]: one for one in json.loads(answer.out)["candidates"]}
+    assert shown["speech+vision"]["parts"] == ["speech", "vision"]
+    assert (shown["speech+vision"]["low"], shown["speech+vision"]["high"]) == (50, 79)
+
+
+def test_without_a_data_log_it_says_which_command_makes_it(here: Path) -> None:
+    for file in (here / "measurements").rglob("path/*.jsonl"):
+        file.unlink()
+
+    answer = rarms("graph", "--candidates", "-f", str(here))
+
+    assert answer.code == 4
+    assert "rarms measure path" in answer.err
