@@ -1,7 +1,7 @@
 """What `rarms explain COMPONENT` walks through, gathered from manifest, data logs and the layout."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from rarms_iac.cli.codes import ExitCode
@@ -13,7 +13,7 @@ from rarms_iac.datalog.log import DataLog
 from rarms_iac.experiments.setup import interference_of
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.layout import Layout, PlacedPartition
-from rarms_iac.model.quantities import LogicalProcessors, in_processors
+from rarms_iac.model.quantities import LogicalProcessors, in_processors, show_processors
 from rarms_iac.model.system import Host, Measured, System
 from rarms_iac.planner.alternatives import elsewhere
 from rarms_iac.planner.groups import Group, groups_of
@@ -60,6 +60,7 @@ def walk_of(measured: Measurements, opened: Opened, name: str) -> shown.Walk:
         least=reservations.least(group.members, found.host) if rests else None,
         remarks=tuple(one.says for one in log.remarks) if rests and isinstance(log, MeasuredTogether) else (),
         why_together=tuple(_why_together(group, system)),
+        apart=_apart(measured, opened, group, found),
         on_host=None if layout is None else _on_host(layout, found),
         elsewhere=() if layout is None else elsewhere(group, found.placed, layout, system, reservations),
         misfit=() if layout is not None else tuple(_misfit(planning)),
@@ -131,6 +132,29 @@ def _why_together(group: Group, system: System) -> Iterator[str]:
         others = [name for name in one.together if name in names_of(group.members)]
         if others:
             yield f"{one.name} says that it must be together with {', '.join(others)}"
+
+
+def _apart(measured: Measurements, opened: Opened, group: Group, found: _Found) -> str:
+    """What the members would reserve in partitions of their own, and whether that fits, as planned without this one."""
+    if group.name not in measured.system.partitions or len(group.members) == 1:
+        return ""
+    partitions = {name: one for name, one in measured.system.partitions.items() if name != group.name}
+    alone = replace(measured, system=replace(measured.system, partitions=partitions))
+    reservations = measured_reservations(alone, {})
+    names = set(names_of(group.members))
+    sizes = [
+        size(one, found.host, reservations) for one in groups_of(alone.system) if names & set(names_of(one.members))
+    ]
+    told = [one.placed for one in sizes if isinstance(one, Sized)]
+    if len(told) < len(sizes) or len(sizes) == 1:
+        return ""
+    fits = isinstance(plan_layout(alone.system, reservations, {}, opened.loaded.places).answer, Layout)
+    parts = " and ".join(f"{one.name} {show_processors(one.reserved)}" for one in told)
+    total = show_processors(sum((one.reserved for one in told), Fraction(0)))
+    return (
+        f"apart: {parts}, {total} instead of {show_processors(found.placed.reserved)}; "
+        f"{'that fits too' if fits else 'that does not fit'}"
+    )
 
 
 def _on_host(layout: Layout, found: _Found) -> shown.OnHost:

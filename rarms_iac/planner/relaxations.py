@@ -27,6 +27,9 @@ from rarms_iac.planner.search import free_in
 OFFERED = 4
 """More ways out than these are not read."""
 
+TOGETHER = 12
+"""Partitions whose APTs are relaxed together at most."""
+
 TRIED_UP_TO = 60
 """Partitions up to which single reserves are tried: each try plans everything anew."""
 
@@ -100,7 +103,7 @@ def _apts(problem: Problem, conflict: Sequence[str], trial: Trial) -> Iterator[s
         alone = True
         yield said
     if not alone:
-        together = several_relaxed(slacks, trial.system, fits)
+        together = several_relaxed(slacks[:TOGETHER], trial.system, fits)
         if together:
             yield together
 

@@ -79,6 +79,7 @@ class Walk:
     least: LeastReserve | None
     remarks: tuple[str, ...]
     why_together: tuple[str, ...]
+    apart: str  # what its members would need in partitions of their own; empty: it cannot be told, or is alone
     on_host: OnHost | None  # None: there is no layout
     elsewhere: tuple[Elsewhere, ...]
     misfit: tuple[str, ...]  # why there is no layout; empty: there is one
@@ -144,7 +145,7 @@ def steps_of(walk: Walk) -> tuple[Step, ...]:
 
 
 def _apt(walk: Walk) -> Iterator[str]:
-    for one in walk.group.members:
+    for one in sorted(walk.group.members, key=lambda each: each is not walk.component):
         whose = "" if one is walk.component else f"{one.name}, in the same partition: "
         for name, threshold in one.apt.items():
             index = find_index(name)
@@ -265,10 +266,10 @@ def _virtual(processors: int) -> str:
 def _partition(walk: Walk) -> Iterator[str]:
     others = [one for one in walk.group.members if one is not walk.component]
     if not others:
-        yield f"{walk.placed.name}, for {walk.component.name} alone: nothing asks to combine it"
+        yield f"{walk.placed.name}: {walk.component.name} is alone, as nothing asks to combine it"
     else:
         names = ", ".join(f"{one.name} (criticality {one.criticality})" for one in others)
-        yield f"{walk.placed.name}, combined with {names}"
+        yield f"{walk.placed.name}: {walk.component.name} is combined with {names}"
         yield from walk.why_together
     yield f"memory {show_bytes(walk.placed.memory)}, {_virtual(walk.placed.processors)}"
 
@@ -299,6 +300,8 @@ def _leftover(walk: Walk) -> Iterator[str]:
 
 def _rejected(walk: Walk) -> Iterator[str]:
     yield from _one_less(walk)
+    if walk.apart:
+        yield walk.apart
     for one in walk.elsewhere:
         yield f"on {one.host}: {one.says}"
 

@@ -86,8 +86,25 @@ def test_who_shares_a_partition_is_named_with_the_reason(here: Path) -> None:
     assert answer.code == 0, answer.err
     said = " ".join(answer.out.split())
     assert "speech has none: nothing says how well it must do" in said
-    assert "vision, combined with vision (criticality 30)" in said
+    assert "vision: speech is combined with vision (criticality 30)" in said
     assert "speech says that it must be together with vision" in said
+
+
+def test_what_combining_saves_and_what_else_was_measured_stands_with_the_rejected(here: Path) -> None:
+    speech = "  speech:\n    criticality: 10\n    memory: 64 MiB\n    cpu: { reserve: 45 % }\n  vision:\n"
+    edit(here / "rarms.yaml", "  vision:\n", speech)
+    measure(here, MEANS)
+    manifest = (here / "rarms.yaml").read_text(encoding="utf-8")
+    both = "\npartitions:\n  vision: { components: [vision, speech], cpu: { reserve: 70 % } }\n"
+    (here / "rarms.yaml").write_text(manifest + both, encoding="utf-8", newline="\n")
+
+    answer = rarms("explain", "speech", "-f", str(here))
+
+    assert answer.code == 0, answer.err
+    said = " ".join(answer.out.split())
+    assert "as the manifest's partition vision fixes it" in said
+    assert "the manifest's `partitions` puts them together" in said
+    assert "apart: speech 0.9 LP and vision 1.24 LP, 2.14 LP instead of 1.4 LP; that does not fit" in said
 
 
 def test_what_is_no_component_and_what_needs_a_measurement_say_so(here: Path) -> None:
