@@ -88,10 +88,13 @@ def _least_critical_first(problem: Problem, conflict: Sequence[str]) -> list[Gro
 
 
 def _apts(problem: Problem, conflict: Sequence[str], trial: Trial) -> Iterator[str]:
-    """One partition's APTs, of the least critical first; where none alone is enough, several together."""
+    """One partition's APTs, of the least critical first; where none alone is enough, several together.
+
+    Who is not in the smallest set that conflicts cannot help alone, but may together with one who is.
+    """
     slacks = [
         slack
-        for group in _least_critical_first(problem, conflict)
+        for group in _least_critical_first(problem, [one.name for one in problem.groups])
         if (slack := slack_of(group, trial.system.hosts[next(iter(problem.claims[group.name]))], problem.reservations))
     ]
 
@@ -99,7 +102,8 @@ def _apts(problem: Problem, conflict: Sequence[str], trial: Trial) -> Iterator[s
         return trial.works(system, trial.views, moving=False)
 
     alone = False
-    for said in one_relaxed(slacks[:OFFERED], trial.system, fits):
+    conflicting = [one for one in slacks if one.group.name in conflict]
+    for said in one_relaxed(conflicting[:OFFERED], trial.system, fits):
         alone = True
         yield said
     if not alone:
