@@ -2,7 +2,7 @@
 
 import heapq
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import count
 
 from rarms_iac.model.system import Minimise
@@ -32,6 +32,7 @@ class Choice:
     blocks: tuple[Mask, ...]
     total: int  # at least what it reserves, in per cent of one logical processor
     partitions: int
+    key: int  # the criticalities of those who share: the smaller, the better
 
 
 @dataclass(slots=True, kw_only=True)
@@ -56,11 +57,14 @@ class Layouts:
         self._alone = [one.cost for one in known.cois]
         self._weights = _weights(known.cois, self.objective.criticalities)
 
-    def without(self, mask: Mask) -> "Layouts":
-        """The same without one compound."""
-        left = {each: one for each, one in self.candidates.by_mask.items() if each != mask}
-        known = Candidates(cois=self.candidates.cois, by_mask=left)
-        return Layouts(candidates=known, objective=self.objective)
+    def seen(self) -> "Layouts":
+        """The same of what was seen to hold: only compounds that met all APTs somewhere, at the least such CR."""
+        passed = {
+            mask: replace(one, coi=replace(one.coi, reserve=one.passed))
+            for mask, one in self.candidates.by_mask.items()
+            if one.passed is not None
+        }
+        return Layouts(candidates=replace(self.candidates, by_mask=passed), objective=self.objective)
 
     def best(self) -> Choice | None:
         """The best that fits; None: nothing fits, however little the compounds need."""
@@ -127,7 +131,9 @@ class Layouts:
                 return
             if self.objective.fits(self.cois_of(blocks)):
                 partitions = len(self._alone) - mask.bit_count() + len(blocks)
-                yield Choice(blocks=tuple(sorted(blocks)), total=rest + cost, partitions=partitions)
+                yield Choice(
+                    blocks=tuple(sorted(blocks)), total=rest + cost, partitions=partitions, key=self._key(mask)
+                )
 
     def cois_of(self, blocks: Sequence[Mask]) -> tuple[Coi, ...]:
         """What the partitions of a layout hold, compounds at their lower ends."""

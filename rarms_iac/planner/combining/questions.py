@@ -85,19 +85,33 @@ def next_step(tuning: Tuning, answers: Sequence[Asked]) -> Step:
     least is known is asked for, in the middle of its interval: both answers change what that layout is worth.
     """
     known = informed(tuning.candidates, answers)
-    best = Layouts(candidates=known, objective=tuning.objective).best()
+    layouts = Layouts(candidates=known, objective=tuning.objective)
+    best = layouts.best()
     if best is None:
         return NothingFits(breaks=known.breaks, complete=tuning.complete)
     unknown = [one for mask in best.blocks if not (one := known.by_mask[mask]).is_known]
     if not unknown:
-        return _best(tuning, known, best)
+        return _best(tuning, layouts, best)
+    seen = layouts.seen()
+    holds = seen.best() if any(one.passed is not None for one in known.by_mask.values()) else None
+    if holds is not None and (holds.key, holds.total, holds.partitions) == (best.key, best.total, best.partitions):
+        return _best(tuning, seen, holds)
     widest = max(unknown, key=lambda one: (_highest(one) - one.low, one.coi.members))
-    highest = _highest(widest)
+    return _question(tuning, known, best, holds, widest)
+
+
+def _question(tuning: Tuning, known: Candidates, best: Choice, holds: Choice | None, one: Candidate) -> Ask:
+    """In the middle of its interval, but no higher than where a layout that was seen to hold is as good."""
+    highest = _highest(one)
+    reserve = (one.low + highest) // 2
+    if holds is not None and (tuning.objective.minimise is Minimise.RESERVATION or holds.key == best.key):
+        room = (holds.total - best.total) // one.coi.processors
+        reserve = max(one.low, min(reserve, one.low + room - 1))
     beside = " and ".join("+".join(known.by_mask[mask].coi.members) for mask in best.blocks)
     return Ask(
-        members=widest.coi.members,
-        reserve=(widest.low + highest) // 2,
-        why=f"between {widest.low} % and {highest} %; the best layout may combine {beside}",
+        members=one.coi.members,
+        reserve=reserve,
+        why=f"between {one.low} % and {highest} %; the best layout may combine {beside}",
     )
 
 
@@ -106,12 +120,11 @@ def _highest(one: Candidate) -> int:
     return one.highest if one.passed is None else one.passed - 1
 
 
-def _best(tuning: Tuning, known: Candidates, best: Choice) -> Best:
-    cois = Layouts(candidates=known, objective=tuning.objective).cois_of(best.blocks)
+def _best(tuning: Tuning, layouts: Layouts, best: Choice) -> Best:
     return Best(
-        cois=tuple(sorted(cois, key=lambda one: (-one.criticality, one.name))),
+        cois=tuple(sorted(layouts.cois_of(best.blocks), key=lambda one: (-one.criticality, one.name))),
         total=best.total,
-        breaks=known.breaks,
+        breaks=layouts.candidates.breaks,
         complete=tuning.complete or _is_first(tuning, best),
     )
 
