@@ -146,7 +146,7 @@ def search(
 ) -> tuple[Best | NothingFits, tuple[Asked, ...]]:
     """Ask until the answer is there; what was answered before is not asked again.
 
-    A combination that somebody says no to is left out, and nothing is said of the layouts that have it.
+    A combination that somebody says no to is left out; since a layout with it may be better, nothing is proved then.
 
     Raises:
         Unanswered: the oracle has no answer; the trail up to there is in what it recorded.
@@ -173,4 +173,5 @@ def _consent(tuning: Tuning, asking: Asking, members: Members) -> bool:
 
 def _without(tuning: Tuning, members: Members) -> Tuning:
     left = {mask: one for mask, one in tuning.candidates.by_mask.items() if one.coi.members != members}
-    return replace(tuning, candidates=replace(tuning.candidates, by_mask=left))
+    candidates = replace(tuning.candidates, by_mask=left)
+    return replace(tuning, candidates=candidates, complete=False, every_size=False)
