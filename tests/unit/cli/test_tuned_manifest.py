@@ -1,0 +1,82 @@
+"""Compounds written into `partitions`: comments kept, entries of emptied partitions gone, in the file that says it."""
+
+from datetime import date
+from pathlib import Path
+
+from rarms_iac.cli.manifests import Opened, open_manifest
+from rarms_iac.cli.tuned_manifest import Written, write_partitions
+from rarms_iac.model.system import System
+from rarms_iac.planner.combining.values import Coi
+
+MANIFEST = """\
+schema: rarms/v1
+
+application: { name: robot }
+
+hosts:
+  onboard: { logical_processors: 2, memory: 4 GiB }
+
+components:
+  vision: { criticality: 30, cpu: { reserve: 40 % } } # sees
+  paths: { criticality: 20, cpu: { reserve: 30 % } }
+  video: { criticality: 10, cpu: { reserve: 20 % } }
+"""
+
+PARTITIONS = """
+partitions: # by hand
+  front: # the camera's
+    components: [vision]
+    start: manual
+  video:
+    start: manual
+"""
+
+
+def opened(folder: Path, *overlays: str) -> tuple[System, Opened]:
+    found = open_manifest(str(folder / "rarms.yaml"), [str(folder / one) for one in overlays], date(2026, 11, 21))
+    assert found.loaded.system is not None, found.findings
+    return found.loaded.system, found
+
+
+def compound(name: str, *members: str) -> Coi:
+    return Coi(name=name, members=tuple(sorted(members)), criticality=30, processors=2, reserve=50)
+
+
+def write(folder: Path, text: str, name: str = "rarms.yaml") -> None:
+    (folder / name).write_text(text, encoding="utf-8", newline="\n")
+
+
+def test_a_section_is_made_where_there_is_none(tmp_path: Path) -> None:
+    write(tmp_path, MANIFEST)
+    done = write_partitions(*opened(tmp_path), [compound("paths", "video", "paths")])
+
+    assert done.removed == ()
+    text = (tmp_path / "rarms.yaml").read_text(encoding="utf-8")
+    assert text == MANIFEST + "\npartitions:\n  paths:\n    components: [paths, video]\n"
+    assert opened(tmp_path)[0].partitions["paths"].components == ("paths", "video")
+
+
+def test_a_partition_that_is_there_is_extended_and_an_emptied_one_goes(tmp_path: Path) -> None:
+    write(tmp_path, MANIFEST + PARTITIONS)
+    done = write_partitions(*opened(tmp_path), [compound("front", "video", "vision")])
+
+    assert done == Written(files=(done.files[0],), removed=("video",))
+    text = (tmp_path / "rarms.yaml").read_text(encoding="utf-8")
+    assert text.endswith(
+        "partitions: # by hand\n  front: # the camera's\n    components: [vision, video]\n    start: manual\n"
+    )
+
+
+def test_what_an_overlay_says_is_changed_there(tmp_path: Path) -> None:
+    write(tmp_path, MANIFEST)
+    write(tmp_path, "schema: rarms/v1\npartitions:\n  front:\n    components: [vision]\n", "robot-7.yaml")
+    write_partitions(*opened(tmp_path, "robot-7.yaml"), [compound("front", "paths", "vision")])
+
+    assert (tmp_path / "rarms.yaml").read_text(encoding="utf-8") == MANIFEST
+    assert "components: [vision, paths]" in (tmp_path / "robot-7.yaml").read_text(encoding="utf-8")
+    assert opened(tmp_path, "robot-7.yaml")[0].partitions["front"].components == ("vision", "paths")
+
+
+def test_nothing_new_writes_nothing(tmp_path: Path) -> None:
+    write(tmp_path, MANIFEST + PARTITIONS)
+    assert write_partitions(*opened(tmp_path), []) == Written(files=(), removed=())
