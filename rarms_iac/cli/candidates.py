@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, rests_on_a_log, subject_of
+from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, subject_of
 from rarms_iac.cli.manifests import Opened
 from rarms_iac.cli.problems import Halted
 from rarms_iac.experiments.setup import interference_of
@@ -15,7 +15,7 @@ from rarms_iac.planner.combining.values import WHOLE, Asked, Coi, Members
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.problem import by_name, problem_of
-from rarms_iac.planner.reservations import NotMeasured
+from rarms_iac.planner.reservations import NotMeasured, rests_on_a_log
 
 
 def candidates_in(measured: Measurements, opened: Opened) -> Candidates:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rarms_iac import __version__
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, rests_on_a_log, subject_of
+from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, subject_of
 from rarms_iac.cli.problems import Halted
 from rarms_iac.datalog.configuration import Chosen, append_entry, last_chosen, read_entries
 from rarms_iac.datalog.files import LogUnreadable, read_log
@@ -18,7 +18,7 @@ from rarms_iac.model.system import Component, Host
 from rarms_iac.model.thresholds import show_threshold
 from rarms_iac.planner.findings import UNREADABLE
 from rarms_iac.planner.groups import Group, groups_of
-from rarms_iac.planner.reservations import names_of
+from rarms_iac.planner.reservations import names_of, rests_on_a_log
 from rarms_iac.planner.sizes import Sized, size
 
 

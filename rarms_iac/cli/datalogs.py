@@ -19,7 +19,7 @@ from rarms_iac.experiments.setup import experiment_of, interference_of
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.measurement import run_of
 from rarms_iac.model.state import HostFacts, State
-from rarms_iac.model.system import Component, Host, HypervHost, Measured, ProviderKind, System
+from rarms_iac.model.system import Component, Host, HypervHost, ProviderKind, System
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.reservations import (
@@ -28,6 +28,7 @@ from rarms_iac.planner.reservations import (
     Names,
     NotMeasured,
     names_of,
+    rests_on_a_log,
     to_be_measured,
 )
 from rarms_iac.statistics.curve import Curve, curve_of
@@ -84,11 +85,6 @@ def measured_reservations(measured: Measurements, states: Mapping[str, State]) -
                 host = system.hosts[names[0]]
                 logs[kind, names_of(group.members)] = _answer(measured, group, host, kind.bench, files, read)
     return MeasuredReservations(kinds=kinds, logs=logs)
-
-
-def rests_on_a_log(group: Group) -> bool:
-    """Whether its reservation is to be measured: a member's is, and the partition fixes none of its own."""
-    return group.wish.cpu.reserve in (None, Measured.MEASURED) and bool(to_be_measured(group.members))
 
 
 def compared(log: DataLog, subject: Subject, files: Files, bench: BenchNow, *, here: bool) -> Comparison:

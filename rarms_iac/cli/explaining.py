@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, rests_on_a_log, subject_of
+from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, subject_of
 from rarms_iac.cli.manifests import Opened
 from rarms_iac.cli.problems import Halted
 from rarms_iac.datalog.files import read_log
@@ -18,7 +18,7 @@ from rarms_iac.model.system import Host, Measured, System
 from rarms_iac.planner.alternatives import elsewhere
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
-from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, NotMeasured, names_of
+from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, NotMeasured, names_of, rests_on_a_log
 from rarms_iac.planner.sizes import Sized, size
 from rarms_iac.views import walk as shown
 

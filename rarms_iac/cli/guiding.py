@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.configuration import apt_in_words
-from rarms_iac.cli.datalogs import Measurements, measured_reservations, rests_on_a_log
+from rarms_iac.cli.datalogs import Measurements, measured_reservations
 from rarms_iac.cli.manifests import Opened
 from rarms_iac.cli.problems import Halted
 from rarms_iac.model.indexes import find_index
@@ -15,7 +15,7 @@ from rarms_iac.model.system import Command, Component, Host, RunsOn
 from rarms_iac.planner.classes import ClassValues, classes_of, registry_values
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import plan_layout
-from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether
+from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, rests_on_a_log
 from rarms_iac.planner.sizes import Sized, size
 from rarms_iac.views.guide import GuideFacts
 

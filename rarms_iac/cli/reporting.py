@@ -9,16 +9,18 @@ from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.options import ManifestOptions
 from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.terminal import Terminal
+from rarms_iac.datalog.configuration import Proven, ProvenIndex, read_entries
 from rarms_iac.datalog.files import LogUnreadable, read_log
 from rarms_iac.datalog.hashing import Files
 from rarms_iac.datalog.log import DataLog
-from rarms_iac.datalog.paths import FOLDER
+from rarms_iac.datalog.paths import FOLDER, configuration_path
 from rarms_iac.experiments.setup import interference_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.indexes import find_index
 from rarms_iac.model.system import Host, System
 from rarms_iac.planner.findings import UNREADABLE
 from rarms_iac.reports.building import Logged, report_of
-from rarms_iac.reports.model import Report
+from rarms_iac.reports.model import Proof, Report
 
 NOTHING_MEASURED = Finding(code="RARMS290", severity=Severity.ERROR, summary="There is nothing to report")
 
@@ -34,7 +36,7 @@ def reported(source: ManifestOptions, components: tuple[str, ...] = ()) -> Repor
     logs = tuple(_logged(system, folder))
     if components:
         logs = tuple(one for one in logs if set(one.log.header.setup.members) & set(components))
-    report = report_of(system, logs)
+    report = report_of(system, logs, tuple(_proofs(system, folder, components)))
     if not report.measurements:
         raise Halted(ExitCode.NO, [_nothing(components)])
     return report
@@ -74,13 +76,41 @@ def _beside(system: System, folder: Path, path: Path, log: DataLog, host: Host, 
     )
 
 
+def _proofs(system: System, folder: Path, components: tuple[str, ...]) -> Iterator[Proof]:
+    """What each component showed when all ran together last, on every platform where they did."""
+    for platform in sorted({host.platform for host in system.hosts.values()}):
+        for name in sorted(components or system.components):
+            for entry in _entries(configuration_path(folder, platform, name))[-1:]:
+                said = f"{entry.when}, on {entry.host} at {entry.reserve} %"
+                yield from (_proof(entry, one, said) for one in entry.indexes)
+
+
+def _entries(path: Path) -> list[Proven]:
+    try:
+        return [entry for entry in read_entries(path) if isinstance(entry, Proven)]
+    except LogUnreadable as problem:
+        raise _unreadable(path, problem) from None
+
+
+def _proof(entry: Proven, one: ProvenIndex, said: str) -> Proof:
+    index = find_index(one.index)
+    assert index is not None, "only indexes that there are were proven"
+    return Proof(
+        component=entry.component, index=index, threshold=one.threshold, value=one.value, met=one.met, note=said
+    )
+
+
 def _read(path: Path) -> DataLog | None:
     try:
         return read_log(path)
     except LogUnreadable as problem:
-        says = f"{path.as_posix()}, line {problem.line}: {problem.says}."
-        advice = "Bring it back from git, or remove it and measure again."
-        raise Halted(ExitCode.NO, [UNREADABLE.at(None, says, advice)]) from None
+        raise _unreadable(path, problem) from None
+
+
+def _unreadable(path: Path, problem: LogUnreadable) -> Halted:
+    says = f"{path.as_posix()}, line {problem.line}: {problem.says}."
+    advice = "Bring it back from git, or remove it and measure again."
+    return Halted(ExitCode.NO, [UNREADABLE.at(None, says, advice)])
 
 
 def speaks_ascii_only(terminal: Terminal) -> bool:

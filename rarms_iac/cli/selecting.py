@@ -6,7 +6,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.datalogs import Measurements, measured_reservations, rests_on_a_log
+from rarms_iac.cli.datalogs import Measurements, measured_reservations
 from rarms_iac.cli.manifests import Opened
 from rarms_iac.cli.problems import Halted
 from rarms_iac.manifest.edit import set_value
@@ -20,7 +20,7 @@ from rarms_iac.model.system import Component, System, Threshold
 from rarms_iac.model.thresholds import threshold_of
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
-from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, NotMeasured
+from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, NotMeasured, rests_on_a_log
 from rarms_iac.planner.sizes import Sized, size
 from rarms_iac.views.select import Headroom, Level, Selection
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.datalogs import measured_reservations, measurements_of, rests_on_a_log
+from rarms_iac.cli.datalogs import measured_reservations, measurements_of
 from rarms_iac.cli.experiments import MeasureOptions
 from rarms_iac.cli.hosts import Hosts
 from rarms_iac.cli.measuring import run_experiment
@@ -28,6 +28,7 @@ from rarms_iac.planner.combining.values import Coi, Members
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.problem import Problem, host_view, problem_of
+from rarms_iac.planner.reservations import rests_on_a_log
 from rarms_iac.planner.search import Item, cost, free_in, place
 from rarms_iac.providers.measuring import MeasuringHost
 

@@ -9,6 +9,7 @@ from rarms_iac.model.layout import Cause
 from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, ProcessorTime, in_processors
 from rarms_iac.model.system import Component, Host, Measured, Threshold
 from rarms_iac.planner import findings
+from rarms_iac.planner.groups import Group
 from rarms_iac.statistics.curve import Curve, LeastReserve, least_reserve
 
 Names = tuple[str, ...]
@@ -69,6 +70,11 @@ def to_be_measured(members: Iterable[Component]) -> Names:
         return one.cpu.reserve is Measured.MEASURED or (one.cpu.reserve is None and bool(one.apt))
 
     return tuple(sorted(one.name for one in members if is_open(one)))
+
+
+def rests_on_a_log(group: Group) -> bool:
+    """Whether its reservation is to be measured: a member's is, and the partition fixes none of its own."""
+    return group.wish.cpu.reserve in (None, Measured.MEASURED) and bool(to_be_measured(group.members))
 
 
 def fixed(members: Iterable[Component], host: Host) -> LogicalProcessors:

@@ -10,7 +10,7 @@ from rarms_iac.model.measurement import run_of
 from rarms_iac.model.quantities import in_processors, per_virtual_processor, show_bytes, show_percent, show_processors
 from rarms_iac.model.system import Component, Host, Measured, System
 from rarms_iac.planner.groups import Group, groups_of
-from rarms_iac.planner.reservations import fixed, names_of, to_be_measured
+from rarms_iac.planner.reservations import fixed, names_of, rests_on_a_log, to_be_measured
 from rarms_iac.reports.model import Capacity, Fixed, Measurement, Proof, Report, Shown
 from rarms_iac.reports.settings import points_of
 from rarms_iac.statistics.curve import curve_of
@@ -42,15 +42,10 @@ def report_of(system: System, logs: Sequence[Logged], proofs: Sequence[Proof] = 
         unmeasured=tuple(
             names_of(group.members)
             for group in groups_of(system)
-            if is_measured(group) and names_of(group.members) not in rested
+            if rests_on_a_log(group) and names_of(group.members) not in rested
         ),
         proofs=tuple(proofs),
     )
-
-
-def is_measured(group: Group) -> bool:
-    """Whether its reservation is to be measured: a member's is, and the partition fixes none of its own."""
-    return group.wish.cpu.reserve in (None, Measured.MEASURED) and bool(to_be_measured(group.members))
 
 
 def _order(one: Measurement) -> tuple[str, bool, int, str, str]:
@@ -71,7 +66,7 @@ def _measurement(system: System, logged: Logged) -> Measurement:
         path=logged.path,
         processors=processors,
         criticality=max(one.criticality for one in members),
-        rests=logged.asked and not logged.stale and group is not None and is_measured(group),
+        rests=logged.asked and not logged.stale and group is not None and rests_on_a_log(group),
         fixed=names
         if group is not None and not to_be_measured(members) and all(one.cpu.reserve for one in members)
         else (),
@@ -122,7 +117,7 @@ def _fixed(system: System, hosts: Sequence[Host]) -> Iterator[Fixed]:
     """What the manifest itself reserves on these hosts, as their first would."""
     host, names = hosts[0], {one.name for one in hosts}
     for group in groups_of(system):
-        if is_measured(group) or not all(one.hosts is None or names & set(one.hosts) for one in group.members):
+        if rests_on_a_log(group) or not all(one.hosts is None or names & set(one.hosts) for one in group.members):
             continue
         own = group.wish.cpu.reserve
         if own is None or isinstance(own, Measured):

@@ -138,7 +138,7 @@ class Proof:
 
     component: str
     index: PerformanceIndex
-    threshold: Threshold
+    threshold: str  # as it was then: at most 100 ms
     value: float | None
     met: bool
     note: str = ""

@@ -119,7 +119,7 @@ def _proven(one: Proof) -> Proven:
     return Proven(
         component=one.component,
         index=one.index.name,
-        level=show_threshold(one.index, one.threshold),
+        level=one.threshold,
         shows="no answer" if one.value is None else shown(one.value, one.index.unit),
         met=one.met,
         result=("met" if one.met else "missed") + (f": {one.note}" if one.note else ""),

@@ -9,10 +9,12 @@ import pytest
 from rarms_iac.cli.datalogs import path_of, subject_of
 from rarms_iac.cli.manifests import open_manifest
 from rarms_iac.cli.options import today_utc
+from rarms_iac.datalog.configuration import Proven, ProvenIndex, append_entry
 from rarms_iac.datalog.files import append_setting, begin_log
 from rarms_iac.datalog.hashing import Files
 from rarms_iac.datalog.identity import header_of, identity_of
 from rarms_iac.datalog.log import Recorded
+from rarms_iac.datalog.paths import configuration_path
 from tests.builders_measured import TAKEN, a_bench
 from tests.measured_robot import a_measured_setting, face_detection
 from tests.unit.cli.running import rarms
@@ -32,6 +34,19 @@ components:
 interference:
   busy-loop: { kind: busy_loop }
 """
+
+
+def a_proof(seen: ProvenIndex) -> Proven:
+    return Proven(
+        component="vision",
+        when="2026-11-21T12:00:00Z",
+        rarms_version="1",
+        host="onboard",
+        partition="vision",
+        reserve=64,
+        beside=("speech",),
+        indexes=(seen,),
+    )
 
 
 @pytest.fixture
@@ -123,3 +138,19 @@ def test_words_that_make_no_sense_are_refused(robot: Path) -> None:
     assert rarms("export", "out.pdf", "-f", str(robot)).code == 64
     assert rarms("report", "-f", str(robot), "--text", "-o", "x").code == 64
     assert rarms("report", "nobody", "-f", str(robot)).code == 4
+
+
+def test_what_was_proven_last_stands_in_the_report(robot: Path) -> None:
+    path = configuration_path(robot.parent, "onboard", "vision")
+    for value in (98.7, 113.0):
+        missed = value > 100
+        seen = ProvenIndex(
+            index="mean_response_time", threshold="at most 100 ms", value=value, lower=None, upper=None, met=not missed
+        )
+        append_entry(path, a_proof(seen))
+
+    page = rarms("report", "-f", str(robot), "-o", "-").out
+
+    assert "113 ms" in page
+    assert "missed" in page
+    assert "98.7 ms" not in page
