@@ -4,6 +4,7 @@ import heapq
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count
+from typing import NamedTuple
 
 from rarms_iac.model.system import Minimise
 from rarms_iac.planner.combining.candidates import Candidates, Mask
@@ -33,6 +34,14 @@ class Choice:
     total: int  # at least what it reserves, in per cent of one logical processor
     partitions: int
     key: int  # the criticalities of those who share: the smaller, the better
+
+
+class _Sharing(NamedTuple):
+    """A set of CoIs that share; NOTE: there are thousands of them, and they are sorted."""
+
+    key: int  # as of `Choice`
+    mask: Mask
+    alone: int  # what they reserve apart
 
 
 @dataclass(slots=True, kw_only=True)
@@ -74,66 +83,60 @@ class Layouts:
             return self._fewest(shared, everything)
         return self._cheapest(shared, everything)
 
-    def _shared(self) -> list[tuple[int, Mask]]:
-        """Sets of CoIs that may be those who share, with the criticalities that this costs; the best first."""
+    def _shared(self) -> list["_Sharing"]:
+        """Sets of CoIs that may be those who share; the best first."""
         used = 0
         for mask in self._costs:
             used |= mask
-        bits = [at for at in range(used.bit_length()) if used >> at & 1]
-        sets = [0]
-        for at in bits:
-            sets += [one | 1 << at for one in sets]
-        return sorted((self._key(one), one) for one in sets)
+        found = [_Sharing(0, 0, 0)]
+        for at in range(used.bit_length()):
+            if used >> at & 1:
+                weight, alone, bit = self._weights[at], self._alone[at], 1 << at
+                found += [_Sharing(one.key + weight, one.mask | bit, one.alone + alone) for one in found]
+        return sorted(found)
 
-    def _key(self, mask: Mask) -> int:
-        return sum(weight for at, weight in enumerate(self._weights) if mask >> at & 1)
-
-    def _fewest(self, shared: Sequence[tuple[int, Mask]], everything: int) -> Choice | None:
+    def _fewest(self, shared: Sequence["_Sharing"], everything: int) -> Choice | None:
         """Combining first: the least key; among those of the same the least total."""
         best: Choice | None = None
-        reached = 0
-        for key, mask in shared:
-            if best is not None and key > reached:
+        for one in shared:
+            if best is not None and one.key > best.key:
                 break
-            choice = next(self._of(mask, everything), None)
+            choice = next(self._of(one, everything), None)
             if choice is None:
                 continue
             if best is None or (choice.total, choice.partitions) < (best.total, best.partitions):
-                best, reached = choice, key
+                best = choice
         return best
 
-    def _cheapest(self, shared: Sequence[tuple[int, Mask]], everything: int) -> Choice | None:
+    def _cheapest(self, shared: Sequence["_Sharing"], everything: int) -> Choice | None:
         """Reservation first: the least total; among those of the same the least key."""
         ranked = []
-        for key, mask in shared:
-            least = self.least(mask)[0]
-            if least < NEVER[0]:
-                ranked.append((everything - self._alone_in(mask) + least, key, mask))
-        best: tuple[int, int, int, Choice] | None = None
-        for least, key, mask in sorted(ranked):
-            if best is not None and (least, key) > best[:2]:
+        for one in shared:
+            least = everything - one.alone + self.least(one.mask)[0]
+            if least <= self.objective.capacity:
+                ranked.append((least, one))
+        best: Choice | None = None
+        for least, one in sorted(ranked):
+            if best is not None and (least, one.key) > (best.total, best.key):
                 break
-            choice = next(self._of(mask, everything), None)
+            choice = next(self._of(one, everything), None)
             if choice is None:
                 continue
-            value = (choice.total, key, choice.partitions)
-            if best is None or value < best[:3]:
-                best = (*value, choice)
-        return None if best is None else best[3]
+            if best is None or (choice.total, choice.key, choice.partitions) < (best.total, best.key, best.partitions):
+                best = choice
+        return best
 
-    def _of(self, mask: Mask, everything: int) -> Iterator[Choice]:
+    def _of(self, shared: "_Sharing", everything: int) -> Iterator[Choice]:
         """Layouts in which just these share, that fit, by what they reserve."""
-        rest = everything - self._alone_in(mask)
-        if rest + self.least(mask)[0] > self.objective.capacity:
+        rest = everything - shared.alone
+        if rest + self.least(shared.mask)[0] > self.objective.capacity:
             return
-        for cost, blocks in self._partitions(mask):
+        for cost, blocks in self._partitions(shared.mask):
             if rest + cost > self.objective.capacity:
                 return
             if self.objective.fits(self.cois_of(blocks)):
-                partitions = len(self._alone) - mask.bit_count() + len(blocks)
-                yield Choice(
-                    blocks=tuple(sorted(blocks)), total=rest + cost, partitions=partitions, key=self._key(mask)
-                )
+                partitions = len(self._alone) - shared.mask.bit_count() + len(blocks)
+                yield Choice(blocks=tuple(sorted(blocks)), total=rest + cost, partitions=partitions, key=shared.key)
 
     def cois_of(self, blocks: Sequence[Mask]) -> tuple[Coi, ...]:
         """What the partitions of a layout hold, compounds at their lower ends."""
@@ -142,9 +145,6 @@ class Layouts:
             taken |= mask
         alone = [one for at, one in enumerate(self.candidates.cois) if not taken >> at & 1]
         return (*alone, *(self.candidates.by_mask[mask].coi for mask in blocks))
-
-    def _alone_in(self, mask: Mask) -> int:
-        return sum(cost for at, cost in enumerate(self._alone) if mask >> at & 1)
 
     def least(self, mask: Mask) -> tuple[int, int]:
         """The least that these reserve when each of them shares, and how many partitions that takes."""
@@ -157,20 +157,19 @@ class Layouts:
             self._least[mask] = found
         return found
 
-    def _blocks(self, mask: Mask) -> Iterator[Mask]:
+    def _blocks(self, mask: Mask) -> list[Mask]:
         """Compounds within the set that hold its most critical member."""
         top = mask.bit_length()
         listed = self._by_top.get(top, [])
         others = mask ^ (1 << (top - 1))
         if len(listed) <= 1 << others.bit_count():
-            yield from (one for one in listed if one & mask == one)
-            return
-        part = others
+            return [one for one in listed if one & mask == one]
+        found, part = [], others
         while part:
-            block = part | 1 << (top - 1)
-            if block in self._costs:
-                yield block
+            if (block := part | 1 << (top - 1)) in self._costs:
+                found.append(block)
             part = (part - 1) & others
+        return found
 
     def _partitions(self, mask: Mask) -> Iterator[tuple[int, tuple[Mask, ...]]]:
         """All ways to make compounds of them, the cheapest first: what is left is known to cost at least so much."""
