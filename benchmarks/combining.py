@@ -172,6 +172,7 @@ def best_value(case: Instance, minimise: Minimise) -> object:
     gain = {
         tuple(sorted((number[one], number[other]))): order[number[one]].cost + order[number[other]].cost - least
         for (one, other), least in case.pairs.items()
+        if least < NEVER
     }
 
     @cache
@@ -183,7 +184,7 @@ def best_value(case: Instance, minimise: Minimise) -> object:
         rest = left ^ (1 << first)
         found = -NEVER * NEVER
         for other in range(first):
-            saved = gain[other, first]
+            saved = gain.get((other, first), 0)
             if rest >> other & 1 and saved > 0:
                 found = max(found, saved + most_saved(rest ^ (1 << other)))
         return found
