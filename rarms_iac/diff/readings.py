@@ -6,7 +6,7 @@ step's guard compares like with like. For a partition: `exists`, `machine` (id),
 `running`, `state` (a paused machine is neither running nor off), `mark` (`<application>/<partition>` or empty), `set`,
 `snapshots` (how many checkpoints were taken). For a disk: `exists`, `parent`, `used` (a machine has it, or a disk that
 grows out of it). For a task class: `exists`, `values` (their names), `value:<name>` as `<kind>:<data>`, `record`
-(`<application>` or empty), `set`.
+(`<application>` or empty), `set`. The names stand in lower case in `values`, as Windows does not tell their case apart.
 For SystemResponsiveness the same as for a task class with that one value.
 """
 
@@ -130,7 +130,7 @@ def values_readings(values: Mapping[str, RegistryValue]) -> Readings:
     """What is read of registry values."""
     return {
         "exists": bool(values),
-        "values": ", ".join(sorted(values)),
+        "values": ", ".join(sorted(name.lower() for name in values)),
         **{f"{VALUE}{name}": f"{value.kind.value}:{value.data}" for name, value in sorted(values.items())},
     }
 

@@ -39,3 +39,16 @@ def is_name(text: str) -> bool:
 def is_shipped_task(text: str) -> bool:
     """Whether Windows brings a task class of this name, whatever its case."""
     return text.lower() in {name.lower() for name in SHIPPED_TASKS}
+
+
+TASK_VALUES = (
+    "Affinity",
+    "Background Only",
+    "BackgroundPriority",
+    "Clock Rate",
+    "GPU Priority",
+    "Priority",
+    "SFIO Priority",
+    "Scheduling Category",
+)
+"""The values of a task class as Windows and rarms spell them; the registry does not tell their case apart."""

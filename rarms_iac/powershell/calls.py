@@ -116,7 +116,7 @@ def call(name: str, **parameters: Literal) -> str:
 def _reader(step: Step) -> str:
     at = step.address
     if at.responsiveness:
-        return call("Read-Responsiveness")
+        return call("Read-TaskClass", Task=literal(SYSTEM_RESPONSIVENESS))
     if at.task:
         return call("Read-TaskClass", Task=literal(at.task))
     return call("Read-Partition", Name=literal(at.partition), **_machine(at.machine))
@@ -202,8 +202,11 @@ def _task_calls(step: Step, operation: TaskOperation) -> tuple[str, ...]:
     task = {"Task": literal(operation.task)}
     match operation:
         case WriteTaskClass(values=values):
+            kept = {name.lower() for name in values}
             unwanted = sorted(name.removeprefix(VALUE) for name in step.before if name.startswith(VALUE))
-            gone = [call("Clear-TaskValue", **task, Name=literal(name)) for name in unwanted if name not in values]
+            gone = [
+                call("Clear-TaskValue", **task, Name=literal(name)) for name in unwanted if name.lower() not in kept
+            ]
             written = task_value_calls(operation.task, values)
             return (*written, *gone)
         case RemoveTaskClass():
@@ -226,14 +229,16 @@ def _responsiveness_call(operation: ResponsivenessOperation) -> str:
     """Its record is kept where those of task classes are, under the value's own name."""
     match operation:
         case WriteResponsiveness(value=value):
-            return call("Write-Responsiveness", Type=literal(_TYPES[value.kind]), Value=literal(value.data))
+            (written,) = task_value_calls(SYSTEM_RESPONSIVENESS, {SYSTEM_RESPONSIVENESS: value})
+            return written
         case EraseResponsiveness():
-            return call("Clear-Responsiveness")
+            whose = literal(SYSTEM_RESPONSIVENESS)
+            return call("Clear-TaskValue", Task=whose, Name=whose)
         case WriteResponsivenessRecord(record=record):
             return _record_call(SYSTEM_RESPONSIVENESS, record)
         case EraseResponsivenessRecord(application=application):
-            whose = {"Task": literal(SYSTEM_RESPONSIVENESS), "Application": literal(application)}
-            return call("Clear-TaskRecord", **whose)
+            own = {"Task": literal(SYSTEM_RESPONSIVENESS), "Application": literal(application)}
+            return call("Clear-TaskRecord", **own)
         case _:
             assert_never(operation)
 

@@ -61,11 +61,16 @@ def forward(task: GuestTask) -> Part:
         action=task.step.title,
         read=call("Read-GuestTaskClass", **whose, Replace=literal(task.replace)),
         before={"taken": False},
-        after={"exists": True, "values": ", ".join(names), **values, **_recorded(task)},
+        after={
+            "exists": True,
+            "values": ", ".join(sorted(name.lower() for name in names)),
+            **values,
+            **_recorded(task),
+        },
         calls=(
             call("Save-TaskRecord", **whose, Digest=literal(task.set)),
             *task_value_calls(task.name, task.values),
-            call("Clear-OtherTaskValue", Task=literal(task.name), Keep=literal(", ".join(names))),
+            call("Clear-TaskValue", Task=literal(task.name), Keep=literal(", ".join(names))),
         ),
     )
 

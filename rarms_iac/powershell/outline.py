@@ -17,7 +17,7 @@ from rarms_iac.powershell.tree import literal_of, sound, text_of, walk
 if TYPE_CHECKING:
     from tree_sitter import Node
 
-OPEN, STEP = "Open-Run", "Invoke-Step"
+OPEN, STEP = "Open-Run", "Add-Step"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -341,7 +341,7 @@ def test_the_responsiveness_is_written_recorded_forgotten_and_taken_away(room: R
     do(host, WriteResponsiveness(value=replace(twenty, data=10)))
     assert host.read(address, SCOPE) == {
         "exists": True,
-        "values": "SystemResponsiveness",
+        "values": "systemresponsiveness",
         "value:SystemResponsiveness": "dword:10",
         "record": "robot",
         "set": "a" * 12,

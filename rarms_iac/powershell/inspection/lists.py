@@ -129,7 +129,7 @@ _CHANGING_MEMBERS = _HYPERV_MEMBERS | words(
 
 _READING_OPERATORS = words(", = += -band -ccontains -ceq -clike -cne -eq -f -ne -not -or -and + - * . :: |")
 _CHANGING_OPERATORS = _READING_OPERATORS | words(
-    "-= ++ -cmatch -cnotcontains -creplace -gt -join -le -lt -replace -split"
+    "-= ++ -cmatch -cnotcontains -creplace -gt -join -le -lt -notcontains -replace -split"
 )
 
 _GIVEN = words("$_ $args $true $false $null $env:OS $env:ProgramData")

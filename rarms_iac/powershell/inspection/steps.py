@@ -25,10 +25,10 @@ RUN_KEYS = words("""
 STEP_KEYS = words("Number Address Action Needs Read Before After Set")
 _STEP_OPTIONAL = frozenset({"Undoes", "Lost", "Claim"})
 _TABLES = frozenset({"Before", "After", "Claim"})
-_READERS = frozenset({"Read-Partition", "Read-TaskClass", "Read-GuestTaskClass", "Read-Disk", "Read-Responsiveness"})
+_READERS = frozenset({"Read-Partition", "Read-TaskClass", "Read-GuestTaskClass", "Read-Disk"})
 _WRITERS = words("""
     Write-Mark Clear-Mark Invoke-PartitionStop Write-TaskValue Clear-TaskValue Clear-TaskClass Write-TaskRecord
-    Write-Responsiveness Clear-Responsiveness Clear-TaskRecord Save-TaskRecord Restore-TaskClass Clear-OtherTaskValue
+    Clear-TaskRecord Save-TaskRecord Restore-TaskClass
     Clear-DiskFile
     """)
 _VALUES = frozenset({"Get-Machine", "Get-DiskPath"})
@@ -60,7 +60,7 @@ def statements_of(block: "Node") -> Iterator["Node"]:
 def _check_run(script: Script, statements: list["Node"]) -> Iterator[Diagnostic]:
     calls = [only_call(one) for one in statements]
     names = [one.name if one else "" for one in calls]
-    if names != ["Open-Run", *["Invoke-Step"] * (len(names) - 2), "Complete-Run"]:
+    if names != ["Open-Run", *["Add-Step"] * (len(names) - 2), "Complete-Run"]:
         yield script.problem(STEP, statements[0], "Open-Run, steps and Complete-Run are not all there is", _ADVICE)
         return
     for call in calls[:-1]:

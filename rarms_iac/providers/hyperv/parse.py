@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import TypeVar
 
 from rarms_iac.model.journal import ScriptRun
+from rarms_iac.model.names import TASK_VALUES
 from rarms_iac.model.responsiveness import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.state import (
     Checkpoints,
@@ -60,6 +61,7 @@ _CHECKPOINTS = {
 }
 _RESPONSIVENESS = SYSTEM_RESPONSIVENESS.lower()
 _DISKS = {"Fixed": DiskKind.FIXED, "Dynamic": DiskKind.DYNAMIC, "Differencing": DiskKind.DIFFERENCING}
+_SPELT = {name.lower(): name for name in TASK_VALUES}
 _KINDS = {"dword": ValueKind.DWORD, "string": ValueKind.SZ} | {one.value: one for one in ValueKind}
 
 
@@ -191,8 +193,10 @@ def serials_of(seen: Observation) -> Mapping[str, int]:
 
 
 def values_of(values: Iterable[NamedValue]) -> dict[str, RegistryValue]:
-    """Registry values with their types; the same as a script reads them."""
-    return {one.name: RegistryValue(kind=_kind(one.kind), data=one.data) for one in values}
+    """Registry values with their types; known names in their usual spelling, as the registry tells no case apart."""
+    return {
+        _SPELT.get(one.name.lower(), one.name): RegistryValue(kind=_kind(one.kind), data=one.data) for one in values
+    }
 
 
 def run_state(state: str) -> RunState:

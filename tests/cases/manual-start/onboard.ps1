@@ -3,9 +3,11 @@
 #Requires -RunAsAdministrator
 # rarms apply script. Read the steps at its end; everything between the two runtime lines is the same in every script.
 # Application  robot, host onboard: the host itself
-# Plan         0b23576311ff, manifest 33e57ee050a8, rarms 0.1.0
+# Plan         48ac71e1f3d5, manifest 33e57ee050a8, rarms 0.1.0
 # Steps        17
 # --- runtime: the same bytes in every script --------------------------------------------------
+# Contents: telling - lock - journal - guards - machines - disks - registry - guests - steps - the run.
+# Read the last two first: what a step does, and what a run does with its steps. The rest serves them.
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
 param(
     # One JSON object a line on standard output, for a program to read.
@@ -15,6 +17,7 @@ param(
     # Close this plan's unfinished run and change nothing else.
     [switch] $Abandon
 )
+
 
 Set-StrictMode -Version 3.0
 $ErrorActionPreference = 'Stop'
@@ -26,20 +29,24 @@ $common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFo
 $script:Folder = Join-Path -Path $common -ChildPath 'rarms'
 $script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
 $script:ProfileRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile'
-$script:TaskRoot = $script:ProfileRoot + '\Tasks'
 $script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
+$name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12})\r*$'
+$script:MarkForm = $form.Replace('NAME', $name)
 $script:Definition = @{ Plan = ''; Total = 0 }
 $script:Mutex = $null
 $script:Sound = [long] 0        # bytes of the journal that are whole records
+$script:Serials = $null         # what the first record of a fresh run is to say; none where an earlier one goes on
+$script:Steps = @()
 $script:Done = @{}              # numbers of steps that an earlier run of this plan did
 $script:Begun = @{}             # numbers of steps that it began
 $script:Touched = @{}           # of an undo: numbers of the steps of the apply that may have changed something
 $script:Ended = $false          # that run came to its end: now only look
 $script:Skipped = @{}           # addresses of steps that -WhatIf or a declined -Confirm left out
-$script:Expected = @{}          # by address: what is to be read when all is done
+$script:Expected = @{}          # by address: what is to be read after what was done so far
 $script:Reader = @{}            # by address: how it is read
 
-# Telling ------------------------------------------------------------------------------------
+# Telling ----------------------------------------------------------------------------------------
 
 function ConvertTo-AsciiJson {
     # One line of JSON in pure ASCII; 5.1 and 7 leave different characters as they are.
@@ -62,43 +69,42 @@ function Write-RunEvent {
     }
 }
 
+function Write-StepEvent {
+    param([System.Collections.IDictionary] $Step, [string] $Status, [string] $Detail = '')
+    Write-RunEvent -Kind 'step' -Address $Step.Address -Number $Step.Number -Status $Status -Detail $Detail
+}
+
 function Exit-Refused {
-    # The host is not as planned, busy or used: exit code 3, and nothing was touched by this step.
-    param([string] $Address, [string] $Detail, [int] $Number = 0)
-    Write-RunEvent -Kind 'refused' -Address $Address -Status 'refused' -Detail $Detail -Number $Number
+    # The host is not as planned, busy or used: exit code 3.
+    param([string] $Address, [string] $Detail, [int] $Number = 0, [string] $Kind = 'refused')
+    Write-RunEvent -Kind $Kind -Address $Address -Status 'refused' -Detail $Detail -Number $Number
     exit 3
 }
 
-function Exit-Locked {
-    param([string] $Owner)
-    Write-RunEvent -Kind 'lock' -Address 'host' -Status 'refused' -Detail ('it is held by ' + $Owner)
-    exit 3
-}
-
-# Lock and journal ---------------------------------------------------------------------------
+# Lock -------------------------------------------------------------------------------------------
 
 function Enter-Host {
     # One run at a time on this computer. Windows hands over what a dead process held.
     $owner = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
-    $before = 'somebody'
-    if (Test-Path -LiteralPath $owner) { $before = [System.IO.File]::ReadAllText($owner) }
+    $before = 'it is held by somebody'
+    if (Test-Path -LiteralPath $owner) { $before = 'it is held by ' + [System.IO.File]::ReadAllText($owner) }
     $held = $false
     try {
         $script:Mutex = [System.Threading.Mutex]::new($false, 'Global\rarms')
     } catch [System.UnauthorizedAccessException] {
         # Made by an account that lets nobody else open it, so it is alive.
-        Exit-Locked -Owner $before
+        Exit-Refused -Kind 'lock' -Address 'host' -Detail $before
     }
     try {
         $held = $script:Mutex.WaitOne(1000 * $LockTimeout)
     } catch [System.Threading.AbandonedMutexException] {
         $held = $true
-        Write-RunEvent -Kind 'lock' -Address 'host' -Status 'taken over' -Detail ('it was held by ' + $before)
+        Write-RunEvent -Kind 'lock' -Address 'host' -Status 'taken over' -Detail ($before -creplace '^it is', 'it was')
     }
     if (-not $held) {
         $script:Mutex.Dispose()
         $script:Mutex = $null
-        Exit-Locked -Owner $before
+        Exit-Refused -Kind 'lock' -Address 'host' -Detail $before
     }
     if (-not $WhatIfPreference) {
         Protect-Folder
@@ -146,20 +152,12 @@ function Assert-Owner {
     }
 }
 
+# Journal ----------------------------------------------------------------------------------------
+
 function Get-Sha256 {
     param([byte[]] $Data)
     $hash = [System.Security.Cryptography.SHA256]::Create()
     ([System.BitConverter]::ToString($hash.ComputeHash($Data)) -replace '-', '').ToLowerInvariant()
-}
-
-function Get-RecordData {
-    # A record as the bytes of its line: its JSON, sealed by length and checksum.
-    param([System.Collections.IDictionary] $Record)
-    $text = ConvertTo-AsciiJson -Value $Record
-    $digest = Get-Sha256 -Data ([System.Text.Encoding]::ASCII.GetBytes($text))
-    $open = $text.Substring(0, $text.Length - 1)
-    $line = '{0},"length":{1},"checksum":"{2}"}}{3}' -f $open, $text.Length, $digest, [char] 10
-    [System.Text.Encoding]::ASCII.GetBytes($line)
 }
 
 function Read-Journal {
@@ -186,11 +184,15 @@ function Read-Journal {
 }
 
 function Add-Record {
-    # On the disk when this returns. What follows the last whole record is cut off first.
-    param([System.Collections.IDictionary] $Record)
-    [byte[]] $data = Get-RecordData -Record $Record
+    # A line of JSON, sealed by length and checksum, on the disk when this returns. A torn end is cut off first.
+    param([System.Collections.IDictionary] $Record, [string] $Path = $script:Journal)
+    $text = ConvertTo-AsciiJson -Value $Record
+    $digest = Get-Sha256 -Data ([System.Text.Encoding]::ASCII.GetBytes($text))
+    $open = $text.Substring(0, $text.Length - 1)
+    $line = '{0},"length":{1},"checksum":"{2}"}}{3}' -f $open, $text.Length, $digest, [char] 10
+    [byte[]] $data = [System.Text.Encoding]::ASCII.GetBytes($line)
     $mode = [System.IO.FileMode]::OpenOrCreate
-    $stream = [System.IO.FileStream]::new($script:Journal, $mode, [System.IO.FileAccess]::Write)
+    $stream = [System.IO.FileStream]::new($Path, $mode, [System.IO.FileAccess]::Write)
     try {
         $stream.SetLength($script:Sound)
         $stream.Position = $script:Sound
@@ -204,7 +206,6 @@ function Add-Record {
 
 function Write-FirstRecord {
     # Starts the run in one write: uses the plan, raises the serial, and holds the run whole.
-    param([System.Collections.IDictionary] $Serial)
     $undo = ''
     if ($script:Definition.Undo) {
         $path = Join-Path -Path $PSScriptRoot -ChildPath $script:Definition.Undo
@@ -216,97 +217,33 @@ function Write-FirstRecord {
     $record = [ordered] @{
         run = $script:Definition.Run; plan = $script:Definition.Plan; application = $script:Definition.Application
         started_by = Get-Operator; script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
-        serials = $Serial; touched = @($script:Touched.Keys | Sort-Object); kind = 'run_started'
+        serials = $script:Serials; touched = @($script:Touched.Keys | Sort-Object); kind = 'run_started'
     }
     $fresh = $script:Journal + '.new'
     $script:Sound = [long] 0
-    $kept = $script:Journal
-    $script:Journal = $fresh
-    Add-Record -Record $record
-    $script:Journal = $kept
+    Add-Record -Record $record -Path $fresh
     Protect-Path -Path $fresh -Descriptor 'O:BAG:SYD:P(A;;FA;;;BA)(A;;FA;;;SY)'
-    if (Test-Path -LiteralPath $kept) { [System.IO.File]::Replace($fresh, $kept, $kept + '.old') }
-    else { [System.IO.File]::Move($fresh, $kept) }
+    if (Test-Path -LiteralPath $script:Journal) { [System.IO.File]::Replace($fresh, $script:Journal, $script:Journal + '.old') }
+    else { [System.IO.File]::Move($fresh, $script:Journal) }
 }
 
-function Open-Run {
-    # Lock, guards, journal. A run of this plan that was killed goes on; one that ended is only looked at.
-    param([System.Collections.IDictionary] $Definition)
-    $script:Definition = $Definition
-    Enter-Host
-    if (-not $Abandon) { if ($Definition.Guest) { Assert-Guest } else { Assert-Host } }
-    $serials = @{}
-    $last = $null
-    $open = $false
-    foreach ($record in Read-Journal) {
-        if ($record.kind -ceq 'run_started') {
-            $last = $record
-            $open = $true
-            foreach ($one in @($record.touched)) { $script:Touched[[string] $one] = $true }
-            foreach ($one in $record.serials.PSObject.Properties) { $serials[$one.Name] = [long] $one.Value }
-        } elseif ($record.kind -ceq 'run_closed') {
-            $open = $false
-            $script:Ended = $record.closing -ceq 'done'
-        } else {
-            if ($record.status -ceq 'begun') { $script:Begun[[string] $record.number] = $true }
-            else { $script:Done[[string] $record.number] = $true }
-            if ($record.status -cne 'unchanged' -and $last.run -ceq 'apply') { $script:Touched[[string] $record.number] = $true }
-        }
-    }
-    if ($Abandon) { Exit-Abandoned -Open $open -Last $last }
-    $same = $null -ne $last -and $last.plan -ceq $Definition.Plan -and $last.run -ceq $Definition.Run
-    if ($same -and ($open -or $script:Ended)) { return }
-    $script:Begun = @{}
-    $script:Done = @{}
-    $script:Ended = $false
-    # What an earlier plan touched is not this one's to take back.
-    if ($Definition.Run -ceq 'apply') { $script:Touched = @{} }
-    $undone = $null -ne $last -and $last.plan -ceq $Definition.Plan -and $last.run -ceq 'apply'
-    if ($Definition.Run -ceq 'undo') {
-        if (-not $undone) { Exit-Refused -Address 'host' -Detail 'the last run here was not the one this undoes' }
-    } elseif ($open) {
-        Exit-Refused -Address 'host' -Detail ('plan {0} is unfinished here: finish or undo it' -f $last.plan)
-    } elseif (-not $Definition.Guest -and [long] $serials[$Definition.Application] -ne $Definition.Serial) {
-        Exit-Refused -Address 'host' -Detail 'this plan was used, or another was applied since it was made'
-    }
-    $serials[$Definition.Application] = [long] $serials[$Definition.Application] + 1
-    if (-not $WhatIfPreference) { Write-FirstRecord -Serial $serials }
-}
-
-function Exit-Abandoned {
-    # Leaves the host as it is; the run no longer stands in another's way.
-    param([bool] $Open, $Last)
-    if (-not $Open) {
-        Write-RunEvent -Kind 'run' -Address 'host' -Status 'unchanged' -Detail 'nothing is unfinished here'
-        exit 0
-    }
-    if ($Last.plan -cne $script:Definition.Plan) {
-        Exit-Refused -Address 'host' -Detail ('plan {0} is unfinished here, not this one' -f $Last.plan)
-    }
-    if (-not $WhatIfPreference) { Add-Record -Record ([ordered] @{ closing = 'abandoned'; kind = 'run_closed' }) }
-    Write-RunEvent -Kind 'run' -Address 'host' -Status 'abandoned'
-    exit 0
-}
-
-# Guards -------------------------------------------------------------------------------------
-
-function Assert-Guest {
-    # Which guest it is, is told by the person who starts the script there; it must not be the host by mistake.
-    if ([Environment]::MachineName -eq $script:Definition.Computer) {
-        Exit-Refused -Address 'host' -Detail 'this script is for a guest, and this is its host'
-    }
-}
+# Guards -----------------------------------------------------------------------------------------
 
 function Assert-Host {
-    # Is it this host, may we, and does a reserve have any effect here?
-    $vmHost = Hyper-V\Get-VMHost
-    if ($vmHost.Name -ne $script:Definition.Computer) {
-        Exit-Refused -Address 'host' -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $script:Definition.Computer)
+    # Is it this host, may we, and does a reserve have any effect here? A guest's script must not run on the host.
+    $plan = $script:Definition
+    if ($plan.Guest) {
+        if ([Environment]::MachineName -ne $plan.Computer) { return }
+        Exit-Refused -Address 'host' -Detail 'this script is for a guest, and this is its host'
     }
-    if ($vmHost.LogicalProcessorCount -ne $script:Definition.LogicalProcessors) {
+    $vmHost = Hyper-V\Get-VMHost
+    if ($vmHost.Name -ne $plan.Computer) {
+        Exit-Refused -Address 'host' -Detail ('this is {0}, the plan is for {1}' -f $vmHost.Name, $plan.Computer)
+    }
+    if ($vmHost.LogicalProcessorCount -ne $plan.LogicalProcessors) {
         Exit-Refused -Address 'host' -Detail ('it has {0} logical processors now' -f $vmHost.LogicalProcessorCount)
     }
-    if ($script:Definition.AcceptScheduler) { return }
+    if ($plan.AcceptScheduler) { return }
     $scheduler = Get-SchedulerType
     if ($scheduler -ceq 'root') {
         throw 'the hypervisor runs its root scheduler, under which reserve, limit and weight have no effect'
@@ -338,8 +275,7 @@ function Test-Capacity {
     $claims = @($Claim)
     foreach ($vm in @(Hyper-V\Get-VM)) {
         if (([string] $vm.Id).ToLowerInvariant() -ceq $Machine) { continue }
-        $mark = Get-Mark -Vm $vm
-        $ours = $null -ne $mark -and $mark.Application -ceq $script:Definition.Application
+        $ours = (Get-Mark -Vm $vm).Application -ceq $script:Definition.Application
         $active = @('off', 'saved') -cnotcontains (ConvertTo-RunState -State $vm.State)
         $itself = -not $ours -and [string] $vm.AutomaticStartAction -cne 'Nothing'
         if (-not ($active -or $itself)) { continue }
@@ -371,7 +307,7 @@ function Test-Capacity {
     $wide -le 100
 }
 
-# Machines -----------------------------------------------------------------------------------
+# Machines ---------------------------------------------------------------------------------------
 
 function ConvertTo-RunState {
     param($State)
@@ -388,13 +324,16 @@ function ConvertTo-Word {
 }
 
 function Get-Mark {
-    # Our line in a machine's notes; one that names another machine's id was copied and is none.
+    # Our line in a machine's notes. One that names another machine's id was copied and is none; so are two of them.
     param($Vm)
-    $id = ([string] $Vm.Id).ToLowerInvariant()
-    $form = '(?m)^rarms/1 (?<app>[a-z0-9-]+)/(?<name>[a-z0-9-]+(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12})\r?$'
-    if ([string] $Vm.Notes -cmatch $form -and $Matches['vm'] -ceq $id.Substring(0, 8)) {
-        @{ Application = $Matches['app']; Name = $Matches['name']; Set = $Matches['set'] }
+    $none = @{ Application = ''; Name = ''; Set = '' }
+    $found = @()
+    foreach ($line in @([string] $Vm.Notes -split '\n')) {
+        if (-not ($line -cmatch $script:MarkForm)) { continue }
+        $found += @{ Application = $Matches['app']; Name = $Matches['name']; Set = $Matches['set']; Machine = $Matches['vm'] }
     }
+    if ($found.Count -eq 1 -and ([string] $Vm.Id).ToLowerInvariant().Substring(0, 8) -ceq $found[0]['Machine']) { return $found[0] }
+    $none
 }
 
 function Find-Machine {
@@ -407,7 +346,7 @@ function Find-Machine {
             continue
         }
         $mark = Get-Mark -Vm $vm
-        $ours = $null -ne $mark -and $mark.Name -ceq $Name -and $mark.Application -ceq $script:Definition.Application
+        $ours = $mark.Name -ceq $Name -and $mark.Application -ceq $script:Definition.Application
         if ($ours -or (Test-Same -Left $vm.Name -Right $pending)) { $vm }
     }
 }
@@ -416,7 +355,9 @@ function Get-Machine {
     # The one machine that a step changes.
     param([string] $Name, [string] $Machine = '')
     $found = @(Find-Machine -Name $Name -Machine $Machine)
-    if ($found.Count -ne 1) { throw ('{0} machines answer to {1}' -f $found.Count, $Name) }
+    if ($found.Count -ne 1) {
+        Exit-Refused -Address ('partition/' + $Name) -Detail ('{0} machines answer to {1}' -f $found.Count, $Name)
+    }
     $found[0]
 }
 
@@ -425,29 +366,21 @@ function Test-Stranger {
     param([string] $Name)
     foreach ($vm in @(Hyper-V\Get-VM)) {
         if (-not (Test-Same -Left $vm.Name -Right $Name)) { continue }
-        $mark = Get-Mark -Vm $vm
-        if ($null -eq $mark -or $mark.Application -cne $script:Definition.Application) { return $true }
+        if ((Get-Mark -Vm $vm).Application -cne $script:Definition.Application) { return $true }
     }
     $false
 }
 
 function Read-Partition {
     param([string] $Name, [string] $Machine = '')
-    $found = @(Find-Machine -Name $Name -Machine $Machine)
     $taken = Test-Stranger -Name $Name
-    if (-not $found.Count) { return @{ exists = $false; taken = $taken } }
-    if ($found.Count -gt 1) { return @{ exists = $true; machines = $found.Count } }
-    $vm = $found[0]
+    if (-not @(Find-Machine -Name $Name -Machine $Machine).Count) { return @{ exists = $false; taken = $taken } }
+    $vm = Get-Machine -Name $Name -Machine $Machine
     $cpu = Hyper-V\Get-VMProcessor -VM $vm
     $memory = Hyper-V\Get-VMMemory -VM $vm
     $mark = Get-Mark -Vm $vm
+    $owner = if ($mark.Name) { '{0}/{1}' -f $mark.Application, $mark.Name } else { '' }
     $state = ConvertTo-RunState -State $vm.State
-    $owner = ''
-    $set = ''
-    if ($null -ne $mark) {
-        $owner = '{0}/{1}' -f $mark.Application, $mark.Name
-        $set = $mark.Set
-    }
     @{
         exists = $true; machine = ([string] $vm.Id).ToLowerInvariant(); name = [string] $vm.Name
         generation = [long] $vm.Generation; processors = [long] $cpu.Count
@@ -456,11 +389,58 @@ function Read-Partition {
         start_action = ConvertTo-Word -Value $vm.AutomaticStartAction
         stop_action = ConvertTo-Word -Value $vm.AutomaticStopAction
         checkpoints = ConvertTo-Word -Value $vm.CheckpointType
-        running = $state -ceq 'running'; state = $state; mark = $owner; set = $set; taken = $taken
+        running = $state -ceq 'running'; state = $state; mark = $owner; set = $mark.Set; taken = $taken
         adapters = @(Hyper-V\Get-VMNetworkAdapter -VM $vm).Count
         disks = @(Hyper-V\Get-VMHardDiskDrive -VM $vm).Count
         snapshots = @(Hyper-V\Get-VMSnapshot -VM $vm).Count
     }
+}
+
+function Write-Mark {
+    # The only text that is built around what a host says. The user's lines of the notes stay.
+    param([string] $Name, [string] $Machine = '', [string] $Application, [string] $Partition, [string] $Digest)
+    $vm = Get-Machine -Name $Name -Machine $Machine
+    $id = ([string] $vm.Id).ToLowerInvariant().Substring(0, 8)
+    $line = 'rarms/1 {0}/{1} vm={2} set={3}' -f $Application, $Partition, $id, $Digest
+    $other = Get-OtherNote -Vm $vm
+    if ($other) { $line = $line + [char] 13 + [char] 10 + $other }
+    Hyper-V\Set-VM -VM $vm -Notes $line
+}
+
+function Clear-Mark {
+    param([string] $Name, [string] $Machine = '')
+    $vm = Get-Machine -Name $Name -Machine $Machine
+    Hyper-V\Set-VM -VM $vm -Notes (Get-OtherNote -Vm $vm)
+}
+
+function Get-OtherNote {
+    # The user's lines of the notes.
+    param($Vm)
+    $lines = @([string] $Vm.Notes -split '\n')
+    @(foreach ($line in $lines) { if (-not ($line -cmatch $script:MarkForm)) { $line } }) -join [string] [char] 10
+}
+
+function Invoke-PartitionStop {
+    # Asks a running guest to shut down; after the grace, or where there is nobody to ask, the machine is turned off.
+    param([string] $Name, [string] $Machine = '', [long] $GraceMs)
+    $vm = Get-Machine -Name $Name -Machine $Machine
+    $until = [DateTime]::UtcNow.AddMilliseconds($GraceMs)
+    if ($GraceMs -and [string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
+    $waiting = @('running', 'busy')
+    while ([DateTime]::UtcNow -lt $until -and $waiting -ccontains (ConvertTo-RunState -State (Hyper-V\Get-VM -Id $vm.Id).State)) {
+        Start-Sleep -Milliseconds 500
+    }
+    if ([string] (Hyper-V\Get-VM -Id $vm.Id).State -cne 'Off') { Hyper-V\Stop-VM -VM $vm -TurnOff -Force }
+}
+
+# Disks ------------------------------------------------------------------------------------------
+
+function Get-DiskPath {
+    # Where a new disk goes: the plan's folder, or the host's own.
+    param([string] $Folder, [string] $File)
+    if (-not $Folder) { $Folder = (Hyper-V\Get-VMHost).VirtualHardDiskPath }
+    # Not Join-Path, which wants the drive to be there while the steps are still compared.
+    '{0}\{1}' -f ($Folder -creplace '\\$', ''), $File
 }
 
 function Read-Disk {
@@ -502,94 +482,58 @@ function Clear-DiskFile {
     Remove-Item -LiteralPath $Path
 }
 
-function Get-DiskPath {
-    # Where a new disk goes: the plan's folder, or the host's own.
-    param([string] $Folder, [string] $File)
-    if (-not $Folder) { $Folder = (Hyper-V\Get-VMHost).VirtualHardDiskPath }
-    # Not Join-Path, which wants the drive to be there while the steps are still compared.
-    '{0}\{1}' -f ($Folder -creplace '\\$', ''), $File
+# Registry ---------------------------------------------------------------------------------------
+
+function Get-TaskPath {
+    # SystemResponsiveness is one value of the key above the task classes; our record of it lies among theirs.
+    param([string] $Task)
+    if ($Task -ceq 'SystemResponsiveness') { return $script:ProfileRoot }
+    '{0}\Tasks\{1}' -f $script:ProfileRoot, $Task
 }
 
-function Write-Mark {
-    # The only text that is built around what a host says. The user's lines of the notes stay.
-    param([string] $Name, [string] $Machine = '', [string] $Application, [string] $Partition, [string] $Digest)
-    $vm = Get-Machine -Name $Name -Machine $Machine
-    $id = ([string] $vm.Id).ToLowerInvariant().Substring(0, 8)
-    $line = 'rarms/1 {0}/{1} vm={2} set={3}' -f $Application, $Partition, $id, $Digest
-    $other = Get-OtherNote -Vm $vm
-    if ($other) { $line = $line + [char] 13 + [char] 10 + $other }
-    Hyper-V\Set-VM -VM $vm -Notes $line
+function Get-RecordPath {
+    # Ours, never below the multimedia keys.
+    param([string] $Task, [string] $Application)
+    '{0}\{1}\{2}' -f $script:RecordRoot, $Application, $Task
 }
 
-function Clear-Mark {
-    param([string] $Name, [string] $Machine = '')
-    $vm = Get-Machine -Name $Name -Machine $Machine
-    Hyper-V\Set-VM -VM $vm -Notes (Get-OtherNote -Vm $vm)
-}
-
-function Get-OtherNote {
-    param($Vm)
-    $form = '(?m)^rarms/1 [a-z0-9-]+/[a-z0-9-]+(?:\.moving)? vm=[0-9a-f]{8} set=[0-9a-f]{12}\r?(?:\n|\z)'
-    [string] $Vm.Notes -creplace $form, ''
-}
-
-function Invoke-PartitionStop {
-    # Asks a running guest to shut down; after the grace, or where there is nobody to ask, the machine is turned off.
-    param([string] $Name, [string] $Machine = '', [long] $GraceMs)
-    $vm = Get-Machine -Name $Name -Machine $Machine
-    $until = [DateTime]::UtcNow.AddMilliseconds($GraceMs)
-    if ($GraceMs -and [string] $vm.State -ceq 'Running') { [void] (Hyper-V\Stop-VM -VM $vm -Force -AsJob) }
-    $waiting = @('running', 'busy')
-    while ([DateTime]::UtcNow -lt $until -and $waiting -ccontains (ConvertTo-RunState -State (Hyper-V\Get-VM -Id $vm.Id).State)) {
-        Start-Sleep -Milliseconds 500
+function Get-TaskValueName {
+    # The names of a task class's values; of the key above the classes only the one that is meant.
+    param([string] $Task)
+    $path = Get-TaskPath -Task $Task
+    if (-not (Test-Path -LiteralPath $path)) { return }
+    foreach ($name in @((Get-Item -LiteralPath $path).GetValueNames())) {
+        if ($path -cne $script:ProfileRoot -or $name -eq $Task) { $name }
     }
-    if ([string] (Hyper-V\Get-VM -Id $vm.Id).State -cne 'Off') { Hyper-V\Stop-VM -VM $vm -TurnOff -Force }
 }
-
-# Task classes -------------------------------------------------------------------------------
 
 function Read-TaskClass {
     # Values with their types, and our record: whose it is and what was last written.
     param([string] $Task)
     $live = @{ exists = $false; values = ''; record = ''; set = '' }
-    $path = '{0}\{1}' -f $script:TaskRoot, $Task
-    if (Test-Path -LiteralPath $path) {
-        $key = Get-Item -LiteralPath $path
-        [string[]] $names = @($key.GetValueNames())
-        [Array]::Sort($names, [System.StringComparer]::Ordinal)
+    [string[]] $names = @(foreach ($name in @(Get-TaskValueName -Task $Task)) { $name.ToLowerInvariant() })
+    [Array]::Sort($names, [System.StringComparer]::Ordinal)
+    foreach ($name in $names) {
+        $key = Get-Item -LiteralPath (Get-TaskPath -Task $Task)
+        $kind = ([string] $key.GetValueKind($name)).ToLowerInvariant()
+        $data = $key.GetValue($name)
+        if ($kind -ceq 'dword') { $data = [long] $data -band 4294967295 }
+        $live['value:' + $name] = '{0}:{1}' -f ($kind -creplace '^string$', 'sz'), $data
+        $live['exists'] = $true
+        # Windows does not tell the case of a value's name apart.
         $live['values'] = $names -join ', '
-        foreach ($name in $names) {
-            $live['value:' + $name] = Get-ValueText -Key $key -Name $name
-            $live['exists'] = $true
+    }
+    if (-not (Test-Path -LiteralPath $script:RecordRoot)) { return $live }
+    foreach ($application in @(Get-ChildItem -LiteralPath $script:RecordRoot)) {
+        $path = Get-RecordPath -Task $Task -Application $application.PSChildName
+        if (-not (Test-Path -LiteralPath $path)) { continue }
+        $set = [string] (Get-Item -LiteralPath $path).GetValue('set')
+        if ($set) {
+            $live['record'] = [string] $application.PSChildName
+            $live['set'] = $set
         }
     }
-    Add-RecordReading -Live $live -Task $Task
     $live
-}
-
-function Get-ValueText {
-    # A registry value with its type, as plans write it: dword:20.
-    param($Key, [string] $Name)
-    $kind = ([string] $Key.GetValueKind($Name)).ToLowerInvariant()
-    $data = $Key.GetValue($Name)
-    if ($kind -ceq 'dword') { $data = [long] $data -band 4294967295 }
-    '{0}:{1}' -f ($kind -creplace '^string$', 'sz'), $data
-}
-
-function Add-RecordReading {
-    # Whose record of this name counts, and what was last written.
-    param([System.Collections.IDictionary] $Live, [string] $Task)
-    if (Test-Path -LiteralPath $script:RecordRoot) {
-        foreach ($application in @(Get-ChildItem -LiteralPath $script:RecordRoot)) {
-            $path = '{0}\{1}\{2}' -f $script:RecordRoot, $application.PSChildName, $Task
-            if (-not (Test-Path -LiteralPath $path)) { continue }
-            $set = [string] (Get-Item -LiteralPath $path).GetValue('set')
-            if ($set) {
-                $Live['record'] = [string] $application.PSChildName
-                $Live['set'] = $set
-            }
-        }
-    }
 }
 
 function Add-Key {
@@ -600,31 +544,36 @@ function Add-Key {
 
 function Write-TaskValue {
     param([string] $Task, [string] $Name, [string] $Type, $Value)
-    $path = '{0}\{1}' -f $script:TaskRoot, $Task
+    $path = Get-TaskPath -Task $Task
     Add-Key -Path $path
     [void] (New-ItemProperty -LiteralPath $path -Name $Name -PropertyType $Type -Value $Value -Force)
 }
 
 function Clear-TaskValue {
-    param([string] $Task, [string] $Name)
-    $path = '{0}\{1}' -f $script:TaskRoot, $Task
-    $key = Get-Item -LiteralPath $path
-    if (@($key.GetValueNames()) -ccontains $Name) { Remove-ItemProperty -LiteralPath $path -Name $Name }
+    # Takes one value away; with -Keep every value but these, whose names are joined as readings join them.
+    param([string] $Task, [string] $Name = '', [string] $Keep = '')
+    foreach ($one in @(Get-TaskValueName -Task $Task)) {
+        $goes = if ($Keep) { @($Keep -split ', ') -notcontains $one } else { $one -eq $Name }
+        if ($goes) { Remove-ItemProperty -LiteralPath (Get-TaskPath -Task $Task) -Name $one }
+    }
+}
+
+function Clear-Key {
+    param([string] $Path)
+    if (Test-Path -LiteralPath $Path) { Remove-Item -LiteralPath $Path }
 }
 
 function Clear-TaskClass {
     param([string] $Task)
-    $path = '{0}\{1}' -f $script:TaskRoot, $Task
-    if (Test-Path -LiteralPath $path) { Remove-Item -LiteralPath $path }
+    Clear-Key -Path (Get-TaskPath -Task $Task)
 }
 
 function Write-TaskRecord {
     # What was there before comes first, the digest last: without it the record does not count.
     param([string] $Task, [string] $Application, [string] $Digest, [string] $Before)
-    $path = '{0}\{1}' -f $script:RecordRoot, $Application
+    $path = Get-RecordPath -Task $Task -Application $Application
     Add-Key -Path $script:RecordRoot
-    Add-Key -Path $path
-    $path = '{0}\{1}' -f $path, $Task
+    Add-Key -Path ('{0}\{1}' -f $script:RecordRoot, $Application)
     Add-Key -Path $path
     [void] (New-ItemProperty -LiteralPath $path -Name 'before' -PropertyType String -Value $Before -Force)
     [void] (New-ItemProperty -LiteralPath $path -Name 'set' -PropertyType String -Value $Digest -Force)
@@ -632,41 +581,10 @@ function Write-TaskRecord {
 
 function Clear-TaskRecord {
     param([string] $Task, [string] $Application)
-    $path = '{0}\{1}\{2}' -f $script:RecordRoot, $Application, $Task
-    if (Test-Path -LiteralPath $path) { Remove-Item -LiteralPath $path }
+    Clear-Key -Path (Get-RecordPath -Task $Task -Application $Application)
 }
 
-# SystemResponsiveness of the host: one value beside the task classes, its record among theirs -----
-
-function Read-Responsiveness {
-    # As Read-TaskClass, of the one value.
-    $live = @{ exists = $false; values = ''; record = ''; set = '' }
-    if (Test-Path -LiteralPath $script:ProfileRoot) {
-        $key = Get-Item -LiteralPath $script:ProfileRoot
-        if ($null -ne $key.GetValue('SystemResponsiveness')) {
-            $live['exists'] = $true
-            $live['values'] = 'SystemResponsiveness'
-            $live['value:SystemResponsiveness'] = Get-ValueText -Key $key -Name 'SystemResponsiveness'
-        }
-    }
-    Add-RecordReading -Live $live -Task 'SystemResponsiveness'
-    $live
-}
-
-function Write-Responsiveness {
-    param([string] $Type, $Value)
-    Add-Key -Path $script:ProfileRoot
-    $name = 'SystemResponsiveness'
-    [void] (New-ItemProperty -LiteralPath $script:ProfileRoot -Name $name -PropertyType $Type -Value $Value -Force)
-}
-
-function Clear-Responsiveness {
-    $key = Get-Item -LiteralPath $script:ProfileRoot
-    if ($null -eq $key.GetValue('SystemResponsiveness')) { return }
-    Remove-ItemProperty -LiteralPath $script:ProfileRoot -Name 'SystemResponsiveness'
-}
-
-# Task classes of a guest that nobody could look into: its own record decides -------------------
+# Guests: nobody could look into them, so that their own record decides --------------------------
 
 function Read-GuestTaskClass {
     # As Read-TaskClass, and whether the class is somebody else's: another application's, or there before rarms.
@@ -683,11 +601,11 @@ function Save-TaskRecord {
     $live = Read-TaskClass -Task $Task
     $before = 'null'
     if ($live['record']) {
-        $path = '{0}\{1}\{2}' -f $script:RecordRoot, $Application, $Task
+        $path = Get-RecordPath -Task $Task -Application $Application
         $before = [string] (Get-Item -LiteralPath $path).GetValue('before')
     } elseif ($live['exists']) {
         $values = [ordered] @{}
-        foreach ($name in @($live['values'] -split ', ')) {
+        foreach ($name in @(Get-TaskValueName -Task $Task)) {
             $kind, $data = $live['value:' + $name] -split ':', 2
             if ($kind -ceq 'dword') { $data = [long] $data }
             $values[$name] = [ordered] @{ kind = $kind; data = $data }
@@ -697,34 +615,23 @@ function Save-TaskRecord {
     Write-TaskRecord -Task $Task -Application $Application -Digest $Digest -Before $before
 }
 
-function Clear-OtherTaskValue {
-    # Takes away every value but these, whose names are joined as readings join them.
-    param([string] $Task, [string] $Keep)
-    $path = '{0}\{1}' -f $script:TaskRoot, $Task
-    foreach ($name in @((Get-Item -LiteralPath $path).GetValueNames())) {
-        if (@($Keep -split ', ') -cnotcontains $name) { Remove-ItemProperty -LiteralPath $path -Name $name }
-    }
-}
-
 function Restore-TaskClass {
     # Brings back what the record says was there before rarms: no class, or exactly these values.
     param([string] $Task, [string] $Application)
-    $path = '{0}\{1}\{2}' -f $script:RecordRoot, $Application, $Task
+    $path = Get-RecordPath -Task $Task -Application $Application
     $before = ConvertFrom-Json -InputObject ([string] (Get-Item -LiteralPath $path).GetValue('before'))
     if ($null -eq $before) {
         Clear-TaskClass -Task $Task
         return
     }
-    $names = @()
+    foreach ($name in @(Get-TaskValueName -Task $Task)) { Clear-TaskValue -Task $Task -Name $name }
     foreach ($one in $before.PSObject.Properties) {
         $type = $one.Value.kind -creplace '^sz$', 'string'
         Write-TaskValue -Task $Task -Name $one.Name -Type $type -Value $one.Value.data
-        $names += $one.Name
     }
-    Clear-OtherTaskValue -Task $Task -Keep ($names -join ', ')
 }
 
-# Steps --------------------------------------------------------------------------------------
+# Steps ------------------------------------------------------------------------------------------
 
 function Test-Same {
     # -ceq alone takes no notice of characters without width, such as a soft hyphen.
@@ -755,81 +662,36 @@ function Test-HalfDone {
     $true
 }
 
+function Get-Leave {
+    # Why an undo leaves a step alone; nothing where it does not.
+    param([System.Collections.IDictionary] $Step)
+    if ($Step.Contains('Undoes') -and -not $script:Touched.Contains([string] $Step.Undoes)) { return 'was not done' }
+    $read = $Step.Read
+    if ($Step.Contains('Lost') -and $script:Touched.Contains([string] $Step.Lost) -and -not (& $read)['exists']) {
+        return 'went with its machine'
+    }
+}
+
+function Compare-Step {
+    # The names in which the host is neither as wanted, nor as planned before, nor on the way from one to the other.
+    param([System.Collections.IDictionary] $Step, [System.Collections.IDictionary] $Live)
+    if (-not @(Compare-Reading -Live $Live -Expected $Step.After).Count) { return }
+    # What an undo takes back may have been killed half-way as well.
+    $half = $script:Begun.Contains([string] $Step.Number) -or $Step.Contains('Undoes')
+    if ($half -and (Test-HalfDone -Live $Live -Step $Step)) { return }
+    Compare-Reading -Live $Live -Expected $Step.Before
+}
+
 function Add-StepRecord {
     param([int] $Number, [string] $Status)
     if ($WhatIfPreference) { return }
     Add-Record -Record ([ordered] @{ number = $Number; status = $Status; kind = 'step_recorded' })
 }
 
-function Invoke-Step {
-    # Read, compare, set, read again. As wanted: nothing. Neither as planned before nor as wanted: stop.
-    param([System.Collections.IDictionary] $Definition)
-    $step = $Definition
-    if ($step.Contains('Undoes') -and -not $script:Touched.Contains([string] $step.Undoes)) {
-        Write-RunEvent -Kind 'step' -Address $step.Address -Number $step.Number -Status 'unchanged' -Detail 'was not done'
-        return
-    }
-    $read = $step.Read
-    if ($step.Contains('Lost') -and $script:Touched.Contains([string] $step.Lost) -and -not (& $read)['exists']) {
-        Write-RunEvent -Kind 'step' -Address $step.Address -Number $step.Number -Status 'unchanged' -Detail 'went with its machine'
-        return
-    }
-    Add-Expectation -Step $step
-    if ($script:Ended -or $script:Done.Contains([string] $step.Number)) {
-        Write-RunEvent -Kind 'step' -Address $step.Address -Number $step.Number -Status 'unchanged' -Detail 'done before'
-        return
-    }
-    if (Test-Path -LiteralPath ($PSCommandPath + '.stop')) {
-        # Whoever made that file beside the script wants it to end before the next step.
-        Write-RunEvent -Kind 'run' -Address 'host' -Status 'stopped' -Detail 'asked to stop; run it again to go on'
-        exit 1
-    }
-    $begun = $script:Begun.Contains([string] $step.Number)
-    $set = $step.Set
-    $live = & $read
-    if (-not @(Compare-Reading -Live $live -Expected $step.After).Count) {
-        $status = if ($begun) { 'changed' } else { 'unchanged' }
-        Add-StepRecord -Number $step.Number -Status $status
-        Write-RunEvent -Kind 'step' -Address $step.Address -Number $step.Number -Status $status
-        return
-    }
-    $moved = @(Compare-Reading -Live $live -Expected $step.Before)
-    # What an undo takes back may have been killed half-way as well.
-    $half = $begun -or $step.Contains('Undoes')
-    if ($half -and (Test-HalfDone -Live $live -Step $step)) { $moved = @() }
-    $builds = @($step.Needs | Where-Object -FilterScript { $script:Skipped.Contains($_) })
-    $inside = @($builds | Where-Object -FilterScript { $_ -cne $step.Address })
-    if ($inside.Count -or ($moved.Count -and $builds.Count)) {
-        Add-Skip -Step $step -Detail ('needs ' + ($builds -join ', '))
-        return
-    }
-    if ($moved.Count) {
-        $detail = 'changed since the plan: ' + ($moved -join ', ')
-        Exit-Refused -Address $step.Address -Number $step.Number -Detail $detail
-    }
-    if ($step.Contains('Claim') -and -not (Test-Capacity -Machine ([string] $live['machine']) -Claim $step.Claim)) {
-        if (-not $script:Skipped.Count) { throw ($step.Address + ': the host cannot keep this promise beside the others') }
-        Add-Skip -Step $step -Detail 'needs room that skipped steps would have made'
-        return
-    }
-    if (-not $script:Cmdlet.ShouldProcess($step.Address, $step.Action)) {
-        Add-Skip -Step $step -Detail ''
-        return
-    }
-    $ConfirmPreference = 'None'
-    Add-StepRecord -Number $step.Number -Status 'begun'
-    if ($script:Json) { Write-RunEvent -Kind 'step' -Address $step.Address -Number $step.Number -Status 'begun' -Detail $step.Action }
-    [void] (& $set)
-    $missed = @(Compare-Reading -Live (& $read) -Expected $step.After)
-    if ($missed.Count) { throw ($step.Address + ': set, but the host still shows another value: ' + ($missed -join ', ')) }
-    Add-StepRecord -Number $step.Number -Status 'changed'
-    Write-RunEvent -Kind 'step' -Address $step.Address -Number $step.Number -Status 'changed' -Detail $step.Action
-}
-
 function Add-Skip {
     param([System.Collections.IDictionary] $Step, [string] $Detail)
     $script:Skipped[$Step.Address] = $true
-    Write-RunEvent -Kind 'step' -Address $Step.Address -Number $Step.Number -Status 'skipped' -Detail $Detail
+    Write-StepEvent -Step $Step -Status 'skipped' -Detail $Detail
 }
 
 function Add-Expectation {
@@ -840,20 +702,179 @@ function Add-Expectation {
     $script:Reader[$Step.Address] = $Step.Read
 }
 
-function Complete-Run {
-    # Close the journal, then look once more at everything together.
-    if ($script:Skipped.Count) { return }
-    if (-not $script:Ended -and -not $WhatIfPreference) {
-        Add-Record -Record ([ordered] @{ closing = 'done'; kind = 'run_closed' })
+function Invoke-Step {
+    # Read, compare, set, read again. As wanted: nothing. Neither as planned before nor as wanted: stop.
+    param([System.Collections.IDictionary] $Step)
+    $leave = Get-Leave -Step $Step
+    if ($leave) {
+        Write-StepEvent -Step $Step -Status 'unchanged' -Detail $leave
+        return
     }
+    Add-Expectation -Step $Step
+    if ($script:Ended -or $script:Done.Contains([string] $Step.Number)) {
+        Write-StepEvent -Step $Step -Status 'unchanged' -Detail 'done before'
+        return
+    }
+    if (Test-Path -LiteralPath ($PSCommandPath + '.stop')) {
+        # Whoever made that file beside the script wants it to end before the next step.
+        Write-RunEvent -Kind 'run' -Address 'host' -Status 'stopped' -Detail 'asked to stop; run it again to go on'
+        exit 1
+    }
+    $read = $Step.Read
+    $set = $Step.Set
+    $live = & $read
+    if (-not @(Compare-Reading -Live $live -Expected $Step.After).Count) {
+        $status = if ($script:Begun.Contains([string] $Step.Number)) { 'changed' } else { 'unchanged' }
+        Add-StepRecord -Number $Step.Number -Status $status
+        Write-StepEvent -Step $Step -Status $status
+        return
+    }
+    $moved = @(Compare-Step -Step $Step -Live $live)
+    $builds = @($Step.Needs | Where-Object -FilterScript { $script:Skipped.Contains($_) })
+    $inside = @($builds | Where-Object -FilterScript { $_ -cne $Step.Address })
+    if ($inside.Count -or ($moved.Count -and $builds.Count)) {
+        Add-Skip -Step $Step -Detail ('needs ' + ($builds -join ', '))
+        return
+    }
+    if ($moved.Count) {
+        $detail = 'changed since the plan: ' + ($moved -join ', ')
+        Exit-Refused -Address $Step.Address -Number $Step.Number -Detail $detail
+    }
+    if ($Step.Contains('Claim') -and -not (Test-Capacity -Machine ([string] $live['machine']) -Claim $Step.Claim)) {
+        if (-not $script:Skipped.Count) { throw ($Step.Address + ': the host cannot keep this promise beside the others') }
+        Add-Skip -Step $Step -Detail 'needs room that skipped steps would have made'
+        return
+    }
+    if (-not $script:Cmdlet.ShouldProcess($Step.Address, $Step.Action)) {
+        Add-Skip -Step $Step -Detail ''
+        return
+    }
+    $ConfirmPreference = 'None'
+    Add-StepRecord -Number $Step.Number -Status 'begun'
+    if ($script:Json) { Write-StepEvent -Step $Step -Status 'begun' -Detail $Step.Action }
+    [void] (& $set)
+    $missed = @(Compare-Reading -Live (& $read) -Expected $Step.After)
+    if ($missed.Count) { throw ($Step.Address + ': set, but the host still shows another value: ' + ($missed -join ', ')) }
+    Add-StepRecord -Number $Step.Number -Status 'changed'
+    Write-StepEvent -Step $Step -Status 'changed' -Detail $Step.Action
+}
+
+# The run ----------------------------------------------------------------------------------------
+
+function Open-Run {
+    # Lock, guards, journal. A run of this plan that was killed goes on; one that ended is only looked at.
+    param([System.Collections.IDictionary] $Definition)
+    $script:Definition = $Definition
+    Enter-Host
+    if (-not $Abandon) { Assert-Host }
+    $serials = @{}
+    $last = $null
+    $open = $false
+    foreach ($record in Read-Journal) {
+        if ($record.kind -ceq 'run_started') {
+            $last = $record
+            $open = $true
+            foreach ($one in @($record.touched)) { $script:Touched[[string] $one] = $true }
+            foreach ($one in $record.serials.PSObject.Properties) { $serials[$one.Name] = [long] $one.Value }
+        } elseif ($record.kind -ceq 'run_closed') {
+            $open = $false
+            $script:Ended = $record.closing -ceq 'done'
+        } else {
+            if ($record.status -ceq 'begun') { $script:Begun[[string] $record.number] = $true }
+            else { $script:Done[[string] $record.number] = $true }
+            if ($record.status -cne 'unchanged' -and $last.run -ceq 'apply') { $script:Touched[[string] $record.number] = $true }
+        }
+    }
+    $same = $null -ne $last -and $last.plan -ceq $Definition.Plan
+    if ($Abandon) { Exit-Abandoned -Open $open -Last $last }
+    if ($same -and $last.run -ceq $Definition.Run -and ($open -or $script:Ended)) { return }
+    if ($Definition.Run -ceq 'undo') {
+        if (-not $same -or $last.run -cne 'apply') {
+            Exit-Refused -Address 'host' -Detail 'the last run here was not the one this undoes'
+        }
+    } elseif ($open) {
+        Exit-Refused -Address 'host' -Detail ('plan {0} is unfinished here: finish or undo it' -f $last.plan)
+    } elseif (-not $Definition.Guest -and [long] $serials[$Definition.Application] -ne $Definition.Serial) {
+        Exit-Refused -Address 'host' -Detail 'this plan was used, or another was applied since it was made'
+    } else {
+        # What an earlier plan touched is not this one's to take back.
+        $script:Touched = @{}
+    }
+    $script:Begun = @{}
+    $script:Done = @{}
+    $script:Ended = $false
+    $serials[$Definition.Application] = [long] $serials[$Definition.Application] + 1
+    $script:Serials = $serials
+}
+
+function Exit-Abandoned {
+    # Leaves the host as it is; the run no longer stands in another's way.
+    param([bool] $Open, $Last)
+    if (-not $Open) {
+        Write-RunEvent -Kind 'run' -Address 'host' -Status 'unchanged' -Detail 'nothing is unfinished here'
+        exit 0
+    }
+    if ($Last.plan -cne $script:Definition.Plan) {
+        Exit-Refused -Address 'host' -Detail ('plan {0} is unfinished here, not this one' -f $Last.plan)
+    }
+    if (-not $WhatIfPreference) { Add-Record -Record ([ordered] @{ closing = 'abandoned'; kind = 'run_closed' }) }
+    Write-RunEvent -Kind 'run' -Address 'host' -Status 'abandoned'
+    exit 0
+}
+
+function Add-Step {
+    param([System.Collections.IDictionary] $Definition)
+    $script:Steps += $Definition
+}
+
+function Assert-Unmoved {
+    # Reads everything before anything is done: what was done is still so, and each step finds what was planned before
+    # it, unless an earlier step is to make it so.
+    $ahead = @{}
+    foreach ($step in $script:Steps) {
+        if (Get-Leave -Step $step) { continue }
+        if ($script:Ended -or $script:Done.Contains([string] $step.Number)) {
+            Add-Expectation -Step $step
+            continue
+        }
+        $made = @($step.Needs | Where-Object -FilterScript { $ahead.Contains($_ + ' exists') })
+        $read = $step.Read
+        if (-not $made.Count) {
+            foreach ($name in @(Compare-Step -Step $step -Live (& $read))) {
+                if ($ahead.Contains($step.Address + ' ' + $name)) { continue }
+                Exit-Refused -Address $step.Address -Number $step.Number -Detail ('changed since the plan: ' + $name)
+            }
+        }
+        foreach ($name in $step.After.Keys) {
+            if ($name -cne 'exists' -or $step.Before['exists'] -cne $step.After['exists']) { $ahead[$step.Address + ' ' + $name] = $true }
+        }
+    }
+    Assert-Expectation -Ahead $ahead -First $true
+}
+
+function Assert-Expectation {
+    # Everything that was done is still so, but for what is to be done yet.
+    param([System.Collections.IDictionary] $Ahead, [bool] $First)
     foreach ($address in @($script:Expected.Keys | Sort-Object)) {
+        if ($Ahead.Contains($address + ' exists')) { continue }
         $read = $script:Reader[$address]
-        $live = & $read
-        $missed = @(Compare-Reading -Live $live -Expected $script:Expected[$address])
-        if (-not $missed.Count) { continue }
-        $detail = 'is not as wanted: ' + ($missed -join ', ')
-        if (-not $script:Ended) { throw ($address + ' ' + $detail) }
-        Exit-Refused -Address $address -Detail $detail
+        foreach ($name in @(Compare-Reading -Live (& $read) -Expected $script:Expected[$address])) {
+            if ($Ahead.Contains($address + ' ' + $name)) { continue }
+            if ($First) { Exit-Refused -Address $address -Detail ('is not as wanted: ' + $name) }
+            throw ($address + ' is not as wanted: ' + $name)
+        }
+    }
+}
+
+function Complete-Run {
+    # Look at everything, do the steps, look once more at everything together, and only then close the journal.
+    Assert-Unmoved
+    if ($null -ne $script:Serials -and -not $WhatIfPreference) { Write-FirstRecord }
+    foreach ($step in $script:Steps) { Invoke-Step -Step $step }
+    if ($script:Skipped.Count) { return }
+    if (-not $script:Ended) {
+        Assert-Expectation -Ahead @{} -First $false
+        if (-not $WhatIfPreference) { Add-Record -Record ([ordered] @{ closing = 'done'; kind = 'run_closed' }) }
     }
     Write-RunEvent -Kind 'run' -Address 'host' -Status 'done'
 }
@@ -862,12 +883,12 @@ function Complete-Run {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '0b23576311ff'
+        Plan = '48ac71e1f3d5'
         Application = 'robot'
         Serial = 0
         Total = 17
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'fce0be414867a44dc8caa53c6fca897276b6a0626531edb4def1463bbddd6c1e'
+        UndoDigest = '4ee46ff0456d9387728e697753cea866b2095e64619d55131b3a7a0b51127c91'
         Guest = $false
         Computer = 'ONBOARD'
         LogicalProcessors = 4
@@ -879,7 +900,7 @@ try {
     # 1/17  make a machine of generation 2 with 512 MiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:16:3
-    Invoke-Step -Definition @{
+    Add-Step -Definition @{
         Number = 0
         Address = 'partition/speech'
         Action = 'make a machine of generation 2 with 512 MiB'
@@ -888,14 +909,14 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 536870912 }
         Set = {
-            Hyper-V\New-VM -Name 'speech.rarms-0b23576311ff' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
+            Hyper-V\New-VM -Name 'speech.rarms-48ac71e1f3d5' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
         }
     }
 
     # 2/17  memory static, 512 MiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:16:3
-    Invoke-Step -Definition @{
+    Add-Step -Definition @{
         Number = 1
         Address = 'partition/speech'
         Action = 'memory static, 512 MiB'
@@ -912,7 +933,7 @@ try {
     # 3/17  take away the network adapter that every new machine gets
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:16:3
-    Invoke-Step -Definition @{
+    Add-Step -Definition @{
         Number = 2
         Address = 'partition/speech'
         Action = 'take away the network adapter that every new machine gets'
@@ -930,7 +951,7 @@ try {
     # why: it is not there; from now on it is known as ours, whatever happens
     # at:  rarms.yaml:16:3
     # undo: it goes with the machine, which is removed
-    Invoke-Step -Definition @{
+    Add-Step -Definition @{
         Number = 3
         Address = 'partition/speech'
         Action = 'mark it as robot/speech, set e9f28d224f00'
@@ -947,7 +968,7 @@ try {
     # why: it is not there; only while it is off
     # at:  rarms.yaml:16:3
     # undo: it goes with the machine, which is removed
-    Invoke-Step -Definition @{
+    Add-Step -Definition @{
         Number = 4
         Address = 'partition/speech'
         Action = 'processors 1'
@@ -965,7 +986,7 @@ try {
     # why: it is not there; while it is off nothing is promised yet
     # at:  rarms.yaml:16:3
     # undo: it goes with the machine, which is removed
-    Invoke-Step -Definition @{
+    Add-Step -Definition @{
         Number = 5
         Address = 'partition/speech'
         Action = 'reserve 40 %, limit 100 %, weight 100'
@@ -983,7 +1004,7 @@ try {
     # why: it is not there; what its host does with it
     # at:  rarms.yaml:16:3
     # undo: it goes with the machine, which is removed
-    Invoke-Step -Definition @{
+    Add-Step -Definition @{
         Number = 6
         Address = 'partition/speech'
         Action = 'when the host starts: nothing, when it stops: shut down; no checkpoints'
@@ -1001,7 +1022,7 @@ try {
     # why: it is not there; last, so that a machine of this name is always whole
     # at:  rarms.yaml:16:3
     # undo: it goes with the machine, which is removed
-    Invoke-Step -Definition @{
+    Add-Step -Definition @{
         Number = 7
         Address = 'partition/speech'
         Action = 'give it its name speech'
@@ -1018,7 +1039,7 @@ try {
     # 9/17  make a machine of generation 2 with 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:12:3
-    Invoke-Step -Definition @{
+    Add-Step -Definition @{
         Number = 8
         Address = 'partition/vision'
         Action = 'make a machine of generation 2 with 1 GiB'
@@ -1027,14 +1048,14 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-0b23576311ff' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-48ac71e1f3d5' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 
     # 10/17  memory static, 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:12:3
-    Invoke-Step -Definition @{
+    Add-Step -Definition @{
         Number = 9
         Address = 'partition/vision'
         Action = 'memory static, 1 GiB'
@@ -1051,7 +1072,7 @@ try {
     # 11/17  take away the network adapter that every new machine gets
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:12:3
-    Invoke-Step -Definition @{
+    Add-Step -Definition @{
         Number = 10
         Address = 'partition/vision'
         Action = 'take away the network adapter that every new machine gets'
@@ -1069,7 +1090,7 @@ try {
     # why: it is not there; from now on it is known as ours, whatever happens
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
-    Invoke-Step -Definition @{
+    Add-Step -Definition @{
         Number = 11
         Address = 'partition/vision'
         Action = 'mark it as robot/vision, set b0900e6c24e2'
@@ -1086,7 +1107,7 @@ try {
     # why: it is not there; only while it is off
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
-    Invoke-Step -Definition @{
+    Add-Step -Definition @{
         Number = 12
         Address = 'partition/vision'
         Action = 'processors 2'
@@ -1104,7 +1125,7 @@ try {
     # why: it is not there; while it is off nothing is promised yet
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
-    Invoke-Step -Definition @{
+    Add-Step -Definition @{
         Number = 13
         Address = 'partition/vision'
         Action = 'reserve 80 %, limit 100 %, weight 200'
@@ -1122,7 +1143,7 @@ try {
     # why: it is not there; what its host does with it
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
-    Invoke-Step -Definition @{
+    Add-Step -Definition @{
         Number = 14
         Address = 'partition/vision'
         Action = 'when the host starts: start, when it stops: shut down; no checkpoints'
@@ -1140,7 +1161,7 @@ try {
     # why: it is not there; last, so that a machine of this name is always whole
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
-    Invoke-Step -Definition @{
+    Add-Step -Definition @{
         Number = 15
         Address = 'partition/vision'
         Action = 'give it its name vision'
@@ -1157,7 +1178,7 @@ try {
     # 17/17  start it
     # why: it is not there; after all that it is to have is set
     # at:  rarms.yaml:12:3
-    Invoke-Step -Definition @{
+    Add-Step -Definition @{
         Number = 16
         Address = 'partition/vision'
         Action = 'start it'

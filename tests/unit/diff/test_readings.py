@@ -110,7 +110,7 @@ def test_a_task_class_is_read_with_the_types_of_its_values() -> None:
 
     assert found == {
         "exists": True,
-        "values": "Affinity, Priority",
+        "values": "affinity, priority",
         "value:Affinity": "dword:0",
         "value:Priority": "sz:6",
         "record": "robot",

@@ -35,7 +35,7 @@ def _insert(*lines: str) -> Mutation:
 
     def mutate(script: str, pick: random.Random) -> str | None:
         starts = [
-            one.start() for one in re.finditer(r"(?m)^ +(?=\$\w+ = |Hyper-V\\|\[ordered\]|Invoke-Step|Write-)", script)
+            one.start() for one in re.finditer(r"(?m)^ +(?=\$\w+ = |Hyper-V\\|\[ordered\]|Add-Step|Write-)", script)
         ]
         if not starts:
             return None
@@ -186,9 +186,9 @@ CHANGING: dict[str, Mutation] = {
     "a set that loops": _replace(r"(?<=Set = \{)\r\n", _after("foreach ($x in 1, 2) { Write-Mark -Name 'x' }" + LINE)),
     "a set that assigns": _replace(r"(?<=Set = \{)\r\n", _after("$x = 5" + LINE, "$script:Done = @{}" + LINE)),
     "a set that runs the runtime": _replace(r"(?<=Set = \{)\r\n", _after("Exit-Host" + LINE, "exit 0" + LINE)),
-    "a step with a part more": _replace(r"(?<=Invoke-Step -Definition @\{)\r\n", _after("Force = $true" + LINE)),
+    "a step with a part more": _replace(r"(?<=Add-Step -Definition @\{)\r\n", _after("Force = $true" + LINE)),
     "a step that says a part twice": _replace(
-        r"(?<=Invoke-Step -Definition @\{)\r\n", _after("Set = { Clear-Mark -Name 'x' }" + LINE)
+        r"(?<=Add-Step -Definition @\{)\r\n", _after("Set = { Clear-Mark -Name 'x' }" + LINE)
     ),
     "another end": lambda script, _: script.replace(
         "    Exit-Host" + LINE + "}" + LINE + "exit 0", "}" + LINE + "exit 0"

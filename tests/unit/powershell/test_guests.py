@@ -53,7 +53,7 @@ def test_a_class_must_be_free_and_nothing_else_is_claimed_of_it() -> None:
     assert motion.before == {"taken": False}
     assert motion.after == {
         "exists": True,
-        "values": "Priority, Scheduling Category",
+        "values": "priority, scheduling category",
         "value:Priority": "dword:6",
         "value:Scheduling Category": "sz:Medium",
         "record": "robot",
@@ -63,7 +63,7 @@ def test_a_class_must_be_free_and_nothing_else_is_claimed_of_it() -> None:
         "Save-TaskRecord",
         "Write-TaskValue",
         "Write-TaskValue",
-        "Clear-OtherTaskValue",
+        "Clear-TaskValue",
     ]
 
 

@@ -154,10 +154,12 @@ def test_the_observe_script_has_no_values() -> None:
 def test_the_runtime_reads_every_mark_that_rarms_writes_also_while_two_partitions_exchange_names() -> None:
     form = re.search(r"\$form = '(?P<form>[^']+)'", runtime())
     assert form is not None
-    pattern = re.compile(form["form"].replace("(?<", "(?P<"))
+    name_form = re.search(r"\$name = '(?P<name>[^']+)'", runtime())
+    assert name_form is not None
+    pattern = re.compile(form["form"].replace("NAME", name_form["name"]).replace("(?<", "(?P<"))
 
     for name in ("vision", "vision" + BETWEEN):
         mark = mark_for("0a1b2c3d-0000", "robot", name, "0123456789ab")
-        found = pattern.search(write_mark("my notes\r\n", mark).replace("\n", "\r\n"))
-        assert found is not None
+        written = write_mark("my notes\r\n", mark).replace("\n", "\r\n").split("\n")
+        (found,) = filter(None, map(pattern.search, written))
         assert found.groupdict() == {"app": "robot", "name": name, "vm": "0a1b2c3d", "set": "0123456789ab"}

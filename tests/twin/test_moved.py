@@ -1,0 +1,117 @@
+"""A host that moved is refused before anything is done; what nobody can tell apart is refused, too."""
+
+from dataclasses import replace
+
+from tests.twin.cell import apply, apply_script, undo
+from tests.twin.cells import Prepared, everything, fresh
+from tests.twin.host import Entry, Vm, WindowsHost
+from tests.twin.observing import PROFILE, document_of, state_of
+from tests.twin.run import Ran, run
+
+GAMES = f"{PROFILE}\\Tasks\\Games"
+
+
+def again(host: WindowsHost, plan: Prepared) -> Ran:
+    return run(host, apply_script(plan.plan))
+
+
+def ours(host: WindowsHost, name: str) -> Vm:
+    (vm,) = (one for one in host.vms.values() if one.name.startswith(name))
+    return vm
+
+
+def test_what_a_late_step_finds_moved_keeps_the_first_from_being_done() -> None:
+    prepared = everything()
+    host = prepared.copy()
+    key = host.key(GAMES)
+    assert key is not None
+    key.values["priority"] = Entry(name="Priority", kind="DWord", data=1)
+    before = document_of(host)
+
+    ran = apply(host, prepared.plan)
+
+    assert ran.code == 3, ran.says
+    assert "task/Games" in ran.says
+    assert document_of(host) == before  # the journal with its serial, too
+    assert "begun" not in {one["status"] for one in ran.events}
+
+
+def test_what_a_killed_run_did_and_somebody_changed_since_is_refused_before_it_goes_on() -> None:
+    prepared = everything()
+    host = prepared.copy()
+    assert apply(host, prepared.plan).code == 0
+    last = len(host.effects)
+    host = prepared.copy(kill_before=last - 1)
+    apply(host, prepared.plan)
+    host = host.copy()
+    ours(host, "vision").weight = 77
+
+    ran = again(host, prepared)
+
+    assert ran.code == 3, ran.says
+    assert "weight" in ran.says
+    assert host.effects == [one for one in host.effects if "owner.txt" in one or "Set-Acl" in one]
+
+
+def test_a_run_whose_last_look_disagrees_stays_unfinished() -> None:
+    prepared = fresh()
+    host = prepared.copy()
+
+    def meddle(there: WindowsHost) -> None:
+        for vm in there.vms.values():
+            if vm.name == "planning" and vm.state == "Running":
+                vm.weight = 33
+
+    host.watch = meddle
+    ran = apply(host, prepared.plan)
+    host.watch = None
+
+    assert ran.code == 1, ran.says
+    assert "weight" in ran.says
+    assert again(host, prepared).code == 3
+    assert undo(host, prepared.plan).code in (0, 3)
+
+
+def test_two_machines_under_the_pending_name_are_refused() -> None:
+    prepared = fresh()
+    host = prepared.copy()
+    assert apply(host, prepared.plan).code == 0
+    made = next(at for at, one in enumerate(host.effects) if one.startswith("New-VM"))
+    host = prepared.copy(kill_after=made)
+    apply(host, prepared.plan)
+    host = host.copy()
+    half = next(one for one in host.vms.values() if ".rarms-" in one.name)
+    other = replace(half, id="eeeeeeee-0000-4000-8000-000000000001")
+    host.vms[other.id] = other
+
+    ran = again(host, prepared)
+
+    assert ran.code == 3, ran.says
+    assert "2 machines" in ran.says
+
+
+def test_two_marks_in_the_notes_of_one_machine_count_for_nobody() -> None:
+    prepared = everything()
+    host = prepared.copy()
+    vm = ours(host, "vision")
+    vm.notes += "\r\nrarms/1 other/thing vm=" + vm.id[:8].lower() + " set=0123456789ab"
+
+    ran = apply(host, prepared.plan)
+
+    assert ran.code == 3, ran.says
+    assert [one.mark for one in state_of(host, "onboard").partitions if one.settings.name == "vision"] == [None]
+
+
+def test_a_value_in_another_case_is_the_same_value() -> None:
+    prepared = everything()
+    host = prepared.copy()
+    key = host.key(GAMES)
+    assert key is not None
+    for entry in key.values.values():
+        entry.name = entry.name.upper()
+
+    ran = apply(host, prepared.plan)
+
+    assert ran.code == 0, ran.says
+    left = prepared.cell.on(host).plan()
+    assert [str(step.address) for step in left.hosts[0].steps] == []
