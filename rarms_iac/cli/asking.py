@@ -10,10 +10,13 @@ from rarms_iac.cli.files import STANDARD_INPUT, write_file
 from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.options import ManifestOptions
 from rarms_iac.cli.problems import Halted
+from rarms_iac.cli.reporting import reported, speaks_ascii_only
 from rarms_iac.cli.selecting import Unclear, choice_of, edit_of, select
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.telling import tell
+from rarms_iac.reports.model import Measurement
 from rarms_iac.views.measured import Measured, settings_text
+from rarms_iac.views.plot import plot_text
 from rarms_iac.views.select import selection_text
 
 
@@ -33,10 +36,22 @@ def refuse_without_terminal(session: Session, source: ManifestOptions) -> None:
 def ask_levels(session: Session, source: ManifestOptions, result: Measured) -> None:
     """Show what was measured, and take a level for each component until the answer is empty."""
     session.terminal.talk("\n" + settings_text(result).rstrip("\n"))
+    for measurement in reported(source, result.experiment.setup.members).measurements:
+        if measurement.rests:
+            _show_plots(session, measurement)
     for name in result.experiment.setup.members:
         while at := _answer(session, name):
             if _chosen(session, source, name, at):
                 break
+
+
+def _show_plots(session: Session, measurement: Measurement) -> None:
+    terminal = session.terminal
+    for index in measurement.indexes:
+        text = plot_text(
+            index, width=terminal.width, ascii_only=speaks_ascii_only(terminal), colour=terminal.talk_colour
+        )
+        terminal.talk("\n" + text.rstrip("\n"))
 
 
 def _answer(session: Session, name: str) -> str:

@@ -109,8 +109,6 @@ def command(
     record_what_follows(hosts)
     tell(session.terminal, done.findings, opened.loaded.sources)
     session.terminal.data(measure_json(done.results, done.findings) if as_json else summary_text(done.results))
-    now = system_of(source)[0] if interactive else system  # levels may have been chosen meanwhile
-    record_choices(measurements_of(now, opened.loaded.folder, source), components)
     if done.stopped:
         session.terminal.talk("Stopped. What is recorded stays: the same command goes on.")
         return session.interrupts.asked or ExitCode.INTERRUPTED
