@@ -10,9 +10,10 @@ from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import plain, show_bytes, show_percent, show_processors
 from rarms_iac.model.where import partition_place
 from rarms_iac.planner import findings
+from rarms_iac.planner.first_fit import Bin, Item, cost, free_in
 from rarms_iac.planner.problem import Problem
 from rarms_iac.planner.relaxations import Trial, relaxations
-from rarms_iac.planner.search import Bin, Item, cost, free_in, place
+from rarms_iac.planner.search import place
 
 FILTERED_UP_TO = 12
 """Partitions of which a smallest conflicting set is searched, one removal after the other."""

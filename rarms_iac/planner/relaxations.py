@@ -18,11 +18,11 @@ from rarms_iac.model.quantities import (
     show_percent,
 )
 from rarms_iac.model.system import Component, Host, Measured, System
+from rarms_iac.planner.first_fit import free_in
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.pairs import pair_to_combine
 from rarms_iac.planner.problem import HostView, Problem
 from rarms_iac.planner.relaxed_apts import one_relaxed, several_relaxed, slack_of
-from rarms_iac.planner.search import free_in
 
 OFFERED = 4
 """More ways out than these are not read."""

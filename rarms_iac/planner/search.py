@@ -1,38 +1,35 @@
 """Partitions onto hosts: least reservation in all, then fewest moves, then names (DESIGN section 3, The problem).
 
-Small problems are searched exactly; larger ones take the first host that has room, largest partition first, and the
-answer is called proven only where no other could be better.
+Up to 30 partitions are packed exactly. Larger problems take the first host that has room, and say how far from the
+bound that may be.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from math import gcd
+from typing import Any
 
-from rarms_iac.model.capacity import WHOLE, Capacity, Load, fits, load_of
-from rarms_iac.model.plan import Claim
+from rarms_iac.model.capacity import WHOLE, fits
+from rarms_iac.planner.first_fit import Bin, Item, all_fit, cost, first_fit, free_in
+from rarms_iac.planner.packing.certificate import claim_of, problem_data
+from rarms_iac.planner.packing.checker import Wrong, check
+from rarms_iac.planner.packing.program import Problem, Sizes
+from rarms_iac.planner.packing.solve import Impossible, Packed, solve
 
 EXACT_UP_TO = 30
 """Partitions that the exact search takes on."""
 
 NODES = 4_000
-"""How many placements it tries before it leaves the answer to the first fit: a count, never a time."""
+"""Placements tried for the first by name of the best ones, before another of them is taken: a count, never a time."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Item:
-    """A partition that needs a host: what it claims on each that it may run on, and where it is now."""
+class Verdict(StrEnum):
+    """What is known of better placements."""
 
-    name: str
-    claims: Mapping[str, Claim]  # by host, in name order
-    now: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Bin:
-    """A host, with what machines that are not ours hold there."""
-
-    name: str
-    capacity: Capacity
-    taken: tuple[Claim, ...] = ()
+    OPTIMAL = "optimal"  # there are none: a certificate says so, and the checker accepted it
+    SEARCHED = "proved by search, not certified"
+    WITHIN = "within the bound"  # see the bounds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,49 +38,174 @@ class Found:
 
     hosts: Mapping[str, str] | None  # partition -> host
     proven: bool
+    value: tuple[int, int] = (0, 0)  # reservation in per cent of one logical processor, moves
+    bound: tuple[int, int] = (0, 0)  # no placement has less
+    avoided: int = 0  # moves that packing anew would have made beside those that are made
+    problem: Problem | None = None  # where something was to be chosen exactly
+    result: Packed | Impossible | None = None
 
 
 def place(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
     """The best placement that was found; the same input always gives the same one."""
-    ordered = sorted(items, key=lambda one: one.name)
-    if any(not one.claims for one in ordered):
-        return Found(hosts=None, proven=True)
-    if _too_much(ordered, bins):
+    ordered, hosts = sorted(items, key=lambda one: one.name), sorted(bins, key=lambda one: one.name)
+    if any(not one.claims for one in ordered) or _too_much(ordered, hosts):
         return Found(hosts=None, proven=True)
     if all(len(one.claims) == 1 for one in ordered):
-        return _only_way(ordered, bins)
+        only = {item.name: next(iter(item.claims)) for item in ordered}
+        return Found(hosts=only if all_fit(ordered, hosts, only) else None, proven=True)
     if len(ordered) <= EXACT_UP_TO:
-        search = _Search(items=ordered, bins={one.name: one for one in bins})
-        search.run()
-        if search.complete:
-            return Found(hosts=search.best, proven=True)
-    quick = _first_fit(ordered, bins, _Room)
-    if quick is not None and not _all_fit(ordered, bins, quick):
-        # Who orders the steps packs anew, without the lanes of `_Room`, and must come to the same answer.
-        quick = _first_fit(ordered, bins, _SureRoom)
+        return _exactly(ordered, hosts)
+    quick = first_fit(ordered, hosts)
     if quick is None:
         return Found(hosts=None, proven=False)
-    return Found(hosts=quick, proven=_value(ordered, quick) == _bound(ordered))
+    value, bound = _value(ordered, quick), _bound(ordered)
+    return Found(hosts=quick, proven=value == bound, value=value, bound=bound)
 
 
-def _only_way(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
-    """Where each partition has one host, there is nothing to search, only to check."""
-    hosts = {item.name: next(iter(item.claims)) for item in items}
-    return Found(hosts=hosts if _all_fit(items, bins, hosts) else None, proven=True)
+def verdict(found: Found) -> tuple[Verdict, Mapping[str, Any] | None]:
+    """What may be said of the placement, and the certificate where there is one: what was packed, and the claim."""
+    if found.problem is not None and found.result is not None:
+        claim = claim_of(found.problem, found.result)
+        if claim is not None:
+            data = problem_data(found.problem)
+            try:
+                check(data, claim)
+            except Wrong:
+                return Verdict.SEARCHED, None
+            return Verdict.OPTIMAL, {"problem": data, "claim": claim}
+    return (Verdict.SEARCHED if found.proven else Verdict.WITHIN), None
 
 
-def _all_fit(items: Sequence[Item], bins: Sequence[Bin], hosts: Mapping[str, str]) -> bool:
-    """Whether every host that is used can keep all that is promised there."""
-    there: dict[str, list[Claim]] = {one.name: list(one.taken) for one in bins}
-    for item in items:
-        there[hosts[item.name]].append(item.claims[hosts[item.name]])
-    used = set(hosts.values())
-    return all(fits(one.capacity, there[one.name]) for one in bins if one.name in used)
+def _exactly(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
+    problem = problem_of(items, bins)
+    result = solve(problem)
+    if not isinstance(result, Packed):
+        impossible = isinstance(result, Impossible)
+        return Found(
+            hosts=None, proven=impossible, problem=problem, result=result if isinstance(result, Impossible) else None
+        )
+    value = (result.cost.value, result.moves.value)
+    proven = value == (result.cost.bound, result.moves.bound)
+    where = (_first_by_name(problem, value) if proven else None) or result.hosts
+    return Found(
+        hosts={item.name: bins[at].name for item, at in zip(items, where, strict=True)},
+        proven=proven,
+        value=value,
+        bound=(result.cost.bound, result.moves.bound),
+        avoided=result.avoided,
+        problem=problem,
+        result=Packed(hosts=where, cost=result.cost, moves=result.moves, avoided=result.avoided),
+    )
 
 
-def cost(claim: Claim) -> int:
-    """The reservation in per cent of one logical processor."""
-    return claim.processors * claim.reserve
+def problem_of(items: Sequence[Item], bins: Sequence[Bin]) -> Problem:
+    """The same in whole numbers: per cent of processors, memory, virtual processors of more than half a logical one.
+
+    Whether virtual processors find their logical ones is asked beyond that, but where all are as wide as their hosts.
+    """
+    numbers = {one.name: at for at, one in enumerate(bins)}
+    sizes = [[_size(item, one) for item in items] for one in bins]
+    rooms = [_room(one) for one in bins]
+    for at, room in enumerate(rooms):
+        if min(room) < 0:  # others hold more than there is
+            sizes[at] = [None] * len(items)
+    costs = [[cost(item.claims[one.name]) if one.name in item.claims else 0 for item in items] for one in bins]
+    alike: dict[object, int] = {}
+    kinds = [
+        alike.setdefault((one.capacity, one.taken, tuple(item.claims.get(one.name) for item in items)), at)
+        for at, one in enumerate(bins)
+    ]
+    wide = all(_as_wide(items, one) for one in bins)
+    units = [_unit(sizes, d) for d in range(3)]
+    rows = [tuple(None if size is None else _in(size, units) for size in row) for row in sizes]
+    return Problem(
+        sizes=tuple(rows),
+        rooms=tuple(_in(tuple(max(0, there) for there in room), units) for room in rooms),
+        opening=(0,) * len(bins),
+        costs=tuple(map(tuple, costs)),
+        now=tuple(numbers.get(item.now) for item in items),
+        fits=None if wide else _fitting(items, bins, kinds),
+        alike=tuple(kinds),
+    )
+
+
+def _size(item: Item, one: Bin) -> Sizes | None:
+    claim = item.claims.get(one.name)
+    if claim is None:
+        return None
+    return cost(claim), claim.memory, claim.processors if 2 * claim.reserve > WHOLE else 0
+
+
+def _room(one: Bin) -> Sizes:
+    free = free_in(one)
+    halves = sum(claim.processors for claim in one.taken if 2 * claim.reserve > WHOLE)
+    return free.percent, free.memory, one.capacity.logical_processors - halves
+
+
+def _as_wide(items: Sequence[Item], one: Bin) -> bool:
+    claims = [*one.taken, *(item.claims[one.name] for item in items if one.name in item.claims)]
+    return all(not claim.reserve or claim.processors == one.capacity.logical_processors for claim in claims)
+
+
+def _unit(sizes: Sequence[Sequence[Sizes | None]], dimension: int) -> int:
+    """What all sizes are multiples of."""
+    return gcd(*(size[dimension] for row in sizes for size in row if size is not None)) or 1
+
+
+def _in(size: Sizes, units: Sequence[int]) -> Sizes:
+    return tuple(one // unit for one, unit in zip(size, units, strict=True))
+
+
+def _fitting(items: Sequence[Item], bins: Sequence[Bin], kinds: Sequence[int]) -> Callable[[int, Sequence[int]], bool]:
+    known: dict[tuple[int, tuple[int, ...]], bool] = {}
+
+    def asked(host: int, some: Sequence[int]) -> bool:
+        what = (kinds[host], tuple(some))
+        if what not in known:
+            one = bins[host]
+            known[what] = fits(one.capacity, [*one.taken, *(items[at].claims[one.name] for at in some)])
+        return known[what]
+
+    return asked
+
+
+def _first_by_name(problem: Problem, value: tuple[int, int]) -> tuple[int, ...] | None:
+    """Of the placements of that value the first by name; None where that would take too long."""
+    items, hosts = range(problem.items), range(len(problem.rooms))
+    allowed = [[host for host in hosts if problem.sizes[host][item] is not None] for item in items]
+    least = [0] * (problem.items + 1)
+    for item in reversed(items):
+        least[item] = least[item + 1] + min(problem.costs[host][item] for host in allowed[item])
+    nodes = NODES
+    there: list[list[int]] = [[] for _ in hosts]
+    free = [list(room) for room in problem.rooms]
+    where: list[int] = []
+
+    def down(item: int, spent: int, moved: int) -> bool:
+        nonlocal nodes
+        if spent + least[item] > value[0] or moved > value[1] or nodes <= 0:
+            return False
+        if item == problem.items:
+            return True
+        for host in allowed[item]:
+            nodes -= 1
+            size = problem.sizes[host][item]
+            assert size is not None, "the host is allowed"
+            if any(takes > left for takes, left in zip(size, free[host], strict=True)):
+                continue
+            there[host].append(item)
+            if problem.fits is None or problem.fits(host, there[host]):
+                before, free[host] = free[host], [left - takes for takes, left in zip(size, free[host], strict=True)]
+                where.append(host)
+                moves = problem.now[item] not in (None, host)
+                if down(item + 1, spent + problem.costs[host][item], moved + moves):
+                    return True
+                where.pop()
+                free[host] = before
+            there[host].pop()
+        return False
+
+    return tuple(where) if down(0, 0, 0) else None
 
 
 def _value(items: Sequence[Item], hosts: Mapping[str, str]) -> tuple[int, int]:
@@ -102,157 +224,3 @@ def _too_much(items: Sequence[Item], bins: Sequence[Bin]) -> bool:
     least = sum(min(cost(claim) for claim in one.claims.values()) for one in items)
     memory = sum(min(claim.memory for claim in one.claims.values()) for one in items)
     return least > sum(max(0, one.percent) for one in free) or memory > sum(max(0, one.memory) for one in free)
-
-
-def free_in(one: Bin) -> Load:
-    """What a host has left to promise; negative where others hold more than there is."""
-    taken = load_of(one.taken)
-    return Load(percent=int(WHOLE * one.capacity.processors) - taken.percent, memory=one.capacity.memory - taken.memory)
-
-
-@dataclass(slots=True)
-class _Search:
-    """Depth first in name order over hosts in name order, so that of equals the first found is the first by name."""
-
-    items: Sequence[Item]
-    bins: Mapping[str, Bin]
-    best: dict[str, str] | None = None
-    value: tuple[int, int] | None = None
-    complete: bool = True
-    nodes: int = NODES
-    rest: list[tuple[int, int]] = field(default_factory=list)  # what items from here on cost and weigh at least
-
-    def run(self) -> None:
-        cheapest = [min(cost(claim) for claim in one.claims.values()) for one in self.items]
-        lightest = [min(claim.memory for claim in one.claims.values()) for one in self.items]
-        self.rest = [(sum(cheapest[at:]), sum(lightest[at:])) for at in range(len(self.items) + 1)]
-        there: dict[str, list[Claim]] = {name: list(one.taken) for name, one in self.bins.items()}
-        free = {name: free_in(one) for name, one in self.bins.items()}
-        self._down(0, (0, 0), there, free, {})
-
-    def _down(
-        self,
-        at: int,
-        value: tuple[int, int],
-        there: dict[str, list[Claim]],
-        free: dict[str, Load],
-        hosts: dict[str, str],
-    ) -> bool:
-        """Whether the search may end: nothing can be better than what was found, or it gave up."""
-        if at == len(self.items):
-            if self.value is None or value < self.value:
-                self.best, self.value = dict(hosts), value
-            return self.value == (self.rest[0][0], 0)
-        if self._hopeless(at, value, free):
-            return False
-        item = self.items[at]
-        for name, claim in item.claims.items():
-            self.nodes -= 1
-            if self.nodes < 0:
-                self.complete = False
-                return True
-            left = Load(percent=free[name].percent - cost(claim), memory=free[name].memory - claim.memory)
-            if left.percent < 0 or left.memory < 0:
-                continue
-            there[name].append(claim)
-            if fits(self.bins[name].capacity, there[name]):
-                before, free[name], hosts[item.name] = free[name], left, name
-                moved = value[1] + (bool(item.now) and item.now != name)
-                if self._down(at + 1, (value[0] + cost(claim), moved), there, free, hosts):
-                    return True
-                free[name] = before
-                del hosts[item.name]
-            there[name].pop()
-        return False
-
-    def _hopeless(self, at: int, value: tuple[int, int], free: Mapping[str, Load]) -> bool:
-        least, memory = self.rest[at]
-        if self.value is not None and (value[0] + least, value[1]) >= self.value:
-            return True
-        room = sum(one.percent for one in free.values())
-        return least > room or memory > sum(one.memory for one in free.values())
-
-
-def _first_fit(items: Sequence[Item], bins: Sequence[Bin], make_room: "type[_Room]") -> dict[str, str] | None:
-    """Largest first, each where it is or costs least and has room; every virtual processor gets its place at once."""
-    rooms = {one.name: make_room(one) for one in bins}
-    hosts: dict[str, str] = {}
-    for item in sorted(items, key=_largest_first):
-        for name in _preferred(item):
-            if rooms[name].take(item.claims[name]):
-                hosts[item.name] = name
-                break
-        else:
-            return None
-    return hosts
-
-
-class _Room:
-    """What is left of a host while partitions are put onto it; what was placed is not moved any more."""
-
-    def __init__(self, one: Bin) -> None:
-        self.left = free_in(one)
-        self.lanes = [WHOLE] * one.capacity.logical_processors
-        for claim in sorted(one.taken, key=lambda taken: -taken.reserve):
-            self._lay(claim)
-
-    def take(self, claim: Claim) -> bool:
-        """Whether it has room for the claim, which then is taken."""
-        left = Load(percent=self.left.percent - cost(claim), memory=self.left.memory - claim.memory)
-        if left.percent < 0 or left.memory < 0 or not self._lay(claim):
-            return False
-        self.left = left
-        return True
-
-    def _lay(self, claim: Claim) -> bool:
-        """Each virtual processor onto the first logical one that has so much left, on different ones first."""
-        if not claim.reserve:
-            return True
-        if claim.processors > len(self.lanes):
-            return False
-        lanes = list(self.lanes)
-        waiting = claim.processors
-        while waiting:
-            chosen = [at for at, free in enumerate(lanes) if free >= claim.reserve][:waiting]
-            if not chosen:
-                return False
-            for at in chosen:
-                lanes[at] -= claim.reserve
-            waiting -= len(chosen)
-        self.lanes = lanes
-        return True
-
-
-class _SureRoom(_Room):
-    """Takes only what `fits` finds a place for too, so that whoever asks again gets the same answer."""
-
-    def __init__(self, one: Bin) -> None:
-        super().__init__(one)
-        self.capacity = one.capacity
-        self.claims = list(one.taken)
-        self.refused: set[Claim] = set()
-
-    def take(self, claim: Claim) -> bool:
-        if claim in self.refused:
-            return False
-        left, lanes = self.left, self.lanes
-        if not super().take(claim):
-            return False
-        if fits(self.capacity, (*self.claims, claim)):
-            self.claims.append(claim)
-            return True
-        self.left, self.lanes = left, lanes
-        self.refused.add(claim)
-        return False
-
-
-def _largest_first(item: Item) -> tuple[int, int, str]:
-    return (
-        -max(cost(claim) for claim in item.claims.values()),
-        -max(claim.memory for claim in item.claims.values()),
-        item.name,
-    )
-
-
-def _preferred(item: Item) -> list[str]:
-    return sorted(item.claims, key=lambda name: (cost(item.claims[name]), name != item.now, name))

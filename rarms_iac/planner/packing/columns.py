@@ -43,7 +43,7 @@ class Relaxed:
 class Effort:
     """How much is tried, in counts."""
 
-    pattern_nodes: int = 200_000
+    pattern_nodes: int = 20_000
     rounds: int = _ROUNDS
 
 

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass, field
 
-from rarms_iac.planner.packing.branch import Limits, Outcome, Search, Tree
+from rarms_iac.planner.packing.branch import Leaf, Limits, Outcome, Search, Tree
+from rarms_iac.planner.packing.columns import Weights
 from rarms_iac.planner.packing.exact_fills import without_waste
 from rarms_iac.planner.packing.heuristics import quick_packing
 from rarms_iac.planner.packing.improve import improved
@@ -39,6 +40,7 @@ class Packed:
     hosts: Assignment
     cost: Level
     moves: Level
+    avoided: int = 0  # moves that packing anew, whatever runs, would have made beside those
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,16 +70,20 @@ def solve(problem: Problem, settings: Settings | None = None) -> Result:
     """Pack, at least cost first and then with the fewest moves; the same problem always has the same answer."""
     how = settings or Settings()
     first = cheapest(problem)
-    start = quick_packing(first, 0, how.tries)
+    least = _least(first)
+    start = quick_packing(first, sum(least), how.tries)
     if start is None:
         answer = Search(feasible(first), None, how.limits, ceiling=1).run()
         if answer.bundles is None:
             return GaveUp() if answer.tree is None else Impossible(proof=answer.tree)
         start = answer.bundles
-    least = Search(first, start, how.limits, ceiling=_ceiling(first)).run()
-    assert least.bundles is not None
-    cost = _level(first, least)
-    return _with_moves(problem, first, least.bundles, cost, how)
+    if value_of(first, start) == sum(least):  # each item where it costs least: nothing to search
+        value, proof = sum(least), Leaf(weights=Weights(items=least, scale=1))
+        return _with_moves(problem, first, start, Level(value=value, bound=value, proof=proof), how)
+    cheapest_of_all = Search(first, start, how.limits, ceiling=_ceiling(first)).run()
+    assert cheapest_of_all.bundles is not None
+    cost = _level(first, cheapest_of_all)
+    return _with_moves(problem, first, cheapest_of_all.bundles, cost, how)
 
 
 def _with_moves(problem: Problem, first: Program, bundles: Bundles, cost: Level, how: Settings) -> Packed:
@@ -89,14 +95,28 @@ def _with_moves(problem: Problem, first: Program, bundles: Bundles, cost: Level,
     quick = quick_packing(second, 0, how.tries)
     starts += [quick] if quick is not None else []
     known = min(starts, key=lambda one: value_of(second, one))
-    fewest = Search(second, known, how.limits, ceiling=_ceiling(second)).run()
-    assert fewest.bundles is not None
-    return Packed(hosts=assignment_of(second, fewest.bundles), cost=cost, moves=_level(second, fewest))
+    if value_of(second, known):
+        fewest = Search(second, known, how.limits, ceiling=_ceiling(second)).run()
+        assert fewest.bundles is not None
+        known, moves = fewest.bundles, _level(second, fewest)
+    else:
+        moves = Level(value=0, bound=0, proof=None)
+    anew = sum(was not in (None, host) for was, host in zip(problem.now, hosts, strict=True))
+    avoided = max(0, anew - moves.value)
+    return Packed(hosts=assignment_of(second, known), cost=cost, moves=moves, avoided=avoided)
 
 
 def _level(program: Program, outcome: Outcome) -> Level:
     assert outcome.bundles is not None
     return Level(value=value_of(program, outcome.bundles), bound=outcome.bound, proof=outcome.tree)
+
+
+def _least(program: Program) -> tuple[int, ...]:
+    """By item: what it costs at least."""
+    return tuple(
+        min((kind.costs[item] for kind in program.kinds if kind.sizes[item] is not None), default=0)
+        for item in range(program.items)
+    )
 
 
 def _ceiling(program: Program) -> int:

@@ -11,7 +11,6 @@ from benchmarks.packings import FAMILIES, instance
 from rarms_iac.planner.packing.branch import Limits
 from rarms_iac.planner.packing.certificate import claim_of, problem_data
 from rarms_iac.planner.packing.checker import check
-from rarms_iac.planner.packing.improve import improved
 from rarms_iac.planner.packing.solve import GaveUp, Impossible, Packed, Settings, solve
 from tests.effort import examples
 from tests.packings import a_packing, does_pack, every_packing, value_of
@@ -63,7 +62,7 @@ def at_most_two_on_the_first(host: int, items: object) -> bool:
     return host != 0 or len(items) <= 2
 
 
-QUICK = Settings(limits=Limits(nodes=20, dives=4, first_dive=20, patterns=800, improve=improved))
+QUICK = Settings(limits=Limits(nodes=6, dives=3, first_dive=12, patterns=400))
 SURE = {"uniform", "thirds", "triplets", "shifted", "2-D", "2-D zero waste", "conflicts"}
 """Families of which so little effort proves the first level of the instance tried here."""
 

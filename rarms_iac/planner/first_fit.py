@@ -1,0 +1,138 @@
+"""A quick placement of many partitions: the largest first, each where it is or costs least and has room."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from rarms_iac.model.capacity import WHOLE, Capacity, Load, fits, load_of
+from rarms_iac.model.plan import Claim
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Item:
+    """A partition that needs a host: what it claims on each that it may run on, and where it is now."""
+
+    name: str
+    claims: Mapping[str, Claim]  # by host, in name order
+    now: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bin:
+    """A host, with what machines that are not ours hold there."""
+
+    name: str
+    capacity: Capacity
+    taken: tuple[Claim, ...] = ()
+
+
+def cost(claim: Claim) -> int:
+    """The reservation in per cent of one logical processor."""
+    return claim.processors * claim.reserve
+
+
+def free_in(one: Bin) -> Load:
+    """What a host has left to promise; negative where others hold more than there is."""
+    taken = load_of(one.taken)
+    return Load(percent=int(WHOLE * one.capacity.processors) - taken.percent, memory=one.capacity.memory - taken.memory)
+
+
+def all_fit(items: Sequence[Item], bins: Sequence[Bin], hosts: Mapping[str, str]) -> bool:
+    """Whether every host that is used can keep all that is promised there."""
+    there: dict[str, list[Claim]] = {one.name: list(one.taken) for one in bins}
+    for item in items:
+        there[hosts[item.name]].append(item.claims[hosts[item.name]])
+    used = set(hosts.values())
+    return all(fits(one.capacity, there[one.name]) for one in bins if one.name in used)
+
+
+def first_fit(items: Sequence[Item], bins: Sequence[Bin]) -> dict[str, str] | None:
+    """A placement, None where none was found; whoever orders the steps packs anew and finds the same room."""
+    quick = _first_fit(items, bins, _Room)
+    if quick is not None and not all_fit(items, bins, quick):
+        return _first_fit(items, bins, _SureRoom)
+    return quick
+
+
+def _first_fit(items: Sequence[Item], bins: Sequence[Bin], make_room: "type[_Room]") -> dict[str, str] | None:
+    """Largest first, each where it is or costs least and has room; every virtual processor gets its place at once."""
+    rooms = {one.name: make_room(one) for one in bins}
+    hosts: dict[str, str] = {}
+    for item in sorted(items, key=_largest_first):
+        for name in _preferred(item):
+            if rooms[name].take(item.claims[name]):
+                hosts[item.name] = name
+                break
+        else:
+            return None
+    return hosts
+
+
+class _Room:
+    """What is left of a host while partitions are put onto it; what was placed is not moved any more."""
+
+    def __init__(self, one: Bin) -> None:
+        self.left = free_in(one)
+        self.lanes = [WHOLE] * one.capacity.logical_processors
+        for claim in sorted(one.taken, key=lambda taken: -taken.reserve):
+            self._lay(claim)
+
+    def take(self, claim: Claim) -> bool:
+        """Whether it has room for the claim, which then is taken."""
+        left = Load(percent=self.left.percent - cost(claim), memory=self.left.memory - claim.memory)
+        if left.percent < 0 or left.memory < 0 or not self._lay(claim):
+            return False
+        self.left = left
+        return True
+
+    def _lay(self, claim: Claim) -> bool:
+        """Each virtual processor onto the first logical one that has so much left, on different ones first."""
+        if not claim.reserve:
+            return True
+        if claim.processors > len(self.lanes):
+            return False
+        lanes = list(self.lanes)
+        waiting = claim.processors
+        while waiting:
+            chosen = [at for at, free in enumerate(lanes) if free >= claim.reserve][:waiting]
+            if not chosen:
+                return False
+            for at in chosen:
+                lanes[at] -= claim.reserve
+            waiting -= len(chosen)
+        self.lanes = lanes
+        return True
+
+
+class _SureRoom(_Room):
+    """Takes only what `fits` finds a place for too, so that whoever asks again gets the same answer."""
+
+    def __init__(self, one: Bin) -> None:
+        super().__init__(one)
+        self.capacity = one.capacity
+        self.claims = list(one.taken)
+        self.refused: set[Claim] = set()
+
+    def take(self, claim: Claim) -> bool:
+        if claim in self.refused:
+            return False
+        left, lanes = self.left, self.lanes
+        if not super().take(claim):
+            return False
+        if fits(self.capacity, (*self.claims, claim)):
+            self.claims.append(claim)
+            return True
+        self.left, self.lanes = left, lanes
+        self.refused.add(claim)
+        return False
+
+
+def _largest_first(item: Item) -> tuple[int, int, str]:
+    return (
+        -max(cost(claim) for claim in item.claims.values()),
+        -max(claim.memory for claim in item.claims.values()),
+        item.name,
+    )
+
+
+def _preferred(item: Item) -> list[str]:
+    return sorted(item.claims, key=lambda name: (cost(item.claims[name]), name != item.now, name))
