@@ -25,11 +25,12 @@ from rarms_iac.planner.combining import findings
 from rarms_iac.planner.combining.layouts import Objective
 from rarms_iac.planner.combining.oracle import Unanswered
 from rarms_iac.planner.combining.values import Coi, Members
+from rarms_iac.planner.first_fit import Item, cost, free_in
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.problem import Problem, host_view, problem_of
 from rarms_iac.planner.reservations import rests_on_a_log
-from rarms_iac.planner.search import Item, cost, free_in, place
+from rarms_iac.planner.search import place
 from rarms_iac.providers.measuring import MeasuringHost
 
 

@@ -1,7 +1,9 @@
 """What the planner answers: a Layout, or why there is none (DESIGN section 3)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.model.system import StartMode
@@ -43,6 +45,19 @@ class PlacedPartition:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Placement:
+    """How good the choice of hosts is, where there was one: what it is worth, and what none can be below."""
+
+    verdict: str  # optimal; proved by search, not certified; or within the bound
+    reserved: int  # in all, in per cent of one logical processor
+    reserved_bound: int
+    moves: int
+    moves_bound: int
+    avoided: int  # moves that packing anew would have made beside those
+    certificate: Mapping[str, Any] | None  # what was packed and the claim, as their checker accepted it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
     """Every component in a partition on a host, or on a host itself."""
 
@@ -50,6 +65,7 @@ class Layout:
     on_hosts: tuple[tuple[str, str], ...]  # component, host: those that run outside partitions
     proven: bool  # no better placement exists; otherwise the best one found
     moves: tuple[str, ...] = ()  # partitions that would be better off elsewhere, and were left: told, not done
+    placement: Placement | None = None  # None where there was nothing to choose
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -29,6 +29,8 @@ CLASS_ORDER = Finding(
 NEIGHBOURS = Finding(
     code="RARMS129", severity=Severity.NOTE, summary="Threads of different criticality are one priority apart"
 )
+AVOIDED = Finding(code="RARMS300", severity=Severity.NOTE, summary="Partitions stay that packing anew would move")
+NOT_CERTIFIED = Finding(code="RARMS301", severity=Severity.NOTE, summary="The layout is not certified as the best")
 KINDS = {
     one.code: one
     for one in (

@@ -18,6 +18,7 @@ from rarms_iac.planner.first_fit import cost
 from rarms_iac.planner.problem import HostView, Problem, by_name, problem_of, solve
 from rarms_iac.planner.relaxations import Trial
 from rarms_iac.planner.reservations import ReservationSource
+from rarms_iac.planner.search import Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +49,7 @@ def plan_layout(
     if isinstance(answer, Layout):
         notes += _moves(answer, problem, places)
         notes += _remarks(answer, problem, places)
+        notes += _placement(answer, places)
     else:
 
         def works(system: System, views: Mapping[str, HostView], *, moving: bool) -> bool:
@@ -94,6 +96,28 @@ def _remarks(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagn
             place = places.value("components", remark.what.removeprefix("component/"), "cpu", "reserve")
             finding = findings.REMARKS[remark.code]
             yield finding.at(place, remark.says, remark.advice, address=remark.what)
+
+
+def _placement(answer: Layout, places: Places) -> Iterator[Diagnostic]:
+    """How many moves were avoided, and what is not known of better layouts."""
+    one = answer.placement
+    if one is None:
+        return
+    place = places.key("application")
+    if one.avoided:
+        fewer = " No layout that reserves as little moves fewer." if one.moves == one.moves_bound else ""
+        says = f"Packing anew would have made {one.avoided} more moves than the {one.moves} of this layout.{fewer}"
+        yield findings.AVOIDED.at(place, says, "There is nothing to do.")
+    if one.verdict == Verdict.OPTIMAL:
+        return
+    says = f"The layout is {one.verdict}."
+    if one.verdict == Verdict.WITHIN:
+        apart = show_processors(Fraction(one.reserved - one.reserved_bound, 100))
+        says = (
+            f"It reserves {show_processors(Fraction(one.reserved, 100))}, within {apart} of the bound, and moves "
+            f"{one.moves} where {one.moves_bound} are the bound."
+        )
+    yield findings.NOT_CERTIFIED.at(place, says, "It fits and may be applied.")
 
 
 def _moves(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:

@@ -12,7 +12,7 @@ from rarms_iac.planner import findings
 from rarms_iac.planner.first_fit import Bin, Item
 from rarms_iac.planner.groups import Group, company, groups_of
 from rarms_iac.planner.reservations import ReservationSource
-from rarms_iac.planner.search import Found, place
+from rarms_iac.planner.search import Found, place, placement_of
 from rarms_iac.planner.sizes import Sized, size
 
 
@@ -138,7 +138,9 @@ def solve(problem: Problem) -> Layout | Infeasible:
     found = place(problem.items, problem.bins)
     if found.hosts is None:
         return Infeasible(proven=found.proven, conflict=(), causes=(), relaxations=())
-    return Layout(partitions=_placed(problem, found), on_hosts=on_hosts, proven=found.proven)
+    return Layout(
+        partitions=_placed(problem, found), on_hosts=on_hosts, proven=found.proven, placement=placement_of(found)
+    )
 
 
 def _placed(problem: Problem, found: Found) -> tuple[PlacedPartition, ...]:

@@ -11,6 +11,7 @@ from math import gcd
 from typing import Any
 
 from rarms_iac.model.capacity import WHOLE, fits
+from rarms_iac.model.layout import Placement
 from rarms_iac.planner.first_fit import Bin, Item, all_fit, cost, first_fit, free_in
 from rarms_iac.planner.packing.certificate import claim_of, problem_data
 from rarms_iac.planner.packing.checker import Wrong, check
@@ -38,6 +39,7 @@ class Found:
 
     hosts: Mapping[str, str] | None  # partition -> host
     proven: bool
+    chosen: bool = False  # whether there was anything to choose
     value: tuple[int, int] = (0, 0)  # reservation in per cent of one logical processor, moves
     bound: tuple[int, int] = (0, 0)  # no placement has less
     avoided: int = 0  # moves that packing anew would have made beside those that are made
@@ -59,10 +61,26 @@ def place(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
     if quick is None:
         return Found(hosts=None, proven=False)
     value, bound = _value(ordered, quick), _bound(ordered)
-    return Found(hosts=quick, proven=value == bound, value=value, bound=bound)
+    return Found(hosts=quick, proven=value == bound, chosen=True, value=value, bound=bound)
 
 
-def verdict(found: Found) -> tuple[Verdict, Mapping[str, Any] | None]:
+def placement_of(found: Found) -> Placement | None:
+    """How good the placement is; None where there was nothing to choose. `optimal` is said by certificate only."""
+    if not found.chosen:
+        return None
+    what, certificate = _verdict(found)
+    return Placement(
+        verdict=what.value,
+        reserved=found.value[0],
+        reserved_bound=found.bound[0],
+        moves=found.value[1],
+        moves_bound=found.bound[1],
+        avoided=found.avoided,
+        certificate=certificate,
+    )
+
+
+def _verdict(found: Found) -> tuple[Verdict, Mapping[str, Any] | None]:
     """What may be said of the placement, and the certificate where there is one: what was packed, and the claim."""
     if found.problem is not None and found.result is not None:
         claim = claim_of(found.problem, found.result)
@@ -90,6 +108,7 @@ def _exactly(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
     return Found(
         hosts={item.name: bins[at].name for item, at in zip(items, where, strict=True)},
         proven=proven,
+        chosen=True,
         value=value,
         bound=(result.cost.bound, result.moves.bound),
         avoided=result.avoided,

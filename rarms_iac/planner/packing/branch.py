@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from rarms_iac.planner.packing.columns import Effort, Relaxed, Weights, relax
+from rarms_iac.planner.packing.cover import covered
 from rarms_iac.planner.packing.nodes import Decision, On, Together, View, decided, everything, other_side, without
 from rarms_iac.planner.packing.program import Bundles, Mask, Program, charge_of, members, value_of
 
@@ -61,11 +62,12 @@ class Limits:
     """When to give up: counts, so that the same input has the same answer."""
 
     nodes: int = 400
+    certify: int = 30  # nodes for a certificate of what was proved without one
     dives: int = 60
     first_dive: int = 80  # relaxations of the first, and of each later one
     dive: int = 10
     improve: Callable[[Program, Bundles, int], Bundles] = _as_it_is  # of a packing that the first dive left unproved
-    patterns: int = 12_000  # knapsacks in all
+    patterns: int = 7_000  # knapsacks in all
     effort: Effort = field(default_factory=Effort)
 
 
@@ -91,6 +93,7 @@ class Search:
         self.pool: set[tuple[int, Mask]] = set(known or ())
         self.patterns = 0
         self.dives = 0
+        self.lowest = 0  # nothing costs less: by trying all, without weights
 
     def run(self) -> Outcome:
         """The best packing, proved where the limits allow."""
@@ -108,21 +111,30 @@ class Search:
         wait(root)
         opened = 0
         while heap and heap[0][0] < self.upper:
-            if opened >= self.limits.nodes or self.patterns > self.limits.patterns:
-                return Outcome(bundles=self.best, bound=heap[0][0], tree=None)
+            settled = self.lowest >= self.upper  # by trying all: what follows is for the certificate only
+            if (
+                opened >= (self.limits.certify if settled else self.limits.nodes)
+                or self.patterns > self.limits.patterns
+            ):
+                return Outcome(bundles=self.best, bound=max(heap[0][0], self.lowest), tree=None)
             opened += 1
             node = waiting.pop(heapq.heappop(heap)[2])
             if node.relaxed is None:  # its knapsacks were too hard
-                return Outcome(bundles=self.best, bound=node.bound, tree=None)
-            self._dive(node)
-            if opened == 1 and self.best is not None and node.bound < self.upper:
+                return Outcome(bundles=self.best, bound=max(node.bound, self.lowest), tree=None)
+            if not settled:
+                self._dive(node)
+            if opened == 1 and node.bound < self.upper and node.weights is not None:
+                better, self.lowest = covered(self.program, node.weights, node.bound, self.upper)
+                if better is not None:
+                    self._take(better)
+            if opened == 1 and self.best is not None and max(self.lowest, node.bound) < self.upper:
                 self._take(self.limits.improve(self.program, self.best, node.bound))
             if node.bound >= self.upper:
                 wait(node)
                 continue
             decision = self._undecided(node)
             if decision is None:
-                return Outcome(bundles=self.best, bound=node.bound, tree=None)
+                return Outcome(bundles=self.best, bound=max(node.bound, self.lowest), tree=None)
             children = tuple(
                 self._relaxed(
                     _Node(

@@ -47,7 +47,7 @@ class Effort:
     rounds: int = _ROUNDS
 
 
-def _profits(program: Program, at: int, weights: Weights) -> list[int]:
+def profits_of(program: Program, at: int, weights: Weights) -> list[int]:
     """By item: what the weights gain by putting it onto a host of this kind."""
     kind, scale, budget = program.kinds[at], weights.scale, weights.budget
     if not budget or not kind.charges:
@@ -58,7 +58,8 @@ def _profits(program: Program, at: int, weights: Weights) -> list[int]:
     ]
 
 
-def _fixed(program: Program, at: int, weights: Weights) -> int:
+def fixed_cost(program: Program, at: int, weights: Weights) -> int:
+    """What using a host of this kind costs, in weights."""
     return weights.scale * program.kinds[at].opening - weights.budget * program.kinds[at].charge
 
 
@@ -140,9 +141,9 @@ def relax(
         total = sum(weights.items) + weights.budget * (program.budget or 0)
         new, exact = False, True
         for at, kind in enumerate(program.kinds):
-            fixed = _fixed(program, at, weights)
+            fixed = fixed_cost(program, at, weights)
             enough = fixed + math.ceil(-kinds[at] * SCALE) + 1  # the linear program has patterns of so much profit
-            profits = _profits(program, at, weights)
+            profits = profits_of(program, at, weights)
             pattern, complete = best_pattern(program, at, profits, effort.pattern_nodes, enough)
             solved += 1
             if not complete and pattern is None:

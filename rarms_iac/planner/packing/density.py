@@ -77,6 +77,51 @@ def by_density(
     return Pattern(profit=best, items=chosen) if chosen else None, left > 0
 
 
+def within(program: Program, at: int, profits: Sequence[int], least: int, most: int) -> list[tuple[int, Mask]] | None:
+    """Every set for a host of kind `at` with so much profit at least, and its profit; None where they are too many."""
+    kind = program.kinds[at]
+    size_of = {
+        item: size
+        for item, size in enumerate(kind.sizes)
+        if size is not None and all(takes <= there for takes, there in zip(size, kind.room, strict=True))
+    }
+    one_of, room = _in_one(kind, size_of)
+    ordered = sorted(size_of, key=lambda item: (-profits[item] / (one_of[item] + 1e-3), item))
+    gains, ones = [max(0, profits[item]) for item in ordered], [one_of[item] for item in ordered]
+    sums, totals = [0], [0]
+    for one, gain in zip(ones, gains, strict=True):
+        sums.append(sums[-1] + one)
+        totals.append(totals[-1] + gain)
+    count, conflicts, fits = len(ordered), program.conflicts, program.fits
+    found: list[tuple[int, Mask]] = []
+    left = most * 4
+
+    def down(number: int, free: Sizes, space: int, profit: int, items: Mask, banned: Mask) -> None:
+        nonlocal left
+        while number < count and left > 0 and len(found) <= most:
+            target = sums[number] + space
+            full = bisect_right(sums, target, number) - 1
+            reach = totals[full] - totals[number]
+            if full < count:
+                reach += (target - sums[full]) * gains[full] // ones[full]
+            if profit + reach < least:
+                return
+            left -= 1
+            item = ordered[number]
+            size = size_of[item]
+            after = tuple(map(int.__sub__, free, size))
+            with_it = items | 1 << item
+            if min(after) >= 0 and not banned >> item & 1 and (fits is None or fits(at, with_it)):
+                gained = profit + profits[item]
+                if gained >= least:
+                    found.append((gained, with_it))
+                down(number + 1, after, space - ones[number], gained, with_it, banned | conflicts[item])
+            number += 1
+
+    down(0, kind.room, room, 0, 0, 0)
+    return found if left > 0 and len(found) <= most else None
+
+
 def _side_by_side(sizes: Sizes, width: int) -> int:
     return sum(size << at * width for at, size in enumerate(sizes))
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from rarms_iac.planner.packing.program import Kind, Mask, Program, Sizes
 
-MOST = 4_000
+MOST = 1_500
 """More patterns than these are not listed: the knapsack finds the ones that matter."""
 
 _STEPS = 400_000
@@ -44,7 +44,7 @@ def _same(kind: Kind, other: Kind) -> bool:
     )
 
 
-def exact_fills(program: Program, full: Sequence[int]) -> tuple[Mask, ...] | None:
+def exact_fills(program: Program, full: Sequence[int], most: int = MOST) -> tuple[Mask, ...] | None:
     """Every set of items that fills a host exactly in these dimensions; None where they are too many to list."""
     kind = program.kinds[0]
     items = sorted(range(program.items), key=lambda item: (_size(kind, item), item), reverse=True)
@@ -57,7 +57,7 @@ def exact_fills(program: Program, full: Sequence[int]) -> tuple[Mask, ...] | Non
         """Whether the list may still be complete."""
         nonlocal steps
         steps -= 1
-        if steps < 0 or len(found) > MOST:
+        if steps < 0 or len(found) > most:
             return False
         if all(not free[d] for d in full):
             found.append(mask)  # items of size nothing in these dimensions would follow; there are none

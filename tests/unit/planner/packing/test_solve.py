@@ -11,6 +11,9 @@ from benchmarks.packings import FAMILIES, instance
 from rarms_iac.planner.packing.branch import Limits
 from rarms_iac.planner.packing.certificate import claim_of, problem_data
 from rarms_iac.planner.packing.checker import check
+from rarms_iac.planner.packing.columns import Weights
+from rarms_iac.planner.packing.cover import covered
+from rarms_iac.planner.packing.program import cheapest
 from rarms_iac.planner.packing.solve import GaveUp, Impossible, Packed, Settings, solve
 from tests.effort import examples
 from tests.packings import a_packing, does_pack, every_packing, value_of
@@ -107,3 +110,16 @@ def test_the_same_problem_has_the_same_answer_whatever_hashes_are() -> None:
     }
 
     assert len(said) == 1
+
+
+def test_a_cover_of_patterns_finds_the_best_whatever_the_weights() -> None:
+    """With no weights at all every pattern may be of use, and trying all of them is exact."""
+    for seed in SMALL[::3]:
+        problem = a_packing(seed)
+        every = every_packing(problem)
+        program = cheapest(problem)
+
+        found, bound = covered(program, Weights(items=(0,) * problem.items, scale=1), 0, 60)
+
+        assert bound == (every[0][0][0] if every else 60), seed
+        assert (found is None) == (not every), seed
