@@ -35,7 +35,7 @@ def path_planning(reserve: int) -> float:
 
 def a_measured_setting(name: str, reserve: int, shape: Shape, *, samples: int = 200, within: float = 400.0) -> Setting:
     """Jobs one after the other, 5 % of noise; a job succeeds within a time."""
-    random = Random(f"{name} {reserve}")
+    random = Random(f"seed {name} {reserve}")
     began, jobs = 0.0, []
     for _ in range(samples):
         response = shape(reserve) * random.gauss(1.0, 0.05)
