@@ -1,0 +1,116 @@
+"""Sizes into as few equal bins as possible, in one or more dimensions: for published instances, and beyond 30 items.
+
+Up to 30 items the answer is exact. Beyond, it is the best of several heuristics, with the gap to the best of several
+bounds: the sum of sizes, dual feasible functions, and the relaxation by patterns where it is small enough.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rarms_iac.planner.packing.columns import Effort, relax
+from rarms_iac.planner.packing.heuristics import quick_packing
+from rarms_iac.planner.packing.program import Problem, Sizes, assignment_of, cheapest
+from rarms_iac.planner.packing.solve import Packed, solve
+
+EXACT_UP_TO = 30
+RELAXED_UP_TO = 60
+"""Items up to which the relaxation by patterns is solved."""
+
+_TRIES = 40
+_EFFORT = Effort(pattern_nodes=5_000, rounds=200)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PackedSizes:
+    """A packing into equal bins."""
+
+    bins: tuple[int, ...]  # by item: the number of its bin
+    used: int
+    bound: int  # no packing uses fewer; equal to `used` where that is the least
+
+    @property
+    def gap(self) -> int:
+        """How many bins fewer there might be."""
+        return self.used - self.bound
+
+
+def pack_sizes(sizes: Sequence[int | Sequence[int]], capacity: int | Sequence[int]) -> PackedSizes:
+    """Pack the sizes into as few bins as possible; the same input always has the same answer.
+
+    Args:
+        sizes: whole numbers that are not negative, one an item, or one an item and dimension.
+        capacity: of every bin, a number or one a dimension.
+
+    Raises:
+        ValueError: an item does not fit into an empty bin, or has other dimensions than the bins.
+    """
+    room = _sizes(capacity)
+    items = tuple(map(_sizes, sizes))
+    for at, size in enumerate(items):
+        if len(size) != len(room) or any(not 0 <= takes <= there for takes, there in zip(size, room, strict=True)):
+            raise ValueError(f"item {at} of size {size} does not fit into a bin of {room}")
+    if not items:
+        return PackedSizes(bins=(), used=0, bound=0)
+    problem = _problem(items, room, len(items))
+    bound = least_bins(items, room)
+    start = quick_packing(cheapest(problem), bound, max(4, min(_TRIES, 1_500 // len(items))))
+    assert start is not None, "a bin an item is enough"
+    if len(start) == bound:
+        return _told(assignment_of(cheapest(problem), start), bound)
+    if len(items) <= EXACT_UP_TO:
+        found = solve(_problem(items, room, len(start)))
+        assert isinstance(found, Packed), "so many bins are enough"
+        return _told(found.hosts, max(bound, found.cost.bound))
+    if len(items) <= RELAXED_UP_TO:
+        relaxed = relax(cheapest(_problem(items, room, len(start))), start, len(start), len(start), _EFFORT)
+        bound = max(bound, relaxed.bound if relaxed is not None else 0)
+    return _told(assignment_of(cheapest(problem), start), bound)
+
+
+def _sizes(one: int | Sequence[int]) -> Sizes:
+    return (one,) if isinstance(one, int) else tuple(one)
+
+
+def _problem(items: Sequence[Sizes], room: Sizes, bins: int) -> Problem:
+    return Problem(
+        sizes=(tuple(items),) * bins,
+        rooms=(room,) * bins,
+        opening=(1,) * bins,
+        costs=((0,) * len(items),) * bins,
+        now=(None,) * len(items),
+    )
+
+
+def _told(where: Sequence[int], bound: int) -> PackedSizes:
+    numbers = {bin_: at for at, bin_ in enumerate(dict.fromkeys(where))}
+    return PackedSizes(bins=tuple(numbers[one] for one in where), used=len(numbers), bound=bound)
+
+
+def least_bins(items: Sequence[Sizes], room: Sizes) -> int:
+    """What no packing can be below, dimension by dimension."""
+    bounds = [1]
+    for d, capacity in enumerate(room):
+        if not capacity:
+            continue
+        column = [size[d] for size in items]
+        bounds.append(-(-sum(column) // capacity))
+        # Fekete and Schepers' u(k), and sizes above a threshold filling a bin while those below it vanish.
+        for k in range(1, 20):
+            whole = sum(_rounded(size, capacity, k) for size in column)
+            bounds.append(-(-whole // (k * capacity)))
+        for threshold in sorted({size for size in column if 2 * size <= capacity}):
+            whole = sum(_above(size, capacity, threshold) for size in column)
+            bounds.append(-(-whole // capacity))
+    return max(bounds)
+
+
+def _rounded(size: int, capacity: int, k: int) -> int:
+    """The size, in k-ths of itself: what is no whole part of k + 1 in a bin is rounded down to one in k."""
+    parts = (k + 1) * size
+    return size * k if parts % capacity == 0 else parts // capacity * capacity
+
+
+def _above(size: int, capacity: int, threshold: int) -> int:
+    if size > capacity - threshold:
+        return capacity
+    return size if size >= threshold else 0
