@@ -38,29 +38,28 @@ def groups_of(system: System) -> tuple[Group, ...]:
     """
     inside = {name: one for name, one in system.components.items() if one.runs_on is RunsOn.PARTITION}
     spoken_for: set[str] = set()
+    ranks, headroom = ranks_of(inside.values()), system.policy.headroom
+
+    def group(name: str, members: list[Component], wish: PartitionWish) -> Group:
+        ordered = most_critical_first(members)
+        return Group(name=name, members=ordered, wish=wish, headroom=headroom, rank=ranks[ordered[0].criticality])
+
     groups = []
     for wish in system.partitions.values():
         members = [inside[name] for name in wish.components if name in inside]
         spoken_for.update(wish.components)
         if members:
-            groups.append(_group(wish.name, members, wish, system))
+            groups.append(group(wish.name, members, wish))
     free = {name: one for name, one in inside.items() if name not in spoken_for}
     for together in _together(free):
         name = most_critical_first(together)[0].name
-        groups.append(_group(name, together, PartitionWish(name=name, components=()), system))
+        groups.append(group(name, together, PartitionWish(name=name, components=())))
     return tuple(sorted(groups, key=lambda one: one.name))
 
 
 def most_critical_first(components: Iterable[Component]) -> tuple[Component, ...]:
     """By criticality, ties by name."""
     return tuple(sorted(components, key=lambda one: (-one.criticality, one.name)))
-
-
-def _group(name: str, members: list[Component], wish: PartitionWish, system: System) -> Group:
-    ordered = most_critical_first(members)
-    inside = (one for one in system.components.values() if one.runs_on is RunsOn.PARTITION)
-    rank = ranks_of(inside)[ordered[0].criticality]
-    return Group(name=name, members=ordered, wish=wish, headroom=system.policy.headroom, rank=rank)
 
 
 def _together(free: dict[str, Component]) -> Iterator[list[Component]]:
