@@ -1,7 +1,6 @@
 """Every example in manifests/ is what it shows: valid, canonical, and runnable where it says that it runs."""
 
 import json
-import shutil
 import subprocess
 import sys
 from datetime import date
@@ -28,6 +27,7 @@ from rarms_iac.model.state import RunState
 from rarms_iac.model.system import Measured
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.storage.shipped import shipped
+from tests.files import copy_files
 from tests.measuring import leave_logs
 
 MANIFESTS = shipped("manifests")
@@ -164,7 +164,7 @@ def test_an_example_is_planned_and_applied_and_then_nothing_is_left_to_do(
 def measured_example(example: str, folder: Path) -> None:
     """Data logs of the example below the folder, as `rarms measure` leaves them beside it."""
     if example in MEASURED:
-        shutil.copytree(MANIFESTS / example, folder, dirs_exist_ok=True)
+        copy_files(MANIFESTS / example, folder)
         leave_logs(folder, MEASURED[example])
 
 

@@ -4,10 +4,10 @@ import json
 from collections.abc import Iterator
 from contextlib import chdir
 from pathlib import Path
-from shutil import copytree
 
 import pytest
 
+from tests.files import copy_files
 from tests.unit.cli.running import rarms
 
 MANIFEST = """\
@@ -60,7 +60,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def here(measured: Path, tmp_path: Path) -> Iterator[Path]:
     """A copy of that folder, which is where we are."""
-    copytree(measured, tmp_path / "robot")
+    copy_files(measured, tmp_path / "robot")
     with chdir(tmp_path / "robot"):
         yield tmp_path / "robot"
 
