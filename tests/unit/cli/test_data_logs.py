@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from shlex import quote
 
 import pytest
 
@@ -65,7 +66,7 @@ def test_without_a_log_a_plan_says_which_command_makes_it(here: Path) -> None:
     assert answer.code == 4
     assert "error[RARMS100]" in answer.err
     assert "measurements/two-core/vision/busy-loop.jsonl" in answer.err
-    assert f"`rarms measure vision -f {here}`" in " ".join(answer.err.split())
+    assert f"`rarms measure vision -f {quote(str(here))}`" in " ".join(answer.err.split())
 
 
 def test_a_plan_takes_the_reserve_out_of_the_log(here: Path) -> None:
