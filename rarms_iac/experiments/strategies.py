@@ -128,7 +128,10 @@ class Verifying:
             return NotResolved(says=NOTHING_FOR_SURE)
         if found.interpolated and any(one.reserve == found.reserve for one in settings):
             return NotResolved(says=f"{found.reserve} % was measured, and its samples give no estimate")
-        if found.interpolated and found.reserve <= self.most:
+        if found.interpolated and found.reserve > self.most:
+            left = f"the host has {self.most} % left for P1: what runs there is in the way"
+            return NotResolved(says=f"{found.reserve} % was looked up, and {left}")
+        if found.interpolated:
             return Measure(reserve=found.reserve)
         failed = max((one.reserve for one in settings if one.reserve < found.reserve), default=None)
         one_sided = max(curve.error for curve, _ in curves) / 2

@@ -220,6 +220,15 @@ def test_verifying_measures_what_lies_between_settings(bench: Bench) -> None:
     assert 47 <= ended.conclusion.reserve <= 50
 
 
+def test_verifying_says_when_the_host_has_too_little_left(bench: Bench) -> None:
+    bench.measure(Sweeping(reserves=(40, 60)))
+    ended = bench.measure(Verifying(experiment=bench.experiment, most=20))
+
+    assert isinstance(ended.conclusion, NotResolved)
+    assert "20 % left" in ended.conclusion.says
+    assert ended.new == 0
+
+
 def agreeing(bench: Bench) -> Agreeing:
     return Agreeing(search=bench.search("default"), verifying=Verifying(experiment=bench.experiment, most=100))
 
