@@ -25,8 +25,10 @@ def _told(probe: Any) -> Any:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_recorded_host_comes_out_as_it_went_in(name: str) -> None:
     recorded = document(name)
+    seen = document_of(host_from(recorded))
 
-    assert told(document_of(host_from(recorded))) == told(recorded)
+    # Recordings of an older observe.ps1 lack its later probes; whatever they do have must come out.
+    assert told({probe: seen[probe] for probe in recorded}) == told(recorded)
 
 
 @pytest.mark.parametrize("name", NAMES)
