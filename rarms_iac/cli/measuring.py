@@ -164,7 +164,7 @@ def _strategy(hosts: Hosts, experiment: Experiment, options: MeasureOptions, top
         Halted: a search, and no threshold (4).
     """
     if options.reserves:
-        return Sweeping(reserves=tuple(one for one in options.reserves if one <= top) or (top,))
+        return Sweeping(reserves=options.reserves)
     for one in experiment.members:
         if not one.apt:
             place = hosts.opened.loaded.places.key("components", one.name)

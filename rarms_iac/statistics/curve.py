@@ -72,7 +72,7 @@ def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run, 
             if isinstance(found, Estimate):
                 measured.setdefault(setting.reserve, []).append(found)
     reserves = sorted(measured)
-    estimates = tuple(_together(measured[reserve]) for reserve in reserves)
+    estimates = tuple(_together(measured[reserve], index) for reserve in reserves)
     return Curve(
         component=component, index=index, error=error, points=_monotone(reserves, estimates, index), estimates=estimates
     )
@@ -132,10 +132,12 @@ def _steady_estimate(series: Series, index: str, run: Run, error: float) -> Esti
     return found
 
 
-def _together(estimates: Sequence[Estimate]) -> Estimate:
+def _together(estimates: Sequence[Estimate], index: str) -> Estimate:
     """Repeated settings as one: means weighted by samples; the band narrows as its samples grow."""
     if len(estimates) == 1:
         return estimates[0]
+    if estimates[0].beyond is not None:  # of an extreme nothing is averaged: what was seen once was seen
+        return (min if index == "minimum_response_time" else max)(estimates, key=lambda one: one.value)
     total = sum(one.effective_samples for one in estimates)
     parts = [one.effective_samples / total for one in estimates]
     value = sum(part * one.value for part, one in zip(parts, estimates, strict=True))

@@ -121,7 +121,8 @@ def decide(
     """
     share = _done(series, run)
     if share >= 1.0:
-        return judge(series, apt, run, error=error * (1.0 - _LAST_EARLY_LOOK), tolerance=tolerance)
+        last = judge(series, apt, run, error=error * (1.0 - _LAST_EARLY_LOOK), tolerance=tolerance)
+        return replace(last, error=error) if isinstance(last, Met | Missed) else last
     if values.failed(series) > run.failures:
         return TooManyFailures(failed=values.failed(series), allowed=run.failures)
     if share > _LAST_EARLY_LOOK or len(series.samples) < FIRST_LOOK:

@@ -17,7 +17,7 @@ def test_libreoffice_opens_every_sheet_and_its_numbers_are_numbers(tmp_path: Pat
     system = a_robot()
     report = report_of(system, the_logs(system))
     (tmp_path / "measured.xlsx").write_bytes(workbook(report))
-    every_sheet = "csv:Text - txt - csv (StarCalc):44,34,76,1,,0,false,true,false,false,false,-1"
+    every_sheet = "csv:Text - txt - csv (StarCalc):44,34,76,1,,0,true,true,false,false,false,-1"
     words = ["soffice", f"-env:UserInstallation={(tmp_path / 'profile').as_uri()}", "--headless", "--convert-to"]
 
     done = subprocess.run(
@@ -31,7 +31,8 @@ def test_libreoffice_opens_every_sheet_and_its_numbers_are_numbers(tmp_path: Pat
     sheets = {path.stem.removeprefix("measured-") for path in tmp_path.glob("measured-*.csv")}
     assert sheets == {"summary", "face-detection", "speech-recognition", "path-planning", "settings"}
     with (tmp_path / "measured-face-detection.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.reader(file))
+        quoted = csv.reader(file, quoting=csv.QUOTE_NONNUMERIC)  # texts are quoted, and stay texts
+        rows: list[list[object]] = [list(row) for row in quoted]
     shown = report.measurements[0].indexes[0].rows
-    assert [int(row[0]) for row in rows[2:93]] == [row.reserve for row in shown]
-    assert [float(row[1]) for row in rows[2:93]] == pytest.approx([row.value for row in shown], rel=1e-9)
+    assert [row[0] for row in rows[2:93]] == [row.reserve for row in shown]
+    assert [row[1] for row in rows[2:93]] == pytest.approx([row.value for row in shown], rel=1e-9)

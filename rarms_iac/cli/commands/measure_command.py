@@ -52,7 +52,11 @@ USUAL_STEP = 10
 @click.option("--samples", type=click.IntRange(min=2), help="So many a setting. [default: as `run.until` says]")
 @click.option("--verify", is_flag=True, help="Measure the reservation that the curve gives between two settings.")
 @click.option("--seed", type=click.IntRange(min=1), help="Draw chance from here; only its own settings count.")
-@click.option("--again", is_flag=True, help="Measure all of it once more, beside what is recorded.")
+@click.option(
+    "--again",
+    is_flag=True,
+    help="Measure all of it once more, beside what is recorded; interrupted, go on with --seed.",
+)
 @click.option("--interactive", is_flag=True, help="After each component, ask for the level that is good enough.")
 @click.option("--on-busy-host", is_flag=True, help="Measure although something else runs; the data log says so.")
 @time_option("--lock-timeout", "0 s", "Wait so long for a host that another run holds: 60s. [default: do not wait]")
@@ -110,7 +114,9 @@ def command(
     tell(session.terminal, done.findings, opened.loaded.sources)
     session.terminal.data(measure_json(done.results, done.findings) if as_json else summary_text(done.results))
     if done.stopped:
-        session.terminal.talk("Stopped. What is recorded stays: the same command goes on.")
+        # NOTE: the same --again would begin once more, with the seed after this one.
+        how = "with --seed and the log's last seed instead of --again, it" if again else "the same command"
+        session.terminal.talk(f"Stopped. What is recorded stays: {how} goes on.")
         return session.interrupts.asked or ExitCode.INTERRUPTED
     return ExitCode.NO if has_errors(done.findings) else ExitCode.DONE
 

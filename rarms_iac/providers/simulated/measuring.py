@@ -7,25 +7,12 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import assert_never
 
 from rarms_iac.diff.readings import resolve
 from rarms_iac.model.measurement import Bench, Sample, run_of
 from rarms_iac.model.plan import Scope
-from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.state import RegistryValue, State, ValueKind
-from rarms_iac.model.system import (
-    Browser,
-    BusyLoop,
-    CommandLoad,
-    Component,
-    Elapsed,
-    Host,
-    Interference,
-    Periodic,
-    SampleCount,
-    TaskCategory,
-)
+from rarms_iac.model.system import Component, Elapsed, Host, SampleCount, TaskCategory
 from rarms_iac.planner.classes import thread_priority
 from rarms_iac.providers.interface import Refused
 from rarms_iac.providers.measuring import Inside, Work
@@ -33,6 +20,7 @@ from rarms_iac.providers.simulated.content import Content, Machine
 from rarms_iac.providers.simulated.parse import description
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.providers.simulated.scheduling import values as model
+from rarms_iac.providers.simulated.scheduling.demands import NoDemand, demand_of, load_of
 from rarms_iac.storage.replace import remove_leftovers
 
 PROCESSOR = "simulated"
@@ -89,7 +77,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
 
     def _machine(self, content: Content, inside: Inside, application: str) -> model.VirtualMachine:
         """One operating system of the work, with what the host's file says of its partition."""
-        loads = () if inside.load is None else (self._load(inside.load),)
+        loads = () if inside.load is None else (load_of(inside.load),)
         if not inside.partition:
             return model.VirtualMachine(
                 name=self.name,
@@ -118,35 +106,14 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         return tuple(_partition(one, f"idle {one.id}") for one in sorted(others, key=lambda one: one.id))
 
     def _demand(self, component: Component, content: Content, machine: str) -> model.Demand:
-        simulation, run = component.simulation, run_of(component)
-        if simulation is None:
+        try:
+            return demand_of(component, _priority(component.task, content, machine))
+        except NoDemand:
             raise Refused(
                 self.name,
                 f"{component.name} does not say what it demands on a simulated host",
                 "give it a `simulation`, or measure on a host that runs real components",
-            )
-        within = simulation.success_within
-        return model.Demand(
-            component=component.name,
-            work_ms=float(simulation.work),
-            blocked_ms=float(simulation.blocked),
-            varies=float(simulation.varies),
-            threads=simulation.threads,
-            arrival=_arrival(run.arrival.period if isinstance(run.arrival, Periodic) else None),
-            success_within_ms=None if within is None else float(within),
-            priority=_priority(component.task, content, machine),
-        )
-
-    def _load(self, load: Interference) -> model.Load:
-        match load:
-            case BusyLoop(threads=threads):
-                return model.BusyLoops(threads=threads)
-            case Browser(instances=instances):
-                return model.Browsers(instances=instances)
-            case CommandLoad(instances=instances):
-                return model.Programs(instances=instances)
-            case _:
-                assert_never(load)
+            ) from None
 
 
 @dataclass(slots=True, kw_only=True)
@@ -195,10 +162,6 @@ def _partition(
         components=components,
         loads=loads,
     )
-
-
-def _arrival(period: Milliseconds | None) -> model.Arrival:
-    return model.OneAfterAnother() if period is None else model.Every(period_ms=float(period))
 
 
 def _sample(job: model.JobDone, timeout: float) -> Sample:

@@ -112,6 +112,7 @@ def test_the_papers_walk_wants_the_host_to_itself(here: Path) -> None:
     assert refused(rarms("measure", "--strategy", "paper")) == (3, "RARMS116")
     assert max(reserves(measured("--from", "50%", "--to", "90%", "--step", "40%"))) == 90
     assert refused(rarms("measure", "--from", "50%")) == (4, "RARMS117")
+    assert refused(rarms("measure", "--from", "50%", "--to", "100%", "--step", "50%")) == (4, "RARMS117")
 
 
 def refused(ran: Ran) -> tuple[int, str]:
@@ -134,6 +135,8 @@ def test_again_is_beside_what_was_measured(here: Path) -> None:
     assert again["new_settings"] == 2
     lines = (here / "measurements" / "onboard" / "vision" / "busy-loop.jsonl").read_text(encoding="utf-8").splitlines()
     assert [json.loads(line)["seed"] for line in lines[1:]] == [1, 1, 2, 2]
+    longer = measured("--from", "40%", "--to", "60%", "--seed", "2")
+    assert longer["new_settings"] == 1, "an --again that was interrupted goes on with its seed"
 
 
 def test_a_changed_component_begins_its_log_anew(here: Path) -> None:

@@ -55,3 +55,12 @@ def test_a_throughput_is_read_from_below() -> None:
 
     assert least_reserve([(curve, at_least("3.75"))]) == LeastReserve(reserve=31, interpolated=True)
     assert least_reserve([(curve, at_least("5.01"))]) is None
+
+
+def test_a_maximum_that_was_seen_once_is_not_averaged_away_by_measuring_again() -> None:
+    settings = [Setting(reserve=40, series=(a_series([*[90.0] * 60, longest]),)) for longest in (130.0, 100.0)]
+
+    curve = curve_of(settings, "coi", "maximum_response_time", RUN)
+
+    assert [(one.value, one.upper) for one in curve.points] == [(130.0, 130.0)]
+    assert least_reserve([(curve, at_most(120))]) is None

@@ -87,6 +87,15 @@ def test_a_setting_that_is_over_has_a_verdict() -> None:
     assert decide(SERIES, {"mean_response_time": at_most(100)}, RUN) is not None
 
 
+def test_a_verdict_declares_the_error_of_all_looks_together_whichever_gave_it() -> None:
+    early = a_series(noisy(1, 100.0, count=FIRST_LOOK))
+
+    for series in (early, SERIES):
+        verdict = decide(series, {"mean_response_time": at_most(200)}, RUN, error=0.04)
+        assert isinstance(verdict, Met)
+        assert verdict.error == 0.04
+
+
 def test_looks_grow_apart() -> None:
     looks = [next_look(0)]
     while len(looks) < 5:
