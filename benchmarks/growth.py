@@ -12,10 +12,10 @@ from fractions import Fraction
 from benchmarks.timing import Figure, interleaved, median_ratio, report, seconds
 from rarms_iac.apply.prepare import Prepared, Request, prepare
 from rarms_iac.apply.wanted import HostWish, wanted
-from rarms_iac.diff.compare import compare
-from rarms_iac.diff.holding import hold_back
-from rarms_iac.diff.order import Ordered, order
-from rarms_iac.diff.steps import planned
+from rarms_iac.diff.comparing.compare import compare
+from rarms_iac.diff.stepping.holding import hold_back
+from rarms_iac.diff.stepping.order import Ordered, order
+from rarms_iac.diff.stepping.steps import planned
 from rarms_iac.model.diagnostics import Place
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import Plan

@@ -3,10 +3,10 @@
 from dataclasses import dataclass, replace
 
 from rarms_iac.apply.wanted import HostWish, wanted
-from rarms_iac.diff.compare import Difference, compare
-from rarms_iac.diff.holding import Held, hold_back
-from rarms_iac.diff.order import Cycle, Ordered, order
-from rarms_iac.diff.steps import planned
+from rarms_iac.diff.comparing.compare import Difference, compare
+from rarms_iac.diff.stepping.holding import Held, hold_back
+from rarms_iac.diff.stepping.order import Cycle, Ordered, order
+from rarms_iac.diff.stepping.steps import planned
 from rarms_iac.model.layout import Infeasible, Layout
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System

@@ -9,7 +9,7 @@ from rarms_iac.apply.reports import Ending, RunReport, RunReporter
 from rarms_iac.apply.scripted import applying, finishing, run_order
 from rarms_iac.apply.undo import raised, without_rights
 from rarms_iac.apply.walk import ShouldStop, together, walk
-from rarms_iac.diff.moved import part_digests, what_moved
+from rarms_iac.diff.part_digests import part_digests, what_moved
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Closing, Journal, RunKind, RunStarted, ScriptRun
 from rarms_iac.model.plan import HostPlan, Plan

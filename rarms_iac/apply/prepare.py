@@ -15,11 +15,11 @@ from rarms_iac.apply.taking_over import adoption, releasing
 from rarms_iac.apply.targets import targeted, without_change
 from rarms_iac.apply.totals import totals_of
 from rarms_iac.apply.wanted import FIXED, HostWish, Wanted, nothing_wanted, wanted
-from rarms_iac.diff.compare import Difference, compare
-from rarms_iac.diff.holding import hold_back
-from rarms_iac.diff.moved import part_digests
-from rarms_iac.diff.order import Cycle, order
-from rarms_iac.diff.steps import Planned, steps_for
+from rarms_iac.diff.comparing.compare import Difference, compare
+from rarms_iac.diff.part_digests import part_digests
+from rarms_iac.diff.stepping.holding import hold_back
+from rarms_iac.diff.stepping.order import Cycle, order
+from rarms_iac.diff.stepping.steps import Planned, steps_for
 from rarms_iac.model.changes import Address, Adopt, Release
 from rarms_iac.model.diagnostics import Diagnostic, Places, has_errors, in_order
 from rarms_iac.model.layout import Layout

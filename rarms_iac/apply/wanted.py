@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 
 from rarms_iac.apply.threads import threads_of
 from rarms_iac.apply.void import ignored, unproven
-from rarms_iac.diff.compare import Wishes, in_the_way
+from rarms_iac.diff.comparing.partitions import in_the_way
+from rarms_iac.diff.comparing.wishes import Wishes
 from rarms_iac.diff.disks import Judged, judge_disks
 from rarms_iac.diff.disruption import Surroundings
 from rarms_iac.diff.findings import FOREIGN_AT_NAME
-from rarms_iac.diff.order import Room, room_of
+from rarms_iac.diff.stepping.order import Room, room_of
 from rarms_iac.model.capacity import capacity_of, foreign_claims
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, Related

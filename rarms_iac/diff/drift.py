@@ -4,8 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from rarms_iac.diff.responsiveness_steps import ADDRESS as RESPONSIVENESS
-from rarms_iac.model.changes import Address
+from rarms_iac.model.changes import RESPONSIVENESS, Address
 from rarms_iac.model.state import Partition, Responsiveness, StartAction, State, TaskClass
 from rarms_iac.storage.sets import set_of_settings, set_of_values
 

@@ -37,6 +37,9 @@ class Address:
         return "/".join([*parts, *below])
 
 
+RESPONSIVENESS = Address(responsiveness=True)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reason:
     """Why a change is wanted, told to people; no code decides by it."""

@@ -6,9 +6,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from rarms_iac.diff.claims import claim_of
-from rarms_iac.diff.compare import compare
+from rarms_iac.diff.comparing.compare import compare
 from rarms_iac.diff.drift import DriftKind, drift
-from rarms_iac.diff.order import Ordered, Room
+from rarms_iac.diff.stepping.order import Ordered, Room
 from rarms_iac.model.capacity import foreign_claims, load_of, packs
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import Step, UndoLevel

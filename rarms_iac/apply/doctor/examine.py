@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from rarms_iac.apply.doctor.checks import CHECKS
 from rarms_iac.apply.doctor.examination import Examination
-from rarms_iac.diff.compare import foreign_marks
+from rarms_iac.diff.comparing.partitions import foreign_marks
 from rarms_iac.model.diagnostics import Diagnostic, in_order
 
 

@@ -1,7 +1,7 @@
 from dataclasses import replace
 
 from rarms_iac.diff.drift import DriftKind, drift
-from rarms_iac.diff.moved import part_digests, what_moved
+from rarms_iac.diff.part_digests import part_digests, what_moved
 from rarms_iac.model.changes import Address, Create, Delete, Update
 from rarms_iac.model.operations import EraseResponsiveness, WriteResponsiveness, WriteResponsivenessRecord
 from rarms_iac.model.state import RegistryValue, Responsiveness, State, TaskRecord, ValueKind

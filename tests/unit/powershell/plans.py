@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from rarms_iac.diff.disruption import Surroundings
-from rarms_iac.diff.steps import steps_for
+from rarms_iac.diff.stepping.steps import steps_for
 from rarms_iac.model.changes import Adopt, Change, Release
 from rarms_iac.model.layout import Making
 from rarms_iac.model.plan import HostPlan, Plan

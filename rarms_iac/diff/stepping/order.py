@@ -6,9 +6,9 @@ from dataclasses import dataclass, field, replace
 from rarms_iac.diff import findings
 from rarms_iac.diff.claims import claim_of, grows, within
 from rarms_iac.diff.disruption import grace_ms
-from rarms_iac.diff.exchange import mark_moves
-from rarms_iac.diff.partition_steps import pause_steps
-from rarms_iac.diff.steps import Planned
+from rarms_iac.diff.stepping.exchange import mark_moves
+from rarms_iac.diff.stepping.pause import pause_steps
+from rarms_iac.diff.stepping.steps import Planned
 from rarms_iac.model.capacity import Capacity, Load, fits, load_of, packs
 from rarms_iac.model.changes import Change, Create, Delete, Update
 from rarms_iac.model.diagnostics import Diagnostic

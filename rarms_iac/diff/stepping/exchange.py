@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from rarms_iac.diff.partition_steps import moved
-from rarms_iac.diff.steps import Planned
+from rarms_iac.diff.stepping.partitions import moved
+from rarms_iac.diff.stepping.steps import Planned
 from rarms_iac.model.changes import Update
 from rarms_iac.model.moves import BETWEEN
 from rarms_iac.model.operations import WriteMark

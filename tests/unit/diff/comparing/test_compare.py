@@ -1,6 +1,7 @@
 from dataclasses import replace
 
-from rarms_iac.diff.compare import Difference, Wishes, compare
+from rarms_iac.diff.comparing.compare import Difference, compare
+from rarms_iac.diff.comparing.wishes import Wishes
 from rarms_iac.diff.disruption import Surroundings
 from rarms_iac.model.changes import Create, Delete, Update
 from rarms_iac.model.state import Partition, RegistryValue, RunState, State, TaskClass, TaskRecord, ValueKind

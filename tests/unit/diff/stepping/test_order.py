@@ -1,9 +1,9 @@
 from dataclasses import replace
 from fractions import Fraction
 
-from rarms_iac.diff.holding import hold_back
-from rarms_iac.diff.order import Cycle, Ordered, Room, order
-from rarms_iac.diff.steps import Planned
+from rarms_iac.diff.stepping.holding import hold_back
+from rarms_iac.diff.stepping.order import Cycle, Ordered, Room, order
+from rarms_iac.diff.stepping.steps import Planned
 from rarms_iac.model.capacity import Capacity
 from rarms_iac.model.changes import Address, Reason, Update
 from rarms_iac.model.operations import SetCpu, SetMemory, StartPartition, StopPartition

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 from rarms_iac.diff.readings import record_readings, values_readings
-from rarms_iac.diff.task_steps import registry_step
-from rarms_iac.model.changes import Address, Reason
+from rarms_iac.diff.stepping.tasks import registry_step
+from rarms_iac.model.changes import RESPONSIVENESS, Reason
 from rarms_iac.model.operations import (
     EraseResponsiveness,
     EraseResponsivenessRecord,
@@ -15,8 +15,6 @@ from rarms_iac.model.operations import (
 from rarms_iac.model.plan import Step
 from rarms_iac.model.responsiveness import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.state import RegistryValue, Responsiveness, TaskRecord
-
-ADDRESS = Address(responsiveness=True)
 
 
 def write_responsiveness(before: Responsiveness | None, after: Responsiveness, reason: Reason) -> Iterator[Step]:
@@ -46,7 +44,7 @@ def _record_step(old: TaskRecord | None, new: TaskRecord | None, reason: Reason)
         return EraseResponsivenessRecord(application=other.application)
 
     return registry_step(
-        ADDRESS,
+        RESPONSIVENESS,
         keep(new, old),
         keep(old, new),
         record_readings(old),
@@ -66,7 +64,7 @@ def _value_step(old: RegistryValue | None, new: RegistryValue | None, reason: Re
     else:
         title = f"set SystemResponsiveness {new.data}" if old is None else f"set {old.data} -> {new.data}"
     return registry_step(
-        ADDRESS,
+        RESPONSIVENESS,
         write(new),
         write(old),
         values_readings(Responsiveness(value=old).values),

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.diff.moved import part_digests, what_moved
+from rarms_iac.diff.part_digests import part_digests, what_moved
 from rarms_iac.model.state import (
     Checkpoints,
     HostFacts,

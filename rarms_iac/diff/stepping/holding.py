@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from rarms_iac.diff.claims import NO_CLAIM, claim_of, grows
-from rarms_iac.diff.order import Room
+from rarms_iac.diff.stepping.order import Room
 from rarms_iac.model.capacity import fits
 from rarms_iac.model.changes import Change, Create, Delete, Update
 from rarms_iac.model.plan import Claim, HeldBack

@@ -5,15 +5,15 @@ from dataclasses import dataclass
 from typing import assert_never
 
 from rarms_iac.diff.disruption import Surroundings
-from rarms_iac.diff.partition_steps import (
+from rarms_iac.diff.stepping.partitions import (
     create_partition,
     remove_partition,
     take_in,
     take_out,
     update_partition,
 )
-from rarms_iac.diff.responsiveness_steps import remove_responsiveness, write_responsiveness
-from rarms_iac.diff.task_steps import remove_task, write_task
+from rarms_iac.diff.stepping.responsiveness import remove_responsiveness, write_responsiveness
+from rarms_iac.diff.stepping.tasks import remove_task, write_task
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Update
 from rarms_iac.model.plan import Step
 from rarms_iac.model.state import Partition, Responsiveness, TaskClass

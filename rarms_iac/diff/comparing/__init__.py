@@ -1,0 +1,1 @@
+"""Two states of a host to what has to change: partitions, task classes, SystemResponsiveness."""

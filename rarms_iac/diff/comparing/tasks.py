@@ -1,0 +1,107 @@
+"""The changes of task classes, and the classes of others that stand in their way."""
+
+from rarms_iac.diff import findings
+from rarms_iac.diff.comparing.wishes import Found, Wishes
+from rarms_iac.diff.disruption import disruption_of_task
+from rarms_iac.diff.ours import Ours
+from rarms_iac.model.changes import Address, Create, Delete, Reason, Update
+from rarms_iac.model.diagnostics import Diagnostic, Place
+from rarms_iac.model.names import is_shipped_task
+from rarms_iac.model.state import State, TaskClass
+
+
+def task_changes(desired: State, ours: Ours, observed: State, application: str, wishes: Wishes) -> Found:
+    """Task classes of the host and of the guests that are ours; what lies in other guests is not looked at."""
+    found = Found()
+    wanted = {(one.inside, one.name.lower()): one for one in desired.tasks}
+    kept = {one.settings.name for one in desired.partitions} - wishes.unused
+    machines = {one.id for one in ours.machines.values()}
+    there = {
+        (ours.new_names.get(one.inside, one.inside), one.name.lower()): one
+        for one in observed.tasks
+        if not one.inside or (one.inside in ours.new_names and (not one.machine or one.machine in machines))
+    }
+    for key in sorted({*wanted, *there}):
+        # A partition that goes takes its classes along; one that is merely kept is left as it is inside.
+        if key[0] and key[0] not in ours.machines and key in wanted and is_shipped_task(key[1]):
+            found.findings.append(_guest_first(wanted[key], wishes))
+        elif not key[0] or key[0] in kept:
+            _one_task(found, there.get(key), wanted.get(key), application, wishes, inside=key[0])
+    return found
+
+
+def _one_task(
+    found: Found,
+    before: TaskClass | None,
+    after: TaskClass | None,
+    application: str,
+    wishes: Wishes,
+    *,
+    inside: str,
+) -> None:
+    record = before.record if before else None
+    is_ours = record is not None and record.application == application
+    if after is None:
+        if before is not None and is_ours:
+            found.changes.append(
+                Delete(
+                    address=_task_address(inside, before),
+                    before=before,
+                    reason=Reason(says="no component here names it any more"),
+                    disruption=disruption_of_task(inside),
+                )
+            )
+        return
+    address = _task_address(inside, after, before)
+    place = wishes.where(address)
+    if before is None or (not before.values and record is None):
+        found.changes.append(
+            Create(
+                address=address,
+                after=after,
+                reason=Reason(says="a component names it", place=place),
+                disruption=disruption_of_task(inside),
+            )
+        )
+    elif not is_ours and not (record is None and before.name.lower() in wishes.replaceable):
+        found.findings.append(_foreign_task(address, before, place))
+    elif is_ours and dict(before.values) == dict(after.values) and after.record == record:
+        found.unchanged += 1
+    else:
+        found.changes.append(
+            Update(
+                address=address,
+                before=before,
+                after=after,
+                reason=Reason(says="its values differ" if is_ours else "the manifest replaces it", place=place),
+                disruption=disruption_of_task(inside),
+            )
+        )
+
+
+def _task_address(inside: str, task: TaskClass, there: TaskClass | None = None) -> Address:
+    return Address(partition=inside, task=task.name, machine=(there or task).machine)
+
+
+def _guest_first(task: TaskClass, wishes: Wishes) -> Diagnostic:
+    # What a guest ships with is kept, to be brought back; a guest that is not made yet cannot be read.
+    address = Address(partition=task.inside, task=task.name)
+    return findings.GUEST_FIRST.at(
+        wishes.where(address),
+        f"{task.inside} is made by this plan, and what {task.name} is there can only be read afterwards.",
+        "Apply this plan, then plan again: the next plan replaces the class.",
+        address=str(address),
+    )
+
+
+def _foreign_task(address: Address, before: TaskClass, place: Place | None) -> Diagnostic:
+    if before.record is not None:
+        says, advice = f"application {before.record.application!r} wrote it", "Name another class in one of the two."
+    elif is_shipped_task(before.name):
+        says, advice = "Windows ships it", f"Say `tasks.{before.name}.replace_shipped: true` if that is meant."
+    else:
+        says = "it was there before and carries no record of rarms"
+        advice = "Name another class, or remove this one by hand if nothing else uses it."
+    return findings.FOREIGN_TASK.at(
+        place, f"Task class {before.name!r} is wanted, but {says}.", advice, address=str(address)
+    )

@@ -1,0 +1,1 @@
+"""Changes to guarded steps, in an order in which the host never promises too much."""
