@@ -1,0 +1,176 @@
+"""The bounds of the periodic resource model against schedules that are simulated tick by tick."""
+
+import random
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import ceil, lcm
+
+import pytest
+
+from rarms_iac.planner.prediction.periodic import (
+    Meets,
+    Resource,
+    Task,
+    demanded,
+    least_budget,
+    meets_by_deadline,
+    meets_by_priority,
+    supplied,
+    supplied_after,
+)
+from tests.effort import examples
+
+SETS = 200  # random sets a policy; 10,000 in the long run
+PERIODS = (3, 4, 5, 6, 8, 10, 12, 15, 20, 24, 30)  # that repeat together after 120 ticks
+
+Supply = Callable[[int], bool]
+"""Whether this tick is given."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Job:
+    rank: int  # of its task: 0 is the highest priority
+    due: int
+    left: int
+
+
+Order = Callable[[Job], tuple[int, int]]
+
+
+def by_deadline(job: Job) -> tuple[int, int]:
+    return job.due, job.rank
+
+
+def by_priority(job: Job) -> tuple[int, int]:
+    return job.rank, job.due
+
+
+def misses(tasks: Sequence[Task], supply: Supply, order: Order, first: Sequence[int], until: int) -> bool:
+    """Whether a job is late when task k releases its jobs from `first[k]` on, period by period."""
+    ready: list[Job] = []
+    for tick in range(until):
+        for rank, (task, begins) in enumerate(zip(tasks, first, strict=True)):
+            if tick >= begins and (tick - begins) % task.period == 0:
+                ready.append(Job(rank=rank, due=tick + task.deadline, left=task.work))
+        if any(one.due <= tick for one in ready):
+            return True
+        if ready and supply(tick):
+            runs = min(ready, key=order)
+            runs.left -= 1
+            if not runs.left:
+                ready.remove(runs)
+    return any(one.due <= until for one in ready)
+
+
+def at_worst(resource: Resource) -> Supply:
+    """The last budget was given at once, and from now on each comes as late as it can."""
+    gap = resource.period - resource.budget
+
+    def given(tick: int) -> bool:
+        return tick >= gap and (tick - gap) % resource.period >= gap
+
+    return given
+
+
+def at_random(resource: Resource, chance: random.Random) -> Supply:
+    """In every period some of its ticks."""
+    kept: dict[int, set[int]] = {}
+
+    def given(tick: int) -> bool:
+        period, at = divmod(tick, resource.period)
+        if period not in kept:
+            kept[period] = set(chance.sample(range(resource.period), resource.budget))
+        return at in kept[period]
+
+    return given
+
+
+def a_case(chance: random.Random, *, longer: bool) -> tuple[list[Task], Resource]:
+    """Up to four tasks and a resource of about the rate that they need; `longer`: deadlines beyond periods, too."""
+    tasks = []
+    for _ in range(chance.randint(1, 4)):
+        period = chance.choice(PERIODS)
+        deadline = chance.randint(max(1, period // 2), period * 2 if longer and chance.random() < 0.3 else period)
+        tasks.append(Task(work=chance.randint(1, max(1, period // 4)), period=period, deadline=deadline))
+    period = chance.choice((2, 3, 4, 5, 6, 8, 10))
+    rate = float(sum(one.rate for one in tasks))
+    budget = min(period, max(1, round(period * min(1.0, rate * chance.uniform(0.95, 2.2)))))
+    return tasks, Resource(budget=budget, period=period)
+
+
+def until(tasks: Sequence[Task], resource: Resource) -> int:
+    """Twice the time after which all repeats, and the last deadlines; where too much is asked, until that shows."""
+    again = lcm(resource.period, *(one.period for one in tasks))
+    whole = 2 * again + 2 * resource.period + max(one.deadline for one in tasks)
+    beyond = sum(one.rate for one in tasks) - resource.rate
+    late = sum(one.rate * one.deadline for one in tasks) / beyond if beyond > 0 else 0
+    return max(whole, ceil(late) + max(one.deadline for one in tasks))
+
+
+POLICIES = [
+    pytest.param(meets_by_deadline, by_deadline, True, id="earliest deadline first"),
+    pytest.param(meets_by_priority, by_priority, False, id="fixed priorities"),
+]
+
+
+@pytest.mark.parametrize(("meets", "order", "longer"), POLICIES)
+def test_the_bounds_say_what_the_schedule_at_worst_does(meets: Meets, order: Order, *, longer: bool) -> None:
+    chance, said = random.Random("periodic"), {True: 0, False: 0}
+    for _ in range(examples(SETS)):
+        tasks, resource = a_case(chance, longer=longer)
+        if not longer:
+            tasks.sort(key=lambda one: one.deadline)
+        found = meets(tasks, resource)
+        said[found] += 1
+        late = misses(tasks, at_worst(resource), order, [0] * len(tasks), until(tasks, resource))
+        assert found is not late, f"{tasks} on {resource}"
+    assert min(said.values()) > examples(SETS) // 10, "both answers are common"
+
+
+@pytest.mark.parametrize(("meets", "order", "longer"), POLICIES)
+def test_what_holds_at_worst_holds_whenever_the_budget_comes(meets: Meets, order: Order, *, longer: bool) -> None:
+    chance, held = random.Random("any supply"), 0
+    for _ in range(examples(SETS)):
+        tasks, resource = a_case(chance, longer=longer)
+        first = [chance.randrange(one.period) for one in tasks]
+        if meets(tasks, resource):
+            held += 1
+            assert not misses(tasks, at_random(resource, chance), order, first, until(tasks, resource))
+    assert held
+
+
+def test_the_supply_bound_is_the_least_that_the_worst_supply_brings() -> None:
+    for period in range(1, 8):
+        for budget in range(1, period + 1):
+            resource = Resource(budget=budget, period=period)
+            given, brought = at_worst(resource), 0
+            for tick in range(5 * period):
+                assert supplied(resource, tick) == brought
+                brought += given(tick)
+                if given(tick):
+                    assert supplied_after(resource, brought) == tick + 1
+
+
+def test_the_demand_bound_counts_jobs_that_come_and_are_due() -> None:
+    tasks = [Task(work=2, period=5, deadline=3), Task(work=1, period=4, deadline=6)]
+
+    assert [demanded(tasks, ticks) for ticks in (2, 3, 6, 8, 10)] == [0, 2, 3, 5, 6]
+
+
+def test_the_least_budget_does_and_one_less_does_not() -> None:
+    tasks = [Task(work=2, period=20, deadline=15), Task(work=5, period=30, deadline=30)]
+    found = least_budget(tasks, 10, meets_by_deadline)
+
+    assert found is not None
+    assert meets_by_deadline(tasks, Resource(budget=found, period=10))
+    assert not meets_by_deadline(tasks, Resource(budget=found - 1, period=10))
+    assert least_budget([Task(work=5, period=5, deadline=4)], 10, meets_by_deadline) is None
+
+
+def test_who_may_answer_late_is_not_judged_by_priority() -> None:
+    with pytest.raises(ValueError, match="at most periods"):
+        meets_by_priority([Task(work=1, period=5, deadline=6)], Resource(budget=1, period=1))
+
+
+def test_nothing_to_run_needs_nothing() -> None:
+    assert least_budget([], 10, meets_by_deadline) == 0
