@@ -1,16 +1,21 @@
 """Proving from the command line: what is applied is found on the hosts, run, and told beside its thresholds."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
+from typing import assert_never
 
 from rarms_iac import __version__
+from rarms_iac.apply.prepare import prepare
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.configuration import now
 from rarms_iac.cli.experiments import refuse_unknown
-from rarms_iac.cli.hosts import Hosts
+from rarms_iac.cli.hosts import Hosts, observe
 from rarms_iac.cli.measuring import held_benches
+from rarms_iac.cli.options import ChangeOptions
+from rarms_iac.cli.planning import Wish, code_of_errors, request_of
 from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.telling import tell
@@ -18,18 +23,19 @@ from rarms_iac.cli.wiring import open_bench
 from rarms_iac.datalog.configuration import Proven, ProvenIndex, append_entry
 from rarms_iac.datalog.paths import configuration_path
 from rarms_iac.experiments import findings
-from rarms_iac.experiments.measured import Shown
-from rarms_iac.experiments.proving import AppliedLayout, Proof, has_room, prove, with_samples
+from rarms_iac.experiments.proving import AppliedLayout, Proof, Tried, has_room, prove, with_samples
 from rarms_iac.experiments.room import room_of
 from rarms_iac.experiments.telling import show_measured, show_threshold
 from rarms_iac.experiments.watching import TooManyFailed
-from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.measurement import Series
 from rarms_iac.model.state import State
-from rarms_iac.model.system import Component, RunsOn
+from rarms_iac.model.system import Component, Disruption, RunsOn
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.providers.measuring import MeasuringHost
-from rarms_iac.views.proved import proof_text, prove_json, sampled
+from rarms_iac.statistics.steadiness import Unsteady
+from rarms_iac.statistics.verdict import Met, Missed, TooFewSamples, TooManyFailures, WithinTheNoise
+from rarms_iac.views.proved import proof_text, prove_json, sampled, verdict_of
 
 USUAL_SEED = 1
 
@@ -45,10 +51,11 @@ class ProveOptions:
 
 
 def prove_layout(session: Session, hosts: Hosts, options: ProveOptions, *, as_json: bool) -> ExitCode:
-    """Run all components where they are applied and tell every PI beside its APT; 4 where one is missed.
+    """Run all components where they are applied and tell every PI beside its APT; 4 where one is not shown to be met.
 
     Raises:
-        Halted: the layout is not on the hosts, or a host is held (3); a host cannot run components (1).
+        Halted: the manifest asks for what is not on the hosts, or a host is held (3); it cannot be planned (4); a
+            host cannot run components (1).
     """
     if options.interference:
         refuse_unknown((options.interference,), hosts.system.interference, "interference")
@@ -56,7 +63,9 @@ def prove_layout(session: Session, hosts: Hosts, options: ProveOptions, *, as_js
     proofs: list[Proof] = []
     with held_benches(session, hosts, names, options.lock_timeout_ms) as benches, session.interrupts.gently():
         states = {name: bench.observe() for name, bench in benches.items()}
-        layouts = applied_layouts(hosts, states)
+        everywhere = {**_seen_elsewhere(hosts, names), **states}
+        layouts = applied_layouts(hosts, states, everywhere)
+        _refuse_what_is_not_applied(hosts, states, everywhere)
         for name, layout in layouts.items():
             answer = _prove(session, hosts, benches[name], states[name], with_samples(layout, options.samples), options)
             if answer is None:
@@ -64,11 +73,13 @@ def prove_layout(session: Session, hosts: Hosts, options: ProveOptions, *, as_js
                 return session.interrupts.asked or ExitCode.INTERRUPTED
             proofs.append(answer)
     _record(hosts, proofs, states)
-    missed = tuple(_missed(hosts, proofs))
-    tell(session.terminal, missed, hosts.opened.loaded.sources)
+    found = tuple(_not_met(hosts, proofs))
+    tell(session.terminal, found, hosts.opened.loaded.sources)
     against = options.interference
-    session.terminal.data(prove_json(proofs, against, missed) if as_json else proof_text(proofs, against))
-    return ExitCode.NO if missed else ExitCode.DONE
+    session.terminal.data(prove_json(proofs, against, found) if as_json else proof_text(proofs, against))
+    if left_out := _left_out(hosts, layouts):
+        session.terminal.talk(f"Not proven, since they are on other hosts: {', '.join(left_out)}.")
+    return ExitCode.NO if found else ExitCode.DONE
 
 
 def _record(hosts: Hosts, proofs: list[Proof], states: Mapping[str, State]) -> None:
@@ -89,25 +100,43 @@ def _record(hosts: Hosts, proofs: list[Proof], states: Mapping[str, State]) -> N
                 partition=where.get(component.name, ""),
                 reserve=reserves.get(where.get(component.name, ""), 0),
                 beside=tuple(one for one in everyone if one != component.name),
-                indexes=tuple(_proven(one) for one in proof.shown if one.component == component.name),
+                indexes=tuple(_proven(one) for one in proof.tried if one.shown.component == component.name),
             )
             platform = hosts.system.hosts[proof.host].platform
             append_entry(configuration_path(Path(hosts.folder), platform, component.name), entry)
 
 
-def _proven(one: Shown) -> ProvenIndex:
-    seen = one.estimate
+def _proven(one: Tried) -> ProvenIndex:
+    seen = one.shown.estimate
     return ProvenIndex(
-        index=one.index,
-        threshold=show_threshold(one.index, one.threshold),
+        index=one.shown.index,
+        threshold=show_threshold(one.shown.index, one.shown.threshold),
         value=seen.value if seen else None,
         lower=seen.lower if seen and isfinite(seen.lower) else None,
         upper=seen.upper if seen and isfinite(seen.upper) else None,
-        met=not one.misses,
+        met=one.met,
+        verdict=verdict_of(one.verdict),
+        error=one.error,
     )
 
 
-def applied_layouts(hosts: Hosts, states: Mapping[str, State]) -> dict[str, AppliedLayout]:
+def _seen_elsewhere(hosts: Hosts, able: tuple[str, ...]) -> dict[str, State]:
+    """What the other hosts look like, as far as they can be reached: partitions that are there are not missing here."""
+    found: dict[str, State] = {}
+    for name in sorted(set(hosts.system.hosts) - set(able)):
+        with suppress(Halted):
+            found[name] = observe(hosts.open(name))
+    return found
+
+
+def _left_out(hosts: Hosts, layouts: Mapping[str, AppliedLayout]) -> tuple[str, ...]:
+    proven = {name for layout in layouts.values() for name in layout.partitions}
+    return tuple(one.name for one in groups_of(hosts.system) if one.name not in proven)
+
+
+def applied_layouts(
+    hosts: Hosts, states: Mapping[str, State], everywhere: Mapping[str, State]
+) -> dict[str, AppliedLayout]:
     """By host what of the manifest runs there.
 
     Raises:
@@ -117,13 +146,14 @@ def applied_layouts(hosts: Hosts, states: Mapping[str, State]) -> dict[str, Appl
     application = system.application.name
     running = {
         one.mark.name: name
-        for name, state in states.items()
+        for name, state in everywhere.items()
         for one in state.of(application).partitions
         if one.mark and one.settings.running
     }
     groups = groups_of(system)
     if absent := [group.name for group in groups if group.name not in running]:
-        raise Halted(ExitCode.REFUSED, [_not_applied(absent)])
+        says = f"These partitions are on no host, or do not run: {', '.join(absent)}."
+        raise Halted(ExitCode.REFUSED, [_not_applied(says, f"partition/{absent[0]}")])
     found: dict[str, AppliedLayout] = {}
     for name in sorted(states):
         partitions = {group.name: group.members for group in groups if running[group.name] == name}
@@ -131,6 +161,23 @@ def applied_layouts(hosts: Hosts, states: Mapping[str, State]) -> dict[str, Appl
         if partitions or on_host:
             found[name] = AppliedLayout(application=application, partitions=partitions, on_host=on_host)
     return found
+
+
+def _refuse_what_is_not_applied(hosts: Hosts, states: Mapping[str, State], everywhere: Mapping[str, State]) -> None:
+    """What is proven is what is applied: members, reservations and classes as the manifest and the logs have them now.
+
+    Raises:
+        Halted: a plan would change something (3), or the manifest cannot be planned (4).
+    """
+    limits = ChangeOptions(max_disruption=Disruption.REMOVAL)  # nothing is held back: all that differs is seen
+    asked = request_of(hosts, Wish(limits=limits), everywhere)
+    prepared = prepare(replace(asked, hosts=tuple(sorted(states))), everywhere)
+    if prepared.plan is None:
+        raise Halted(code_of_errors(prepared.findings), prepared.findings, hosts.opened.loaded.sources)
+    waiting = [f"{change.address} on {part.host.name}" for part in prepared.plan.hosts for change in part.changes]
+    if waiting:
+        says = f"The manifest asks for something that is not applied yet: {', '.join(waiting)}."
+        raise Halted(ExitCode.REFUSED, [_not_applied(says, str(waiting[0]).partition(" ")[0])])
 
 
 def _on_host(hosts: Hosts, name: str, able: tuple[str, ...]) -> Iterator[Component]:
@@ -154,13 +201,9 @@ def _able(hosts: Hosts) -> tuple[str, ...]:
     return able
 
 
-def _not_applied(absent: list[str]) -> Diagnostic:
-    return findings.NOT_APPLIED.at(
-        None,
-        f"These partitions are on no host, or do not run: {', '.join(absent)}.",
-        "See what is missing with `rarms plan`, and bring it there with `rarms apply`.",
-        address=f"partition/{absent[0]}",
-    )
+def _not_applied(says: str, address: str) -> Diagnostic:
+    advice = "See what is missing with `rarms plan`, and bring it there with `rarms apply`."
+    return findings.NOT_APPLIED.at(None, says, advice, address=address)
 
 
 def _prove(
@@ -198,13 +241,29 @@ def _prove(
     return answer
 
 
-def _missed(hosts: Hosts, proofs: list[Proof]) -> Iterator[Diagnostic]:
+def _not_met(hosts: Hosts, proofs: list[Proof]) -> Iterator[Diagnostic]:
     for proof in proofs:
-        for one in proof.missed:
-            yield findings.MISSED.at(
-                hosts.opened.loaded.places.value("components", one.component, "apt", one.index),
-                f"{one.component} on {proof.host}: {show_measured(one)}, and its threshold is "
-                f"{show_threshold(one.index, one.threshold)}.",
-                f"Measure it again (`rarms measure {one.component} --again`), raise its reservation, or relax its APT.",
-                address=f"component/{one.component}",
+        for one in proof.not_met:
+            name, index = one.shown.component, one.shown.index
+            finding, advice = _told_as(one)
+            yield finding.at(
+                hosts.opened.loaded.places.value("components", name, "apt", index),
+                f"{name} on {proof.host}: {show_measured(one.shown)}, and its threshold is "
+                f"{show_threshold(index, one.shown.threshold)}.",
+                advice,
+                address=f"component/{name}",
             )
+
+
+def _told_as(one: Tried) -> tuple[Finding, str]:
+    """Which finding a verdict is that is not met, and what to do about it."""
+    match one.verdict:
+        case Unsteady():
+            return findings.NO_STEADY_STATE, "Look for what grows while it runs, or give it more: `--samples 2000`."
+        case WithinTheNoise() | TooFewSamples() | TooManyFailures():
+            return findings.NOT_RESOLVED, "Allow more samples (`--samples 2000`), or raise its reservation."
+        case Met() | Missed():
+            again = f"`rarms measure {one.shown.component} --again`"
+            return findings.MISSED, f"Measure it again ({again}), raise its reservation, or relax its APT."
+        case _:
+            assert_never(one.verdict)

@@ -96,7 +96,16 @@ def _proof(entry: Proven, one: ProvenIndex, said: str) -> Proof:
     index = find_index(one.index)
     assert index is not None, "only indexes that there are were proven"
     return Proof(
-        component=entry.component, index=index, threshold=one.threshold, value=one.value, met=one.met, note=said
+        component=entry.component,
+        index=index,
+        threshold=one.threshold,
+        value=one.value,
+        lower=one.lower,
+        upper=one.upper,
+        met=one.met,
+        verdict=one.verdict or ("met" if one.met else "missed"),
+        error=one.error,
+        note=said,
     )
 
 

@@ -42,7 +42,9 @@ class ProvenIndex:
     value: float | None  # None: it could not be told
     lower: float | None
     upper: float | None
-    met: bool
+    met: bool  # it was shown to be; not so: missed, or without a verdict
+    verdict: str = ""  # met, missed, within the noise, no steady state, cannot be told; empty: of an early rarms
+    error: float | None = None  # that the verdict is wrong; the truth is outside the bounds with twice as much
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 from rarms_iac.experiments.setup import Experiment
 from rarms_iac.model.measurement import Series, Setting, run_of
-from rarms_iac.model.system import AtLeast, AtMost, Component, Threshold
+from rarms_iac.model.system import AtLeast, AtMost, Component, Run, Threshold
 from rarms_iac.statistics import values
 from rarms_iac.statistics.estimates import Estimate, NoEstimate, estimate
-from rarms_iac.statistics.steadiness import Steady, steady_part
+from rarms_iac.statistics.steadiness import Steady, Unsteady, steady_part
 from rarms_iac.statistics.verdict import part_for
 
 
@@ -57,9 +57,15 @@ def steady(series: Series) -> str:
 
 
 def _shown(component: Component, index: str, threshold: Threshold, series: Series) -> Shown:
-    begin = steady_part(values.response_times(series.samples))
-    part = part_for(index, series, begin.first) if isinstance(begin, Steady) else series
-    found = estimate(index, part, run_of(component))
+    found = _estimated(series, index, run_of(component))
     if isinstance(found, NoEstimate):
         return Shown(component=component.name, index=index, threshold=threshold, estimate=None, why=found.why)
     return Shown(component=component.name, index=index, threshold=threshold, estimate=found)
+
+
+def _estimated(series: Series, index: str, run: Run) -> Estimate | NoEstimate:
+    """Of the steady part: a series that has none says nothing about the next hour."""
+    begin = steady_part(values.response_times(series.samples))
+    if isinstance(begin, Unsteady):
+        return NoEstimate(why=begin.why)
+    return estimate(index, part_for(index, series, begin.first), run)

@@ -3,14 +3,26 @@
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from typing import assert_never
 
-from rarms_iac.experiments.measured import Shown, shown_of
+from rarms_iac.experiments.measured import Shown
 from rarms_iac.experiments.partitions import load_shape, set_reserves, standing
 from rarms_iac.experiments.room import LEAST_MEMORY, Room, left_beside, left_memory
 from rarms_iac.experiments.watching import TooManyFailed, watch
 from rarms_iac.model.measurement import P2, Series, run_of
 from rarms_iac.model.system import Component, Interference, SampleCount
 from rarms_iac.providers.measuring import Inside, MeasuringHost, Running, Work
+from rarms_iac.statistics.estimates import Estimate
+from rarms_iac.statistics.steadiness import Unsteady
+from rarms_iac.statistics.verdict import (
+    Met,
+    Missed,
+    TooFewSamples,
+    TooManyFailures,
+    Verdict,
+    WithinTheNoise,
+    judge_each,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,18 +46,36 @@ class AppliedLayout:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Tried:
+    """One index of a component in the layout: what was seen beside its threshold, and the verdict on it."""
+
+    shown: Shown  # its bounds are the verdict's: wrong, on either side, with the verdict's error
+    verdict: Verdict
+
+    @property
+    def met(self) -> bool:
+        """Whether it was shown to meet its threshold: within the noise or without a steady state it was not."""
+        return isinstance(self.verdict, Met)
+
+    @property
+    def error(self) -> float | None:
+        """The probability that the verdict is wrong; None: there is no verdict."""
+        return self.verdict.error if isinstance(self.verdict, Met | Missed) else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Proof:
     """What a layout showed."""
 
     host: str
     layout: AppliedLayout
     series: Mapping[str, Series]  # by component, of those with thresholds
-    shown: tuple[Shown, ...]
+    tried: tuple[Tried, ...]  # every index of every threshold, components by name
 
     @property
-    def missed(self) -> tuple[Shown, ...]:
-        """The indexes on the wrong side of their thresholds, and those that nothing can be said of."""
-        return tuple(one for one in self.shown if one.misses)
+    def not_met(self) -> tuple[Tried, ...]:
+        """The indexes that were not shown to meet their thresholds."""
+        return tuple(one for one in self.tried if not one.met)
 
 
 def with_samples(layout: AppliedLayout, samples: int | None) -> AppliedLayout:
@@ -100,7 +130,37 @@ def prove(
         seen = watch(running, layout.judged, is_enough, should_stop)
     if seen is None or isinstance(seen, TooManyFailed):
         return seen
-    return Proof(host=host.name, layout=layout, series=seen, shown=shown_of(layout.judged, seen))
+    return Proof(host=host.name, layout=layout, series=seen, tried=tried_of(layout.judged, seen))
+
+
+def tried_of(components: tuple[Component, ...], seen: Mapping[str, Series]) -> tuple[Tried, ...]:
+    """The verdict on every index of these, each series looked at whole and once."""
+    return tuple(
+        _tried(one, index, verdict)
+        for one in components
+        for index, verdict in judge_each(seen[one.name], one.apt, run_of(one)).items()
+    )
+
+
+def _tried(component: Component, index: str, verdict: Verdict) -> Tried:
+    found, why = _seen(verdict)
+    shown = Shown(component=component.name, index=index, threshold=component.apt[index], estimate=found, why=why)
+    return Tried(shown=shown, verdict=verdict)
+
+
+def _seen(verdict: Verdict) -> tuple[Estimate | None, str]:
+    """What the verdict on a single index rests on, or why there is nothing."""
+    match verdict:
+        case Met(judged=(only,)) | Missed(judged=(only,)) | WithinTheNoise(judged=(only,)):
+            return only.estimate, ""
+        case Unsteady(why=why) | TooFewSamples(why=why):
+            return None, why
+        case TooManyFailures(failed=failed, allowed=allowed):
+            return None, f"{failed} samples failed, and {allowed} may"
+        case Met() | Missed() | WithinTheNoise():
+            raise ValueError("a verdict on one index was asked for")
+        case _:
+            assert_never(verdict)
 
 
 def has_room(room: Room) -> bool:

@@ -140,7 +140,11 @@ class Proof:
     index: PerformanceIndex
     threshold: str  # as it was then: at most 100 ms
     value: float | None
+    lower: float | None  # None: the samples say nothing about this side
+    upper: float | None
     met: bool
+    verdict: str  # met, missed, within the noise, no steady state, cannot be told
+    error: float | None  # that the verdict is wrong; None: there is none
     note: str = ""
 
 

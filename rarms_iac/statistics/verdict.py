@@ -104,6 +104,14 @@ def judge(
             return _judge_steady(series, first, apt, run, error, tolerance)
 
 
+def judge_each(
+    series: Series, apt: Mapping[str, Threshold], run: Run, *, error: float = VERDICT_ERROR
+) -> dict[str, Verdict]:
+    """The verdict on each index by itself; that any of them is wrong has at most this probability."""
+    part = error / max(1, len(apt))
+    return {index: judge(series, {index: threshold}, run, error=part) for index, threshold in apt.items()}
+
+
 def decide(
     series: Series,
     apt: Mapping[str, Threshold],

@@ -94,4 +94,4 @@ def brief(found: tuple[Shown, ...]) -> str:
         for one in found
         if one.estimate is not None
     ]
-    return ", ".join(values) or "no answer yet"
+    return ", ".join(values) or "nothing to tell yet"

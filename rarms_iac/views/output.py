@@ -524,15 +524,31 @@ class TuneOutput:
     findings: tuple[Diagnostic, ...]
 
 
+ProvenVerdict = Literal["met", "missed", "within the noise", "no steady state", "cannot be told"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProvenIndexOutput(IndexOutput):
+    """A performance index that was seen in the layout, with the verdict on it.
+
+    The verdict is wrong with the probability `verdict_error`; null: none could be given, and `why` may say the reason.
+    """
+
+    host: str
+    verdict: ProvenVerdict
+    verdict_error: float | None
+    why: str
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProveOutput:
-    """`rarms prove`: every component in the applied layout."""
+    """`rarms prove`: every component in the applied layout; `met`: each index was shown to meet its threshold."""
 
     format_version: Format = FORMAT_VERSION
     kind: Literal["prove"] = "prove"
     interference: str | None
     met: bool
-    indexes: tuple[IndexOutput, ...]
+    indexes: tuple[ProvenIndexOutput, ...]
     findings: tuple[Diagnostic, ...]
 
 

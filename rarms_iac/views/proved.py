@@ -1,16 +1,19 @@
-"""What an applied layout showed: every index beside its threshold."""
+"""What an applied layout showed: every index beside its threshold, with the verdict on it."""
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
+from typing import assert_never
 
-from rarms_iac.experiments.measured import Shown
-from rarms_iac.experiments.proving import Proof
+from rarms_iac.experiments.proving import Proof, Tried
 from rarms_iac.experiments.telling import show_threshold
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Series
-from rarms_iac.model.system import AtMost
+from rarms_iac.statistics.steadiness import Unsteady
+from rarms_iac.statistics.verdict import Met, Missed, TooFewSamples, TooManyFailures, Verdict, WithinTheNoise
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.measured import index_outputs, show_band
-from rarms_iac.views.output import ProveOutput
+from rarms_iac.views.output import ProvenIndexOutput, ProvenVerdict, ProveOutput
 from rarms_iac.views.progress import WRITE_OVER, fitting
 from rarms_iac.views.table import table
 
@@ -23,25 +26,42 @@ def proof_text(proofs: Sequence[Proof], interference: str | None) -> str:
         rows += [
             (
                 proof.host,
-                where.get(one.component, "-"),
-                one.component,
-                f"{one.index} {show_threshold(one.index, one.threshold)}",
-                show_band(one),
-                _verdict(one),
+                where.get(one.shown.component, "-"),
+                one.shown.component,
+                f"{one.shown.index} {show_threshold(one.shown.index, one.shown.threshold)}",
+                show_band(one.shown),
+                _in_words(one),
             )
-            for one in proof.shown
+            for one in proof.tried
         ]
     against = f", against {interference}" if interference else ""
-    missed = sum(len(proof.missed) for proof in proofs)
-    says = f"{missed} missed" if missed else "all thresholds met"
+    counts = Counter(verdict_of(one.verdict) for proof in proofs for one in proof.not_met)
+    says = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items())) or "all thresholds met"
     return table(rows) + f"\nAll components together{against}: {says}.\n"
 
 
 def prove_json(proofs: Sequence[Proof], interference: str | None, findings: tuple[Diagnostic, ...]) -> str:
     """The same for programs."""
-    found = tuple(one for proof in proofs for one in index_outputs(proof.shown))
-    met = not any(proof.missed for proof in proofs)
+    found = tuple(one for proof in proofs for one in _outputs(proof))
+    met = not any(proof.not_met for proof in proofs)
     return as_json(ProveOutput(interference=interference, met=met, indexes=found, findings=findings))
+
+
+def verdict_of(verdict: Verdict) -> ProvenVerdict:
+    """What it is called wherever it is told."""
+    match verdict:
+        case Met():
+            return "met"
+        case Missed():
+            return "missed"
+        case WithinTheNoise():
+            return "within the noise"
+        case Unsteady():
+            return "no steady state"
+        case TooFewSamples() | TooManyFailures():
+            return "cannot be told"
+        case _:
+            assert_never(verdict)
 
 
 def sampled(host: str, seen: Mapping[str, Series], width: int) -> str:
@@ -50,13 +70,23 @@ def sampled(host: str, seen: Mapping[str, Series], width: int) -> str:
     return WRITE_OVER + (fitting(f"  {host}: samples of {counts}", width) if counts else "")
 
 
-def _verdict(one: Shown) -> str:
-    """Told by the value; where the band crosses the threshold, that is said."""
-    if one.estimate is None:
-        return "missed"
-    says = "missed" if one.misses else "met"
-    limit = float(one.threshold.value)
-    worst = one.estimate.upper if isinstance(one.threshold, AtMost) else one.estimate.lower
-    best = one.estimate.lower if isinstance(one.threshold, AtMost) else one.estimate.upper
-    crosses = min(worst, best) < limit < max(worst, best) and one.estimate.beyond is None
-    return f"{says}, within the noise" if crosses else says
+def _in_words(one: Tried) -> str:
+    """`met (wrong in 1 %)`; of an extreme, how many jobs may yet lie beyond it."""
+    says, seen = verdict_of(one.verdict), one.shown.estimate
+    if one.error is None or seen is None:
+        return says
+    if seen.beyond is not None:
+        return f"{says} so far (up to {seen.beyond:.2g} % of the jobs may lie beyond)"
+    return f"{says} (wrong in {100 * one.error:.2g} %)"
+
+
+def _outputs(proof: Proof) -> Iterator[ProvenIndexOutput]:
+    for one, shown in zip(proof.tried, index_outputs([one.shown for one in proof.tried]), strict=True):
+        seen = {each.name: getattr(shown, each.name) for each in fields(shown)}
+        yield ProvenIndexOutput(
+            **seen,
+            host=proof.host,
+            verdict=verdict_of(one.verdict),
+            verdict_error=one.error,
+            why=one.shown.why,
+        )

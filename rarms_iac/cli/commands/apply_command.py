@@ -1,5 +1,6 @@
 """`rarms apply`: do what a plan says, finish what was begun, or plan, ask and do it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -9,6 +10,7 @@ from rarms_iac.apply.reports import Ending, RunReport
 from rarms_iac.apply.undo import abandon
 from rarms_iac.cli.applying import ended, finish_first, plan_ask_apply, run
 from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.files import STANDARD_INPUT
 from rarms_iac.cli.hosts import Hosts, holding, hosts_of
 from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.options import (
@@ -28,6 +30,7 @@ from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.wiring import open_host, unfinished_beside
 from rarms_iac.manifest.load import manifest_path
+from rarms_iac.model.plan import Plan
 from rarms_iac.providers.interface import LiveHost
 
 
@@ -61,8 +64,12 @@ def command(
     session.answer_follows = proving
     if plan_file is not None:
         _refuse_beside_a_plan(abandoning or where.hosts or limits.targets or limits.max_disruption)
-        code = _apply_file(session, plan_file, source, how, as_json=as_json)
-        return _then_prove(session, source, where, how, code, as_json=as_json) if proving else code
+        plan = read_plan_file(plan_file)
+        code = _apply_plan(session, plan, source, how, as_json=as_json)
+        if not proving:
+            return code
+        planned = HostOptions(hosts=tuple(part.host.name for part in plan.hosts))
+        return _then_prove(session, _manifest_of(plan, source), planned, how, code, as_json=as_json)
     if proving and abandoning:
         raise click.UsageError("--abandon applies nothing that could be proven.", click.get_current_context())
     hosts = _hosts(source, where)
@@ -78,7 +85,7 @@ def command(
 def _then_prove(
     session: Session, source: ManifestOptions, where: HostOptions, how: RunOptions, code: ExitCode, *, as_json: bool
 ) -> ExitCode:
-    """Prove what was applied, as the manifest has it now; the answer in JSON is the proof."""
+    """Prove what was applied; refused where the manifest asks for more by now. The answer in JSON is the proof."""
     if code is not ExitCode.DONE:
         return code
     from rarms_iac.cli.proving import ProveOptions, prove_layout
@@ -133,14 +140,20 @@ def _finish_without_manifest(
     return ended(session, report, as_json=as_json)
 
 
-def _apply_file(
-    session: Session, plan_file: str, source: ManifestOptions, how: RunOptions, *, as_json: bool
-) -> ExitCode:
-    plan = read_plan_file(plan_file)
-    given = click.get_current_context().get_parameter_source("manifest") is not ParameterSource.DEFAULT
-    folder = str(Path(manifest_path(source.manifest)).parent) if given else folder_of(plan)
+def _apply_plan(session: Session, plan: Plan, source: ManifestOptions, how: RunOptions, *, as_json: bool) -> ExitCode:
+    folder = str(Path(manifest_path(source.manifest)).parent) if _is_named() else folder_of(plan)
     live = {part.host.name: open_host(part.host, folder, part.state_path) for part in plan.hosts}
     return ended(session, run(session, plan, live, how), as_json=as_json)
+
+
+def _manifest_of(plan: Plan, source: ManifestOptions) -> ManifestOptions:
+    """What the plan was made of, unless another is named."""
+    return source if _is_named() or plan.manifest == STANDARD_INPUT else replace(source, manifest=plan.manifest)
+
+
+def _is_named() -> bool:
+    """Whether a manifest is named beside the plan."""
+    return click.get_current_context().get_parameter_source("manifest") is not ParameterSource.DEFAULT
 
 
 def worst(reports: list[RunReport]) -> RunReport:

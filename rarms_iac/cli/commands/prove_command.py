@@ -38,7 +38,8 @@ def command(
 ) -> ExitCode:
     """Run all components together in the layout that is applied, and show every index beside its threshold.
 
-    What they show is written into the configuration logs. Exit code 4 where a threshold is missed.
+    What they show is written into the configuration logs. Exit code 4 where a threshold is missed or the samples cannot
+    tell; 3 where the manifest asks for something that is not applied yet.
     """
     system, opened = system_of(source)
     hosts = hosts_of(system, opened, source, where)

@@ -113,10 +113,20 @@ def test_the_page_is_small_and_the_same_each_time() -> None:
 def test_proofs_are_a_table_of_their_own() -> None:
     index = find_index("mean_response_time")
     assert index is not None
-    proof = Proof(component="face-detection", index=index, threshold="at most 100 ms", value=113.4, met=False)
+    proof = Proof(
+        component="face-detection",
+        index=index,
+        threshold="at most 100 ms",
+        value=113.4,
+        lower=112.0,
+        upper=114.8,
+        met=False,
+        verdict="missed",
+        error=0.01,
+    )
 
     page = as_html(replace(REPORT, proofs=(proof,))).decode()
 
     assert "All together, in the applied layout" in page
-    assert re.search(r"113 ms.*missed", page, re.DOTALL)
+    assert re.search(r"113 ms, 112 ms to 115 ms.*missed \(wrong in 1 %\)", page, re.DOTALL)
     assert "All together" not in PAGE

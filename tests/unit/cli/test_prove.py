@@ -1,0 +1,215 @@
+"""`rarms prove`, from words to exit codes: verdicts with their error, on what is applied and nothing else."""
+
+import json
+from collections.abc import Iterator
+from contextlib import chdir
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.datalog.configuration import Proven, read_entries
+from rarms_iac.datalog.paths import configuration_path
+from rarms_iac.model.state import Partition
+from rarms_iac.providers.simulated.run import SimulatedHostProvider
+from tests.builders import a_host
+from tests.unit.cli.running import Ran, rarms
+
+MANIFEST = """\
+schema: rarms/v1
+
+application: { name: robot }
+
+hosts:
+  onboard: { logical_processors: 2, memory: 4 GiB, keep_for_host: { processor: 10 % } }
+
+components:
+  vision:
+    criticality: 30
+    apt:
+      mean_response_time: { at_most: 50 ms }
+    run: { command: [vision], until: { samples: 60 }, samples: { from: per_run } }
+    cpu: { reserve: 40 % }
+    memory: 512 MiB
+    simulation: { work: 20 ms, varies: 10 % }
+  speech:
+    criticality: 20
+    apt:
+      maximum_response_time: { at_most: 200 ms }
+      throughput: { at_least: 0.5 /s }
+    run: { command: [speech], until: { samples: 60 }, samples: { from: per_run } }
+    cpu: { reserve: 20 % }
+    memory: 512 MiB
+    simulation: { work: 30 ms, blocked: 20 ms, varies: 5 % }
+"""
+
+
+@pytest.fixture
+def here(tmp_path: Path) -> Iterator[Path]:
+    """A folder with a robot of two components, applied, which is where we are."""
+    write(tmp_path, MANIFEST)
+    with chdir(tmp_path):
+        assert rarms("apply", "--auto-approve").code == 0
+        yield tmp_path
+
+
+def write(folder: Path, text: str) -> None:
+    (folder / "rarms.yaml").write_text(text, encoding="utf-8", newline="\n")
+
+
+def change(folder: Path, old: str, new: str) -> None:
+    text = (folder / "rarms.yaml").read_text(encoding="utf-8")
+    assert text.count(old) == 1
+    write(folder, text.replace(old, new))
+
+
+def proven(*words: str) -> tuple[int, dict[str, dict[str, object]], list[str]]:
+    """Exit code, indexes by name, and the codes of what was found."""
+    ran = rarms("prove", *words, "--json")
+    answer = json.loads(ran.out)
+    assert answer["met"] is (ran.code == 0)
+    return (
+        ran.code,
+        {f"{one['component']} {one['index']}": one for one in answer["indexes"]},
+        [one["code"] for one in answer["findings"]],
+    )
+
+
+def code_of(ran: Ran) -> tuple[int, str]:
+    return ran.code, ran.err[ran.err.index("RARMS") :][:8]
+
+
+def test_every_verdict_says_how_likely_it_is_wrong_wherever_it_is_told(here: Path) -> None:
+    code, indexes, found = proven()
+    text = rarms("prove").out
+
+    mean = indexes["vision mean_response_time"]
+    assert (code, found) == (0, [])
+    assert (mean["verdict"], mean["verdict_error"], mean["error"]) == ("met", 0.01, 0.02)
+    assert float(str(mean["lower"])) < float(str(mean["value"])) < float(str(mean["upper"])) < 50
+    assert indexes["speech throughput"]["verdict_error"] == 0.005, "two indexes share the component's error"
+    assert "met (wrong in 1 %)" in text
+    assert "met so far (up to" in text, "of a maximum, what so many samples can say"
+    entry = read_entries(configuration_path(here, "onboard", "vision"))[-1]
+    assert isinstance(entry, Proven)
+    (recorded,) = entry.indexes
+    assert (recorded.verdict, recorded.error, recorded.met) == ("met", 0.01, True)
+    assert (recorded.lower, recorded.upper) == (mean["lower"], mean["upper"])
+
+
+def test_a_value_that_is_met_by_chance_at_most_is_not_met(here: Path) -> None:
+    value = float(str(proven()[1]["vision mean_response_time"]["value"]))
+    change(here, "at_most: 50 ms", f"at_most: {value + 0.001:.3f} ms")
+    code, indexes, found = proven()
+
+    assert (code, found) == (4, ["RARMS111"])
+    assert indexes["vision mean_response_time"]["verdict"] == "within the noise"
+    assert indexes["vision mean_response_time"]["verdict_error"] is None
+    assert "1 within the noise" in rarms("prove").out
+
+
+def test_a_series_without_a_steady_state_gets_no_verdict_however_good_its_mean(here: Path) -> None:
+    """Jobs come quicker than they are served: each waits longer than the one before."""
+    change(here, "at_most: 50 ms", "at_most: 100 s")
+    change(here, "command: [vision], until: { samples: 60 }", "command: [vision], arrival: { every: 15 ms }")
+    code, indexes, found = proven("--interference", "busy-loop", "--samples", "200")
+
+    assert (code, found) == (4, ["RARMS112"])
+    mean = indexes["vision mean_response_time"]
+    assert (mean["verdict"], mean["value"], mean["verdict_error"]) == ("no steady state", None, None)
+    assert "still changed within" in str(mean["why"])
+    entry = read_entries(configuration_path(here, "onboard", "vision"))[-1]
+    assert isinstance(entry, Proven)
+    assert [(one.met, one.verdict, one.value) for one in entry.indexes] == [(False, "no steady state", None)]
+
+
+def test_a_threshold_that_is_missed_is_told_with_its_error(here: Path) -> None:
+    change(here, "at_most: 50 ms", "at_most: 15 ms")
+    code, indexes, found = proven()
+
+    assert (code, found) == (4, ["RARMS118"])
+    assert indexes["vision mean_response_time"]["verdict"] == "missed"
+    assert "missed (wrong in 1 %)" in rarms("prove").out
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "waits"),
+    [
+        ("reserve: 40 %", "reserve: 55 %", "partition/vision on onboard"),
+        (
+            "components:\n  vision:",
+            "partitions:\n  vision: { components: [vision, speech] }\n\ncomponents:\n  vision:",
+            "partition/vision on onboard",
+        ),
+    ],
+    ids=["another reservation", "another layout"],
+)
+def test_what_is_proven_is_what_is_applied(here: Path, old: str, new: str, waits: str) -> None:
+    write(here, (here / "rarms.yaml").read_text(encoding="utf-8").replace(old, new))
+    before = (here / ".rarms" / "hosts" / "onboard.json").read_bytes()
+    ran = rarms("prove")
+
+    assert code_of(ran) == (3, "RARMS119")
+    assert waits in " ".join(ran.err.split())
+    assert "`rarms apply`" in ran.err
+    assert (here / ".rarms" / "hosts" / "onboard.json").read_bytes() == before
+    assert rarms("apply", "--auto-approve", "--max-disruption", "removal").code == 0
+    assert rarms("prove").code == 0
+
+
+def test_a_plan_is_proven_as_the_manifest_that_it_was_made_of(here: Path, tmp_path: Path) -> None:
+    change(here, "reserve: 40 %", "reserve: 45 %")
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    with chdir(elsewhere):
+        assert rarms("plan", "-f", str(here / "rarms.yaml"), "--out", "plan.json").code == 2
+        done = rarms("apply", "plan.json", "--prove")
+
+    assert done.code == 0, done.err
+    assert "All components together: all thresholds met." in done.out
+    entry = read_entries(configuration_path(here, "onboard", "vision"))[-1]
+    assert isinstance(entry, Proven)
+    assert entry.reserve == 45
+
+
+def test_a_plan_is_not_proven_where_the_manifest_asks_for_more_by_now(here: Path) -> None:
+    change(here, "reserve: 40 %", "reserve: 45 %")
+    assert rarms("plan", "--out", "plan.json").code == 2
+    change(here, "reserve: 45 %", "reserve: 50 %")
+    done = rarms("apply", "plan.json", "--prove")
+
+    assert code_of(done) == (3, "RARMS119")
+    assert [one.settings.reserve for one in machines(here) if one.settings.name == "vision"] == [45]
+
+
+def machines(folder: Path) -> tuple[Partition, ...]:
+    host = SimulatedHostProvider(a_host(), folder / ".rarms" / "hosts" / "onboard.json")
+    return host.observe().partitions
+
+
+def test_a_component_of_the_host_itself_runs_among_the_others(here: Path) -> None:
+    change(here, "    criticality: 20\n", "    criticality: 20\n    runs_on: host\n")
+    change(here, "    cpu: { reserve: 20 % }\n", "")
+    assert rarms("apply", "--auto-approve").code == 0
+    code, indexes, _ = proven()
+    entry = read_entries(configuration_path(here, "onboard", "speech"))[-1]
+
+    assert code == 0
+    assert indexes["speech throughput"]["verdict"] == "met"
+    assert isinstance(entry, Proven)
+    assert (entry.partition, entry.reserve, entry.beside) == ("", 0, ("vision",))
+
+
+def test_hosts_that_are_not_asked_for_are_not_missed_and_are_named(here: Path) -> None:
+    change(
+        here,
+        "processor: 10 % } }\n",
+        "processor: 10 % } }\n  second: { logical_processors: 2, memory: 4 GiB }\n",
+    )
+    change(here, "    criticality: 20\n", "    criticality: 20\n    hosts: [second]\n")
+    assert rarms("apply", "--auto-approve", "--max-disruption", "removal").code == 0
+    both, one = rarms("prove"), rarms("prove", "--host", "onboard")
+
+    assert (both.code, one.code) == (0, 0), one.err
+    assert "speech" in both.out
+    assert "speech" not in one.out
+    assert "on other hosts: speech" in one.err
