@@ -89,7 +89,7 @@ def figure_1(jobs: int, seeds: Sequence[int], reserves: Sequence[int] = RESERVES
     return {cr: mean_response(bench(fdp, (cr, 100 - cr), BusyLoops()), jobs, seeds) for cr in reserves}
 
 
-def figure_3(until_ms: float, seeds: Sequence[int], browsers: Sequence[int] = range(13)) -> list[Loaded]:
+def figure_3(until_ms: float, seeds: Sequence[int], browsers: Sequence[int] = range(16)) -> list[Loaded]:
     """One operating system without partitions, and ever more browsers."""
     return [_loaded(number, until_ms, seeds) for number in browsers]
 

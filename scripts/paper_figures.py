@@ -45,7 +45,7 @@ def _chart_3(three: list[Loaded]) -> Chart:
         across="processors used by the browsers (%)",
         up="mean response time, times that without load",
         lines={
-            name: [(one.utilisation, one.response_ms[part] / three[0].response_ms[part]) for one in three[:11]]
+            name: [(one.utilisation, one.response_ms[part] / three[0].response_ms[part]) for one in three[:14]]
             for name, part in (("FDP, at 30", FDP), ("SRP, at 31", SRP), ("VSP, at 8", VSP), ("PPP, at 8", PPP))
         },
         span=(0, 100),

@@ -1,5 +1,6 @@
 """The paper's numbers hold on the simulated host, with the delivery robot's shipped parameters."""
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import pytest
@@ -18,7 +19,8 @@ def one() -> dict[int, float]:
 
 @pytest.fixture(scope="module")
 def three() -> list[Loaded]:
-    return figure_3(examples(4_000), SEEDS, browsers=(0, 6, 9, 10))
+    """Without browsers; at 32, 48 and 63 % of utilisation, at 79, 86 and 94 %, and twice at all that there is."""
+    return figure_3(examples(6_000), (*SEEDS, 13, 14), browsers=(0, 4, 6, 8, 10, 11, 12, 13, 14))
 
 
 @pytest.fixture(scope="module")
@@ -48,24 +50,39 @@ def test_the_paper_s_walk_for_100_ms_ends_at_70_and_the_least_reserve_lies_near_
 
 
 def test_figure_3_task_classes_do_not_change_up_to_full_utilisation(three: list[Loaded]) -> None:
-    free, *_, full = three
+    free = three[0]
 
-    assert full.utilisation > 99
+    assert three[-1].utilisation > 99
     for name in (FDP, SRP):
         assert all(one.response_ms[name] == pytest.approx(free.response_ms[name], rel=0.03) for one in three)
         assert all(one.success_rate[name] == 100 for one in three)
 
 
-def test_figure_3_ordinary_threads_degrade_above_70_per_cent(three: list[Loaded]) -> None:
-    free, below, above, full = three
+REPEATS = 0.05
+"""What single runs of VSP differ by at 80 % (their standard deviation is 5 to 6 %): a smaller loss is noise."""
 
-    assert below.utilisation < 70 < above.utilisation
-    assert below.response_ms[PPP] < 1.1 * free.response_ms[PPP]
-    assert above.response_ms[PPP] > 1.3 * free.response_ms[PPP]
-    assert full.response_ms[PPP] > 1.6 * free.response_ms[PPP]
-    assert below.throughput[VSP] > 0.95 * free.throughput[VSP]
-    assert above.throughput[VSP] < 0.9 * free.throughput[VSP]
-    assert full.throughput[VSP] < 0.5 * free.throughput[VSP]
+
+def loss_of_ppp(one: Loaded, free: Loaded) -> float:
+    return one.response_ms[PPP] / free.response_ms[PPP] - 1
+
+
+def loss_of_vsp(one: Loaded, free: Loaded) -> float:
+    return 1 - one.throughput[VSP] / free.throughput[VSP]
+
+
+@pytest.mark.parametrize("loss", [loss_of_ppp, loss_of_vsp])
+def test_figure_3_ordinary_threads_hold_below_70_per_cent_and_degrade_above(
+    three: list[Loaded], loss: Callable[[Loaded, Loaded], float]
+) -> None:
+    free, *rest = three
+    below = [loss(one, free) for one in rest if one.utilisation < 70]
+    above = [loss(one, free) for one in rest if one.utilisation > 70]
+
+    assert [len(below), len(above)] == [3, 5]
+    assert max(below) < REPEATS
+    assert all(before < after for before, after in pairwise([max(below), *above])), "ever worse"
+    assert above[1] > 2 * REPEATS, "at 86 % nobody takes it for noise"
+    assert above[-1] > 0.5
 
 
 def test_figure_4_without_browsers_all_reserves_do() -> None:

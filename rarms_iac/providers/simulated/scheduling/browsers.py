@@ -3,10 +3,10 @@
 FRAME_MS = 40.0
 """25 frames a second, as web video of the time had."""
 
-DECODE_MS = 5.0
+DECODE_MS = 4.0
 """Decoding and scaling one frame in software, on the browser's own thread."""
 
-PAINT_MS = 3.0
+PAINT_MS = 2.0
 """Drawing it where the graphics driver is the machine's own."""
 
 INTERRUPT_MS = 0.2

@@ -2,6 +2,7 @@
 
 from heapq import heappop, heappush
 
+from rarms_iac.providers.simulated.scheduling.agenda import INSTANT
 from rarms_iac.providers.simulated.scheduling.hypervisor import Hypervisor
 from rarms_iac.providers.simulated.scheduling.processors import Thread, VirtualProcessor
 from rarms_iac.providers.simulated.scheduling.values import VirtualMachine
@@ -49,6 +50,8 @@ class OperatingSystem:
         assert thread is not None
         vp.thread = None
         thread.done()
+        if thread.remaining <= INSTANT:
+            thread.quantum = QUANTUM_MS  # it waits now, and whoever wakes has a whole turn
         self._fill(vp)
 
     def quantum_over(self, vp: VirtualProcessor) -> None:

@@ -5,6 +5,7 @@ from math import floor
 
 import pytest
 
+from rarms_iac.providers.simulated.scheduling.guest import QUANTUM_MS
 from rarms_iac.providers.simulated.scheduling.hypervisor import SHORTEST_TURN_MS
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 from rarms_iac.providers.simulated.scheduling.values import BusyLoops, Demand, Machine, Piece, VirtualMachine
@@ -72,6 +73,26 @@ def test_two_equal_threads_of_one_system_take_turns() -> None:
     jobs = list(islice(simulate(Machine(lps=1, machines=(system,)), 1), 40))
 
     assert (jobs[-1].began + jobs[-1].response) / 40 == pytest.approx(200, rel=0.02)
+
+
+def test_a_thread_that_wakes_has_a_whole_turn() -> None:
+    """20 ms of work after a wait are less than a turn: once it runs, each job is done without a second wait."""
+    shy = Demand(component="shy", work_ms=20, blocked_ms=30)
+    system = VirtualMachine(name="os", vps=1, components=(shy,), loads=(BusyLoops(threads=1),))
+
+    responses = [job.response for job in islice(simulate(Machine(lps=1, machines=(system,)), 1), 40)]
+
+    assert all(50.0 <= response <= 50.0 + QUANTUM_MS for response in responses)
+
+
+def test_a_thread_that_does_not_wait_goes_on_with_its_turn() -> None:
+    """Jobs of 20 ms one after another share the processor with the loop: no job begins a turn anew."""
+    steady = Demand(component="steady", work_ms=20)
+    system = VirtualMachine(name="os", vps=1, components=(steady,), loads=(BusyLoops(threads=1),))
+
+    *_, last = islice(simulate(Machine(lps=1, machines=(system,)), 1), 200)
+
+    assert (last.began + last.response) / 200 == pytest.approx(40.0, rel=0.02)
 
 
 def test_a_higher_thread_never_waits_for_a_lower_one() -> None:
