@@ -22,7 +22,7 @@ from rarms_iac.model.plan import Plan
 from rarms_iac.powershell.difference import difference
 from rarms_iac.views.as_json import as_json as written
 from rarms_iac.views.diagnostics import OutputFormat, render
-from rarms_iac.views.output import ScriptOutput, ScriptsOutput
+from rarms_iac.views.output.scripts import ScriptOutput, ScriptsOutput
 from rarms_iac.views.script import script_text
 from rarms_iac.views.script_difference import difference_json, difference_text
 

@@ -78,12 +78,6 @@ def _measurement(system: System, logged: Logged) -> Measurement:
     )
 
 
-def _each_is_fixed(group: Group) -> bool:
-    """Whether it would be measured, were it not for what the manifest says of its members."""
-    fixed_ones = [one.cpu.reserve not in (None, Measured.MEASURED) for one in group.members]
-    return group.wish.cpu.reserve is None and all(fixed_ones)
-
-
 def _indexes(log: DataLog, one: Component) -> Iterator[Shown]:
     for name in one.apt or (WITHOUT_APT,):
         index = find_index(name)

@@ -7,7 +7,7 @@ from typing import assert_never
 from rarms_iac.planner.combining.candidates import Candidate, Candidates, graph_of, named
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.graph import GraphFormat, dot_quoted, mermaid_quoted
-from rarms_iac.views.output import CandidateOutput, CandidatesOutput
+from rarms_iac.views.output.combining import CandidateOutput, CandidatesOutput
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,7 +14,7 @@ from rarms_iac.statistics.estimates import Estimate, NoEstimate, estimate
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import visible
 from rarms_iac.views.diagnostics.text import counted
-from rarms_iac.views.output import ComponentRunOutput, RanComponentOutput, RanIndexOutput, SampleOutput
+from rarms_iac.views.output.runs import ComponentRunOutput, RanComponentOutput, RanIndexOutput, SampleOutput
 
 UNIT_NAMES = {Unit.TIME: "ms", Unit.SHARE: "%", Unit.RATE: "/s"}
 

@@ -11,7 +11,7 @@ from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import columns, visible
 from rarms_iac.views.diagnostics.source import Sources
 from rarms_iac.views.diagnostics.text import as_text
-from rarms_iac.views.output import DoctorOutput, ExaminedOutput
+from rarms_iac.views.output.hosts import DoctorOutput, ExaminedOutput
 
 HEALTHY = "Nothing here makes a plan void or unsafe."
 

@@ -10,7 +10,7 @@ from rarms_iac.views.as_json import as_json
 from rarms_iac.views.attributes import attributes_of
 from rarms_iac.views.diagnostics.layout import visible, wrap
 from rarms_iac.views.diagnostics.text import counted
-from rarms_iac.views.output import DriftedOutput, DriftOutput
+from rarms_iac.views.output.hosts import DriftedOutput, DriftOutput
 from rarms_iac.views.plan_json import change_output
 
 WIDTH = 80

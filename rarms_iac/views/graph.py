@@ -9,7 +9,7 @@ from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.quantities import show_bytes, show_percent, show_processors
 from rarms_iac.model.system import System
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.output import GraphOutput, NodeOutput
+from rarms_iac.views.output.graph import GraphOutput, NodeOutput
 
 
 class GraphFormat(StrEnum):

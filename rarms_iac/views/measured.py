@@ -22,7 +22,7 @@ from rarms_iac.model.measurement import Setting
 from rarms_iac.model.system import AtLeast, AtMost
 from rarms_iac.statistics.curve import LeastReserve
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.output import ExperimentOutput, IndexOutput, MeasureOutput, SettingOutput
+from rarms_iac.views.output.measuring import ExperimentOutput, IndexOutput, MeasureOutput, SettingOutput
 from rarms_iac.views.table import table
 
 Ending = Literal["found", "not_achievable", "not_resolved", "no_verdict", "swept", "stopped"]

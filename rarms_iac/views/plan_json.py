@@ -9,7 +9,7 @@ from rarms_iac.model.plan import HostPlan, Plan, Step, ThreadClass, Totals
 from rarms_iac.model.state import Partition, Responsiveness, TaskClass
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.attributes import forced_by
-from rarms_iac.views.output import (
+from rarms_iac.views.output.plan import (
     AttributeOutput,
     ChangeOutput,
     CountsOutput,

@@ -13,7 +13,7 @@ from rarms_iac.statistics.steadiness import Unsteady
 from rarms_iac.statistics.verdict import Met, Missed, TooFewSamples, TooManyFailures, Verdict, WithinTheNoise
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.measured import index_outputs, show_band
-from rarms_iac.views.output import ProvenIndexOutput, ProvenVerdict, ProveOutput
+from rarms_iac.views.output.measuring import ProvenIndexOutput, ProvenVerdict, ProveOutput
 from rarms_iac.views.progress import WRITE_OVER, fitting
 from rarms_iac.views.table import table
 

@@ -8,7 +8,7 @@ from rarms_iac.model.journal import RunKind
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap
 from rarms_iac.views.diagnostics.text import counted
-from rarms_iac.views.output import HostRunOutput, RunOutput
+from rarms_iac.views.output.runs import HostRunOutput, RunOutput
 from rarms_iac.views.plan import count
 
 GO_ON = "Run `rarms apply` to finish it, `rarms undo` to take it back, or `rarms apply --abandon` to leave it as it is."

@@ -2,7 +2,7 @@
 
 from rarms_iac.powershell.difference import Detail, ScriptDifference, StepDifference
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.output import ScriptDetailOutput, ScriptDifferenceOutput, ScriptStepOutput
+from rarms_iac.views.output.scripts import ScriptDetailOutput, ScriptDifferenceOutput, ScriptStepOutput
 
 
 def difference_text(found: ScriptDifference, old: str, new: str) -> str:

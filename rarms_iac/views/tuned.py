@@ -11,8 +11,7 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.planner.combining.values import Asked
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.output import TuneOutput
-from rarms_iac.views.output_combining import AskedOutput, CombinedOutput
+from rarms_iac.views.output.combining import AskedOutput, CombinedOutput, TuneOutput
 from rarms_iac.views.table import table
 
 Ending = Literal["nothing_to_do", "successful", "unable", "stopped"]

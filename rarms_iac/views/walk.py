@@ -20,7 +20,7 @@ from rarms_iac.planner.groups import Group
 from rarms_iac.statistics.curve import Curve, LeastReserve, Point
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap
-from rarms_iac.views.output import WalkOutput, WalkStepOutput
+from rarms_iac.views.output.choosing import WalkOutput, WalkStepOutput
 
 WIDTH = 80
 _MARGIN = "  "

@@ -11,7 +11,7 @@ from rarms_iac.model.spelling import suggestion
 from rarms_iac.storage.finding_pages import finding_page
 from rarms_iac.views.as_json import as_json as to_json
 from rarms_iac.views.explain import explain_finding, unknown_code
-from rarms_iac.views.output import ExplanationOutput
+from rarms_iac.views.output.told import ExplanationOutput
 
 if TYPE_CHECKING:
     from rarms_iac.cli.datalogs import Measurements

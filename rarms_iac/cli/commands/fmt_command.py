@@ -17,7 +17,7 @@ from rarms_iac.manifest.opening import STANDARD_INPUT
 from rarms_iac.manifest.reading import Tree, read
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.views.as_json import as_json as to_json
-from rarms_iac.views.output import FmtOutput, FormattedFileOutput
+from rarms_iac.views.output.told import FmtOutput, FormattedFileOutput
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,6 +1,9 @@
-"""What `rarms report --json` is made of; a side of a band that has no bound is null."""
+"""`rarms report`; a side of a band that has no bound is null."""
 
 from dataclasses import dataclass
+from typing import Literal
+
+from rarms_iac.views.output.common import FORMAT_VERSION, Format
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,3 +67,14 @@ class ReportCapacityOutput:
     capacity: float
     reserved: float
     fits: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportOutput:
+    """`rarms report`: what was measured, and what each threshold reserves."""
+
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["report"] = "report"
+    application: str
+    measurements: tuple[ReportMeasurementOutput, ...]
+    capacities: tuple[ReportCapacityOutput, ...]

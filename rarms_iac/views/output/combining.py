@@ -1,0 +1,75 @@
+"""Components that share a partition: `rarms tune` and `rarms graph --candidates`."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.views.output.common import FORMAT_VERSION, Format
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CombinedOutput:
+    """A partition after tuning; `parts_reserved`: what its parts reserved apart, per cent of one logical processor."""
+
+    name: str
+    components: tuple[str, ...]  # the most critical first
+    processors: int
+    reserve: int
+    reserved: int
+    parts_reserved: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AskedOutput:
+    """A setting that was asked for, in order; `worse`: the components that missed a threshold there."""
+
+    components: tuple[str, ...]
+    reserve: int
+    met: bool
+    worse: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TuneOutput:
+    """`rarms tune`. Amounts are per cent of one logical processor (140: 1.4 LP); `written`: the manifest's file."""
+
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["tune"] = "tune"
+    strategy: Literal["default", "paper"]
+    ending: Literal["nothing_to_do", "successful", "unable", "stopped"]
+    message: str
+    capacity: int
+    before: int
+    after: int
+    proved: bool  # that no other layout is better, if a compound needs at least what any part of it needs
+    contradictions: tuple[str, ...]
+    partitions: tuple[CombinedOutput, ...]
+    trail: tuple[AskedOutput, ...]
+    written: str
+    findings: tuple[Diagnostic, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CandidateOutput:
+    """A CoI as it is (no `parts`), or a compound that could reserve less than its parts.
+
+    It needs `low` whole per cent of each virtual processor or more, and saves something up to `high`.
+    """
+
+    name: str
+    members: tuple[str, ...]
+    parts: tuple[str, ...]
+    low: int
+    high: int
+    measured: bool
+    is_gain: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CandidatesOutput:
+    """`rarms graph --candidates`."""
+
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["candidates"] = "candidates"
+    application: str
+    candidates: tuple[CandidateOutput, ...]

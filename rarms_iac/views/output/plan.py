@@ -1,0 +1,134 @@
+"""What a plan does, as `rarms plan`, `show`, `import`, `release` and `destroy` say it."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from rarms_iac.model.diagnostics import Diagnostic, Place
+from rarms_iac.views.output.common import FORMAT_VERSION, Format
+
+Value = bool | int | str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AttributeOutput:
+    """One attribute that a change touches; null where the resource is not there."""
+
+    name: str
+    before: Value
+    after: Value
+    forces: Literal["", "restart", "replacement"] = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChangeOutput:
+    """What happens at one address, and why. `replace`: removed and made again."""
+
+    address: str
+    action: Literal["create", "update", "replace", "delete", "adopt", "release"]
+    disruption: Literal["live", "partition_stop", "host_restart", "removal"]
+    reason: str
+    place: Place | None
+    attributes: tuple[AttributeOutput, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldBackOutput:
+    """A change that is not in the plan, because it disturbs more than is allowed."""
+
+    change: ChangeOutput
+    why: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UndoOutput:
+    """How much of a step `rarms undo` brings back, and what it does not."""
+
+    level: Literal["full", "partial", "none"]
+    says: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepOutput:
+    """One step, in the order in which they are done."""
+
+    address: str
+    title: str
+    operation: str
+    comment: str
+    place: Place | None
+    undo: UndoOutput
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TotalsOutput:
+    """What the host has promised once the plan is done; `percent` is of one logical processor (140: 1.4 LP).
+
+    `idle` is that part of `reserved` which is promised to partitions that do not run then.
+    """
+
+    reserved_percent: int
+    reserved_memory: int
+    unmanaged_percent: int
+    unmanaged_memory: int
+    idle_percent: int
+    idle_memory: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThreadsOutput:
+    """What the threads of a robotic task class run at, once its Windows has started again; `inside`: whose guest."""
+
+    inside: str
+    task: str
+    category: str
+    thread_priority: int
+    components: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostOutput:
+    """What a plan does on one host."""
+
+    name: str
+    provider: str
+    logical_processors: int
+    memory: int
+    serial: int
+    changes: tuple[ChangeOutput, ...]
+    steps: tuple[StepOutput, ...]
+    held_back: tuple[HeldBackOutput, ...]
+    unused: tuple[str, ...]
+    unchanged: int
+    totals: TotalsOutput | None
+    threads: tuple[ThreadsOutput, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CountsOutput:
+    """What the last line of a plan counts; a replacement counts as added and as removed."""
+
+    add: int
+    change: int
+    remove: int
+    adopt: int
+    release: int
+    held_back: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanOutput:
+    """`rarms plan`, `show`, `import`, `release`, `destroy`: a plan."""
+
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["plan"] = "plan"
+    plan: str
+    application: str
+    purpose: Literal["apply", "destroy", "import", "release"]
+    manifest: str
+    today: str
+    max_disruption: str
+    has_changes: bool
+    counts: CountsOutput
+    hosts: tuple[HostOutput, ...]
+    findings: tuple[Diagnostic, ...]
+    accepted: tuple[Diagnostic, ...]
