@@ -9,7 +9,7 @@ from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import run_of
 from rarms_iac.model.quantities import in_processors, per_virtual_processor, show_bytes, show_percent, show_processors
 from rarms_iac.model.system import Component, Host, Measured, System
-from rarms_iac.planner.groups import Group, groups_of
+from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.reservations import fixed, names_of, rests_on_a_log, to_be_measured
 from rarms_iac.reports.model import Capacity, Fixed, Measurement, Proof, Report, Shown
 from rarms_iac.reports.settings import points_of
