@@ -8,6 +8,7 @@ from pathlib import Path
 from rarms_iac import __version__
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, subject_of
+from rarms_iac.cli.locks import held_configurations
 from rarms_iac.cli.problems import Halted
 from rarms_iac.datalog.configuration import Chosen, append_entry, last_chosen, read_entries
 from rarms_iac.datalog.files import LogUnreadable, read_log
@@ -28,9 +29,14 @@ def record_choices(measured: Measurements, components: Iterable[str] = ()) -> tu
     A component whose reservation cannot be told is left out: `rarms plan` tells why.
 
     Raises:
-        Halted: a configuration log is damaged (4).
+        Halted: a configuration log is damaged (4), or held by another run (3).
         OSError: one cannot be written.
     """
+    with held_configurations(measured.folder):
+        return _choices(measured, components)
+
+
+def _choices(measured: Measurements, components: Iterable[str]) -> tuple[Path, ...]:
     system, wanted = measured.system, set(components)
     reservations = measured_reservations(measured, {})
     written: list[Path] = []

@@ -149,7 +149,7 @@ def _answer(
         processors=log.header.setup.processors,
         measured=tuple(sorted({one.reserve for one in log.settings})),
         curves=curves_in(log, {one.name: one for one in group.members}),
-        remarks=tuple(_remarks(log, comparison, group, shown)),
+        remarks=tuple(_remarks(log, comparison, group, shown, again)),
         again=again,
     )
 
@@ -168,7 +168,7 @@ def _no(group: Group, code: str, says: str, advice: str) -> NotMeasured:
     return NotMeasured(components=to_be_measured(group.members), code=code, says=says, advice=advice)
 
 
-def _remarks(log: DataLog, comparison: Comparison, group: Group, shown: str) -> Iterator[Cause]:
+def _remarks(log: DataLog, comparison: Comparison, group: Group, shown: str, again: str) -> Iterator[Cause]:
     what = f"component/{to_be_measured(group.members)[0]}"
     if comparison.unverified:
         yield Cause(
@@ -184,13 +184,13 @@ def _remarks(log: DataLog, comparison: Comparison, group: Group, shown: str) -> 
             code=findings.DIFFERENT.code,
             advice="Measure again if that can matter to the component.",
         )
-    beside = sorted({name for one in log.recorded for name in one.provenance.beside})
+    beside = sorted({name for one in log.counting for name in one.provenance.beside})
     if beside:
         yield Cause(
             what=what,
             says=f"{shown} was measured while {_some(beside)} ran on the host.",
             code=findings.BUSY.code,
-            advice="Measure again with the host to itself.",
+            advice=f"Measure it once more with the host to itself, and this no longer counts: `{again} --again`.",
         )
 
 

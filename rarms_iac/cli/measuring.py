@@ -3,27 +3,20 @@
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
-from datetime import UTC, datetime
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from rarms_iac import __version__
+from rarms_iac.cli.books import Kept, book_of, kept, path_for
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.datalogs import is_here, subject_of
 from rarms_iac.cli.experiments import MeasureOptions
 from rarms_iac.cli.hosts import Hosts, owner, refuse_unfinished, telling
+from rarms_iac.cli.locks import held_log
 from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.telling import tell
 from rarms_iac.cli.wiring import open_bench
-from rarms_iac.datalog.files import LogUnreadable, read_log
-from rarms_iac.datalog.hashing import Files
-from rarms_iac.datalog.identity import header_of, identity_of
-from rarms_iac.datalog.log import Header, Provenance
-from rarms_iac.datalog.paths import log_path
-from rarms_iac.datalog.staleness import Comparison, compare, known
 from rarms_iac.experiments import findings
-from rarms_iac.experiments.book import Book, highest_seed
+from rarms_iac.experiments.book import highest_seed
 from rarms_iac.experiments.measuring import Strategy, Surroundings, measure
 from rarms_iac.experiments.partitions import remove_test_partitions
 from rarms_iac.experiments.room import Room, called, in_the_way, most, room_of
@@ -33,7 +26,6 @@ from rarms_iac.experiments.strategies import Agreeing, Searching, Sweeping, Veri
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.state import Partition
 from rarms_iac.model.system import ProviderKind
-from rarms_iac.planner.findings import UNREADABLE
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.providers.measuring import Inside, MeasuringHost
 from rarms_iac.statistics.curve import curves_of, least_reserve
@@ -82,30 +74,40 @@ def run_experiment(
             for, or the log is damaged (4).
         HostError: the host did not do what was asked.
     """
-    state = bench.observe()
-    room, running = room_of(experiment.host, state, experiment.application), in_the_way(state)
-    top = most(room, experiment.setup)
-    book, stale = _book(hosts, experiment, bench, options, running)
-    if stale.changed:
-        session.terminal.talk(_told_stale(book, stale))
+    with held_log(Path(hosts.folder), path_for(hosts, experiment), options.lock_timeout_ms):
+        return _measured(session, hosts, experiment, bench, options, strategy)
+
+
+def _measured(
+    session: Session,
+    hosts: Hosts,
+    experiment: Experiment,
+    bench: MeasuringHost,
+    options: MeasureOptions,
+    strategy: Strategy | None,
+) -> Measured:
+    seen = _look(experiment, bench)
+    recorded = kept(hosts, experiment, bench)
+    book = book_of(recorded, options.seed, seen.running)
+    if recorded.changed:
+        session.terminal.talk(_told_stale(recorded))
     terminal = session.terminal
 
     def checked() -> Room:
-        _refuse_what_cannot_run(hosts, experiment)
-        _refuse(experiment, options, room, top, running)
-        return room
+        refuse_what_cannot_run(hosts, experiment, bench, options)
+        return seen.room
 
     around = Surroundings(
         host=bench,
         room=checked,
-        seed=_seed(book, options),
+        seed=options.seed or highest_seed(book.settings()) or USUAL_SEED,
         reporter=MeasuringProgress(terminal.status, time.monotonic, lively=terminal.lively, width=terminal.width),
         should_stop=session.interrupts.should_stop,
-        others=tuple(_going_on(hosts, running)),
+        others=tuple(_going_on(hosts, seen.running)),
     )
-    ended = measure(experiment, strategy or _strategy(hosts, experiment, options, top), book, around)
-    if ended.new and running:
-        tell(terminal, [_busy_warning(experiment, running)])
+    ended = measure(experiment, strategy or _strategy(hosts, experiment, options, seen.top), book, around)
+    if ended.new and seen.running:
+        tell(terminal, [_busy_warning(experiment, seen.running)])
     return Measured(
         experiment=experiment,
         conclusion=ended.conclusion,
@@ -116,45 +118,30 @@ def run_experiment(
     )
 
 
-def _book(
-    hosts: Hosts, experiment: Experiment, bench: MeasuringHost, options: MeasureOptions, running: Sequence[Partition]
-) -> tuple[Book, Comparison]:
-    """Its data log, and what has changed since that was begun: a stale one gives way to the first new setting.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Seen:
+    """What there is on the host."""
+
+    room: Room
+    running: tuple[Partition, ...]  # what is in the way
+    top: int  # the highest CR that it can give
+
+
+def _look(experiment: Experiment, bench: MeasuringHost) -> _Seen:
+    state = bench.observe()
+    room = room_of(experiment.host, state, experiment.application)
+    return _Seen(room=room, running=in_the_way(state), top=most(room, experiment.setup))
+
+
+def refuse_what_cannot_run(hosts: Hosts, experiment: Experiment, bench: MeasuringHost, options: MeasureOptions) -> None:
+    """Asked before anything is run.
 
     Raises:
-        Halted: it is damaged (4): it may be all that there is of a measurement, so nobody replaces it unasked.
+        Halted: the host is busy or has other reservations (3); there is no room, or nothing to run (4).
     """
-    folder = Path(hosts.folder)
-    path = log_path(folder, experiment.host.platform, experiment.setup.members, experiment.setup.interference)
-    header = header_for(hosts, experiment, bench)
-    try:
-        log = read_log(path)
-    except LogUnreadable as problem:
-        raise Halted(ExitCode.NO, [unreadable(problem)]) from None
-    compared = Comparison(changed=(), warns=(), unverified=())
-    if log is not None:
-        compared = compare(log.header, header.identity, known(header.bench))
-    settings = () if log is None or compared.changed else log.settings
-    seed = options.seed
-    if options.again:
-        seed = highest_seed(settings) + 1
-    beside = tuple(called(one) for one in running)
-    book = Book(
-        path=path,
-        header=header,
-        provenance=lambda: Provenance(rarms_version=__version__, when=_now(), beside=beside),
-        seed=seed,
-        anew=bool(compared.changed),
-    )
-    return book, compared
-
-
-def header_for(hosts: Hosts, experiment: Experiment, bench: MeasuringHost) -> Header:
-    """What the data log of this experiment begins with, as everything is now."""
-    subject = subject_of(hosts.system, experiment.host, experiment.setup.members, experiment.setup.interference)
-    files = Files(Path(hosts.folder))
-    interpreters = files.interpreters(subject) if is_here(experiment.host) else {}
-    return header_of(subject, identity_of(subject, files.of(subject), interpreters), bench.bench())
+    seen = _look(experiment, bench)
+    _refuse_what_has_no_demand(hosts, experiment)
+    _refuse(experiment, options, seen.room, seen.top, seen.running)
 
 
 def _strategy(hosts: Hosts, experiment: Experiment, options: MeasureOptions, top: int) -> Strategy:
@@ -185,7 +172,7 @@ def _strategy(hosts: Hosts, experiment: Experiment, options: MeasureOptions, top
     return search if to_the_letter else Agreeing(search=search, verifying=verifying)
 
 
-def _refuse_what_cannot_run(hosts: Hosts, experiment: Experiment) -> None:
+def _refuse_what_has_no_demand(hosts: Hosts, experiment: Experiment) -> None:
     """NOTE: the host would refuse it, too; here the line of the manifest is told.
 
     Raises:
@@ -246,25 +233,9 @@ def _going_on(hosts: Hosts, running: Sequence[Partition]) -> Iterator[Inside]:
             yield Inside(partition=group.name, components=members)
 
 
-def _seed(book: Book, options: MeasureOptions) -> int:
-    """What chance is drawn from: as it is asked for, or as the log's last settings had it."""
-    if book.seed is not None:
-        return book.seed
-    return options.seed or highest_seed(book.settings()) or USUAL_SEED
-
-
-def unreadable(problem: LogUnreadable) -> Diagnostic:
-    """A log that is not as it was written."""
-    return UNREADABLE.at(
-        None,
-        f"{problem.path.as_posix()}, line {problem.line}: {problem.says}.",
-        "Bring it back from git, or remove it: then all of it is measured again.",
-    )
-
-
-def _told_stale(book: Book, stale: Comparison) -> str:
-    what = "; ".join(str(one) for one in stale.changed)
-    return f"{book.path.as_posix()} is stale and is begun anew: {what}."
+def _told_stale(recorded: Kept) -> str:
+    what = "; ".join(str(one) for one in recorded.changed)
+    return f"{recorded.path.as_posix()} is stale and is begun anew: {what}."
 
 
 def _busy_warning(experiment: Experiment, running: Sequence[Partition]) -> Diagnostic:
@@ -272,10 +243,6 @@ def _busy_warning(experiment: Experiment, running: Sequence[Partition]) -> Diagn
     return findings.MEASURED_BUSY.at(
         None,
         f"{experiment.name} was measured while these ran on {experiment.host.name}: {names}. Its log says so.",
-        "Measure it again on a quiet host: --again.",
+        "Measure it again on a quiet host with --again: then this no longer counts.",
         address=f"host/{experiment.host.name}",
     )
-
-
-def _now() -> str:
-    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")

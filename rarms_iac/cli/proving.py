@@ -13,6 +13,7 @@ from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.configuration import now
 from rarms_iac.cli.experiments import refuse_unknown
 from rarms_iac.cli.hosts import Hosts, observe
+from rarms_iac.cli.locks import held_configurations
 from rarms_iac.cli.measuring import held_benches
 from rarms_iac.cli.options import ChangeOptions
 from rarms_iac.cli.planning import Wish, code_of_errors, request_of
@@ -72,7 +73,8 @@ def prove_layout(session: Session, hosts: Hosts, options: ProveOptions, *, as_js
                 session.terminal.talk("Stopped: nothing is proven, and nothing was changed.")
                 return session.interrupts.asked or ExitCode.INTERRUPTED
             proofs.append(answer)
-    _record(hosts, proofs, states)
+    with held_configurations(Path(hosts.folder)):
+        _record(hosts, proofs, states)
     found = tuple(_not_met(hosts, proofs))
     tell(session.terminal, found, hosts.opened.loaded.sources)
     against = options.interference

@@ -1,13 +1,17 @@
 """Data logs as files: read whole, begun anew, or a setting longer."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from rarms_iac.datalog.columns import line_of, setting_in
-from rarms_iac.datalog.log import FORMAT, DataLog, Header, Recorded
+from rarms_iac.datalog.log import FORMAT, DataLog, Header, Pass, Recorded
 from rarms_iac.storage.append import Damaged, append, read_records
 from rarms_iac.storage.append import line_of as sealed_line
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.replace import replace
+
+ITS_FIELD = "pass"
+"""The one field of a pass's record; of several records of a pass the last holds."""
 
 
 class LogUnreadable(Exception):
@@ -30,6 +34,15 @@ def begin_log(path: Path, header: Header) -> None:
     line = encode(header)
     assert isinstance(line, dict)
     replace(path, sealed_line(line))
+
+
+def append_pass(path: Path, one: Pass) -> None:
+    """Add that a pass begins, or has ended, to a log that was begun. It is on the disk on return.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    append(path, {ITS_FIELD: encode(one)})
 
 
 def append_setting(path: Path, recorded: Recorded) -> None:
@@ -58,13 +71,24 @@ def read_log(path: Path) -> DataLog | None:
         return None
     first, *rest = records
     header = _header(path, first)
-    recorded = []
+    recorded: list[Recorded] = []
+    passes: dict[int, Pass] = {}
     for line, record in enumerate(rest, start=2):
         try:
-            recorded.append(setting_in(record))
+            if ITS_FIELD in record:
+                one = _pass_in(record)
+                passes[one.seed] = one
+            else:
+                recorded.append(setting_in(record))
         except NotDecodable as problem:
             raise LogUnreadable(path, line, str(problem)) from None
-    return DataLog(header=header, recorded=tuple(recorded))
+    return DataLog(header=header, recorded=tuple(recorded), passes=tuple(passes.values()))
+
+
+def _pass_in(record: Mapping[str, Json]) -> Pass:
+    if unknown := record.keys() - {ITS_FIELD}:
+        raise NotDecodable(min(unknown), "there is no such field")
+    return decode(Pass, record[ITS_FIELD])
 
 
 def _header(path: Path, record: dict[str, Json]) -> Header:

@@ -5,7 +5,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rarms_iac.datalog.log import FORMAT, Header, Provenance
+from rarms_iac.datalog.files import ITS_FIELD
+from rarms_iac.datalog.log import FORMAT, Header, Pass, Provenance
 from rarms_iac.storage.json_schema import Schema, schema_of
 
 _NUMBERS: Schema = {"type": "array", "items": {"type": "number"}}
@@ -16,18 +17,19 @@ _SEAL: dict[str, Schema] = {
 
 
 def data_log_schema() -> Schema:
-    """The schema that `schemas/datalog.json` holds: each line is a header (the first) or a setting."""
-    header, provenance = schema_of(Header), schema_of(Provenance)
-    definitions: dict[str, Any] = {**header["$defs"], **provenance["$defs"]}
+    """The schema that `schemas/datalog.json` holds: each line is a header (the first), a setting or a pass."""
+    header, provenance, one = schema_of(Header), schema_of(Provenance), schema_of(Pass)
+    definitions: dict[str, Any] = {**header["$defs"], **provenance["$defs"], **one["$defs"]}
     first = definitions["Header"]
     first["properties"] = {**first["properties"], "format_version": {"const": FORMAT}, **_SEAL}
     first["required"] = [*first["required"], "format_version", *_SEAL]
     definitions["Series"] = _series()
     definitions["Setting"] = _setting()
+    definitions["PassLine"] = _pass_line()
     return {
         "$schema": header["$schema"],
         "title": f"A line of a data log ({FORMAT})",
-        "anyOf": [{"$ref": "#/$defs/Header"}, {"$ref": "#/$defs/Setting"}],
+        "anyOf": [{"$ref": f"#/$defs/{name}"} for name in ("Header", "Setting", "PassLine")],
         "$defs": dict(sorted(definitions.items())),
     }
 
@@ -35,6 +37,16 @@ def data_log_schema() -> Schema:
 def schema_text() -> str:
     """The text of `schemas/datalog.json`."""
     return json.dumps(data_log_schema(), indent=2, ensure_ascii=False) + "\n"
+
+
+def _pass_line() -> Schema:
+    return {
+        "description": "A pass begins or has ended; of several with one seed the last holds.",
+        "type": "object",
+        "properties": {ITS_FIELD: {"$ref": "#/$defs/Pass"}, **_SEAL},
+        "required": [ITS_FIELD, *_SEAL],
+        "additionalProperties": False,
+    }
 
 
 def _setting() -> Schema:

@@ -47,6 +47,21 @@ class Recorded:
     setting: Setting
     provenance: Provenance
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether something else ran on the host meanwhile."""
+        return bool(self.provenance.beside)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pass:
+    """Measuring all that was asked for once more, beside what is recorded: who is killed in it goes on with it."""
+
+    seed: int  # of its settings, and of no others before it
+    asked: str  # what was asked for, so that the same command is known again
+    begun: str  # UTC; the same in all logs that one command is about
+    ended: bool = False
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DataLog:
@@ -54,8 +69,35 @@ class DataLog:
 
     header: Header
     recorded: tuple[Recorded, ...]  # in the order in which they were measured
+    passes: tuple[Pass, ...] = ()  # those that were asked for, in order
+
+    @property
+    def counting(self) -> tuple[Recorded, ...]:
+        """What reservations rest on.
+
+        A setting that was measured while something else ran gives way to a later one of the same reservation that had
+        the host to itself, and to every later pass that was measured so to its end.
+        """
+        clean = self._last_clean_pass()
+        return tuple(one for at, one in enumerate(self.recorded) if not (one.is_busy and self._gives_way(at, clean)))
 
     @property
     def settings(self) -> tuple[Setting, ...]:
-        """The settings alone; a reservation may be there more than once."""
-        return tuple(one.setting for one in self.recorded)
+        """The settings that count, alone; a reservation may be there more than once."""
+        return tuple(one.setting for one in self.counting)
+
+    @property
+    def highest_seed(self) -> int:
+        """The last seed that anything was, or was to be, measured with; 0 where nothing was."""
+        seeds = [*(one.setting.seed for one in self.recorded), *(one.seed for one in self.passes)]
+        return max(seeds, default=0)
+
+    def _gives_way(self, at: int, clean: int) -> bool:
+        busy = self.recorded[at].setting
+        later = self.recorded[at + 1 :]
+        return busy.seed < clean or any(one.setting.reserve == busy.reserve and not one.is_busy for one in later)
+
+    def _last_clean_pass(self) -> int:
+        """The seed of the last pass that ended and had the host to itself; 0: there is none."""
+        busy = {one.setting.seed for one in self.recorded if one.is_busy}
+        return max((one.seed for one in self.passes if one.ended and one.seed not in busy), default=0)

@@ -21,4 +21,5 @@ NOT_APPLIED = Finding(code="RARMS119", severity=Severity.ERROR, summary="The lay
 LEFT_BEHIND = Finding(code="RARMS261", severity=Severity.NOTE, summary="Test partitions of an earlier run were removed")
 CANNOT_MEASURE = Finding(code="RARMS262", severity=Severity.ERROR, summary="This version cannot measure on this host")
 MEASURED_BUSY = Finding(code="RARMS263", severity=Severity.WARNING, summary="Measured while something else ran")
+MEASURED_ELSEWHERE = Finding(code="RARMS265", severity=Severity.ERROR, summary="Another run measures the same")
 NO_THRESHOLD = Finding(code="RARMS264", severity=Severity.ERROR, summary="There is no threshold to search for")

@@ -83,7 +83,7 @@ def _indexes(log: DataLog, one: Component) -> Iterator[Shown]:
         index = find_index(name)
         assert index is not None, "the manifest's names of indexes are checked"
         curve = curve_of(log.settings, one.name, name, run_of(one))
-        points = points_of(log.recorded, one.name, name, one.apt, run_of(one))
+        points = points_of(log.counting, one.name, name, one.apt, run_of(one))
         yield Shown(component=one.name, index=index, threshold=one.apt.get(name), curve=curve, points=points)
 
 
@@ -124,10 +124,10 @@ def _fixed(system: System, hosts: Sequence[Host]) -> Iterator[Fixed]:
 
 def _facts(log: DataLog) -> Iterator[tuple[str, str]]:
     bench, setup = log.header.bench, log.header.setup
-    when = sorted(one.provenance.when for one in log.recorded)
+    when = sorted(one.provenance.when for one in log.counting)
     if when:
         yield "Measured", when[0] if when[0] == when[-1] else f"{when[0]} to {when[-1]}"
-        yield "By rarms", ", ".join(sorted({one.provenance.rarms_version for one in log.recorded}))
+        yield "By rarms", ", ".join(sorted({one.provenance.rarms_version for one in log.counting}))
     yield "Machine", f"{bench.processor}, {show_processors(bench.logical_processors)}{', SMT' if bench.smt else ''}"
     yield "Provider", f"{bench.provider.value}, scheduler {bench.scheduler.value}"
     if bench.os_build:
@@ -136,7 +136,7 @@ def _facts(log: DataLog) -> Iterator[tuple[str, str]]:
         yield "Guest image", bench.guest_image
     yield "Partition", f"{setup.processors} VPs, {show_bytes(setup.memory)}"
     yield "Limit and weight", f"{show_percent(setup.limit)}, {setup.weight}"
-    beside = sorted({name for one in log.recorded for name in one.provenance.beside})
+    beside = sorted({name for one in log.counting for name in one.provenance.beside})
     if beside:
         yield "Ran beside it", ", ".join(beside)
     yield "Identity", log.header.digest

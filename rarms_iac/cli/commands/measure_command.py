@@ -1,17 +1,20 @@
 """`rarms measure`: the reservations that components need, by running them."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import click
 
 from rarms_iac.cli.asking import ask_levels, refuse_without_terminal
+from rarms_iac.cli.books import path_for, unreadable
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.configuration import record_choices
 from rarms_iac.cli.datalogs import measurements_of
 from rarms_iac.cli.experiments import MeasureOptions, experiments_for
 from rarms_iac.cli.hosts import Hosts, hosts_of
 from rarms_iac.cli.manifests import system_of
-from rarms_iac.cli.measuring import held_benches, run_experiment, unreadable
+from rarms_iac.cli.measuring import held_benches, refuse_what_cannot_run, run_experiment
 from rarms_iac.cli.options import (
     HostOptions,
     ManifestOptions,
@@ -20,14 +23,18 @@ from rarms_iac.cli.options import (
     manifest_options,
     time_option,
 )
+from rarms_iac.cli.passes import end_pass, passes_for
 from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.telling import tell
 from rarms_iac.datalog.files import LogUnreadable
-from rarms_iac.experiments.conclusions import Stopped
+from rarms_iac.datalog.log import Pass
+from rarms_iac.experiments.conclusions import NoVerdict, Stopped
+from rarms_iac.experiments.setup import Experiment
 from rarms_iac.experiments.telling import findings_of
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
+from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.views.measured import Measured, measure_json, summary_text
 
 STRATEGIES = ("default", "bisection", "paper")
@@ -55,7 +62,7 @@ USUAL_STEP = 10
 @click.option(
     "--again",
     is_flag=True,
-    help="Measure all of it once more, beside what is recorded; interrupted, go on with --seed.",
+    help="Measure all of it once more, beside what is recorded.",
 )
 @click.option("--interactive", is_flag=True, help="After each component, ask for the level that is good enough.")
 @click.option("--on-busy-host", is_flag=True, help="Measure although something else runs; the data log says so.")
@@ -92,6 +99,8 @@ def command(
         raise click.UsageError("--together wants two COMPONENTs or more.", click.get_current_context())
     if sum(map(bool, (reserves, verify, strategy != "default"))) > 1:
         raise click.UsageError("Give one of --strategy, --verify, and --from/--to/--step.", click.get_current_context())
+    if again and seed is not None:
+        raise click.UsageError("--again takes a seed of its own: leave --seed out.", click.get_current_context())
     options = MeasureOptions(
         components=components,
         together=together,
@@ -114,9 +123,7 @@ def command(
     tell(session.terminal, done.findings, opened.loaded.sources)
     session.terminal.data(measure_json(done.results, done.findings) if as_json else summary_text(done.results))
     if done.stopped:
-        # NOTE: the same --again would begin once more, with the seed after this one.
-        how = "with --seed and the log's last seed instead of --again, it" if again else "the same command"
-        session.terminal.talk(f"Stopped. What is recorded stays: {how} goes on.")
+        session.terminal.talk("Stopped. What is recorded stays: the same command goes on.")
         return session.interrupts.asked or ExitCode.INTERRUPTED
     return ExitCode.NO if has_errors(done.findings) else ExitCode.DONE
 
@@ -158,9 +165,14 @@ def measured(session: Session, hosts: Hosts, options: MeasureOptions, *, interac
     found: list[Diagnostic] = []
     names = [one.host.name for one in experiments]
     with held_benches(session, hosts, names, options.lock_timeout_ms) as benches:
+        passes = _passes(hosts, experiments, benches, options)
         for one in experiments:
+            mine = passes.get(path_for(hosts, one))
+            asked = replace(options, seed=mine.seed) if mine else options
             with session.interrupts.gently():
-                result = run_experiment(session, hosts, one, benches[one.host.name], options)
+                result = run_experiment(session, hosts, one, benches[one.host.name], asked)
+            if mine and not isinstance(result.conclusion, Stopped | NoVerdict):
+                end_pass(path_for(hosts, one), mine)
             found += findings_of(one, result.conclusion, result.settings, hosts.opened.loaded.places)
             results.append(result)
             if isinstance(result.conclusion, Stopped):
@@ -168,6 +180,19 @@ def measured(session: Session, hosts: Hosts, options: MeasureOptions, *, interac
             if interactive:
                 ask_levels(session, hosts.source, result)
     return Done(results=tuple(results), findings=tuple(found))
+
+
+def _passes(
+    hosts: Hosts, experiments: Sequence[Experiment], benches: Mapping[str, MeasuringHost], options: MeasureOptions
+) -> Mapping[Path, Pass]:
+    """The passes of `--again`, by data log; none where it is not asked for."""
+    if not options.again:
+        return {}
+
+    def refuse(one: Experiment) -> None:
+        refuse_what_cannot_run(hosts, one, benches[one.host.name], options)
+
+    return passes_for(hosts, experiments, benches, options, refuse)
 
 
 def reserves_of(first: int | None, last: int | None, step: int | None) -> tuple[int, ...]:

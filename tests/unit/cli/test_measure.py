@@ -127,16 +127,15 @@ def test_chosen_settings_against_another_load_have_a_log_of_their_own(here: Path
     assert swept["log"] == "measurements/onboard/vision/light.jsonl"
 
 
-def test_again_is_beside_what_was_measured(here: Path) -> None:
+def test_a_seed_measures_with_settings_of_its_own_beside_the_others(here: Path) -> None:
     words = ("--from", "40%", "--to", "50%")
     measured(*words)
-    again = measured(*words, "--again")
-
-    assert again["new_settings"] == 2
-    lines = (here / "measurements" / "onboard" / "vision" / "busy-loop.jsonl").read_text(encoding="utf-8").splitlines()
-    assert [json.loads(line)["seed"] for line in lines[1:]] == [1, 1, 2, 2]
+    other = measured(*words, "--seed", "2")
     longer = measured("--from", "40%", "--to", "60%", "--seed", "2")
-    assert longer["new_settings"] == 1, "an --again that was interrupted goes on with its seed"
+
+    assert (other["new_settings"], longer["new_settings"]) == (2, 1)
+    lines = (here / "measurements" / "onboard" / "vision" / "busy-loop.jsonl").read_text(encoding="utf-8").splitlines()
+    assert [json.loads(line)["seed"] for line in lines[1:]] == [1, 1, 2, 2, 2]
 
 
 def test_a_changed_component_begins_its_log_anew(here: Path) -> None:

@@ -1,0 +1,56 @@
+"""Who may write below `measurements/`: hosts of one platform share its logs, and each has a measurer of its own."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.hosts import owner
+from rarms_iac.cli.problems import Halted
+from rarms_iac.datalog.paths import FOLDER
+from rarms_iac.experiments.findings import MEASURED_ELSEWHERE
+from rarms_iac.storage.lock import Locked, hold
+from rarms_iac.storage.private import PRIVATE, make_room
+from rarms_iac.storage.replace import remove_leftovers
+
+LOCKS = "locks"
+CHOICES = "configuration"
+MOMENT_MS = 10_000
+"""How long a command waits for another that writes down what was chosen or proven: that takes no time."""
+
+
+@contextmanager
+def held_log(folder: Path, path: Path, timeout_ms: int) -> Iterator[None]:
+    """Have a data log below the manifest's folder for oneself, without what killed writers left beside it.
+
+    Raises:
+        Halted: another run measures the same (3).
+    """
+    with _held(folder, path.relative_to(folder / FOLDER).as_posix(), timeout_ms):
+        remove_leftovers(path)
+        yield
+
+
+@contextmanager
+def held_configurations(folder: Path) -> Iterator[None]:
+    """Have the configuration logs for oneself, as long as it takes to add to them.
+
+    Raises:
+        Halted: another run does not let go of them (3).
+    """
+    with _held(folder, CHOICES, MOMENT_MS):
+        yield
+
+
+@contextmanager
+def _held(folder: Path, name: str, timeout_ms: int) -> Iterator[None]:
+    lock = folder / PRIVATE / LOCKS / f"{name}.lock"
+    make_room(lock)
+    with ExitStack() as held:
+        try:
+            held.enter_context(hold(lock, owner(), timeout_ms))
+        except Locked as problem:
+            says = f"{FOLDER}/{name} is written to by {problem.owner}."
+            advice = "Wait for that run to end, or let rarms wait: `--lock-timeout 60s`. What is recorded stays."
+            raise Halted(ExitCode.REFUSED, [MEASURED_ELSEWHERE.at(None, says, advice)]) from None
+        yield

@@ -1,0 +1,84 @@
+"""Measuring once more (`--again`): each log says which pass is not ended, so that the same command goes on with it."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+from rarms_iac.cli.books import Kept, kept
+from rarms_iac.cli.experiments import MeasureOptions
+from rarms_iac.cli.hosts import Hosts
+from rarms_iac.cli.locks import held_log
+from rarms_iac.datalog.files import append_pass, begin_log
+from rarms_iac.datalog.log import Pass
+from rarms_iac.experiments.setup import Experiment
+from rarms_iac.providers.measuring import MeasuringHost
+
+
+def passes_for(
+    hosts: Hosts,
+    experiments: Sequence[Experiment],
+    benches: Mapping[str, MeasuringHost],
+    options: MeasureOptions,
+    refuse: Callable[[Experiment], None],
+) -> Mapping[Path, Pass]:
+    """By data log the pass that is to be measured: one that is not ended, or a new one, which all logs say then.
+
+    A command that was killed goes on: its other logs say whether they had their turn. `refuse` raises where an
+    experiment cannot be run; nothing is written then.
+
+    Raises:
+        Halted: a log is damaged (4), or held by another run (3).
+    """
+    known = [kept(hosts, one, benches[one.host.name]) for one in experiments]
+    asked = asked_for(options)
+    unfinished = [last for one in known if (last := _last(one, asked)) is not None and not last.ended]
+    begun = max((one.begun for one in unfinished), default=None)
+    found = {one.path: _of_that_command(one, asked, begun) for one in known}
+    for experiment, one in zip(experiments, known, strict=True):
+        if found[one.path] is None:
+            refuse(experiment)
+    started = begun or datetime.now(UTC).isoformat(timespec="microseconds")
+    return {one.path: found[one.path] or _begin(hosts, one, asked, started, options) for one in known}
+
+
+def end_pass(path: Path, one: Pass) -> None:
+    """Record that all of it is measured.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    if not one.ended:
+        append_pass(path, replace(one, ended=True))
+
+
+def asked_for(options: MeasureOptions) -> str:
+    """What tells a command from others of the same components, in words."""
+    what = options.strategy
+    if options.reserves:
+        what = ", ".join(f"{one} %" for one in options.reserves)
+    elif options.verify:
+        what = "verify"
+    return what if options.samples is None else f"{what}; {options.samples} samples"
+
+
+def _last(one: Kept, asked: str) -> Pass | None:
+    passes = () if one.holds is None else one.holds.passes
+    return next((each for each in reversed(passes) if each.asked == asked), None)
+
+
+def _of_that_command(one: Kept, asked: str, begun: str | None) -> Pass | None:
+    """The pass that a command has in this log which began then; one that is not ended is gone on with in any case."""
+    last = _last(one, asked)
+    if begun is None or last is None or (last.ended and last.begun != begun):
+        return None
+    return last
+
+
+def _begin(hosts: Hosts, one: Kept, asked: str, begun: str, options: MeasureOptions) -> Pass:
+    begins = Pass(seed=1 if one.holds is None else one.holds.highest_seed + 1, asked=asked, begun=begun)
+    with held_log(Path(hosts.folder), one.path, options.lock_timeout_ms):
+        if one.holds is None:
+            begin_log(one.path, one.header)
+        append_pass(one.path, begins)
+    return begins

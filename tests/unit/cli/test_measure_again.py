@@ -1,0 +1,197 @@
+"""Measuring once more, and measuring for two: passes that go on, logs that one writes at a time, busy settings."""
+
+import json
+from collections.abc import Iterator
+from contextlib import chdir, suppress
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.cli.locks import held_log
+from rarms_iac.datalog.files import read_log
+from rarms_iac.datalog.log import DataLog
+from rarms_iac.storage import disk
+from tests.crashing import Crash, CrashingDisk, When
+from tests.effort import LONG
+from tests.unit.cli.running import Ran, rarms
+
+MANIFEST = """\
+schema: rarms/v1
+
+application: { name: robot }
+
+hosts:
+  left: { logical_processors: 2, memory: 4 GiB, platform: robot }
+  right: { logical_processors: 2, memory: 4 GiB, platform: robot }
+
+components:
+  vision:
+    criticality: 30
+    apt: { mean_response_time: { at_most: 50 ms } }
+    run: { command: [vision], until: { samples: 5 }, samples: { from: per_run } }
+    cpu: { reserve: measured }
+    memory: 512 MiB
+    simulation: { work: 20 ms, varies: 2 % }
+  speech:
+    criticality: 20
+    apt: { mean_response_time: { at_most: 90 ms } }
+    run: { command: [speech], until: { samples: 5 }, samples: { from: per_run } }
+    cpu: { reserve: measured }
+    memory: 512 MiB
+    simulation: { work: 20 ms, varies: 2 % }
+"""
+SWEPT = ("measure", "--from", "60%", "--to", "70%", "--host", "left")
+ONCE = [(60, 1), (70, 1)]
+TWICE = [*ONCE, (60, 2), (70, 2)]
+
+
+@pytest.fixture
+def here(tmp_path: Path) -> Iterator[Path]:
+    """A folder with a robot whose two components are measured, which is where we are."""
+    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
+    with chdir(tmp_path):
+        assert rarms(*SWEPT).code == 0
+        yield tmp_path
+
+
+def path_of(name: str) -> Path:
+    return Path.cwd() / "measurements" / "robot" / name / "busy-loop.jsonl"
+
+
+def the_log(name: str) -> DataLog:
+    log = read_log(path_of(name))
+    assert log is not None
+    return log
+
+
+def recorded(name: str) -> list[tuple[int, int]]:
+    return [(one.setting.reserve, one.setting.seed) for one in the_log(name).recorded]
+
+
+def files_of(folder: Path) -> dict[Path, bytes]:
+    return {path.relative_to(folder): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def put_back(folder: Path, files: dict[Path, bytes]) -> None:
+    for path in files_of(folder):
+        if path not in files:
+            (folder / path).unlink()
+    for path, data in files.items():
+        (folder / path).write_bytes(data)
+
+
+def code_of(ran: Ran) -> tuple[int, str]:
+    return ran.code, ran.err[ran.err.index("RARMS") :][:8]
+
+
+def test_a_pass_that_was_killed_is_gone_on_with_by_the_same_command(here: Path) -> None:
+    """At every effect on files, or in usual runs at some: nothing is run twice, and nothing is left out."""
+    before = files_of(here)
+    counting = CrashingDisk(0)
+    with disk.use(counting):
+        assert rarms(*SWEPT, "--again").code == 0
+    assert recorded("vision") == recorded("speech") == TWICE
+    whole = len(counting.effects)
+    cut_short = 0
+
+    for at in range(1, whole + 1, 1 if LONG else whole // 9):
+        put_back(here, before)
+        with disk.use(CrashingDisk(at, When.HALF)), suppress(Crash):
+            rarms(*SWEPT, "--again")
+        cut_short += ONCE != recorded("vision") + recorded("speech") != TWICE
+        with disk.use(CrashingDisk(0)):
+            done = rarms(*SWEPT, "--again")
+
+        assert done.code == 0, (at, done.err)
+        assert recorded("vision") == recorded("speech") == TWICE, at
+        assert [one.ended for one in the_log("speech").passes] == [True]
+        assert not list(here.rglob("*.new"))
+    assert cut_short > 3
+
+
+def test_a_pass_that_ended_is_followed_by_another_and_a_plain_measure_runs_nothing(here: Path) -> None:
+    assert rarms(*SWEPT, "--again").code == 0
+    assert rarms(*SWEPT).code == 0
+    assert recorded("vision") == TWICE
+    assert rarms(*SWEPT, "--again").code == 0
+    assert recorded("vision") == [*TWICE, (60, 3), (70, 3)]
+
+
+def test_another_question_has_a_pass_of_its_own(here: Path) -> None:
+    with disk.use(CrashingDisk(40)), suppress(Crash):
+        rarms(*SWEPT, "--again")
+    assert [one.ended for one in the_log("vision").passes] == [False]
+    other = ("measure", "vision", "--from", "60%", "--to", "80%", "--host", "left", "--again")
+
+    assert rarms(*other).code == 0
+    assert recorded("vision")[-3:] == [(60, 3), (70, 3), (80, 3)]
+    assert rarms(*SWEPT, "--again").code == 0
+    assert [one for one in recorded("vision") if one[1] == 2] == [(60, 2), (70, 2)]
+
+
+def test_what_cannot_be_run_begins_no_pass(here: Path) -> None:
+    before = path_of("vision").read_bytes()
+
+    assert rarms("measure", "--again", "--seed", "7").code == 64
+    with held_log(here, path_of("vision"), 0):
+        assert code_of(rarms(*SWEPT, "--again")) == (3, "RARMS265")
+    assert path_of("vision").read_bytes() == before
+
+
+def test_two_hosts_of_one_platform_do_not_write_to_one_log_at_once(here: Path) -> None:
+    """Each host has a lock of its own: what they share is the log."""
+    before = path_of("vision").read_bytes()
+    with held_log(here, path_of("vision"), 0):
+        ran = rarms("measure", "vision", "--from", "60%", "--to", "80%", "--host", "right")
+        other = rarms("measure", "speech", "--from", "60%", "--to", "80%", "--host", "right")
+
+    assert code_of(ran) == (3, "RARMS265")
+    assert "process" in ran.err
+    assert path_of("vision").read_bytes() == before
+    assert other.code == 0, "another log is free"
+    assert rarms("measure", "vision", "--from", "60%", "--to", "80%", "--host", "right").code == 0
+    assert recorded("vision") == [*ONCE, (80, 1)]
+
+
+def test_what_was_measured_on_a_busy_host_no_longer_counts_after_a_pass_that_had_it_alone(here: Path) -> None:
+    searched = ("measure", "vision", "--samples", "60", "--host", "left")
+    manifest = MANIFEST.replace(
+        "reserve: measured }\n    memory: 512 MiB\n    simulation: { work: 20 ms",
+        "reserve: 1 % }\n    memory: 512 MiB\n    simulation: { work: 20 ms",
+    ).replace("samples: 5", "samples: 60")
+    (here / "rarms.yaml").write_text(manifest, encoding="utf-8", newline="\n")
+    assert rarms("apply", "--auto-approve", "--host", "left").code == 0
+    busy = rarms(*searched, "--on-busy-host")
+    measured = manifest.replace("reserve: 1 % }", "reserve: measured }", 1)
+    (here / "rarms.yaml").write_text(measured, encoding="utf-8", newline="\n")
+    assert (busy.code, "RARMS263" in busy.err) == (0, True), busy.err
+    assert "RARMS108" in rarms("plan").out
+    assert code_of(rarms(*searched, "--again")) == (3, "RARMS115")
+    assert the_log("vision").passes == (), "what is refused begins nothing"
+    assert rarms("destroy", "--auto-approve").code == 0
+
+    with disk.use(CrashingDisk(60)), suppress(Crash):
+        rarms(*searched, "--again")
+    assert [one.ended for one in the_log("vision").passes] == [False]
+    assert "RARMS108" in rarms("plan").out, "half a pass stands for nothing"
+    again = rarms(*searched, "--again")
+
+    assert again.code == 0, again.err
+    assert "RARMS108" not in rarms("plan").out
+    assert all(not one.is_busy for one in the_log("vision").counting)
+    assert any(one.is_busy for one in the_log("vision").recorded), "what was measured stays in the log"
+
+
+def test_one_setting_that_had_the_host_alone_takes_the_place_of_a_busy_one(here: Path) -> None:
+    lines = path_of("vision").read_text(encoding="utf-8").splitlines()
+    assert len(lines) == 3
+    log = the_log("vision")
+    quiet = log.recorded[0]
+    busy = type(quiet)(
+        setting=quiet.setting,
+        provenance=type(quiet.provenance)(rarms_version="0", when="2026-01-01T00:00:00Z", beside=("speech",)),
+    )
+
+    assert DataLog(header=log.header, recorded=(busy, quiet)).counting == (quiet,)
+    assert DataLog(header=log.header, recorded=(quiet, busy)).counting == (quiet, busy)
+    assert json.loads(lines[1])["reserve"] == quiet.setting.reserve
