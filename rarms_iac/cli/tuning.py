@@ -14,10 +14,10 @@ from rarms_iac.cli.wiring import open_bench
 from rarms_iac.experiments.conclusions import NoVerdict, Stopped
 from rarms_iac.experiments.findings import CANNOT_MEASURE
 from rarms_iac.experiments.room import most, room_of
-from rarms_iac.experiments.search import trial_of
 from rarms_iac.experiments.setup import Experiment, experiment_of, interference_of
-from rarms_iac.experiments.strategies import Answering, goal_of
+from rarms_iac.experiments.strategies import Answering, apts_of, goal_of
 from rarms_iac.model.diagnostics import has_errors
+from rarms_iac.model.measurement import Setting
 from rarms_iac.model.plan import Claim
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, Host, System
@@ -32,6 +32,7 @@ from rarms_iac.planner.problem import Problem, host_view, problem_of
 from rarms_iac.planner.reservations import rests_on_a_log
 from rarms_iac.planner.search import place
 from rarms_iac.providers.measuring import MeasuringHost
+from rarms_iac.statistics.curve import curves_of, holds
 
 
 class TuningStopped(Unanswered):
@@ -185,7 +186,7 @@ class Experiments:
         if reserve > (highest := self.subject.highest(members)):
             raise Unanswered(f"{reserve} % was to be measured of {', '.join(members)}; the host gives {highest} %")
         experiment = self.subject.experiment(members, self.options.samples)
-        # A plan rests on the safe side of the curve: what is met only within a tolerance would not hold there.
+        # A setting ends when it is clear; what it says then is what a plan will look up, by the same rule.
         goal = replace(goal_of(experiment), tolerance=0.0)
         strategy = Answering(goal=goal, reserve=reserve)
         with self.session.interrupts.gently():
@@ -203,8 +204,13 @@ class Experiments:
                 )
             case _:
                 pass
-        setting = next(one for one in reversed(done.settings) if one.reserve == reserve)
-        return frozenset(trial_of(setting, goal).worse)
+        return worse_on_the_curve(experiment, done.settings, reserve)
+
+
+def worse_on_the_curve(experiment: Experiment, settings: Sequence[Setting], reserve: int) -> frozenset[str]:
+    """The members that do not meet all their thresholds there for sure, by the rule that a plan takes."""
+    curves = curves_of(settings, experiment.runs, apts_of(experiment))
+    return frozenset(curve.component for curve, threshold in curves if not holds(curve, threshold, reserve))
 
 
 def _but(members: Members, name: str) -> str:

@@ -1,10 +1,11 @@
 """The curve of a performance index over the reservation: the one place where a value is looked up (DESIGN section 2).
 
-Measured settings made monotone (isotonic regression weighted by samples), straight between them, nothing outside.
+Measured settings made monotone (isotonic regression weighted by samples; of an extreme what was seen with more CPU
+counts for less of it), straight between them, nothing outside.
 The band is made monotone likewise; its safe side is the one away from what is good: above for response times.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from rarms_iac.model.indexes import find_index
@@ -85,7 +86,7 @@ def least_reserve(apts: Iterable[tuple[Curve, Threshold]]) -> LeastReserve | Non
     """
     pairs = list(apts)
     for reserve in range(1, 101):
-        if pairs and all(_holds(curve, threshold, reserve) for curve, threshold in pairs):
+        if pairs and all(holds(curve, threshold, reserve) for curve, threshold in pairs):
             measured = all(any(point.reserve == reserve for point in curve.points) for curve, _ in pairs)
             return LeastReserve(reserve=reserve, interpolated=not measured)
     return None
@@ -102,7 +103,8 @@ def curves_of(
     )
 
 
-def _holds(curve: Curve, threshold: Threshold, reserve: int) -> bool:
+def holds(curve: Curve, threshold: Threshold, reserve: int) -> bool:
+    """Whether the safe side of the band meets the threshold there: the rule that every reservation rests on."""
     safe = curve.safe_value_at(reserve)
     if safe is None:
         return False
@@ -154,10 +156,9 @@ def _together(estimates: Sequence[Estimate], index: str) -> Estimate:
 
 
 def _monotone(reserves: Sequence[int], estimates: Sequence[Estimate], index: str) -> tuple[Point, ...]:
-    fit = isotonic.falling if _smaller_is_better(index) else isotonic.rising
-    weights = [one.effective_samples for one in estimates]
+    fit = _fit_of(index, [one.effective_samples for one in estimates])
     value, lower, upper = (
-        fit(side, weights)
+        fit(side)
         for side in (
             [one.value for one in estimates],
             [one.lower for one in estimates],
@@ -168,6 +169,18 @@ def _monotone(reserves: Sequence[int], estimates: Sequence[Estimate], index: str
         Point(reserve=float(reserve), value=value[at], lower=lower[at], upper=upper[at])
         for at, reserve in enumerate(reserves)
     )
+
+
+def _fit_of(index: str, weights: Sequence[float]) -> Callable[[Sequence[float]], list[float]]:
+    """How an index is made monotone. Of an extreme nothing is averaged: more CPU does not undo what was seen with it."""
+    match index:
+        case "maximum_response_time":
+            return isotonic.not_below_later
+        case "minimum_response_time":
+            return isotonic.not_above_earlier
+        case _:
+            fit = isotonic.falling if _smaller_is_better(index) else isotonic.rising
+            return lambda side: fit(side, weights)
 
 
 def _between(left: Point, right: Point, reserve: float) -> Point:

@@ -1,6 +1,7 @@
 """Isotonic regression: the monotone values nearest to measured ones."""
 
 from collections.abc import Sequence
+from itertools import accumulate
 
 
 def falling(numbers: Sequence[float], weights: Sequence[float]) -> list[float]:
@@ -16,6 +17,16 @@ def falling(numbers: Sequence[float], weights: Sequence[float]) -> list[float]:
 def rising(numbers: Sequence[float], weights: Sequence[float]) -> list[float]:
     """The same, non-decreasing."""
     return [-number for number in falling([-number for number in numbers], weights)]
+
+
+def not_below_later(numbers: Sequence[float]) -> list[float]:
+    """Non-increasing and at least each number: what was seen at one place may happen at every place before it."""
+    return list(accumulate(reversed(numbers), max))[::-1]
+
+
+def not_above_earlier(numbers: Sequence[float]) -> list[float]:
+    """Non-increasing and at most each number: what was seen at one place may happen at every place after it."""
+    return list(accumulate(numbers, min))
 
 
 def _pooled(one: tuple[float, float, int], other: tuple[float, float, int]) -> tuple[float, float, int]:

@@ -27,8 +27,13 @@ class Goal:
 
     members: tuple[Member, ...]
     processors: int  # VPs of P1
-    error: float = VERDICT_ERROR
+    error: float = VERDICT_ERROR  # of the verdict on a setting, all members together
     tolerance: float = TOLERANCE
+
+    @property
+    def error_each(self) -> float:
+        """Of the verdict on one member: whichever of them is wrong, the setting is (union bound)."""
+        return self.error / max(1, len(self.members))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,7 +112,7 @@ def settled(series: Mapping[str, Series], goal: Goal, *, precision: float | None
     if precision is not None and not all(_known(series[member.name], member, precision) for member in goal.members):
         return False
     verdicts = [
-        decide(series[member.name], member.apt, member.run, error=goal.error, tolerance=goal.tolerance)
+        decide(series[member.name], member.apt, member.run, error=goal.error_each, tolerance=goal.tolerance)
         for member in goal.members
     ]
     return any(isinstance(verdict, Missed) for verdict in verdicts) or None not in verdicts
@@ -121,5 +126,5 @@ def _known(series: Series, member: Member, precision: float) -> bool:
 
 def _verdict(setting: Setting, member: Member, goal: Goal) -> Verdict:
     series = next(series for series in setting.series if series.component == member.name)
-    early = decide(series, member.apt, member.run, error=goal.error, tolerance=goal.tolerance)
-    return early or judge(series, member.apt, member.run, error=goal.error, tolerance=goal.tolerance)
+    early = decide(series, member.apt, member.run, error=goal.error_each, tolerance=goal.tolerance)
+    return early or judge(series, member.apt, member.run, error=goal.error_each, tolerance=goal.tolerance)

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.datalog.configuration import last_chosen, read_entries
+from rarms_iac.datalog.paths import configuration_path
 from tests.files import copy_files
 from tests.unit.cli.running import rarms
 
@@ -104,6 +106,24 @@ def test_what_is_recorded_is_not_run_again(here: Path) -> None:
     assert again.startswith(first_settings)
     assert again.count(b"\n") == whole.count(b"\n")
     assert log.read_bytes() == again
+
+
+def test_what_tuning_finds_is_what_a_plan_reserves(tmp_path: Path) -> None:
+    """Jobs vary so much that a verdict at 1 % of error and the curve's band are two points apart."""
+    manifest = (
+        MANIFEST.replace("at_most: 25 ms", "at_most: 120 ms").replace("65 ms", "170 ms").replace("75 ms", "177 ms")
+    )
+    manifest = manifest.replace("work: 20 ms, varies: 2 %", "work: 60 ms, blocked: 10 ms, varies: 25 %")
+    (tmp_path / "rarms.yaml").write_text(manifest, encoding="utf-8", newline="\n")
+    with chdir(tmp_path):
+        assert rarms("measure", "--samples", "60").code == 0
+        found = json.loads(rarms("tune", "--samples", "60", "--json").out)
+
+    assert found["ending"] == "successful"
+    (compound,) = [one for one in found["partitions"] if len(one["components"]) > 1]
+    chosen = last_chosen(read_entries(configuration_path(tmp_path, "onboard", "video")))
+    assert chosen is not None
+    assert (chosen.reserve, chosen.interpolated) == (compound["reserve"], False)
 
 
 def test_the_papers_procedure_says_its_message_and_walks_by_ten(here: Path) -> None:

@@ -57,6 +57,23 @@ def test_a_throughput_is_read_from_below() -> None:
     assert least_reserve([(curve, at_least("5.01"))]) is None
 
 
+def test_a_maximum_that_breaks_the_order_is_not_averaged_with_its_neighbour() -> None:
+    """120 ms were seen at 40 %, so they may be had at 20 %, too; and they are not made less by 100 ms seen there."""
+    longest = {20: 100.0, 40: 120.0, 60: 90.0}
+    settings = [
+        Setting(reserve=reserve, series=(a_series([80.0] * 50 + [value]),)) for reserve, value in longest.items()
+    ]
+    maximum = curve_of(settings, "coi", "maximum_response_time", RUN)
+    shortest = [
+        Setting(reserve=one.reserve, series=(a_series([200.0] * 50 + [60.0 + one.reserve]),)) for one in settings
+    ]
+    minimum = curve_of(shortest, "coi", "minimum_response_time", RUN)
+
+    assert [(point.value, point.upper) for point in maximum.points] == [(120.0, 120.0), (120.0, 120.0), (90.0, 90.0)]
+    assert least_reserve([(maximum, at_most(119))]) == LeastReserve(reserve=41, interpolated=True)
+    assert [point.value for point in minimum.points] == [80.0, 80.0, 80.0]
+
+
 def test_a_maximum_that_was_seen_once_is_not_averaged_away_by_measuring_again() -> None:
     settings = [Setting(reserve=40, series=(a_series([*[90.0] * 60, longest]),)) for longest in (130.0, 100.0)]
 

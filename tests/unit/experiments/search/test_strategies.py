@@ -18,10 +18,14 @@ from rarms_iac.experiments.search import (
 )
 from rarms_iac.experiments.search.observations import questions
 from rarms_iac.model.measurement import Sample, Series, Setting
+from rarms_iac.model.system import SampleCount
+from rarms_iac.statistics.verdict import Missed
 from tests.builders import a_run, at_least, at_most
+from tests.effort import examples
 from tests.measured import a_series, noisy
 
 RUN = replace(a_run(), deadline=None)
+LONG_RUN = replace(RUN, until=SampleCount(samples=60))
 GOAL = Goal(members=(Member(name="coi", apt={"mean_response_time": at_most(100)}, run=RUN),), processors=2)
 
 
@@ -96,3 +100,25 @@ def test_a_periodic_component_needs_the_cpu_time_of_all_of_its_time_for_its_thro
 
     assert seen.served is not None
     assert seen.served - seen.level == pytest.approx(log(200 / 33))
+
+
+def test_the_error_of_a_setting_is_shared_by_its_members() -> None:
+    """All of them meet their thresholds exactly, so each verdict `Missed` is wrong: too many would show with sixteen."""
+    tries, count = examples(100), 16
+    goal = Goal(
+        members=tuple(
+            Member(name=f"coi-{one}", apt={"mean_response_time": at_most(100)}, run=LONG_RUN) for one in range(count)
+        ),
+        processors=2,
+        error=0.05,
+        tolerance=0.0,
+    )
+    wrong = 0
+    for seed in range(tries):
+        series = tuple(
+            a_series(noisy(seed * count + one, 100.0, count=60), component=f"coi-{one}") for one in range(count)
+        )
+        verdicts = trial_of(Setting(reserve=50, series=series), goal).verdicts.values()
+        wrong += any(isinstance(one, Missed) for one in verdicts)
+
+    assert wrong <= goal.error * tries + 2.4 * (goal.error * (1 - goal.error) * tries) ** 0.5
