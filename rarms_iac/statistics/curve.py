@@ -172,7 +172,7 @@ def _monotone(reserves: Sequence[int], estimates: Sequence[Estimate], index: str
 
 
 def _fit_of(index: str, weights: Sequence[float]) -> Callable[[Sequence[float]], list[float]]:
-    """How an index is made monotone. Of an extreme nothing is averaged: more CPU does not undo what was seen with it."""
+    """How an index is made monotone; of an extreme nothing is averaged: more CPU does not undo what was seen."""
     match index:
         case "maximum_response_time":
             return isotonic.not_below_later

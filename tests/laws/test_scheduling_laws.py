@@ -156,6 +156,28 @@ def test_a_limit_is_passed_in_no_window(machine: Machine) -> None:
         assert all(time <= allowed for (vp, _), time in used.items() if vp.startswith(f"{vm.name}."))
 
 
+@given(machines())
+@settings(max_examples=examples(8), deadline=None)
+def test_a_limit_bounds_every_span_of_time_from_any_moment_on(machine: Machine) -> None:
+    """Two windows may lie back to back, one used at its end and one at its beginning: more than that is never had."""
+    ran = run(machine, 500.0)
+
+    for vm in machine.machines:
+        share = vm.limit / 100
+        for number in range(vm.vps):
+            most = _most_ahead(ran.pieces, f"{vm.name}.{number}", share)
+            assert most <= share * 2 * machine.window_ms * (1.0 - share) + GRAIN
+
+
+def test_a_limit_may_be_used_twice_within_less_than_a_window() -> None:
+    """So the bound is no wider than it has to be: a job that is due late in a window uses that one and the next."""
+    late = Demand(component="c", work_ms=60.0, arrival=Every(period_ms=270.0))
+    vm = VirtualMachine(name="vm", vps=1, limit=30, components=(late,))
+    ran = run(Machine(lps=1, machines=(vm,)), 1000.0)
+
+    assert 0.9 <= _most_ahead(ran.pieces, "vm.0", 0.3) / (0.3 * 2 * 100.0 * 0.7) <= 1.0
+
+
 @given(machines(interrupts=False), st.integers(1, 100))
 @settings(max_examples=examples(8), deadline=None)
 def test_no_lp_idles_while_somebody_could_use_it(machine: Machine, weight: int) -> None:
@@ -208,6 +230,18 @@ def _by_window(pieces: list[Piece], window_ms: float) -> dict[tuple[str, int], f
             used[piece.ran, window] += max(0.0, end - begin)
             window += 1
     return used
+
+
+def _most_ahead(pieces: list[Piece], vp: str, share: float) -> float:
+    """The most that the VP got more than its share between any two moments, in ms."""
+    ahead = least = most = at = 0.0
+    for piece in sorted((one for one in pieces if one.ran == vp), key=lambda one: one.began):
+        ahead -= share * (piece.began - at)
+        least = min(least, ahead)
+        ahead += (1.0 - share) * (piece.ended - piece.began)
+        most = max(most, ahead - least)
+        at = piece.ended
+    return most
 
 
 def _most_behind(pieces: list[Piece], vp: str, share: float) -> float:

@@ -103,7 +103,7 @@ def test_a_periodic_component_needs_the_cpu_time_of_all_of_its_time_for_its_thro
 
 
 def test_the_error_of_a_setting_is_shared_by_its_members() -> None:
-    """All of them meet their thresholds exactly, so each verdict `Missed` is wrong: too many would show with sixteen."""
+    """All meet their thresholds exactly, so each verdict `Missed` is wrong: too many would show with sixteen."""
     tries, count = examples(100), 16
     goal = Goal(
         members=tuple(
