@@ -5,6 +5,7 @@ from pathlib import Path
 
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.datalogs import bench_now, compared, is_here, path_of, subject_of
+from rarms_iac.cli.experiments import refuse_unknown
 from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.options import ManifestOptions
 from rarms_iac.cli.problems import Halted
@@ -29,9 +30,11 @@ def reported(source: ManifestOptions, components: tuple[str, ...] = ()) -> Repor
     """What the data logs beside the manifest show, of these components only or of all.
 
     Raises:
+        click.UsageError: a name is not in the manifest.
         Halted: the manifest has errors, a log cannot be read, or there is none (4).
     """
     system, opened = system_of(source)
+    refuse_unknown(components, system.components, "component")
     folder = Path(opened.loaded.folder)
     logs = tuple(_logged(system, folder))
     if components:

@@ -6,15 +6,13 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
-import click
-
 from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.experiments import refuse_unknown
 from rarms_iac.cli.manifests import Opened
 from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.quantities import Milliseconds
-from rarms_iac.model.spelling import suggestion
 from rarms_iac.model.system import Component, Elapsed, Run, SampleCount, System
 from rarms_iac.running.component import ComponentRun
 from rarms_iac.running.errors import CannotStart, RunningError
@@ -102,12 +100,7 @@ def findings_of(ran: Ran, opened: Opened) -> Iterator[Diagnostic]:
 
 
 def _chosen(system: System, opened: Opened, wish: RunWish) -> list[tuple[Component, Run]]:
-    for name in wish.components:
-        if name not in system.components:
-            raise click.UsageError(
-                f'There is no component "{name}".{suggestion(name, list(system.components))}',
-                click.get_current_context(),
-            )
+    refuse_unknown(wish.components, system.components, "component")
     names = tuple(dict.fromkeys(wish.components)) or tuple(one.name for one in system.components.values() if one.run)
     found = [(system.components[name], system.components[name].run) for name in names]
     lacking = [one.name for one, run in found if run is None] or ([] if found else list(system.components))
@@ -128,13 +121,8 @@ def _load(system: System, wish: RunWish, base: Path) -> Iterator[Load | None]:
         with nullcontext():
             yield None
         return
-    load = system.interference.get(wish.interference)
-    if load is None:
-        known = list(system.interference)
-        raise click.UsageError(
-            f'There is no interference "{wish.interference}".{suggestion(wish.interference, known)}',
-            click.get_current_context(),
-        )
+    refuse_unknown((wish.interference,), system.interference, "interference")
+    load = system.interference[wish.interference]
     with Load(wish.interference, load, Surroundings(base=base)) as running:
         yield running
 

@@ -1,12 +1,13 @@
 """Choosing a level of performance: an APT, what reservation follows from it, and the line of the manifest to change."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.datalogs import Measurements, measured_reservations
+from rarms_iac.cli.levels import advice_beyond, far_from
 from rarms_iac.cli.manifests import Opened
 from rarms_iac.cli.problems import Halted
 from rarms_iac.manifest.edit import set_value
@@ -16,8 +17,9 @@ from rarms_iac.model.indexes import PerformanceIndex, find_index
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.quantities import NotAQuantity
 from rarms_iac.model.spelling import suggestion
-from rarms_iac.model.system import Component, System, Threshold
+from rarms_iac.model.system import Component, Host, System, Threshold
 from rarms_iac.model.thresholds import threshold_of
+from rarms_iac.planner.findings import NOT_MET
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, NotMeasured, rests_on_a_log
@@ -101,18 +103,22 @@ def select(choice: Choice, measured: Measurements, opened: Opened) -> Selected:
     """What follows from the choice; nothing is written.
 
     Raises:
+        Unclear: the level is so far from what was measured that it must be a slip.
         Halted: no measured reservation meets it, or there is no data log that holds (exit 4).
     """
     system = _with(measured.system, choice)
     changed = replace(measured, system=system)
     reservations = measured_reservations(changed, {})
     group = next((one for one in groups_of(system) if choice.component.name in {m.name for m in one.members}), None)
+    logs = () if group is None else tuple(_logs(group, system, reservations))
+    _refuse_far(choice, logs)
     planning = plan_layout(system, reservations, {}, opened.loaded.places)
     levels = () if group is None else tuple(_levels(group, system, reservations, choice))
     if group is not None and rests_on_a_log(group) and not levels:
         address = {f"component/{one.name}" for one in group.members} | {f"partition/{group.name}"}
         why = [one for one in planning.findings if one.address in address]
-        raise Halted(ExitCode.NO, why or planning.findings, opened.loaded.sources)
+        told = [_leading_on(one, logs, choice) for one in why or planning.findings]
+        raise Halted(ExitCode.NO, told, opened.loaded.sources)
     return Selected(
         selection=Selection(
             component=choice.component.name,
@@ -127,6 +133,35 @@ def select(choice: Choice, measured: Measurements, opened: Opened) -> Selected:
         system=system,
         findings=() if has_errors(planning.findings) else planning.findings,
     )
+
+
+def _logs(group: Group, system: System, reservations: MeasuredReservations) -> Iterator[tuple[Host, MeasuredTogether]]:
+    """The data log of each host that has one with settings, hosts in name order."""
+    for _, host in sorted(system.hosts.items()):
+        log = reservations.log(group.members, host)
+        if isinstance(log, MeasuredTogether) and log.measured:
+            yield host, log
+
+
+def _leading_on(found: Diagnostic, logs: Sequence[tuple[Host, MeasuredTogether]], choice: Choice) -> Diagnostic:
+    """NOTE: a search looks for the manifest's level, and this one is not there yet: that advice would lead nowhere."""
+    if found.code != NOT_MET.code or not logs:
+        return found
+    host, log = logs[0]
+    curve = log.curves(choice.component.name, choice.index.name)
+    return replace(found, advice=advice_beyond(choice.index, curve, log, host))
+
+
+def _refuse_far(choice: Choice, logs: Sequence[tuple[Host, MeasuredTogether]]) -> None:
+    """NOTE: `120 s` for `120 ms` would be met by any reservation: a slip that nothing else would show.
+
+    Raises:
+        Unclear: the level lies far beyond the worst that was ever measured.
+    """
+    curves = [log.curves(choice.component.name, choice.index.name) for _, log in logs]
+    says = far_from(choice.index, choice.threshold, choice.text, curves)
+    if says:
+        raise Unclear(f"{choice.component.name}: {says}")
 
 
 def edit_of(choice: Choice, opened: Opened) -> Edit:

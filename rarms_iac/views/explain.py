@@ -2,7 +2,6 @@
 
 import re
 
-from rarms_iac.model.spelling import suggestion
 from rarms_iac.storage.finding_pages import finding_page, known_codes
 from rarms_iac.views.diagnostics.layout import columns, wrap
 
@@ -18,8 +17,9 @@ def explain_finding(code: str) -> str | None:
 
 
 def unknown_code(code: str) -> str:
-    """What to say of a code that has no page."""
-    return f"There is no finding {code}.{suggestion(code.upper(), known_codes())} docs/diagnostics.md lists them all."
+    """What to say of a code that has no page; NOTE: a number that is near says nothing of what was meant."""
+    first, *_, last = known_codes()
+    return f"There is no finding {code}: they lie between {first} and {last}, and docs/diagnostics.md lists them all."
 
 
 def for_a_terminal(page: str) -> str:

@@ -8,7 +8,7 @@ from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import ManifestOptions, json_option, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.spelling import suggestion
-from rarms_iac.storage.finding_pages import finding_page
+from rarms_iac.storage.finding_pages import finding_page, known_codes
 from rarms_iac.views.as_json import as_json as to_json
 from rarms_iac.views.explain import explain_finding, unknown_code
 from rarms_iac.views.output.told import ExplanationOutput
@@ -44,7 +44,7 @@ def _component(session: Session, source: ManifestOptions, name: str, *, as_json:
     from rarms_iac.cli.explaining import walk_of
     from rarms_iac.views.walk import walk_json, walk_text
 
-    measured, opened = _asked_for(source, name, f"there is no finding {name} either: docs/diagnostics.md lists them.")
+    measured, opened = _asked_for(source, name)
     walk = walk_of(measured, opened, name)
     session.terminal.data(walk_json(walk) if as_json else walk_text(walk))
     return ExitCode.NO if walk.misfit else ExitCode.DONE
@@ -54,11 +54,11 @@ def _guide(source: ManifestOptions, name: str) -> str:
     from rarms_iac.cli.guiding import guide_facts
     from rarms_iac.views.guide import guide
 
-    measured, opened = _asked_for(source, name, "there is no guide to it.")
+    measured, opened = _asked_for(source, name)
     return guide(guide_facts(measured, opened, name))
 
 
-def _asked_for(source: ManifestOptions, name: str, otherwise: str) -> "tuple[Measurements, Opened]":
+def _asked_for(source: ManifestOptions, name: str) -> "tuple[Measurements, Opened]":
     """The manifest and its measurements, where the component is one that has a partition.
 
     Raises:
@@ -70,10 +70,13 @@ def _asked_for(source: ManifestOptions, name: str, otherwise: str) -> "tuple[Mea
 
     system, opened = system_of(source)
     component = system.components.get(name)
-    if component is None or not has_a_partition(component):
-        why = "runs on the host itself" if component else "is no component of the manifest"
-        hint = "" if component else suggestion(name, tuple(system.components))
-        raise click.UsageError(f"{name} {why}: {otherwise}{hint}", click.get_current_context())
+    if component is None:
+        meant = suggestion(name, (*system.components, *known_codes()))
+        says = f'The manifest has no component "{name}", and no finding is called so.{meant}'
+        raise click.UsageError(says, click.get_current_context())
+    if not has_a_partition(component):
+        says = f"{name} runs on the host itself: it has no partition, and no share of the processors to explain."
+        raise click.UsageError(says, click.get_current_context())
     return measurements_of(system, opened.loaded.folder, source), opened
 
 

@@ -44,10 +44,10 @@ def command(
     system, opened = system_of(source)
     try:
         choice = choice_of(system, component, at, index)
+        measured = measurements_of(system, opened.loaded.folder, source)
+        selected = select(choice, measured, opened)
     except Unclear as problem:
         raise click.UsageError(str(problem), click.get_current_context()) from None
-    measured = measurements_of(system, opened.loaded.folder, source)
-    selected = select(choice, measured, opened)
     file = ""
     if not dry_run:
         edit = edit_of(choice, opened)

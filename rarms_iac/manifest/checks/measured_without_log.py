@@ -45,7 +45,8 @@ def check(system: System, places: Places, logs: DataLogs) -> Iterator[Diagnostic
                 places.value("components", one.name, "cpu", "reserve"),
                 f'The reserve of "{one.name}" is measured, and there is no data log of it on {some(platforms)} against '
                 f"{load} (measurements/{platforms[0]}/{one.name}/{load}.jsonl).",
-                "Measure it before planning, or fix it for now: `cpu: { reserve: 20 % }`.",
+                f"Measure it before planning: `rarms measure {one.name}`. Or fix it for now: "
+                "`cpu: { reserve: 20 % }`.",
                 address=f"component/{one.name}",
             )
 

@@ -108,9 +108,11 @@ def test_what_combining_saves_and_what_else_was_measured_stands_with_the_rejecte
 
 
 def test_what_is_no_component_and_what_needs_a_measurement_say_so(here: Path) -> None:
-    unknown = rarms("explain", "visoin", "-f", str(here))
-    assert unknown.code == 64
-    assert 'Did you mean "vision"?' in " ".join(unknown.err.split())
+    for word, meant in (("visoin", "vision"), ("RAMS014", "RARMS014")):
+        unknown = rarms("explain", word, "-f", str(here))
+        says = f'The manifest has no component "{word}", and no finding is called so. Did you mean "{meant}"?'
+        assert unknown.code == 64
+        assert says in " ".join(unknown.err.split())
 
     unmeasured = rarms("explain", "vision", "-f", str(here))
     assert unmeasured.code == 4

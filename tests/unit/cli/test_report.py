@@ -137,7 +137,14 @@ def test_an_export_is_written(robot: Path, name: str) -> None:
 def test_words_that_make_no_sense_are_refused(robot: Path) -> None:
     assert rarms("export", "out.pdf", "-f", str(robot)).code == 64
     assert rarms("report", "-f", str(robot), "--text", "-o", "x").code == 64
-    assert rarms("report", "nobody", "-f", str(robot)).code == 4
+
+
+@pytest.mark.parametrize("command", [("report",), ("report", "--text"), ("export", "out.csv")])
+def test_a_component_that_is_misspelt_is_asked_back(robot: Path, command: tuple[str, ...]) -> None:
+    ran = rarms(*command, "visoin", "-f", str(robot))
+
+    assert ran.code == 64
+    assert """The manifest has no component 'visoin'. Did you mean "vision"?""" in " ".join(ran.err.split())
 
 
 def test_what_was_proven_last_stands_in_the_report(robot: Path) -> None:

@@ -113,8 +113,8 @@ def test_a_run_may_last_a_time_against_a_load(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("visoin",), 'There is no component "visoin". Did you mean "vision"?'),
-        (("--interference", "busy-lop"), 'There is no interference "busy-lop".'),
+        (("visoin",), """The manifest has no component 'visoin'. Did you mean "vision"?"""),
+        (("--interference", "busy-lop"), "The manifest has no interference 'busy-lop'."),
         (("--for", "5"), "'5' is not a time as 5s"),
         (("--for", "5s", "--samples", "3"), "Give --for or --samples, not both."),
     ],

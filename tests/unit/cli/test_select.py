@@ -1,5 +1,6 @@
 import json
 from pathlib import Path
+from shlex import quote
 
 import pytest
 
@@ -55,6 +56,39 @@ def test_what_no_measured_reservation_meets_is_no_and_writes_nothing(here: Path)
     assert answer.code == 4
     assert "error[RARMS106]" in answer.err
     assert manifest(here) == before
+
+
+def test_what_no_measured_reservation_meets_leads_on_to_a_setting_that_may(here: Path) -> None:
+    measure(here, MEANS)
+
+    answer = " ".join(rarms("select", "vision", "--at", "50 ms", "-f", str(here)).err.split())
+
+    assert "Choose an easier level: 88.1 ms holds at 70 %." in answer
+    assert f"`rarms measure vision -f {quote(str(here))} --from 71% --to 100%`" in answer, "a search would not look"
+
+
+def test_where_the_highest_setting_was_measured_only_an_easier_level_is_advised(here: Path) -> None:
+    measure(here, {**MEANS, 100: 86.0})
+
+    answer = " ".join(rarms("select", "vision", "--at", "50 ms", "-f", str(here)).err.split())
+
+    assert "holds at 100 %, and 100 % is the most that there is." in answer
+    assert "rarms measure" not in answer
+
+
+@pytest.mark.parametrize(("at", "meant"), [("110 s", "Did you mean 110 ms?"), ("2 h", "")])
+def test_a_level_far_beyond_what_was_measured_is_a_slip_and_writes_nothing(here: Path, at: str, meant: str) -> None:
+    measure(here, MEANS)
+    before = manifest(here)
+
+    answer = rarms("select", "vision", "--at", at, "-f", str(here))
+    says = " ".join(answer.err.split())
+
+    assert (answer.code, manifest(here)) == (64, before)
+    assert f"{at} lies far outside of what was measured, where mean_response_time goes from 88 ms to 700 ms." in says
+    assert meant in says
+    assert ("Did you mean" in says) == bool(meant)
+    assert rarms("select", "vision", "--at", "1.5 s", "-f", str(here)).code == 0, "easier than all is no slip"
 
 
 def test_without_a_log_nothing_can_be_chosen(here: Path) -> None:
