@@ -15,6 +15,7 @@ from rarms_iac.apply.scripted import (
     script_taken_back,
     undoing,
 )
+from rarms_iac.apply.told_operations import what_it_does
 from rarms_iac.apply.void import no_rights
 from rarms_iac.apply.walk import ShouldStop, walk
 from rarms_iac.model.diagnostics import Diagnostic
@@ -91,15 +92,26 @@ def abandon(host: LiveHost, waits: Waits = NO_WAITS) -> RunReport:
 
 
 def told_to_undo(journal: Journal | ScriptRun) -> tuple[TakenBack, ...]:
-    """The steps that an undo would take back, in its order, for a person."""
+    """What an undo would do, in its order, and what it cannot, for a person."""
     match journal:
         case Journal():
             return tuple(
-                TakenBack(address=str(step.address), title=step.title, level=step.undo.level)
+                TakenBack(address=str(step.address), title=_told(step), level=step.undo.level)
                 for _, step in steps_to_undo(journal)
+                if not goes_with_its_machine(step)
             )
         case ScriptRun():
             return script_taken_back(journal)
+
+
+def _told(step: Step) -> str:
+    """What the undo does; of a step without one, what stays done."""
+    return step.title if step.undo.operation is None else what_it_does(step.undo.operation)
+
+
+def goes_with_its_machine(step: Step) -> bool:
+    """Whether nothing is to be done for it, because the machine that it was made for is removed."""
+    return step.undo.operation is None and step.undo.level is UndoLevel.FULL
 
 
 def steps_to_undo(journal: Journal) -> tuple[tuple[int, Step], ...]:
@@ -162,7 +174,7 @@ def taken_back(step: Step) -> Step:
     assert operation is not None, "a step without an undo is not taken back"
     return replace(
         step,
-        title=f"undo: {step.title}",
+        title=what_it_does(operation),
         operation=operation,
         before=step.after,
         after=step.before,

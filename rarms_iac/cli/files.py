@@ -6,19 +6,23 @@ from pathlib import Path
 
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.problems import Halted, not_read, not_written
-from rarms_iac.model.diagnostics import Finding
 from rarms_iac.storage.replace import replace
 
 STANDARD_INPUT = "-"
 
 
-def read_file(path: str, limit: int, finding: Finding) -> bytes:
+def read_file(path: str, limit: int, origin: str) -> bytes:
     """The bytes of a regular file, or of standard input for `-`; one byte more than the limit shows that it is larger.
 
+    Args:
+        path: as the user gave it.
+        limit: bytes.
+        origin: the command that makes such a file, for who named one that cannot be read.
+
     Raises:
-        Halted: it cannot be read; `finding` tells of what it was to be.
+        Halted: it cannot be read.
     """
-    advice = f"Give the path of another file. `rarms explain {finding.code}` tells what it has to be."
+    advice = f"Look at the path and its rights; `{origin}` writes such a file."
     if path == STANDARD_INPUT:
         return sys.stdin.buffer.read(limit + 1)
     try:

@@ -202,7 +202,8 @@ def _refuse(
         names = ", ".join(called(one) for one in running)
         says = f"On {host} these run, and would change what is measured: {names}."
         advice = (
-            "Stop them (`rarms destroy` takes the application's own away), or give --on-busy-host: the log says so."
+            "Stop them: of the application's own, `rarms undo` takes the last apply back, and `rarms destroy` all of "
+            "them. Or give --on-busy-host: the log says so."
         )
         raise Halted(ExitCode.REFUSED, [findings.BUSY_HOST.at(None, says, advice, address=f"host/{host}")])
     if options.strategy == PAPER and not options.reserves and not room.unreserved:

@@ -7,7 +7,7 @@ from rarms_iac.cli.files import read_file
 from rarms_iac.cli.problems import Halted
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.model.plan import Plan
-from rarms_iac.planfile.sealing import MAX_BYTES, UNREADABLE, PlanFileError, read_plan
+from rarms_iac.planfile.sealing import MAX_BYTES, PlanFileError, read_plan
 
 
 def read_plan_file(path: str) -> Plan:
@@ -17,7 +17,7 @@ def read_plan_file(path: str) -> Plan:
         Halted: the file cannot be read (1), is no plan or was edited (3).
     """
     try:
-        return read_plan(read_file(path, MAX_BYTES, UNREADABLE))
+        return read_plan(read_file(path, MAX_BYTES, "rarms plan --out FILE"))
     except PlanFileError as error:
         raise Halted(
             ExitCode.REFUSED, [error.finding.at(None, f"{path}: {error.says}.", f"{error.advice}.")]

@@ -20,6 +20,8 @@ from rarms_iac.powershell.inspection.lists import ScriptKind
 from rarms_iac.powershell.outline import Outline, outline
 from rarms_iac.powershell.render import script_name
 
+SCRIPT_ORIGIN = "rarms show --script PLAN --out FOLDER"
+
 NO_SCRIPT = Finding(code="RARMS164", severity=Severity.ERROR, summary="This is not a script of rarms")
 
 _KINDS = {
@@ -113,7 +115,7 @@ def check_file(path: str) -> tuple[str, tuple[Diagnostic, ...]]:
     Raises:
         Halted: it cannot be read.
     """
-    data = read_file(path, MAX_BYTES, NO_SCRIPT)
+    data = read_file(path, MAX_BYTES, SCRIPT_ORIGIN)
     text = data.decode("ascii", "replace")
     kind = kind_of(text)
     if kind is None:
@@ -138,7 +140,7 @@ def outline_in(path: str, like: PlanScript) -> Outline:
     Raises:
         Halted: it is neither, or does not pass the inspection.
     """
-    data = read_file(path, MAX_BYTES, NO_SCRIPT)
+    data = read_file(path, MAX_BYTES, SCRIPT_ORIGIN)
     if data.lstrip().startswith((b"{", b"\xef\xbb\xbf{")):
         try:
             scripts = {one.name: one for one in plan_scripts(read_plan(data))}

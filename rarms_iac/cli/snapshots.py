@@ -64,7 +64,7 @@ def read_snapshots(options: Sequence[SnapshotOption], hosts: Sequence[str], chos
     found: dict[str, Snapshot] = {}
     guests: list[GuestSnapshot] = []
     for one in options:
-        data = read_file(one.file, MAX_BYTES, SnapshotUnreadable.finding)
+        data = read_file(one.file, MAX_BYTES, "rarms snapshot --out FILE")
         try:
             seen = seen_by_script(data, one.host)
             if one.guest:

@@ -180,9 +180,11 @@ def _advice(cause: Cause, ways: Sequence[Relaxation]) -> str:
     if not ways:
         return "Relax an APT, lower a reserve or add a host."
     sure = [one.says for one in ways if not one.may]
-    told = [f"Each of these would fit: {'; '.join(sure)}."] if sure else []
+    told = [f"This would fit: {sure[0]}."] if len(sure) == 1 else []
+    if len(sure) > 1:
+        told = ["\n- ".join(["Each of these alone would fit:", *sure])]
     told += [f"{one.says[0].upper()}{one.says[1:]}." for one in ways if one.may]
-    return " ".join(told)
+    return "\n".join(told)
 
 
 def _place(cause: Cause, problem: Problem, places: Places) -> Place:

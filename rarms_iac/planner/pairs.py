@@ -47,8 +47,9 @@ def _tried(pair: tuple[Group, Group], claims: Sequence[Claim], host: Host, syste
     if lower > upper or not works(lower):
         return None
     return (
-        f"combining {pair[0].name} and {pair[1].name} may: together they need {share(lower)} to {share(upper)} of "
-        f"{host.name}, and at most {share(_highest(lower, upper, works))} fits (`rarms tune` measures it)"
+        f"combining {pair[0].name} and {pair[1].name} in one partition may be enough: the two need {share(lower)} to "
+        f"{share(upper)} of {host.name} then, and up to {share(_highest(lower, upper, works))} fits (`rarms tune` "
+        "measures it)"
     )
 
 

@@ -131,14 +131,14 @@ def with_thresholds(system: System, changes: Mapping[Apt, Threshold]) -> System:
 
 
 def _told(system: System, changes: Mapping[Apt, Threshold]) -> str:
-    """`vision: mean_response_time at most 131 ms instead of 100 ms`, in the manifest's words."""
+    """`vision: mean_response_time at most 131 ms instead of 100 ms`, in the manifest's words; of several a list."""
     told = []
     for (name, index), threshold in changes.items():
         found = find_index(index)
         assert found is not None, "an APT names indexes that there are"
         before = show_value(found, system.components[name].apt[index].value)
         told.append(f"{name}: {index} {show_threshold(found, threshold)} instead of {before}")
-    return told[0] if len(told) == 1 else f"together {', '.join(told[:-1])} and {told[-1]}"
+    return told[0] if len(told) == 1 else "\n  - ".join(["all of these APTs:", *told])
 
 
 def _meets(value: float, threshold: Threshold) -> bool:

@@ -8,6 +8,7 @@ TAB_STOP = 8
 
 _UNIT = re.compile(r"(?:%|LP|us|ms|s|min|h|B|[KMGT]iB|/s|/min|/h)[.,;:!?)\"']*")
 _NUMBER = re.compile(r"[(\"']?[0-9][0-9.,]*")
+_ITEM = re.compile(r" *- ")
 _HARMLESS = re.compile(r"[\x20-\x7e]*")
 
 
@@ -50,16 +51,21 @@ def without_tabs(text: str, start: int = 0) -> str:
 def wrap(text: str, width: int, indent: str) -> Iterator[str]:
     """The text in lines of at most `width` columns, each behind the indent; its own line ends stay.
 
-    A word longer than a line keeps a line of its own, and a number is not parted from its unit.
+    A word longer than a line keeps a line of its own, and a number is not parted from its unit. The further lines of a
+    list's item (`- so`, `  - and so`) stand below its first word.
     """
     for paragraph in visible(text).split("\n"):
-        line = indent
-        for word in _words(paragraph):
-            if line != indent and columns(line) + 1 + columns(word) > width:
+        item = _ITEM.match(paragraph)
+        start = item.group() if item else ""
+        line, behind = indent + start, indent + " " * len(start)
+        bare = True
+        for word in _words(paragraph[len(start) :]):
+            if not bare and columns(line) + 1 + columns(word) > width:
                 yield line
-                line = indent
-            line += word if line == indent else f" {word}"
-        if line != indent:
+                line, bare = behind, True
+            line += word if bare else f" {word}"
+            bare = False
+        if not bare:
             yield line
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.apply.reports import Ending
-from rarms_iac.apply.undo import abandon
+from rarms_iac.apply.undo import abandon, told_to_undo
 from rarms_iac.model.operations import SetCpu
 from rarms_iac.model.plan import Purpose, Scope
 from rarms_iac.model.quantities import Bytes
@@ -191,6 +191,26 @@ def test_undo_says_when_there_is_nothing_to_undo(lab: Lab) -> None:
 
     assert again.ending is Ending.NOTHING
     assert "undo of plan" in again.diagnostics[0].detail
+
+
+def told(lab: Lab) -> list[str]:
+    journal = lab.hosts["onboard"].journal()
+    assert journal is not None
+    return [f"{one.address}: {one.title}" for one in told_to_undo(journal)]
+
+
+def test_an_undo_is_told_by_what_it_does(lab: Lab) -> None:
+    lab.apply(lab.plan())
+
+    assert told(lab) == [
+        "partition/speech: stop it",
+        "partition/vision: stop it",
+        "partition/vision: remove the machine that was made, with all that was set on it",
+        "partition/speech: remove the machine that was made, with all that was set on it",
+    ]
+
+    lab.apply(with_reserve(lab, "20 %").plan())
+    assert told(lab) == ["partition/vision: reserve 40 %, limit 100 %, weight 300"]
 
 
 def test_an_interrupted_undo_is_finished_by_the_next_one_and_by_apply(lab: Lab) -> None:

@@ -76,7 +76,7 @@ def test_where_no_apt_alone_is_enough_several_are_relaxed_together() -> None:
     (told,) = [one for one in ways(system, logs) if LINE.search(one.says)]
 
     changed, found = relaxed(system, told.says)
-    assert told.says.startswith("together ")
+    assert told.says.startswith("all of these APTs:\n  - ")
     assert len(found) > 1
     assert fits(changed, logs)
     for name in found:
@@ -97,8 +97,8 @@ def test_the_pair_to_combine_is_of_the_least_critical_and_only_may_help() -> Non
     (pair,) = [one for one in ways(system, logs) if one.may]
 
     assert pair.says == (
-        "combining path and speech may: together they need 40 % to 79 % of onboard, and at most 60 % fits "
-        "(`rarms tune` measures it)"
+        "combining path and speech in one partition may be enough: the two need 40 % to 79 % of onboard then, "
+        "and up to 60 % fits (`rarms tune` measures it)"
     )
     for reserve, does in (("60 %", True), ("61 %", False)):
         both = PartitionWish(name="path", components=("path", "speech"), cpu=a_cpu(reserve=reserve))
@@ -113,7 +113,7 @@ def test_a_pair_that_must_be_apart_or_cannot_help_is_not_offered() -> None:
     logs = {(name,): a_log({39: 200, 40: 90}, name) for name in ("path", "speech", "vision")}
     apart = replace(system.components["path"], apart=("speech",))
     (pair,) = [one for one in ways(replace(system, components={**system.components, "path": apart}), logs) if one.may]
-    assert pair.says.startswith("combining path and vision may")
+    assert pair.says.startswith("combining path and vision in one partition may be enough")
 
 
 def test_the_advice_says_which_help_and_which_may() -> None:
@@ -121,5 +121,25 @@ def test_the_advice_says_which_help_and_which_may() -> None:
 
     (told,) = [one for one in planned(a_robot(), logs).findings if one.code == "RARMS014"]
 
-    assert "Each of these would fit: " in told.advice
-    assert "Combining path and speech may: together they need 40 % to 79 %" in told.advice
+    sure, pair = told.advice.splitlines()
+    assert sure == "This would fit: one more logical processor on onboard."
+    assert pair.startswith("Combining path and speech in one partition may be enough: the two need 40 % to 79 %")
+
+
+def test_several_ways_out_are_a_list_and_apts_that_belong_together_are_one_of_them() -> None:
+    logs: Logs = {
+        ("path",): a_log({25: 110, 30: 90}, "path"),
+        ("speech",): a_log({35: 110, 40: 90}, "speech"),
+        ("vision",): a_log({39: 110, 44: 90}, "vision"),
+    }
+
+    (told,) = [one for one in planned(a_robot(), logs).findings if one.code == "RARMS014"]
+
+    head, together, *apts, more, _ = told.advice.splitlines()
+    assert [head, together, more] == [
+        "Each of these alone would fit:",
+        "- all of these APTs:",
+        "- one more logical processor on onboard",
+    ]
+    assert len(apts) > 1
+    assert all(one.startswith("  - ") and LINE.search(one) for one in apts)
