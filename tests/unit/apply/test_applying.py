@@ -210,7 +210,10 @@ def test_an_undo_is_told_by_what_it_does(lab: Lab) -> None:
     ]
 
     lab.apply(with_reserve(lab, "20 %").plan())
-    assert told(lab) == ["partition/vision: reserve 40 %, limit 100 %, weight 300"]
+    assert told(lab) == [
+        "partition/vision: mark it as robot/vision",
+        "partition/vision: reserve 40 %, limit 100 %, weight 200",
+    ]
 
 
 def test_an_interrupted_undo_is_finished_by_the_next_one_and_by_apply(lab: Lab) -> None:
