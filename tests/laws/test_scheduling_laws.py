@@ -1,9 +1,9 @@
 """What the scheduler model never does, whatever runs: time is neither lost nor made, and shares are kept."""
 
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import floor
+from math import floor, inf
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -49,6 +49,7 @@ def demands(draw: st.DrawFn, name: str) -> Demand:
         varies=draw(st.sampled_from([0.0, 5.0, 40.0])),
         threads=draw(st.integers(1, 3)),
         arrival=draw(arrivals),
+        timeout_ms=draw(st.sampled_from([inf, inf, 25.0])),
         priority=draw(st.sampled_from([8, 8, 20, 31])),
     )
 
@@ -205,7 +206,7 @@ def test_a_reserve_that_is_demanded_is_given(machine: Machine, data: st.DataObje
 
 
 def _named(demand: Demand, name: str) -> Demand:
-    return Demand(component=name, work_ms=demand.work_ms, blocked_ms=demand.blocked_ms, threads=demand.threads)
+    return replace(demand, component=name, priority=8, arrival=OneAfterAnother())
 
 
 def _without_browsers(vm: VirtualMachine) -> VirtualMachine:

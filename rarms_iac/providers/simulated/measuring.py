@@ -165,8 +165,8 @@ def _partition(
 
 
 def _sample(job: model.JobDone, timeout: float) -> Sample:
-    """A job that takes longer than its component's `timeout` is ended there, without an answer."""
-    if job.response > timeout:
+    """A job that was ended by its component's `timeout` has no answer."""
+    if not job.answered:
         says = f"no answer within {timeout:g} ms"
         return Sample(began_ms=job.began, response_ms=None, successful=False, failure=says)
     return Sample(began_ms=job.began, response_ms=job.response, successful=job.successful)

@@ -2,6 +2,7 @@
 
 from typing import assert_never
 
+from rarms_iac.model.measurement import run_of
 from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Component, Interference, Periodic
 from rarms_iac.providers.simulated.scheduling.values import (
     ORDINARY,
@@ -41,6 +42,7 @@ def demand_of(component: Component, priority: int = ORDINARY) -> Demand:
         threads=asked.threads,
         arrival=_arrival(component),
         success_within_ms=None if asked.success_within is None else float(asked.success_within),
+        timeout_ms=float(run_of(component).timeout),
         priority=priority,
     )
 

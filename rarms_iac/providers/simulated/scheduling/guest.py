@@ -1,6 +1,6 @@
 """The operating system of a virtual machine: strict priorities, equal threads take turns."""
 
-from heapq import heappop, heappush
+from heapq import heapify, heappop, heappush
 
 from rarms_iac.providers.simulated.scheduling.agenda import INSTANT
 from rarms_iac.providers.simulated.scheduling.hypervisor import Hypervisor
@@ -52,6 +52,19 @@ class OperatingSystem:
         thread.done()
         if thread.remaining <= INSTANT:
             thread.quantum = QUANTUM_MS  # it waits now, and whoever wakes has a whole turn
+        self._fill(vp)
+
+    def drop(self, thread: Thread) -> None:
+        """The thread has nothing more to do, whatever it was at: its work is not wanted any more."""
+        vp = next((one for one in self.vps if one.thread is thread), None)
+        if vp is None:
+            self._ready = [one for one in self._ready if one[2] is not thread]
+            heapify(self._ready)
+            self.contended = bool(self._ready)
+            return
+        if vp.lp is not None:
+            self._hypervisor.settle(vp.lp)
+        vp.thread = None
         self._fill(vp)
 
     def quantum_over(self, vp: VirtualProcessor) -> None:

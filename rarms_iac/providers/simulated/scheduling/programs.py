@@ -6,7 +6,7 @@ from math import ceil, inf, log, sqrt
 from random import Random
 
 from rarms_iac.providers.simulated.scheduling import browsers
-from rarms_iac.providers.simulated.scheduling.agenda import Action, Agenda, Owner
+from rarms_iac.providers.simulated.scheduling.agenda import INSTANT, Action, Agenda, Owner
 from rarms_iac.providers.simulated.scheduling.guest import OperatingSystem
 from rarms_iac.providers.simulated.scheduling.hypervisor import Hypervisor
 from rarms_iac.providers.simulated.scheduling.processors import Account, LogicalProcessor, Thread
@@ -49,9 +49,14 @@ class Component(Owner):
         self._threads = [Thread(demand.priority, self.account, self._thread_done) for _ in range(demand.threads)]
         self._busy = 0
         self._due = 0.0
+        self._ends = inf
+        self._clock = Owner()
+        self._watched = False
 
     def begin(self) -> None:
         """Begins the job that is due: it first waits, then works."""
+        self._ends = self._agenda.now + self._demand.timeout_ms
+        self._watch()
         blocked = self._variation.of(self._demand.blocked_ms)
         if blocked > 0.0:
             self._agenda.after(blocked, self, self._work)
@@ -71,12 +76,39 @@ class Component(Owner):
         if not self._busy:
             self._answer()
 
+    def _watch(self) -> None:
+        """NOTE: one look is pending at a time, however many jobs there are: hardly one of them takes too long."""
+        if not self._watched and self._ends < inf:
+            self._watched = True
+            self._agenda.at(self._ends, self._clock, self._look)
+
+    def _look(self) -> None:
+        self._watched = False
+        if self._ends <= self._agenda.now + INSTANT:
+            self._give_up()
+        else:
+            self._watch()
+
+    def _give_up(self) -> None:
+        """The job is ended where it stands, as a process is that takes too long; what it consumed stays consumed."""
+        self.turn += 1  # it may yet have been waiting
+        for thread in self._threads:
+            if thread.remaining > 0.0 and self._busy:
+                self._system.drop(thread)
+                thread.remaining = 0.0
+        self._busy = 0
+        self._over(successful=False, answered=False)
+
     def _answer(self) -> None:
+        within = self._demand.success_within_ms
+        self._over(successful=within is None or self._agenda.now - self._due <= within, answered=True)
+
+    def _over(self, *, successful: bool, answered: bool) -> None:
+        """Tells of the job; the next one begins at once, or when it is due."""
         demand, now = self._demand, self._agenda.now
         response = now - self._due
-        within = demand.success_within_ms
-        successful = within is None or response <= within
-        self._tell(JobDone(demand.component, self._due, response, successful, self.account.consumed))
+        self._ends = inf
+        self._tell(JobDone(demand.component, self._due, response, successful, self.account.consumed, answered))
         self._due = self._due + demand.arrival.period_ms if isinstance(demand.arrival, Every) else now
         if self._due <= now:
             self.begin()

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import inf
 from typing import NamedTuple
 
 ORDINARY = 8
@@ -38,6 +39,7 @@ class Demand:
     threads: int = 1
     arrival: Arrival = OneAfterAnother()
     success_within_ms: float | None = None  # None: every answer is a success
+    timeout_ms: float = inf  # a job that runs for so long is ended there, and uses nothing more
     priority: int = ORDINARY  # 0..31: inside one operating system the higher one runs
 
 
@@ -107,9 +109,10 @@ class JobDone:
 
     component: str
     began: float  # ms since the start; of a periodic job, when it was due
-    response: float  # ms from there to its answer
+    response: float  # ms from there to its answer, or to its end without one
     successful: bool
     cpu: float  # ms of processor time that its component consumed so far, this job included
+    answered: bool = True  # it was not ended by its component's time-out
 
 
 class Piece(NamedTuple):

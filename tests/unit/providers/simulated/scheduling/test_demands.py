@@ -17,10 +17,11 @@ def test_a_component_s_simulation_is_its_demand() -> None:
         varies=5.0,
         threads=2,
         success_within_ms=400.0,
+        timeout_ms=5000.0,
         priority=24,
     )
 
-    assert demand_of(a_component("vision", simulation=asked), priority=24) == wanted
+    assert demand_of(a_component("vision", run=a_run(timeout="5 s"), simulation=asked), priority=24) == wanted
 
 
 def test_a_periodic_component_keeps_its_period() -> None:

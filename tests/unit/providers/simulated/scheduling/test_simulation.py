@@ -72,6 +72,46 @@ def test_a_periodic_job_that_is_late_counts_from_when_it_was_due() -> None:
     ]
 
 
+def test_a_job_that_takes_too_long_is_ended_and_uses_nothing_more() -> None:
+    """60 ms of work every 50 ms, ended after 20 ms each: 40 % are used, and the busy loop below has the rest."""
+    late = Demand(component="late", work_ms=60, arrival=Every(period_ms=50), timeout_ms=20, priority=20)
+    behind = Demand(component="behind", work_ms=30)
+    machine = Machine(lps=1, machines=(VirtualMachine(name="P1", vps=1, components=(late, behind)),))
+    simulation = simulate(machine, 1, until_ms=1000)
+
+    jobs = list(simulation)
+    ended = [job for job in jobs if job.component == "late"]
+
+    assert [(job.began, round(job.response, 6), job.answered) for job in ended[:2]] == [
+        (0.0, 20.0, False),
+        (50.0, 20.0, False),
+    ]
+    assert not any(job.successful for job in ended)
+    assert round(simulation.consumed_ms("late"), 6) == 400.0
+    assert round(simulation.consumed_ms("behind"), 6) == 600.0
+
+
+def test_a_job_is_ended_also_while_it_waits_or_has_no_processor() -> None:
+    waits = Demand(component="waits", work_ms=1, blocked_ms=30, timeout_ms=10)
+    starved = Demand(component="starved", work_ms=5, timeout_ms=10, priority=1)
+    first_of_all = VirtualMachine(name="P1", vps=1, components=(waits, starved), loads=(BusyLoops(threads=1),))
+
+    simulation = simulate(Machine(lps=1, machines=(first_of_all,)), 1, until_ms=100)
+    jobs = list(simulation)
+
+    assert [job.component for job in jobs].count("waits") == 10
+    assert [job.component for job in jobs].count("starved") == 10
+    assert not any(job.answered for job in jobs)
+    assert simulation.consumed_ms("waits") == simulation.consumed_ms("starved") == 0.0
+
+
+def test_a_job_that_is_in_time_ends_the_watch_over_it() -> None:
+    quick = Demand(component="quick", work_ms=8, timeout_ms=10)
+    machine = Machine(lps=1, machines=(VirtualMachine(name="P1", vps=1, components=(quick,)),))
+
+    assert all(job.answered and round(job.response, 6) == 8.0 for job in first(machine, 50))
+
+
 def test_parallel_work_is_done_on_all_vps_at_once() -> None:
     wide = Demand(component="wide", work_ms=40, threads=2, arrival=OneAfterAnother())
     machine = Machine(lps=2, machines=(VirtualMachine(name="P1", vps=2, components=(wide,)),))
