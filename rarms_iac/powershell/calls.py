@@ -122,6 +122,19 @@ def _reader(step: Step) -> str:
     return call("Read-Partition", Name=literal(at.partition), **_machine(at.machine))
 
 
+def fits(step: Step) -> str:
+    """The call that asks whether the host can keep what it promises after this step."""
+    at, claim = step.address, step.claim_after
+    return call(
+        "Test-Capacity",
+        Name=literal(at.partition),
+        **_machine(at.machine),
+        Processors=literal(claim.processors),
+        Reserve=literal(claim.reserve),
+        Memory=literal(claim.memory),
+    )
+
+
 def _machine(machine: str) -> dict[str, Literal]:
     return {"Machine": literal(machine.lower())} if machine else {}
 

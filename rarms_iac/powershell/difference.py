@@ -115,8 +115,8 @@ def _facts(step: ScriptStep, script: Outline) -> dict[str, str]:
     plan = str(script.run.get("Plan", ""))
     found = {f"before.{name}": _shown(value, plan) for name, value in step.before.items()}
     found |= {f"after.{name}": _shown(value, plan) for name, value in step.after.items()}
-    found |= {f"claim.{name}": _shown(value, plan) for name, value in (step.claim or {}).items()}
-    found |= {f"{step.read.name} -{name}": _shown(value, plan) for name, value in step.read.parameters.items()}
+    for asked in (step.read, *([step.fits] if step.fits else [])):
+        found |= {f"{asked.name} -{name}": _shown(value, plan) for name, value in asked.parameters.items()}
     for at, one in enumerate(step.calls):
         name = f"{one.name}" if [call.name for call in step.calls].count(one.name) == 1 else f"{one.name}[{at}]"
         found |= {f"{name} -{key}": _shown(value, plan) for key, value in one.parameters.items()}

@@ -10,8 +10,6 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 FOLDER = "templates/powershell"
-BEGIN = "# --- runtime: the same bytes in every script"
-END = "# --- end of the runtime"
 
 
 @cache
@@ -41,12 +39,6 @@ def fill(template: str, values: Mapping[str, object]) -> bytes:
 def as_script(text: str) -> bytes:
     """Text with LF as the bytes of a script."""
     return text.replace("\n", "\r\n").encode("ascii")
-
-
-@cache
-def runtime() -> str:
-    """The fixed part of every script, with LF, from its first to its last line."""
-    return read("runtime.ps1").rstrip("\n")
 
 
 def read(name: str) -> str:

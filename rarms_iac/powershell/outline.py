@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from rarms_iac.powershell.inspection.layout import without_fixed
 from rarms_iac.powershell.inspection.script import Call, calls_of
 from rarms_iac.powershell.inspection.steps import entries, inner, only_call, statements_of
 from rarms_iac.powershell.literals import Scalar
@@ -17,7 +18,7 @@ from rarms_iac.powershell.tree import literal_of, sound, text_of, walk
 if TYPE_CHECKING:
     from tree_sitter import Node
 
-OPEN, STEP = "Open-Run", "Add-Step"
+OPEN, STEP, GUARD = "Open-Run", "Add-Step", "Guard"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +47,7 @@ class ScriptStep:
     before: Mapping[str, Scalar]
     after: Mapping[str, Scalar]
     calls: tuple[ScriptCall, ...]
-    claim: Mapping[str, Scalar] | None  # None: it promises nothing more
+    fits: ScriptCall | None  # asks whether the host has room; None: it promises nothing more
     undoes: int | None  # of an undo script: the number of the step that it takes back
 
 
@@ -67,9 +68,9 @@ def outline(script: bytes) -> Outline:
     """
     run: Mapping[str, Scalar] | None = None
     steps: list[ScriptStep] = []
-    for call in calls_of(sound(script.decode("ascii"))):
+    for call in calls_of(sound(without_fixed(script.decode("ascii")))):
         if call.name == OPEN:
-            run = _literals(_definition(call))
+            run = _literals({name: value for name, value in _definition(call).items() if name != GUARD})
         elif call.name == STEP:
             steps.append(_step(_definition(call)))
     if run is None:
@@ -96,7 +97,7 @@ def _step(table: Mapping[str, "Node"]) -> ScriptStep:
         before=_table(table["Before"]),
         after=_table(table["After"]),
         calls=tuple(_calls(table["Set"])),
-        claim=_table(table["Claim"]) if "Claim" in table else None,
+        fits=next(_calls(table["Fits"])) if "Fits" in table else None,
         undoes=int(_literal(table["Undoes"])) if "Undoes" in table else None,
     )
 

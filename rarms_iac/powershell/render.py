@@ -13,14 +13,21 @@ from rarms_iac.model.journal import RunKind
 from rarms_iac.model.operations import RemovePartition
 from rarms_iac.model.plan import Claim, HostPlan, Plan, Readings, Scope, Step, UndoLevel
 from rarms_iac.model.quantities import in_processors
-from rarms_iac.powershell.calls import Part, parts_of
-from rarms_iac.powershell.environment import as_script, fill, read, runtime
+from rarms_iac.powershell.calls import Part, fits, parts_of
+from rarms_iac.powershell.environment import as_script, fill, read
+from rarms_iac.powershell.fixed import part_text, parts_for, runtime
 from rarms_iac.powershell.guests import GuestTask, back, forward
 from rarms_iac.powershell.literals import Literal, literal, literals
 from rarms_iac.powershell.remarks import remark
 
 _HOST_REQUIRES = ("-Modules Hyper-V", "-RunAsAdministrator")
 _GUEST_REQUIRES = ("-RunAsAdministrator",)
+
+_READ = "Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script."
+_TITLES = {
+    RunKind.APPLY: f"rarms apply script. {_READ}",
+    RunKind.UNDO: f"rarms undo script: it takes back what the apply script of the same plan did. {_READ}",
+}
 
 NOT_UNDONE = "Not undone"
 """Begins the lines of a head that say what cannot be taken back."""
@@ -40,6 +47,11 @@ class _Ready:
     after: str
     calls: tuple[str, ...]
     remarks: tuple[str, ...]
+
+    @property
+    def code(self) -> tuple[str, ...]:
+        """All of it that calls anything."""
+        return (self.read, *self.calls, *(value for _, value in self.extra))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +111,7 @@ def render_apply(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_sc
         "undo_digest": literal(hashlib.sha256(undo).hexdigest()),
         "accept_scheduler": literal(accept_scheduler),
     }
-    return _fill("apply.ps1.j2", RunKind.APPLY, host_plan, plan, inside, steps, run)
+    return _fill(RunKind.APPLY, host_plan, plan, inside, steps, run)
 
 
 def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_scheduler: bool = False) -> bytes:
@@ -123,7 +135,7 @@ def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_sch
             gone = lost.get(step.address)
             steps.append(_Numbered(number=len(steps), part=part, step=back, undoes=undoes, lost=gone))
     run = {"undo": literal(""), "undo_digest": literal(""), "accept_scheduler": literal(accept_scheduler)}
-    return _fill("undo.ps1.j2", RunKind.UNDO, host_plan, plan, inside, steps, run)
+    return _fill(RunKind.UNDO, host_plan, plan, inside, steps, run)
 
 
 def render_guest(host_plan: HostPlan, plan: Plan, inside: str, tasks: Sequence[GuestTask]) -> Mapping[str, bytes]:
@@ -140,9 +152,9 @@ def render_guest(host_plan: HostPlan, plan: Plan, inside: str, tasks: Sequence[G
     ]
     never = {"accept_scheduler": literal(False)}
     bare = {"undo": literal(""), "undo_digest": literal(""), **never}
-    undo = _fill("undo.ps1.j2", RunKind.UNDO, host_plan, plan, inside, taken_back, bare)
+    undo = _fill(RunKind.UNDO, host_plan, plan, inside, taken_back, bare)
     run = {"undo": literal(undo_name), "undo_digest": literal(hashlib.sha256(undo).hexdigest()), **never}
-    return {name: _fill("apply.ps1.j2", RunKind.APPLY, host_plan, plan, inside, pieces, run), undo_name: undo}
+    return {name: _fill(RunKind.APPLY, host_plan, plan, inside, pieces, run), undo_name: undo}
 
 
 def render_observe() -> bytes:
@@ -177,7 +189,6 @@ def _taken_back(step: Step) -> Step:
 
 
 def _fill(
-    template: str,
     kind: RunKind,
     host_plan: HostPlan,
     plan: Plan,
@@ -185,37 +196,46 @@ def _fill(
     steps: Sequence[_Numbered],
     more: Mapping[str, Literal],
 ) -> bytes:
+    run = {"kind": literal(kind.value), "total": literal(len(steps)), **_run(host_plan, plan, inside), **more}
+    ready = [_ready(one, len(steps)) for one in steps]
+    parts = parts_for("\n".join([run["guard"], *(text for one in ready for text in one.code)]))
+    values = {
+        "requirements": _GUEST_REQUIRES if inside else _HOST_REQUIRES,
+        "title": _TITLES[kind],
+        "header": _header(host_plan, plan, inside, steps, parts),
+        "fixed": [runtime(), *map(part_text, parts)],
+        "run": run,
+        "steps": ready,
+    }
+    return fill("script.ps1.j2", values)
+
+
+def _run(host_plan: HostPlan, plan: Plan, inside: str) -> dict[str, str]:
+    """What a script and its undo say alike of their run."""
     host, facts = host_plan.host, host_plan.facts
     kept = in_processors(host.keep_for_host.processor, host.logical_processors)
-    run = {
-        "kind": literal(kind.value),
+    return {
         "plan": literal(plan.id),
         "application": literal(plan.application),
         "serial": literal(host_plan.serial),
-        "total": literal(len(steps)),
         "guest": literal(bool(inside)),
         "computer": literal(facts.computer_name),
         "logical_processors": literal(facts.logical_processors),
         "percent": literal(max(0, floor(100 * (facts.logical_processors - kept)))),
         "memory": literal(max(0, facts.memory - host.keep_for_host.memory)),
-        **more,
+        "guard": "Assert-Guest" if inside else "Assert-VmHost",
     }
-    values = {
-        "requirements": _GUEST_REQUIRES if inside else _HOST_REQUIRES,
-        "header": _header(host_plan, plan, inside, steps),
-        "runtime": runtime(),
-        "run": run,
-        "steps": [_ready(one, len(steps)) for one in steps],
-    }
-    return fill(template, values)
 
 
-def _header(host_plan: HostPlan, plan: Plan, inside: str, steps: Sequence[_Numbered]) -> list[str]:
+def _header(
+    host_plan: HostPlan, plan: Plan, inside: str, steps: Sequence[_Numbered], parts: Sequence[str]
+) -> list[str]:
     where = f"the guest of partition {inside}" if inside else "the host itself"
     lines = {
         "Application": f"{plan.application}, host {host_plan.host.name}: {where}",
         "Plan": f"{plan.id}, manifest {plan.manifest_digest[:12]}, rarms {plan.rarms_version}",
         "Steps": str(len(steps)),
+        "Parts": f"{', '.join(parts)}: what these steps need beside the runtime",
     }
     lost = sorted({one.step.undo.says for one in steps if one.step.undo.level is not UndoLevel.FULL})
     return [f"{name:<12} {remark(text)}" for name, text in lines.items()] + [
@@ -255,10 +275,8 @@ def _extra(one: _Numbered) -> Iterable[tuple[str, Literal]]:
         yield "Undoes", literal(one.undoes)
     if one.lost is not None:
         yield "Lost", literal(one.lost)
-    claim = one.step.claim_after
-    if _grows(one.step.claim_before, claim):
-        fields = {"Processors": claim.processors, "Reserve": claim.reserve, "Memory": claim.memory}
-        yield "Claim", "@{ " + "; ".join(f"{name} = {literal(value)}" for name, value in fields.items()) + " }"
+    if _grows(one.step.claim_before, one.step.claim_after):
+        yield "Fits", "{ " + fits(one.step) + " }"
 
 
 def _grows(before: Claim, after: Claim) -> bool:

@@ -1,4 +1,4 @@
-"""A script for a reader: line numbers, the runtime that is the same in every script left out, colour by our tokens."""
+"""A script for a reader: line numbers, what is fixed in scripts left out, colour by our tokens."""
 
 from rarms_iac.powershell.inspection.layout import digest, split
 from rarms_iac.powershell.tokens import NotTokens, Token, TokenKind, tokens
@@ -8,20 +8,20 @@ _REMARK, _TEXT, _CALL, _VARIABLE, _PARAMETER = "\x1b[32m", "\x1b[33m", "\x1b[1m"
 
 
 def script_text(script: str, *, colour: bool = False, whole: bool = False) -> str:
-    """The script with the numbers of its lines, as they are in the file; `whole`: its runtime too."""
+    """The script with the numbers of its lines, as they are in the file; `whole`: its fixed parts too."""
     plain = script.replace("\r\n", "\n")
     parts = split(plain)
     shown = _coloured(plain) if colour else plain
     lines = shown.removesuffix("\n").split("\n")
     width = len(str(len(lines)))
     numbered = [f"{number:>{width}}  {line}".rstrip() for number, line in enumerate(lines, start=1)]
-    if whole or not parts.runtime:
-        return "\n".join(numbered) + "\n"
-    begin = plain[: plain.index(parts.runtime)].count("\n")
-    end = parts.steps_line
-    left_out = f"{'':>{width}}  ... lines {begin + 2} to {end - 1}: the runtime, the same bytes in every script"
-    told = f"{left_out} (SHA-256 {digest(parts.runtime)[:12]}); --whole shows it"
-    return "\n".join([*numbered[: begin + 1], told, *numbered[end - 1 :]]) + "\n"
+    for one in () if whole else reversed(parts.fixed):
+        left_out = (
+            f"{'':>{width}}  ... lines {one.first + 1} to {one.last - 1}: {one.says}, the same bytes in every script"
+        )
+        told = f"{left_out}{' that has it' if one.name else ''} (SHA-256 {digest(one.text)[:12]}); --whole shows it"
+        numbered[one.first : one.last - 1] = [told]
+    return "\n".join(numbered) + "\n"
 
 
 def _coloured(text: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -52,10 +53,24 @@ class _Compiled:
 
 @lru_cache(maxsize=64)
 def _compiled(script: bytes) -> _Compiled:
-    root = sound(script.decode("ascii"))
+    pieces = [_piece(text) for text in re.split(_EDGE, script.decode("ascii"))]
+
+    def body(scope: Scope, out: list[Value]) -> None:
+        for piece in pieces:
+            piece.body(scope, out)
+
+    return _Compiled(tuple(one for piece in pieces for one in piece.parameters), body)
+
+
+_EDGE = r"(?<=-\r\n)(?=# --- part )|(?<=-\r\n)(?=try \{)"
+"""Between what is fixed in scripts and what follows it: the tree of the whole is those of its pieces, one by one."""
+
+
+@lru_cache(maxsize=64)
+def _piece(text: str) -> _Compiled:
     parameters: tuple[Parameter, ...] = ()
-    bodies = []
-    for part in root.children:
+    bodies: list[Body] = []
+    for part in sound(text).children:
         if part.type == "param_block":
             parameters = parameters_of(part)
         elif part.type == "statement_list":

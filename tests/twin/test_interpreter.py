@@ -2,7 +2,7 @@
 
 import pytest
 
-from rarms_iac.powershell.environment import runtime
+from rarms_iac.powershell.fixed import PARTS, part_text, runtime
 from tests.twin.host import WindowsHost
 from tests.twin.run import put, run
 from tests.twin.values import Unsupported
@@ -86,8 +86,8 @@ def test_what_the_twin_does_not_know_is_told_and_never_guessed(says: str) -> Non
         told(says)
 
 
-def test_every_function_of_the_runtime_is_understood() -> None:
-    runs = runtime() + "\ntry { Exit-Host } finally { Exit-Host }\nexit 0\n"
+def test_every_function_of_the_runtime_and_of_all_parts_is_understood() -> None:
+    runs = "\n".join([runtime(), *map(part_text, PARTS)]) + "\ntry { Exit-Host } finally { Exit-Host }\nexit 0\n"
     host = WindowsHost()
     put(host, {"s.ps1": runs.encode("ascii")})
 

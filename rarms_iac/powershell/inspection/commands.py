@@ -30,7 +30,7 @@ def _check_call(script: Script, call: Call) -> Iterator[Diagnostic]:
     if call.operator:
         detail = f"& before {call.name}: a cmdlet is called by its name alone"
         yield script.problem(COMMAND, call.node, detail, "leave out the &")
-    if function := script.functions.get(call.name.lower()):
+    if function := script.functions.get(call.name.lower()) or script.given.get(call.name.lower()):
         yield from _check_function_call(script, call, function)
         return
     module, _, name = call.name.rpartition("\\")

@@ -1,15 +1,17 @@
 """Everything that a script must pass before it is shown or run."""
 
 from collections.abc import Iterator
+from functools import cache
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity, in_order
 from rarms_iac.powershell.environment import read
+from rarms_iac.powershell.fixed import part_text, runtime
 from rarms_iac.powershell.inspection.commands import check_commands
 from rarms_iac.powershell.inspection.constructs import check_constructs
-from rarms_iac.powershell.inspection.layout import check_end, check_layout, check_whole, split
+from rarms_iac.powershell.inspection.layout import check_end, check_layout, check_whole, split, without_fixed
 from rarms_iac.powershell.inspection.lists import ScriptKind
 from rarms_iac.powershell.inspection.names import check_names
-from rarms_iac.powershell.inspection.script import Script, functions_of
+from rarms_iac.powershell.inspection.script import Function, Script, functions_of
 from rarms_iac.powershell.inspection.steps import check_steps
 from rarms_iac.powershell.inspection.style import check_style
 from rarms_iac.powershell.tree import NotParsed, sound, walk
@@ -21,19 +23,45 @@ LARGEST = 16 * 1024 * 1024
 """Bytes of a script that is looked at; a plan of a thousand partitions makes a tenth of it."""
 
 
-def inspect(script: bytes, kind: ScriptKind, name: str = "script.ps1") -> tuple[Diagnostic, ...]:
-    """What is wrong with a script of this kind, in the order of its lines; nothing where it may be run."""
+def inspect(
+    script: bytes, kind: ScriptKind, name: str = "script.ps1", *, trusting: bool = True
+) -> tuple[Diagnostic, ...]:
+    """What is wrong with a script of this kind, in the order of its lines; nothing where it may be run.
+
+    With `trusting`, parts that are to the byte what rarms ships are not looked at again.
+    """
     wrong = tuple(_check_bytes(script, name))
     if wrong:
         return wrong
-    text = script.decode("ascii")
+    whole = script.decode("ascii")
+    changes = kind in (ScriptKind.APPLY, ScriptKind.UNDO)
+    text = without_fixed(whole) if changes and trusting else whole
     try:
         root = sound(text)
     except NotParsed as no:
         place = Place(file=name, line=no.line, column=1)
         return (PARSE.at(place, no.says, "render the script again, or mend this line"),)
-    seen = Script(name=name, text=text, root=root, kind=kind, functions=functions_of(root), nodes=tuple(walk(root)))
-    return in_order(list(_check(seen)))
+    seen = Script(
+        name=name,
+        text=text,
+        root=root,
+        kind=kind,
+        functions=functions_of(root),
+        given=_given(whole) if text is not whole else {},
+        nodes=tuple(walk(root)),
+    )
+    return in_order(list(_check(seen, whole)))
+
+
+def _given(whole: str) -> dict[str, Function]:
+    """The functions of what is fixed in a script."""
+    return {name: one for piece in split(whole).fixed for name, one in _shipped(piece.name).items()}
+
+
+@cache
+def _shipped(name: str) -> dict[str, Function]:
+    """The functions of a shipped part, or of the runtime: parsed once, checked by the tests of what rarms ships."""
+    return functions_of(sound(part_text(name) if name else runtime()))
 
 
 def _check_bytes(script: bytes, name: str) -> Iterator[Diagnostic]:
@@ -52,7 +80,7 @@ def _check_bytes(script: bytes, name: str) -> Iterator[Diagnostic]:
             yield BYTES.at(place, "the line does not end with CR LF", "write it with CRLF, to its last line")
 
 
-def _check(script: Script) -> Iterator[Diagnostic]:
+def _check(script: Script, whole: str) -> Iterator[Diagnostic]:
     yield from check_constructs(script)
     yield from check_commands(script)
     yield from check_names(script)
@@ -62,6 +90,6 @@ def _check(script: Script) -> Iterator[Diagnostic]:
     elif script.kind is ScriptKind.BOOTSTRAP:
         yield from check_whole(script.name, script.text, read("bootstrap.ps1"))
     else:
-        parts = split(script.text)
+        parts = split(whole)
         yield from check_layout(script.name, parts)
         yield from check_steps(script, parts.steps_line + 1)

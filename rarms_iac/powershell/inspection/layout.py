@@ -1,12 +1,22 @@
-"""A script that changes something is a head of comments, the fixed runtime part, and steps: nothing else."""
+"""A script that changes something is a head of comments, fixed parts, and steps: nothing else."""
 
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
-from rarms_iac.powershell.environment import BEGIN, END, read, runtime
-from rarms_iac.powershell.tokens import NotTokens, TokenKind, tokens
+from rarms_iac.powershell.environment import read
+from rarms_iac.powershell.fixed import (
+    PARTS,
+    RUNTIME_BEGIN,
+    RUNTIME_END,
+    part_begin,
+    part_end,
+    part_text,
+    parts_for,
+    runtime,
+)
+from rarms_iac.powershell.tokens import NotTokens, Token, TokenKind, tokens
 
 RUNTIME = Finding(code="RARMS202", severity=Severity.ERROR, summary="The fixed part of a script was changed")
 HEAD = Finding(
@@ -18,40 +28,111 @@ _OPTIONAL = ("-Modules Hyper-V",)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Piece:
+    """A part that lies between two dashed lines: the numbers of these lines, counted from 1, and the text with LF."""
+
+    name: str  # empty: the runtime
+    first: int
+    last: int
+    text: str
+
+    @property
+    def says(self) -> str:
+        """What people call it."""
+        return f"the part {self.name}" if self.name else "the runtime"
+
+    @property
+    def is_shipped(self) -> bool:
+        """Whether it is the one that rarms ships, to the byte."""
+        return digest(self.text) == digest(self.shipped)
+
+    @property
+    def shipped(self) -> str:
+        """The one that rarms ships."""
+        return part_text(self.name) if self.name else runtime()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Parts:
-    """The three parts of a script, with LF; `steps_line`: the line before the steps' first one."""
+    """What a script is made of, with LF; `steps_line`: the line before the steps' first one."""
 
     head: str
-    runtime: str
+    fixed: tuple[Piece, ...]  # the runtime comes first; empty where it is missing
     steps: str
     steps_line: int
 
+    @property
+    def is_shipped(self) -> bool:
+        """Whether all that should be fixed is."""
+        return bool(self.fixed) and all(one.is_shipped for one in self.fixed)
+
 
 def split(text: str) -> Parts:
-    """The parts of a script; where the runtime's first or last line is missing, it has no runtime and no steps."""
+    """The parts of a script; where the runtime's first or last line is missing, it is all head."""
     lines = text.replace("\r\n", "\n").split("\n")
-    begin = next((at for at, line in enumerate(lines) if line.startswith(BEGIN)), None)
-    end = next((at for at, line in enumerate(lines) if line.startswith(END)), None)
-    if begin is None or end is None or end < begin:
-        return Parts(head="\n".join(lines), runtime="", steps="", steps_line=len(lines))
-    return Parts(
-        head="\n".join(lines[:begin]) + "\n",
-        runtime="\n".join(lines[begin : end + 1]),
-        steps="\n".join(lines[end + 1 :]),
-        steps_line=end + 1,
-    )
+    begin = next((at for at, line in enumerate(lines) if line.startswith(RUNTIME_BEGIN)), len(lines))
+    found = _piece(lines, begin, "", RUNTIME_END)
+    if found is None:
+        return Parts(head="\n".join(lines), fixed=(), steps="", steps_line=len(lines))
+    fixed = [found]
+    while found := _next_part(lines, fixed[-1].last):
+        fixed.append(found)
+    end = fixed[-1].last
+    return Parts(head="\n".join(lines[:begin]) + "\n", fixed=tuple(fixed), steps="\n".join(lines[end:]), steps_line=end)
+
+
+def without_fixed(text: str) -> str:
+    """The script with empty lines where its fixed parts are, if they are the shipped ones; otherwise the script itself.
+
+    What is left may be parsed alone, and every line keeps its number. A head is comments (`check_layout`), a shipped
+    part is whole statements, the last of which is a function and cannot be continued on the next line; so no token and
+    no statement reaches over an edge, and the tree of the whole is the trees of its pieces, one after another.
+    """
+    parts = split(text)
+    if not parts.is_shipped or head_problems(parts.head):
+        return text
+    blank = "\n" * (parts.steps_line - parts.head.count("\n"))
+    return (parts.head + blank + parts.steps).replace("\n", "\r\n" if "\r\n" in text else "\n")
+
+
+def _piece(lines: list[str], first: int, name: str, end: str) -> Piece | None:
+    last = next((at for at in range(first, len(lines)) if lines[at].startswith(end)), None)
+    if last is None:
+        return None
+    return Piece(name=name, first=first + 1, last=last + 1, text="\n".join(lines[first : last + 1]))
+
+
+def _next_part(lines: list[str], at: int) -> Piece | None:
+    line = lines[at] if at < len(lines) else ""
+    name = next((name for name in PARTS if line.startswith(part_begin(name))), None)
+    return None if name is None else _piece(lines, at, name, part_end(name))
 
 
 def check_layout(name: str, parts: Parts) -> Iterator[Diagnostic]:
-    """The head holds comments only and asks for what the runtime needs; the runtime is the one that rarms ships."""
-    place = Place(file=name, line=1, column=1)
-    if digest(parts.runtime) != digest(runtime()):
-        detail = f"its SHA-256 is {digest(parts.runtime)[:12]}, not {digest(runtime())[:12]}"
-        yield RUNTIME.at(place, detail, "render the script again; only its steps may differ from another's")
-    for says in _head_problems(parts.head):
-        yield HEAD.at(place, says, "render the script again")
+    """The head holds comments only and asks for what the runtime needs; what is fixed is what rarms ships."""
+    top = Place(file=name, line=1, column=1)
+    if not parts.fixed:
+        yield RUNTIME.at(top, "it has no runtime", "render the script again")
+    for one in parts.fixed:
+        if not one.is_shipped:
+            detail = f"{one.says} has the SHA-256 {digest(one.text)[:12]}, not {digest(one.shipped)[:12]}"
+            place = Place(file=name, line=one.first, column=1)
+            yield RUNTIME.at(place, detail, "render the script again; only its steps may differ from another's")
+    for says in (*head_problems(parts.head), *_carried_problems(parts)):
+        yield HEAD.at(top, says, "render the script again")
     if parts.steps and not parts.steps.endswith(_tail()):
-        yield HEAD.at(place, "the last lines are not those of a script of rarms", "render the script again")
+        yield HEAD.at(top, "the last lines are not those of a script of rarms", "render the script again")
+
+
+def _carried_problems(parts: Parts) -> Iterator[str]:
+    """Each part that the steps need, once and in order, and no other."""
+    try:
+        needed = parts_for(parts.steps)
+    except NotTokens:
+        return  # that is told of the steps
+    carried = tuple(one.name for one in parts.fixed if one.name)
+    if parts.fixed and carried != needed:
+        yield f"it carries the parts {', '.join(carried) or 'none'}; its steps need {', '.join(needed) or 'none'}"
 
 
 def check_end(name: str, text: str) -> Iterator[Diagnostic]:
@@ -73,11 +154,16 @@ def digest(text: str) -> str:
     return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 
-def _head_problems(head: str) -> Iterator[str]:
+def head_problems(head: str) -> tuple[str, ...]:
+    """What is wrong before the runtime."""
     try:
         found = tokens(head)
     except NotTokens:
-        found = ()
+        return ("a text in it does not end",)
+    return tuple(_head_problems(found))
+
+
+def _head_problems(found: tuple[Token, ...]) -> Iterator[str]:
     if not found or any(one.kind not in (TokenKind.COMMENT, TokenKind.NEWLINE) for one in found):
         yield "there is more than comments before the runtime"
     comments = [one.text for one in found if one.kind is TokenKind.COMMENT]
@@ -90,4 +176,4 @@ def _head_problems(head: str) -> Iterator[str]:
 
 def _tail() -> str:
     """What follows the last step in the template."""
-    return read("apply.ps1.j2").rpartition("{% endfor %}\n")[2]
+    return read("script.ps1.j2").rpartition("{% endfor %}\n")[2]

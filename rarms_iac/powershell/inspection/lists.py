@@ -89,41 +89,48 @@ _READING_TYPES = words(
     System.Security.Principal.WindowsIdentity System.Security.Principal.WindowsPrincipal
     """
 )
-_CHANGING_TYPES = (_READING_TYPES - words("System.Security.Principal.WindowsBuiltInRole scriptblock")) | words(
+_ONLY_READING_TYPES = words(
+    """
+    byte IntPtr scriptblock System.Security.Principal.WindowsBuiltInRole System.Security.Principal.WindowsIdentity
+    System.Security.Principal.WindowsPrincipal
+    """
+)
+_CHANGING_TYPES = (_READING_TYPES - _ONLY_READING_TYPES) | words(
     """
     Array DateTime System.BitConverter System.Collections.IDictionary System.IO.Directory System.IO.FileAccess
     System.IO.FileMode System.IO.FileStream System.Security.Cryptography.SHA256 System.StringComparer
-    System.Text.Encoding System.Threading.AbandonedMutexException System.Threading.Mutex
+    System.StringComparison System.Text.Encoding System.Threading.AbandonedMutexException System.Threading.Mutex
     System.UnauthorizedAccessException
     """
 )
 
 _HYPERV_MEMBERS = words(
     """
-    AutomaticStartAction AutomaticStartDelay AutomaticStopAction CheckpointType Count DynamicMemoryEnabled Generation
-    Id LogicalProcessorCount Maximum Minimum Name Notes ParentPath Path RelativeWeight Reserve Startup State SwitchName
-    Version VhdType VirtualHardDiskPath
+    AutomaticStartAction AutomaticStopAction CheckpointType Count DynamicMemoryEnabled Generation Id
+    LogicalProcessorCount Maximum Name Notes ParentPath Path RelativeWeight Reserve Startup State VhdType
+    VirtualHardDiskPath
     """
 )
 _READING_MEMBERS = _HYPERV_MEMBERS | words(
     """
-    Administrator Category CategoryInfo CpuGroupId Exception ExecutionPolicy FullName FullyQualifiedErrorId GetCurrent
-    GetFolderPath GetOwner GetValue GetValueKind GetValueNames InstanceID IsActive IsInRole MachineName MemoryAvailable
-    MemoryCapacity MemoryTotal Message NodeId NumaSpanningEnabled NumberOfCores NumberOfLogicalProcessors Out
-    PSChildName PSEdition PSObject PSVersion Properties Replace Reservation Scope Size ToLowerInvariant Value
-    VirtualMachinePath WriteLine new
+    Administrator AutomaticStartDelay Category CategoryInfo CpuGroupId Exception ExecutionPolicy FullName
+    FullyQualifiedErrorId GetCurrent GetFolderPath GetOwner GetValue GetValueKind GetValueNames InstanceID
+    IsActive IsInRole MachineName MemoryAvailable MemoryCapacity MemoryTotal Message Minimum NodeId
+    NumaSpanningEnabled NumberOfCores NumberOfLogicalProcessors Out PSChildName PSEdition PSObject PSVersion
+    Properties Replace Reservation Scope Size SwitchName ToLowerInvariant Value Version VirtualMachinePath
+    WriteLine new
     """
 )
 _CHANGING_MEMBERS = _HYPERV_MEMBERS | words(
     """
-    ASCII AcceptScheduler Action AddMilliseconds Address After Application Before Claim ComputeHash Computer Contains
-    Create CreateDirectory Dispose Exception Flush GetBytes GetOwner GetString GetValue GetValueKind GetValueNames
-    GetFolderPath Guest Keys Length LogicalProcessors Lost MachineName Memory Message Move Needs Number
-    OpenOrCreate Ordinal Out PSChildName PSObject Percent Plan Position Processors Properties Read ReadAllBytes
-    ReadAllText ReleaseMutex Replace Run Serial Set SetLength
-    SetSecurityDescriptorSddlForm ShouldProcess Sort Substring ToLowerInvariant ToString Total Undo UndoDigest
-    Undoes UserName UtcNow Value WaitOne Write WriteAllText WriteLine closing data kind new number plan record run
-    serials set status touched
+    ASCII AcceptScheduler Action AddMilliseconds Address After Application Before ComputeHash Computer Contains
+    Create CreateDirectory Detail Dispose Equals Exception Flush GetBytes GetFolderPath GetOwner GetString
+    GetValue GetValueKind GetValueNames Guard Guest Keys Length LogicalProcessors Lost MachineName Memory
+    Message Move Needs Number OpenOrCreate Ordinal Out PSChildName PSObject Percent Plan Position Processors
+    Properties Read ReadAllBytes ReadAllText ReleaseMutex Replace Run Serial Set SetLength
+    SetSecurityDescriptorSddlForm ShouldProcess Sort Step Substring ToLowerInvariant ToString Total Undo
+    UndoDigest Undoes UserName UtcNow Value WaitOne Write WriteAllText WriteLine closing data kind new number
+    plan record run serials set status touched
     """
 )
 
@@ -154,7 +161,7 @@ CHANGING = Lists(
     operators=_CHANGING_OPERATORS,
     given_variables=_GIVEN | words("$Matches $PID $PSCmdlet $PSCommandPath $PSScriptRoot $WhatIfPreference"),
     set_variables=words("$ErrorActionPreference $ConfirmPreference"),
-    blocks=words("$read $set"),
+    blocks=words("$read $set $fits $guard"),
 )
 
 

@@ -50,7 +50,8 @@ class Script:
     text: str
     root: "Node"
     kind: ScriptKind
-    functions: Mapping[str, Function]  # by name in lower case
+    functions: Mapping[str, Function]  # its own, by name in lower case
+    given: Mapping[str, Function]  # those of the fixed parts that it carries
     nodes: tuple["Node", ...]  # all of them, in the order of the text
 
     @property

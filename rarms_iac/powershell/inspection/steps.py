@@ -21,10 +21,12 @@ _ADVICE = "a step is a table of literals; its blocks hold calls of cmdlets and o
 
 RUN_KEYS = words("""
     Run Plan Application Serial Total Undo UndoDigest Guest Computer LogicalProcessors Percent Memory AcceptScheduler
+    Guard
     """)
 STEP_KEYS = words("Number Address Action Needs Read Before After Set")
-_STEP_OPTIONAL = frozenset({"Undoes", "Lost", "Claim"})
-_TABLES = frozenset({"Before", "After", "Claim"})
+_STEP_OPTIONAL = frozenset({"Undoes", "Lost", "Fits"})
+_TABLES = frozenset({"Before", "After"})
+_BLOCKS = frozenset({"Read", "Set", "Fits"})
 _READERS = frozenset({"Read-Partition", "Read-TaskClass", "Read-GuestTaskClass", "Read-Disk"})
 _WRITERS = words("""
     Write-Mark Clear-Mark Invoke-PartitionStop Write-TaskValue Clear-TaskValue Clear-TaskClass Write-TaskRecord
@@ -69,9 +71,19 @@ def _check_run(script: Script, statements: list["Node"]) -> Iterator[Diagnostic]
         if table is None:
             yield script.problem(STEP, call.node, f"{call.name} does not get one table", _ADVICE)
         elif call.name == "Open-Run":
-            yield from _check_literals(script, call.node, table, RUN_KEYS, RUN_KEYS)
+            yield from _check_opening(script, call.node, table)
         else:
             yield from _check_step(script, call.node, table)
+
+
+def _check_opening(script: Script, node: "Node", table: Mapping[str, "Node"]) -> Iterator[Diagnostic]:
+    """The run's facts as literals, and the guard that belongs to a host's script or to a guest's."""
+    facts = {name: value for name, value in table.items() if name != "Guard"}
+    yield from _check_literals(script, node, facts, RUN_KEYS - {"Guard"}, RUN_KEYS)
+    guest = "Guest" in table and text_of(inner(table["Guest"])) == "$true"
+    guard = "Assert-Guest" if guest else "Assert-VmHost"
+    if "Guard" not in table or not _is_one_call(table["Guard"], frozenset({guard})):
+        yield script.problem(STEP, node, f"its guard is not {guard}", _ADVICE)
 
 
 def only_call(statement: "Node") -> Call | None:
@@ -123,8 +135,8 @@ def _check_literals(
 
 
 def _check_step(script: Script, node: "Node", table: Mapping[str, "Node"]) -> Iterator[Diagnostic]:
-    plain = {name: value for name, value in table.items() if name not in _TABLES | {"Read", "Set"}}
-    names = STEP_KEYS - _TABLES - {"Read", "Set"}
+    plain = {name: value for name, value in table.items() if name not in _TABLES | _BLOCKS}
+    names = STEP_KEYS - _TABLES - _BLOCKS
     yield from _check_literals(script, node, plain, names, names | {"Undoes", "Lost"})
     if not table.keys() >= STEP_KEYS or not table.keys() <= STEP_KEYS | _STEP_OPTIONAL:
         yield script.problem(STEP, node, "the step lacks a part, or has one too many", _ADVICE)
@@ -134,9 +146,12 @@ def _check_step(script: Script, node: "Node", table: Mapping[str, "Node"]) -> It
             yield script.problem(STEP, table[name], f"{name} is no table", _ADVICE)
         else:
             yield from _check_literals(script, table[name], held, frozenset(), frozenset(held))
-    for name, check in (("Read", _check_read), ("Set", _check_set)):
-        if name in table:
-            yield from check(script, table[name])
+    if "Read" in table and not _is_one_call(table["Read"], _READERS):
+        yield script.problem(STEP, table["Read"], "Read does more than read", _ADVICE)
+    if "Fits" in table and not _is_one_call(table["Fits"], frozenset({"Test-Capacity"})):
+        yield script.problem(STEP, table["Fits"], "Fits does more than ask whether the host has room", _ADVICE)
+    if "Set" in table:
+        yield from _check_set(script, table["Set"])
 
 
 def _block(node: "Node") -> list["Node"] | None:
@@ -146,11 +161,11 @@ def _block(node: "Node") -> list["Node"] | None:
     return list(statements_of(block))
 
 
-def _check_read(script: Script, node: "Node") -> Iterator[Diagnostic]:
+def _is_one_call(node: "Node", names: frozenset[str]) -> bool:
+    """Whether it is a block that holds one call of these, with plain values."""
     statements = _block(node) or []
     call = only_call(statements[0]) if len(statements) == 1 else None
-    if call is None or call.name not in _READERS or not _has_plain_values(call):
-        yield script.problem(STEP, node, "Read does more than read", _ADVICE)
+    return call is not None and call.name in names and _has_plain_values(call)
 
 
 def _check_set(script: Script, node: "Node") -> Iterator[Diagnostic]:

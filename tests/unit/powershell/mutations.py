@@ -88,10 +88,20 @@ def _escaped_dynamic(one: re.Match[str], _: random.Random) -> str:
 
 
 def _in_runtime(script: str, pick: random.Random) -> str:
-    """One character of the fixed part becomes another."""
-    begin, end = script.index("# --- runtime"), script.index("# --- end of the runtime")
+    """One character of what is fixed, the runtime or a part, becomes another."""
+    begin, end = script.index("# --- runtime"), script.rindex("# --- end of the ")
     at = pick.choice([at for at in range(begin, end) if script[at].isalnum()])
     return script[:at] + ("b" if script[at] == "a" else "a") + script[at + 1 :]
+
+
+def _part(change: Callable[[str, str], str]) -> Mutation:
+    """Changes one of the parts behind the runtime, any of them: what it is given is the whole part, and the script."""
+
+    def mutate(script: str, pick: random.Random) -> str:
+        found = re.findall(r"(?ms)^# --- part .*?^# --- end of the part [^\n]*\n", script)
+        return change(pick.choice(found), script)
+
+    return mutate
 
 
 DANGEROUS: dict[str, Mutation] = {
@@ -174,6 +184,19 @@ CHANGING: dict[str, Mutation] = {
     "a changed runtime": _in_runtime,
     "a forced key": _replace(r"\[void\] \(New-Item -Path \$Path", _after(" -Force")),
     "a runtime without its end": lambda script, _: script.replace("# --- end of the runtime", "# --- the runtime"),
+    "a part that is missing": _part(lambda part, script: script.replace(part, "")),
+    "a part that is there twice": _part(lambda part, script: script.replace(part, part + part)),
+    "a part of somebody else's": _part(
+        lambda part, script: script.replace(part, part.replace("# --- part ", "# --- part x"))
+    ),
+    "a part that goes on": _part(
+        lambda part, script: script.replace(part, part + "function Test-More { Get-Item -LiteralPath 'x' }" + LINE)
+    ),
+    "a part before the runtime": _part(lambda part, script: part + script.replace(part, "")),
+    "a guard that lets anything through": lambda script, _: script.replace("{ Assert-VmHost }", "{ Get-Operator }"),
+    "a guard that is gone": lambda script, _: script.replace("        Guard = { Assert-VmHost }" + LINE, ""),
+    "a guard of a guest": lambda script, _: script.replace("{ Assert-VmHost }", "{ Assert-Guest }"),
+    "room that is not asked for": _replace(r"(?<=Fits = \{ )Test-Capacity", _before("Clear-Mark -Name 'x'; ")),
     "a head that does something": lambda script, _: "Hyper-V\\Get-VM" + LINE + script,
     "a head that asks for less": lambda script, _: script.replace("#Requires -RunAsAdministrator" + LINE, ""),
     "a signature": lambda script, _: "# SIG # Begin signature block" + LINE + script,

@@ -6,7 +6,8 @@ import pytest
 
 from rarms_iac.model.changes import Change
 from rarms_iac.model.moves import BETWEEN
-from rarms_iac.powershell.environment import fill, runtime
+from rarms_iac.powershell.environment import fill
+from rarms_iac.powershell.fixed import part_text, runtime
 from rarms_iac.powershell.literals import NoLiteral
 from rarms_iac.powershell.render import render_apply, render_observe, render_scripts, render_undo, script_name
 from rarms_iac.powershell.tree import same_structure
@@ -17,8 +18,8 @@ from tests.unit.powershell.plans import all_changes, marked, rendered_plan
 
 
 def steps_of(script: bytes) -> str:
-    """What follows the runtime, with LF."""
-    return script.decode("ascii").replace("\r\n", "\n").split("# --- end of the runtime")[1]
+    """What follows what is fixed, with LF."""
+    return script.decode("ascii").replace("\r\n", "\n").rpartition("# --- end of the ")[2]
 
 
 def renamed(change: Change, name: str, says: str) -> Change:
@@ -94,7 +95,8 @@ def test_making_a_machine_is_guarded_call_by_call() -> None:
     assert "-Name 'planning.rarms-0123456789ab'" in text
     assert "Hyper-V\\Set-VMMemory -VM $vm -DynamicMemoryEnabled $false -StartupBytes 536870912\n" in text
     assert "Before = @{ 'exists' = $false; 'taken' = $false }" in text
-    assert text.count("Claim = @{ Processors = 2; Reserve = 40; Memory = 536870912 }") == 1
+    asked = "Fits = { Test-Capacity -Name 'planning' -Processors 2 -Reserve 40 -Memory 536870912 }"
+    assert text.count(asked) == text.count("Fits =") == 1
 
 
 def test_a_child_of_an_older_disk_has_its_parents_format() -> None:
@@ -142,7 +144,7 @@ def test_a_template_that_asks_for_more_fails() -> None:
     from jinja2 import UndefinedError
 
     with pytest.raises(UndefinedError):
-        fill("apply.ps1.j2", {"requirements": [], "header": [], "runtime": ""})
+        fill("script.ps1.j2", {"requirements": [], "title": "", "header": [], "fixed": []})
 
 
 def test_the_observe_script_has_no_values() -> None:
@@ -152,9 +154,9 @@ def test_the_observe_script_has_no_values() -> None:
 
 
 def test_the_runtime_reads_every_mark_that_rarms_writes_also_while_two_partitions_exchange_names() -> None:
-    form = re.search(r"\$form = '(?P<form>[^']+)'", runtime())
+    form = re.search(r"\$form = '(?P<form>[^']+)'", part_text("machines"))
     assert form is not None
-    name_form = re.search(r"\$name = '(?P<name>[^']+)'", runtime())
+    name_form = re.search(r"\$name = '(?P<name>[^']+)'", part_text("machines"))
     assert name_form is not None
     pattern = re.compile(form["form"].replace("NAME", name_form["name"]).replace("(?<", "(?P<"))
 

@@ -1,0 +1,106 @@
+# --- part tasks: the same bytes in every script that carries it --------------------------------
+# How multimedia task classes are read and written, each value with its type, and what rarms keeps of them.
+
+$script:ProfileRoot = 'HKLM:\SOFTWARE\Microsoft\Windows NT\CurrentVersion\Multimedia\SystemProfile'
+$script:RecordRoot = 'HKLM:\SOFTWARE\rarms'
+
+function Read-TaskClass {
+    # Values with their types, and our record: whose it is and what was last written.
+    param([string] $Task)
+    $live = @{ exists = $false; values = ''; record = ''; set = '' }
+    [string[]] $names = @(foreach ($name in @(Get-TaskValueName -Task $Task)) { $name.ToLowerInvariant() })
+    [Array]::Sort($names, [System.StringComparer]::Ordinal)
+    foreach ($name in $names) {
+        $key = Get-Item -LiteralPath (Get-TaskPath -Task $Task)
+        $kind = ([string] $key.GetValueKind($name)).ToLowerInvariant()
+        $data = $key.GetValue($name)
+        if ($kind -ceq 'dword') { $data = [long] $data -band 4294967295 }
+        $live['value:' + $name] = '{0}:{1}' -f ($kind -creplace '^string$', 'sz'), $data
+        $live['exists'] = $true
+        # Windows does not tell the case of a value's name apart.
+        $live['values'] = $names -join ', '
+    }
+    if (-not (Test-Path -LiteralPath $script:RecordRoot)) { return $live }
+    foreach ($application in @(Get-ChildItem -LiteralPath $script:RecordRoot)) {
+        $path = Get-RecordPath -Task $Task -Application $application.PSChildName
+        if (-not (Test-Path -LiteralPath $path)) { continue }
+        $set = [string] (Get-Item -LiteralPath $path).GetValue('set')
+        if ($set) {
+            $live['record'] = [string] $application.PSChildName
+            $live['set'] = $set
+        }
+    }
+    $live
+}
+
+function Get-TaskValueName {
+    # The names of a task class's values; of the key above the classes only the one that is meant.
+    param([string] $Task)
+    $path = Get-TaskPath -Task $Task
+    if (-not (Test-Path -LiteralPath $path)) { return }
+    foreach ($name in @((Get-Item -LiteralPath $path).GetValueNames())) {
+        if ($path -cne $script:ProfileRoot -or $name -eq $Task) { $name }
+    }
+}
+
+function Get-TaskPath {
+    # SystemResponsiveness is one value of the key above the task classes; our record of it lies among theirs.
+    param([string] $Task)
+    if ($Task -ceq 'SystemResponsiveness') { return $script:ProfileRoot }
+    '{0}\Tasks\{1}' -f $script:ProfileRoot, $Task
+}
+
+function Write-TaskValue {
+    param([string] $Task, [string] $Name, [string] $Type, $Value)
+    $path = Get-TaskPath -Task $Task
+    Add-Key -Path $path
+    [void] (New-ItemProperty -LiteralPath $path -Name $Name -PropertyType $Type -Value $Value -Force)
+}
+
+function Clear-TaskValue {
+    # Takes one value away; with -Keep every value but these, whose names are joined as readings join them.
+    param([string] $Task, [string] $Name = '', [string] $Keep = '')
+    foreach ($one in @(Get-TaskValueName -Task $Task)) {
+        $goes = if ($Keep) { @($Keep -split ', ') -notcontains $one } else { $one -eq $Name }
+        if ($goes) { Remove-ItemProperty -LiteralPath (Get-TaskPath -Task $Task) -Name $one }
+    }
+}
+
+function Clear-TaskClass {
+    param([string] $Task)
+    Clear-Key -Path (Get-TaskPath -Task $Task)
+}
+
+function Write-TaskRecord {
+    # What was there before comes first, the digest last: without it the record does not count.
+    param([string] $Task, [string] $Application, [string] $Digest, [string] $Before)
+    $path = Get-RecordPath -Task $Task -Application $Application
+    Add-Key -Path $script:RecordRoot
+    Add-Key -Path ('{0}\{1}' -f $script:RecordRoot, $Application)
+    Add-Key -Path $path
+    [void] (New-ItemProperty -LiteralPath $path -Name 'before' -PropertyType String -Value $Before -Force)
+    [void] (New-ItemProperty -LiteralPath $path -Name 'set' -PropertyType String -Value $Digest -Force)
+}
+
+function Clear-TaskRecord {
+    param([string] $Task, [string] $Application)
+    Clear-Key -Path (Get-RecordPath -Task $Task -Application $Application)
+}
+
+function Get-RecordPath {
+    # Ours, never below the multimedia keys.
+    param([string] $Task, [string] $Application)
+    '{0}\{1}\{2}' -f $script:RecordRoot, $Application, $Task
+}
+
+function Add-Key {
+    # Never with -Force, which would empty a key that is there.
+    param([string] $Path)
+    if (-not (Test-Path -LiteralPath $Path)) { [void] (New-Item -Path $Path) }
+}
+
+function Clear-Key {
+    param([string] $Path)
+    if (Test-Path -LiteralPath $Path) { Remove-Item -LiteralPath $Path }
+}
+# --- end of the part tasks ---------------------------------------------------------------------

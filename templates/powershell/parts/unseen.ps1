@@ -1,0 +1,48 @@
+# --- part unseen: the same bytes in every script that carries it -------------------------------
+# Task classes of a guest: nobody could look into it, so that its own record decides.
+
+function Read-GuestTaskClass {
+    # As Read-TaskClass, and whether the class is somebody else's: another application's, or there before rarms.
+    param([string] $Task, [string] $Application, [bool] $Replace)
+    $live = Read-TaskClass -Task $Task
+    $live['taken'] = [bool] ($live['exists'] -and -not $Replace)
+    if ($live['record']) { $live['taken'] = $live['record'] -cne $Application }
+    $live
+}
+
+function Save-TaskRecord {
+    # What was there before rarms is kept once; a record that is ours already knows it.
+    param([string] $Task, [string] $Application, [string] $Digest)
+    $live = Read-TaskClass -Task $Task
+    $before = 'null'
+    if ($live['record']) {
+        $path = Get-RecordPath -Task $Task -Application $Application
+        $before = [string] (Get-Item -LiteralPath $path).GetValue('before')
+    } elseif ($live['exists']) {
+        $values = [ordered] @{}
+        foreach ($name in @(Get-TaskValueName -Task $Task)) {
+            $kind, $data = $live['value:' + $name] -split ':', 2
+            if ($kind -ceq 'dword') { $data = [long] $data }
+            $values[$name] = [ordered] @{ kind = $kind; data = $data }
+        }
+        $before = ConvertTo-AsciiJson -Value $values
+    }
+    Write-TaskRecord -Task $Task -Application $Application -Digest $Digest -Before $before
+}
+
+function Restore-TaskClass {
+    # Brings back what the record says was there before rarms: no class, or exactly these values.
+    param([string] $Task, [string] $Application)
+    $path = Get-RecordPath -Task $Task -Application $Application
+    $before = ConvertFrom-Json -InputObject ([string] (Get-Item -LiteralPath $path).GetValue('before'))
+    if ($null -eq $before) {
+        Clear-TaskClass -Task $Task
+        return
+    }
+    foreach ($name in @(Get-TaskValueName -Task $Task)) { Clear-TaskValue -Task $Task -Name $name }
+    foreach ($one in $before.PSObject.Properties) {
+        $type = $one.Value.kind -creplace '^sz$', 'string'
+        Write-TaskValue -Task $Task -Name $one.Name -Type $type -Value $one.Value.data
+    }
+}
+# --- end of the part unseen --------------------------------------------------------------------

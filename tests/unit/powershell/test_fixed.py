@@ -1,0 +1,118 @@
+"""What is fixed in scripts: the runtime, and the parts that a script carries only where its steps need them."""
+
+import pytest
+
+from rarms_iac.powershell.environment import read
+from rarms_iac.powershell.fixed import PARTS, part_begin, part_end, part_text, parts_for, runtime
+from rarms_iac.powershell.inspection.inspect import inspect
+from rarms_iac.powershell.inspection.layout import split, without_fixed
+from rarms_iac.powershell.inspection.lists import ScriptKind
+from rarms_iac.powershell.render import render_scripts
+from rarms_iac.powershell.tree import Leaf, shape
+from tests.unit.powershell.plans import all_changes, rendered_plan
+
+SCRIPTS = {name: text.decode("ascii") for name, text in render_scripts(*rendered_plan()).items()}
+scripts = pytest.mark.parametrize("name", sorted(SCRIPTS))
+
+
+def carried(script: str) -> tuple[str, ...]:
+    return tuple(one.name for one in split(script).fixed if one.name)
+
+
+def statements(script: str) -> list[Leaf]:
+    """The tree below the list of all statements; between two of them a remark hangs elsewhere than at an end."""
+    return [leaf for leaf in shape(script) if leaf.depth > 1 and leaf.label != "comment"]
+
+
+def test_the_runtime_can_be_read_in_one_sitting() -> None:
+    assert runtime().count("\n") < 400
+    assert max(map(len, runtime().split("\n"))) <= 120
+    assert all(part_text(name).count("\n") < 130 for name in PARTS)
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_a_part_is_its_functions_between_two_lines_that_name_it(name: str) -> None:
+    first, *_, before, last = part_text(name).split("\n")
+
+    assert first.startswith(part_begin(name))
+    assert last.startswith(part_end(name))
+    assert before == "}"  # of a function: nothing on the next line goes on with it
+
+
+def test_a_script_that_changes_a_reserve_carries_no_more_than_that_needs() -> None:
+    (change, *_) = all_changes()
+    on, plan = rendered_plan([change])
+
+    (script, undo) = (text.decode("ascii") for _, text in sorted(render_scripts(on, plan).items()))
+
+    assert carried(script) == ("host", "machines")
+    assert carried(undo) == ("host", "machines", "capacity")  # there the reserve grows
+    assert "# Parts        host, machines: what these steps need beside the runtime\r\n" in script
+
+
+def test_a_guest_s_script_knows_nothing_of_hyper_v() -> None:
+    script = SCRIPTS["onboard.guest.speech.ps1"]
+
+    assert carried(script) == ("guest", "tasks")
+    assert "Hyper-V\\" not in script
+
+
+def test_names_in_texts_and_remarks_are_no_calls() -> None:
+    assert parts_for("Write-Mark -Name 'Test-Capacity'  # Read-TaskClass") == ("machines",)
+    assert parts_for("$x = 5") == ()
+
+
+def test_a_part_brings_those_that_it_needs() -> None:
+    assert parts_for("Test-Capacity -Name 'x'") == ("machines", "capacity")
+    assert parts_for("Save-TaskRecord -Task 'x'") == ("tasks", "unseen")
+
+
+@scripts
+def test_what_is_fixed_passes_the_inspection_too(name: str) -> None:
+    kind = ScriptKind.UNDO if ".undo." in name else ScriptKind.APPLY
+
+    assert inspect(SCRIPTS[name].encode("ascii"), kind, name, trusting=False) == ()
+
+
+def test_all_of_it_does() -> None:
+    every = "\n".join([runtime(), *map(part_text, PARTS), ""])
+    found = inspect(every.replace("\n", "\r\n").encode("ascii"), ScriptKind.APPLY, trusting=False)
+
+    # It is no script: it has neither head nor steps. Nothing else is wrong with it.
+    assert {one.code for one in found} == {"RARMS211", "RARMS219"}
+
+
+@scripts
+def test_the_tree_of_a_script_is_the_trees_of_its_pieces_one_after_another(name: str) -> None:
+    whole = SCRIPTS[name]
+    parts = split(whole)
+    apart = [*(one.text for one in parts.fixed), parts.steps]
+
+    assert statements(whole) == [leaf for piece in apart for leaf in statements(piece.replace("\n", "\r\n"))]
+
+
+@scripts
+def test_without_what_is_fixed_every_line_keeps_its_number(name: str) -> None:
+    whole, left = SCRIPTS[name].split("\r\n"), without_fixed(SCRIPTS[name]).split("\r\n")
+
+    assert len(left) == len(whole)
+    assert {(one, other) for one, other in zip(whole, left, strict=True) if one != other and other} == set()
+    assert left[split(SCRIPTS[name]).steps_line] == "try {"
+
+
+def test_what_was_changed_is_looked_at_whole() -> None:
+    script = SCRIPTS["onboard.ps1"]
+    for edited in (
+        script.replace("function Exit-Host", "function Exit-Hosts"),
+        "Get-Item -LiteralPath 'x'\r\n" + script,
+    ):
+        assert without_fixed(edited) == edited
+
+
+def test_the_template_has_loops_and_nothing_else() -> None:
+    text = read("script.ps1.j2")
+
+    words = {line.split()[1] for line in text.split("\n") if line.startswith("{%")}
+    assert words == {"for", "endfor"}
+    assert text.count("{%") == sum(line.startswith("{%") for line in text.split("\n"))
+    assert not [line for line in text.split("\n") if "{{" in line and ("|" in line or "(" in line or " if " in line)]
