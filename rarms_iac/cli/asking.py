@@ -35,7 +35,7 @@ def refuse_without_terminal(session: Session, source: ManifestOptions) -> None:
 
 def ask_levels(session: Session, source: ManifestOptions, result: Measured) -> None:
     """Show what was measured, and take a level for each component until the answer is empty."""
-    session.terminal.talk("\n" + settings_text(result).rstrip("\n"))
+    session.terminal.talk("\n" + settings_text(result, session.terminal.width).rstrip("\n"))
     for measurement in reported(source, result.experiment.setup.members).measurements:
         if measurement.rests:
             _show_plots(session, measurement)

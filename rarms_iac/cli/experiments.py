@@ -36,6 +36,8 @@ class MeasureOptions:
 def experiments_for(hosts: Hosts, options: MeasureOptions) -> tuple[Experiment, ...]:
     """What is to be measured, and where: each partition's components on one host of each platform.
 
+    As they are named; all of them the most critical first.
+
     Raises:
         click.UsageError: a name is not in the manifest.
         Halted: no host of theirs can be measured on (1).
@@ -59,7 +61,7 @@ def _members(hosts: Hosts, options: MeasureOptions) -> tuple[tuple[str, ...], ..
         return (tuple(sorted(set(options.components))),)
     if options.components:
         return tuple((name,) for name in dict.fromkeys(options.components))
-    groups = groups_of(hosts.system)
+    groups = sorted(groups_of(hosts.system), key=lambda group: (-group.criticality, group.name))
     return tuple(tuple(one.name for one in group.members) for group in groups if any(m.apt for m in group.members))
 
 

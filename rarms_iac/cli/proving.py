@@ -78,7 +78,9 @@ def prove_layout(session: Session, hosts: Hosts, options: ProveOptions, *, as_js
     found = tuple(_not_met(hosts, proofs))
     tell(session.terminal, found, hosts.opened.loaded.sources)
     against = options.interference
-    session.terminal.data(prove_json(proofs, against, found) if as_json else proof_text(proofs, against))
+    session.terminal.data(
+        prove_json(proofs, against, found) if as_json else proof_text(proofs, against, session.terminal.width)
+    )
     if left_out := _left_out(hosts, layouts):
         session.terminal.talk(f"Not proven, since they are on other hosts: {', '.join(left_out)}.")
     return ExitCode.NO if found else ExitCode.DONE

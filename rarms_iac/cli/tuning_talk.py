@@ -18,11 +18,12 @@ class Telling(Silent):
 
     def setting_asked(self, members: Members, reserve: int, why: str) -> None:
         """What is asked, and why."""
-        self._terminal.talk(f"Is {reserve} % enough for {_together(members)}? ({why})")
+        self._terminal.talk(f"{_together(members)} in one partition at {reserve} %: {why}.")
 
     def setting_answered(self, answer: Asked) -> None:
         """The answer."""
-        self._terminal.talk("  yes" if answer.passed else f"  no: {', '.join(answer.worse)} would miss a threshold")
+        missed = f"not enough: {', '.join(answer.worse)} would not meet every threshold for sure"
+        self._terminal.talk(f"  {'enough: all thresholds met' if answer.passed else missed}")
 
     def declined(self, members: Members) -> None:
         """That it is left out."""

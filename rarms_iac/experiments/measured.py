@@ -1,6 +1,6 @@
 """What a setting shows: every index that a threshold names, with its bounds. Pure."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from rarms_iac.experiments.setup import Experiment
@@ -9,7 +9,7 @@ from rarms_iac.model.system import AtLeast, AtMost, Component, Run, Threshold
 from rarms_iac.statistics import values
 from rarms_iac.statistics.estimates import Estimate, NoEstimate, estimate
 from rarms_iac.statistics.steadiness import Steady, Unsteady, steady_part
-from rarms_iac.statistics.verdict import part_for
+from rarms_iac.statistics.verdict import VERDICT_ERROR, Missed, judge, part_for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +48,22 @@ def shown_of(components: tuple[Component, ...], seen: Mapping[str, Series]) -> t
         if one.name in seen
         for index, threshold in one.apt.items()
     )
+
+
+def undecided(reserve: int, settings: Iterable[Setting], experiment: Experiment) -> bool:
+    """Whether nothing measured at this CR shows a threshold missed: the samples there cannot tell.
+
+    Strict, and with the error of a verdict, as a report judges a setting.
+    """
+    verdicts = [
+        judge(series, one.apt, experiment.runs[one.name], error=VERDICT_ERROR / len(experiment.members))
+        for setting in settings
+        if setting.reserve == reserve
+        for one in experiment.members
+        for series in setting.series
+        if series.component == one.name and one.apt
+    ]
+    return not any(isinstance(verdict, Missed) for verdict in verdicts)
 
 
 def steady(series: Series) -> str:

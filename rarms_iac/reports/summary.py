@@ -6,7 +6,8 @@ from fractions import Fraction
 from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
 from rarms_iac.model.thresholds import show_threshold
 from rarms_iac.reports.model import Capacity, Measurement, Point, Proof, Report, Shown
-from rarms_iac.reports.scale import digits, shown
+from rarms_iac.reports.scale import shown
+from rarms_iac.statistics.told_errors import wrong
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +79,7 @@ def verdict_of(one: Shown) -> str:
 
 def error_text(point: Point) -> str:
     """How probably the verdict is wrong, as the end of a sentence; nothing where nobody says."""
-    return "" if point.error is None else f" (error at most {digits(100 * point.error)} %)"
+    return "" if point.error is None else f" ({wrong(point.error)})"
 
 
 def _fixed(name: str, amount: Fraction) -> Level:
@@ -123,7 +124,7 @@ def _proven(one: Proof) -> Proven:
         shows=_band(one),
         met=one.met,
         result=one.verdict
-        + ("" if one.error is None else f" (wrong in {100 * one.error:.2g} %)")
+        + ("" if one.error is None else f" ({wrong(one.error)})")
         + (f": {one.note}" if one.note else ""),
     )
 

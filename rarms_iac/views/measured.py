@@ -14,14 +14,16 @@ from rarms_iac.experiments.conclusions import (
     Sufficient,
     Swept,
 )
-from rarms_iac.experiments.measured import Shown, shown
+from rarms_iac.experiments.measured import Shown, shown, undecided
 from rarms_iac.experiments.setup import Experiment
 from rarms_iac.experiments.telling import show_threshold, show_value
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.system import AtLeast, AtMost
 from rarms_iac.statistics.curve import LeastReserve
+from rarms_iac.statistics.told_errors import ERRORS, wrong
 from rarms_iac.views.as_json import as_json
+from rarms_iac.views.diagnostics.layout import wrap
 from rarms_iac.views.output.measuring import ExperimentOutput, IndexOutput, MeasureOutput, SettingOutput
 from rarms_iac.views.table import table
 
@@ -40,15 +42,21 @@ class Measured:
     log: str  # path
 
 
-def summary_text(results: Sequence[Measured]) -> str:
-    """A table, a row an index of a component; the reservation and its verdict stand in the first row of each."""
+def summary_text(results: Sequence[Measured], width: int, waiting: Sequence[Experiment] = ()) -> str:
+    """A table, a row an index of a component; the reservation and its verdict stand in the first row of each.
+
+    Where verdicts have errors, what these mean stands below.
+    """
     rows = [("component", "threshold", "CR", "verdict", "settings")]
     for one in results:
         rows += list(_rows(one))
-    return table(rows)
+    for experiment in waiting:
+        rows += list(_members(experiment, "-", "not begun", ""))
+    judged = any(isinstance(one.conclusion, Sufficient) for one in results)
+    return table(rows, width) + ("\n" + "\n".join(wrap(ERRORS, width, "")) + "\n" if judged else "")
 
 
-def settings_text(one: Measured) -> str:
+def settings_text(one: Measured, width: int) -> str:
     """A table, a row a setting in the order of their reservations: what a level is picked from."""
     names = [(member.name, index) for member in one.experiment.members for index in member.apt]
     heads = [f"{name} {index}" if len(one.experiment.members) > 1 else index for name, index in names]
@@ -56,7 +64,7 @@ def settings_text(one: Measured) -> str:
     for setting in sorted(one.settings, key=lambda each: (each.reserve, each.seed)):
         found = {(each.component, each.index): each for each in shown(setting, one.experiment)}
         rows.append((f"{setting.reserve} %", *(show_band(found[name]) for name in names)))
-    return table(rows)
+    return table(rows, width)
 
 
 def show_band(one: Shown) -> str:
@@ -72,8 +80,11 @@ def show_band(one: Shown) -> str:
 def _rows(one: Measured) -> Iterator[tuple[str, str, str, str, str]]:
     new = f", {one.new} new" if one.new else ""
     reserve, verdict = _verdict(one)
-    used = f"{len(one.settings)}{new}"
-    for member in one.experiment.members:
+    yield from _members(one.experiment, reserve, verdict, f"{len(one.settings)}{new}")
+
+
+def _members(experiment: Experiment, reserve: str, verdict: str, used: str) -> Iterator[tuple[str, str, str, str, str]]:
+    for member in experiment.members:
         for index, threshold in member.apt.items():
             yield member.name, f"{index} {show_threshold(index, threshold)}", reserve, verdict, used
             reserve = verdict = used = ""
@@ -85,8 +96,7 @@ def _verdict(one: Measured) -> tuple[str, str]:
     """The CR and what is known of it; NOTE: a plan rests on the curve, so where the two differ both are told."""
     match one.conclusion:
         case Sufficient(reserve=reserve, failed=failed, error=error):
-            below = f", {failed} % is not" if failed else ""
-            return f"{reserve} %", f"enough{below} (wrong in {100 * error:.2g} %){_planned(one, reserve)}"
+            return f"{reserve} %", f"enough ({wrong(error)}){_below(one, failed)}{_planned(one, reserve)}"
         case NotAchievable(reserve=reserve):
             return "-", f"not achievable at {reserve} %"
         case NotResolved():
@@ -101,6 +111,14 @@ def _verdict(one: Measured) -> tuple[str, str]:
             assert_never(one.conclusion)
 
 
+def _below(one: Measured, failed: int | None) -> str:
+    """The highest lower setting that was not shown to be enough; NOTE: that is not yet shown to be too little."""
+    if not failed:
+        return ""
+    is_open = undecided(failed, one.settings, one.experiment)
+    return f", {failed} % within the noise" if is_open else f", {failed} % is not"
+
+
 def _planned(one: Measured, reserve: int | None) -> str:
     planned = one.planned
     if planned is None or planned.reserve == reserve:
@@ -109,9 +127,12 @@ def _planned(one: Measured, reserve: int | None) -> str:
     return f"; a plan reserves {planned.reserve} %{between}"
 
 
-def measure_json(results: Sequence[Measured], findings: tuple[Diagnostic, ...]) -> str:
+def measure_json(
+    results: Sequence[Measured], findings: tuple[Diagnostic, ...], waiting: Sequence[Experiment] = ()
+) -> str:
     """The same for programs, every setting with it."""
-    return as_json(MeasureOutput(experiments=tuple(map(_output, results)), findings=findings))
+    not_begun = tuple(one.setup.members for one in waiting)
+    return as_json(MeasureOutput(experiments=tuple(map(_output, results)), not_begun=not_begun, findings=findings))
 
 
 def _output(one: Measured) -> ExperimentOutput:
@@ -125,6 +146,9 @@ def _output(one: Measured) -> ExperimentOutput:
         ending=_ending(conclusion),
         reserve=conclusion.reserve if isinstance(conclusion, Sufficient) else None,
         failed=conclusion.failed if isinstance(conclusion, Sufficient) else None,
+        undecided=isinstance(conclusion, Sufficient)
+        and conclusion.failed is not None
+        and undecided(conclusion.failed, one.settings, experiment),
         error=conclusion.error if isinstance(conclusion, Sufficient | NotAchievable) else None,
         planned=one.planned.reserve if one.planned else None,
         interpolated=bool(one.planned and one.planned.interpolated),

@@ -10,6 +10,7 @@ from rarms_iac.experiments.telling import show_threshold
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Series
 from rarms_iac.statistics.steadiness import Unsteady
+from rarms_iac.statistics.told_errors import wrong
 from rarms_iac.statistics.verdict import Met, Missed, TooFewSamples, TooManyFailures, Verdict, WithinTheNoise
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.measured import index_outputs, show_band
@@ -18,7 +19,7 @@ from rarms_iac.views.progress import WRITE_OVER, fitting
 from rarms_iac.views.table import table
 
 
-def proof_text(proofs: Sequence[Proof], interference: str | None) -> str:
+def proof_text(proofs: Sequence[Proof], interference: str | None, width: int) -> str:
     """A table, a row an index, and a sentence."""
     rows = [("host", "partition", "component", "threshold", "measured", "verdict")]
     for proof in proofs:
@@ -37,7 +38,7 @@ def proof_text(proofs: Sequence[Proof], interference: str | None) -> str:
     against = f", against {interference}" if interference else ""
     counts = Counter(verdict_of(one.verdict) for proof in proofs for one in proof.not_met)
     says = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items())) or "all thresholds met"
-    return table(rows) + f"\nAll components together{against}: {says}.\n"
+    return table(rows, width) + f"\nAll components together{against}: {says}.\n"
 
 
 def prove_json(proofs: Sequence[Proof], interference: str | None, findings: tuple[Diagnostic, ...]) -> str:
@@ -71,13 +72,13 @@ def sampled(host: str, seen: Mapping[str, Series], width: int) -> str:
 
 
 def _in_words(one: Tried) -> str:
-    """`met (wrong in 1 %)`; of an extreme, how many jobs may yet lie beyond it."""
+    """`met (wrong in at most 1 %)`; of an extreme, how many jobs may yet lie beyond it."""
     says, seen = verdict_of(one.verdict), one.shown.estimate
     if one.error is None or seen is None:
         return says
     if seen.beyond is not None:
         return f"{says} so far (up to {seen.beyond:.2g} % of the jobs may lie beyond)"
-    return f"{says} (wrong in {100 * one.error:.2g} %)"
+    return f"{says} ({wrong(one.error)})"
 
 
 def _outputs(proof: Proof) -> Iterator[ProvenIndexOutput]:

@@ -26,12 +26,13 @@ def report_text(report: Report, *, width: int = 80, ascii_only: bool = False, co
 
 def _parts(report: Report, width: int, *, ascii_only: bool, colour: bool) -> Iterator[str]:
     rows = [(one.component, one.index, one.level, one.reserve, one.bandwidth) for one in summary_of(report)]
-    yield table([("component", "index", "threshold", "CR", "bandwidth"), *rows])
+    yield table([("component", "index", "threshold", "CR", "bandwidth"), *rows], width)
     for fit in fits_of(report):
         yield "\n".join(wrap(f"{', '.join(fit.of.hosts)}: {fit_text(fit)}", width, "")) + "\n"
     if report.proofs:
         proven = [(one.component, one.index, one.level, one.shows, one.result) for one in proofs_of(report)]
-        yield table([("all together", "index", "threshold", "observed", "result"), *proven])
+        yield table([("all together", "index", "threshold", "observed", "result"), *proven], width)
+    yield "\n".join(wrap(ERRORS, width, "")) + "\n"
     for one in report.measurements:
         for index in one.indexes:
             yield f"{one.name} against {one.interference} on {one.platform}{_remark(one)}"

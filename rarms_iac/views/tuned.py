@@ -50,19 +50,19 @@ class Tuned:
     written: str = ""
 
 
-def tuned_text(tuned: Tuned) -> str:
+def tuned_text(tuned: Tuned, width: int) -> str:
     """The trail, the partitions, and what all of it came to."""
-    trail = table([("setting", "CR", "verdict"), *_trail(tuned.trail)]) + "\n" if tuned.trail else ""
+    trail = table([("setting", "CR", "verdict"), *_trail(tuned.trail)], width) + "\n" if tuned.trail else ""
     rows = [("partition", "components", "CR", "reserves", "apart")]
     for one in tuned.partitions:
         names = ", ".join(one.components)
         rows.append((one.name, names, f"{one.reserve} %", _shown(one.reserved), _shown(one.parts)))
-    return f"{trail}{table(rows)}\n{_sentence(tuned)}\n"
+    return f"{trail}{table(rows, width)}\n{_sentence(tuned)}\n"
 
 
 def _trail(trail: Sequence[Asked]) -> Iterator[tuple[str, str, str]]:
     for one in trail:
-        verdict = "all thresholds met" if one.passed else f"missed by {', '.join(one.worse)}"
+        verdict = "all thresholds met" if one.passed else f"not met for sure by {', '.join(one.worse)}"
         yield "+".join(one.members), f"{one.reserve} %", verdict
 
 

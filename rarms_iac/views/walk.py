@@ -18,6 +18,7 @@ from rarms_iac.model.thresholds import show_threshold, show_value
 from rarms_iac.planner.alternatives import Elsewhere
 from rarms_iac.planner.groups import Group
 from rarms_iac.statistics.curve import Curve, LeastReserve, Point
+from rarms_iac.statistics.told_errors import wrong
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap
 from rarms_iac.views.output.choosing import WalkOutput, WalkStepOutput
@@ -186,8 +187,8 @@ def _verdicts(walk: Walk) -> Iterator[str]:
             yield (
                 f"at {walk.least.reserve} %: {_name(walk, one)} {_value(one, point.value)}, "
                 f"between {_value(one, point.lower)} and {_value(one, point.upper)} "
-                f"(wrong in at most {_percent(one.curve.error)} of cases{_samples(one, point)}): "
-                f"met, as the safe side of that is {_beside(one)}"
+                f"(the truth lies outside in at most {_percent(one.curve.error)} of cases{_samples(one, point)}): "
+                f"met, as the safe side of that is {_beside(one)}; {wrong(one.curve.error / 2)}"
             )
     if walk.least.interpolated:
         below = max((one for one in walk.measured.reserves if one < walk.least.reserve), default=None)

@@ -121,7 +121,10 @@ def command(
     done = measured(session, hosts, options, interactive=interactive)
     record_what_follows(hosts)
     tell(session.terminal, done.findings, opened.loaded.sources)
-    session.terminal.data(measure_json(done.results, done.findings) if as_json else summary_text(done.results))
+    if as_json:
+        session.terminal.data(measure_json(done.results, done.findings, done.waiting))
+    else:
+        session.terminal.data(summary_text(done.results, session.terminal.width, done.waiting))
     if done.stopped:
         session.terminal.talk("Stopped. What is recorded stays: the same command goes on.")
         return session.interrupts.asked or ExitCode.INTERRUPTED
@@ -143,10 +146,11 @@ def record_what_follows(hosts: Hosts) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Done:
-    """All experiments that were begun."""
+    """All experiments: those that were begun, and after an early end the others."""
 
     results: tuple[Measured, ...]
     findings: tuple[Diagnostic, ...]
+    waiting: tuple[Experiment, ...] = ()
 
     @property
     def stopped(self) -> bool:
@@ -179,7 +183,7 @@ def measured(session: Session, hosts: Hosts, options: MeasureOptions, *, interac
                 break
             if interactive:
                 ask_levels(session, hosts.source, result)
-    return Done(results=tuple(results), findings=tuple(found))
+    return Done(results=tuple(results), findings=tuple(found), waiting=experiments[len(results) :])
 
 
 def _passes(

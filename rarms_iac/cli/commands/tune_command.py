@@ -91,7 +91,7 @@ def command(
         write_file(trail, trail_csv(tuned).encode("utf-8"))
         session.terminal.talk(f"Wrote {trail}.")
     tell(session.terminal, told, hosts.opened.loaded.sources)
-    session.terminal.data(tuned_json(tuned, told) if as_json else tuned_text(tuned))
+    session.terminal.data(tuned_json(tuned, told) if as_json else tuned_text(tuned, session.terminal.width))
     if end.ending == "stopped":
         session.terminal.talk("Stopped. What is recorded stays: the same command goes on.")
         return session.interrupts.asked or ExitCode.INTERRUPTED

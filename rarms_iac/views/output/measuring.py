@@ -39,7 +39,8 @@ class SettingOutput:
 class ExperimentOutput:
     """Components measured together in one partition; `reserve` is null where none was found or looked for.
 
-    `planned` is what a plan reserves by the curve; it is `interpolated` where it lies between measured settings.
+    `failed` is the highest lower setting that is not enough, or `undecided`: within the noise. `planned` is what a plan
+    reserves by the curve; it is `interpolated` where it lies between measured settings.
     """
 
     components: tuple[str, ...]
@@ -50,6 +51,7 @@ class ExperimentOutput:
     ending: Literal["found", "not_achievable", "not_resolved", "no_verdict", "swept", "stopped"]
     reserve: int | None
     failed: int | None
+    undecided: bool
     error: float | None
     planned: int | None
     interpolated: bool
@@ -59,11 +61,12 @@ class ExperimentOutput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasureOutput:
-    """`rarms measure`."""
+    """`rarms measure`; `not_begun`: components whose turn an early end left out."""
 
     format_version: Format = FORMAT_VERSION
     kind: Literal["measure"] = "measure"
     experiments: tuple[ExperimentOutput, ...]
+    not_begun: tuple[tuple[str, ...], ...]
     findings: tuple[Diagnostic, ...]
 
 

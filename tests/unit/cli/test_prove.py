@@ -87,7 +87,7 @@ def test_every_verdict_says_how_likely_it_is_wrong_wherever_it_is_told(here: Pat
     assert (mean["verdict"], mean["verdict_error"], mean["error"]) == ("met", 0.01, 0.02)
     assert float(str(mean["lower"])) < float(str(mean["value"])) < float(str(mean["upper"])) < 50
     assert indexes["speech throughput"]["verdict_error"] == 0.005, "two indexes share the component's error"
-    assert "met (wrong in 1 %)" in text
+    assert "met (wrong in at most 1 %)" in text
     assert "met so far (up to" in text, "of a maximum, what so many samples can say"
     entry = read_entries(configuration_path(here, "onboard", "vision"))[-1]
     assert isinstance(entry, Proven)
@@ -128,7 +128,7 @@ def test_a_threshold_that_is_missed_is_told_with_its_error(here: Path) -> None:
 
     assert (code, found) == (4, ["RARMS118"])
     assert indexes["vision mean_response_time"]["verdict"] == "missed"
-    assert "missed (wrong in 1 %)" in rarms("prove").out
+    assert "missed (wrong in at most 1 %)" in rarms("prove").out
 
 
 @pytest.mark.parametrize(

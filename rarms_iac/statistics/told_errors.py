@@ -1,0 +1,22 @@
+"""What the probabilities beside a result mean: the same words in the terminal, in the report and in the glossary."""
+
+from rarms_iac.statistics.estimates import USUAL_ERROR
+from rarms_iac.statistics.verdict import VERDICT_ERROR
+
+
+def share(error: float) -> str:
+    """`2.5 %`."""
+    return f"{100 * error:.2g} %"
+
+
+def wrong(error: float) -> str:
+    """What stands behind a verdict: `wrong in at most 1 %`."""
+    return f"wrong in at most {share(error)}"
+
+
+ERRORS = (
+    f"{wrong(VERDICT_ERROR).capitalize()} of cases: a verdict that was measured until it was clear. "
+    f"{share(USUAL_ERROR / 2)}: one that rests on the safe side of an interval, as a plan does. "
+    f"An interval (from to) leaves the truth out in at most {share(USUAL_ERROR)}, half of that on each side."
+)
+"""The three figures that measuring shows, and what each is of."""
