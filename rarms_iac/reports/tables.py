@@ -1,5 +1,8 @@
 """The same measurements as rows of cells, for spreadsheets: units in the headers, numbers as numbers.
 
+What was estimated has six digits that count, far more than any interval is narrow; times of samples have the tenth of a
+microsecond that data logs keep. The planner looks its reservations up in the logs, not here.
+
 A text that a spreadsheet would take for a formula stays text: in CSV, which has no types, behind an apostrophe.
 """
 
@@ -52,6 +55,12 @@ SAMPLES = (
     "failure",
 )
 
+DIGITS = 6
+"""That count, of an estimate."""
+
+TIME_PLACES = 4
+"""Of a millisecond, as data logs keep a sample's times."""
+
 BEGINNINGS = ("=", "+", "-", "@", "\t", "\n")
 """What a spreadsheet takes for the beginning of a formula."""
 
@@ -76,16 +85,16 @@ def _setting(one: Measurement, index: Shown, point: Point) -> Sequence[Cell]:
         one.processors,
         index.index.name,
         UNIT_TEXT[index.index.unit],
-        point.value,
+        None if point.value is None else finite(point.value),
         None if point.value is None else finite(point.low),
         None if point.value is None else finite(point.high),
         point.samples,
-        point.effective,
+        finite(point.effective),
         point.failed,
         index.index.direction,
         None if threshold is None else float(threshold.value),
         point.verdict,
-        None if point.error is None else 100 * point.error,
+        None if point.error is None else finite(100 * point.error),
         point.remark,
         one.path,
     )
@@ -106,8 +115,8 @@ def sample_rows(report: Report) -> Iterator[Sequence[Cell]]:
                         setting.reserve,
                         number,
                         job,
-                        sample.began_ms,
-                        sample.response_ms,
+                        round(sample.began_ms, TIME_PLACES),
+                        None if sample.response_ms is None else round(sample.response_ms, TIME_PLACES),
                         int(sample.successful),
                         sample.count,
                         sample.failure,
@@ -115,8 +124,8 @@ def sample_rows(report: Report) -> Iterator[Sequence[Cell]]:
 
 
 def finite(value: float) -> float | None:
-    """No spreadsheet knows infinity: an empty cell stands for a side without a bound."""
-    return value if isfinite(value) else None
+    """An estimate with the digits that count; empty for a side without a bound, as no spreadsheet knows infinity."""
+    return float(f"{value:.{DIGITS}g}") if isfinite(value) else None
 
 
 def csv_text(rows: Rows) -> str:

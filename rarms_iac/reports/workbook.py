@@ -130,7 +130,7 @@ def _measurement(book: "Workbook", name: str, one: Measurement) -> None:
         unit = UNIT_TEXT[index.index.unit]
         title = f"{index.index.name} of {index.component} ({unit})"
         sheet.write_string(top, 0, title, book.add_format({"bold": True}))
-        measured = {point.reserve: point.value for point in index.points}
+        measured = {point.reserve: finite(point.value) for point in index.points if point.value is not None}
         curve = [
             (row.reserve, *map(finite, (row.value, row.safe, row.low, row.high)), measured.get(row.reserve))
             for row in index.rows

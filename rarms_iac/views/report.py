@@ -5,6 +5,7 @@ from math import isfinite
 
 from rarms_iac.reports.model import Measurement, Report, Shown
 from rarms_iac.reports.summary import fit_text, fits_of, proofs_of, summary_of
+from rarms_iac.statistics.told_errors import ERRORS
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap
 from rarms_iac.views.output.report import (
