@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from rarms_iac.reports.model import Report
 from rarms_iac.reports.page import RESERVES, Card, cards_of, data_of
 from rarms_iac.reports.summary import fit_text, fits_of, proofs_of, summary_of
+from rarms_iac.statistics.told_errors import ERRORS
 from rarms_iac.storage.shipped import shipped
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ def as_html(report: Report) -> bytes:
             told=[fit_text(one) for one in fits],
             proofs=proofs_of(report),
             reserves=RESERVES,
+            errors=ERRORS,
             style=style,
             script=script,
             data=_inert(data_of(report, cards)),

@@ -15,8 +15,8 @@ def wrong(error: float) -> str:
 
 
 ERRORS = (
-    f"{wrong(VERDICT_ERROR).capitalize()} of cases: a verdict that was measured until it was clear. "
-    f"{share(USUAL_ERROR / 2)}: one that rests on the safe side of an interval, as a plan does. "
-    f"An interval (from to) leaves the truth out in at most {share(USUAL_ERROR)}, half of that on each side."
+    f"Wrong in: how often such a verdict is wrong at most. {share(VERDICT_ERROR)}: it was measured until it was clear; "
+    f"{share(USUAL_ERROR / 2)}: it rests on the safe side of an interval, as a plan does. Intervals (from to) leave the "
+    f"truth out in at most {share(USUAL_ERROR)} of cases, half of that on each side."
 )
 """The three figures that measuring shows, and what each is of."""

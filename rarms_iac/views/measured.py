@@ -21,13 +21,16 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.system import AtLeast, AtMost
 from rarms_iac.statistics.curve import LeastReserve
-from rarms_iac.statistics.told_errors import ERRORS, wrong
+from rarms_iac.statistics.told_errors import ERRORS, share
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap
 from rarms_iac.views.output.measuring import ExperimentOutput, IndexOutput, MeasureOutput, SettingOutput
 from rarms_iac.views.table import table
 
 Ending = Literal["found", "not_achievable", "not_resolved", "no_verdict", "swept", "stopped"]
+
+
+Row = tuple[str, str, str, str, str, str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,12 +50,12 @@ def summary_text(results: Sequence[Measured], width: int, waiting: Sequence[Expe
 
     Where verdicts have errors, what these mean stands below.
     """
-    rows = [("component", "threshold", "CR", "verdict", "settings")]
+    rows = [("component", "threshold", "CR", "verdict", "wrong in", "settings")]
     for one in results:
         rows += list(_rows(one))
     for experiment in waiting:
-        rows += list(_members(experiment, "-", "not begun", ""))
-    judged = any(isinstance(one.conclusion, Sufficient) for one in results)
+        rows += list(_members(experiment, "-", "not begun", "", ""))
+    judged = any(isinstance(one.conclusion, Sufficient | NotAchievable) for one in results)
     return table(rows, width) + ("\n" + "\n".join(wrap(ERRORS, width, "")) + "\n" if judged else "")
 
 
@@ -77,26 +80,27 @@ def show_band(one: Shown) -> str:
     return value if one.estimate.beyond is not None else f"{value} ({lower.rpartition(' ')[0]} to {upper})"
 
 
-def _rows(one: Measured) -> Iterator[tuple[str, str, str, str, str]]:
+def _rows(one: Measured) -> Iterator[Row]:
     new = f", {one.new} new" if one.new else ""
     reserve, verdict = _verdict(one)
-    yield from _members(one.experiment, reserve, verdict, f"{len(one.settings)}{new}")
+    error = share(one.conclusion.error) if isinstance(one.conclusion, Sufficient | NotAchievable) else ""
+    yield from _members(one.experiment, reserve, verdict, error, f"{len(one.settings)}{new}")
 
 
-def _members(experiment: Experiment, reserve: str, verdict: str, used: str) -> Iterator[tuple[str, str, str, str, str]]:
+def _members(experiment: Experiment, reserve: str, verdict: str, error: str, used: str) -> Iterator[Row]:
     for member in experiment.members:
         for index, threshold in member.apt.items():
-            yield member.name, f"{index} {show_threshold(index, threshold)}", reserve, verdict, used
-            reserve = verdict = used = ""
+            yield member.name, f"{index} {show_threshold(index, threshold)}", reserve, verdict, error, used
+            reserve = verdict = error = used = ""
         if not member.apt:
-            yield member.name, "none", reserve, verdict, used
+            yield member.name, "none", reserve, verdict, error, used
 
 
 def _verdict(one: Measured) -> tuple[str, str]:
     """The CR and what is known of it; NOTE: a plan rests on the curve, so where the two differ both are told."""
     match one.conclusion:
-        case Sufficient(reserve=reserve, failed=failed, error=error):
-            return f"{reserve} %", f"enough ({wrong(error)}){_below(one, failed)}{_planned(one, reserve)}"
+        case Sufficient(reserve=reserve, failed=failed):
+            return f"{reserve} %", f"enough{_below(one, failed)}{_planned(one, reserve)}"
         case NotAchievable(reserve=reserve):
             return "-", f"not achievable at {reserve} %"
         case NotResolved():

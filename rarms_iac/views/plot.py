@@ -70,12 +70,10 @@ Cells = dict[tuple[int, int], tuple[str, str]]
 
 def plot_text(shown: Shown, *, width: int = 80, ascii_only: bool = False, colour: bool = False) -> str:
     """The curve in lines of at most `width` columns, ending with a line end; words where nothing was measured."""
-    unit = UNIT_TEXT[shown.index.unit]
+    unit = UNIT_TEXT[shown.index.unit] + (", log scale" if scale_of(shown).logarithmic else "")
     title = f"{shown.component}: {shown.index.name} ({unit}) against CPU reservation (%)"
     if not shown.curve.points:
         return f"{title}\n  Nothing can be said yet.\n"
-    if scale_of(shown).logarithmic:
-        title += ", logarithmic upwards"
     signs = ASCII if ascii_only else UNICODE
     field = max(NARROWEST, min(width - LABELS - 3, WIDEST))
     cells = _cells(shown, scale_of(shown), field, signs, dots=not ascii_only)

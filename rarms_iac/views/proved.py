@@ -10,7 +10,7 @@ from rarms_iac.experiments.telling import show_threshold
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Series
 from rarms_iac.statistics.steadiness import Unsteady
-from rarms_iac.statistics.told_errors import wrong
+from rarms_iac.statistics.told_errors import share
 from rarms_iac.statistics.verdict import Met, Missed, TooFewSamples, TooManyFailures, Verdict, WithinTheNoise
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.measured import index_outputs, show_band
@@ -21,7 +21,7 @@ from rarms_iac.views.table import table
 
 def proof_text(proofs: Sequence[Proof], interference: str | None, width: int) -> str:
     """A table, a row an index, and a sentence."""
-    rows = [("host", "partition", "component", "threshold", "measured", "verdict")]
+    rows = [("host", "partition", "component", "threshold", "measured", "verdict", "wrong in")]
     for proof in proofs:
         where = {one.name: name for name, members in proof.layout.partitions.items() for one in members}
         rows += [
@@ -32,13 +32,23 @@ def proof_text(proofs: Sequence[Proof], interference: str | None, width: int) ->
                 f"{one.shown.index} {show_threshold(one.shown.index, one.shown.threshold)}",
                 show_band(one.shown),
                 _in_words(one),
+                "" if one.error is None else share(one.error),
             )
             for one in proof.tried
         ]
     against = f", against {interference}" if interference else ""
     counts = Counter(verdict_of(one.verdict) for proof in proofs for one in proof.not_met)
     says = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items())) or "all thresholds met"
-    return table(rows, width) + f"\nAll components together{against}: {says}.\n"
+    return table(_telling(rows), width) + f"\nAll components together{against}: {says}.\n"
+
+
+def _telling(rows: Sequence[Sequence[str]]) -> Sequence[Sequence[str]]:
+    """Without the host where there is one only, and without partitions that are all called as their components."""
+    _, *told = rows
+    hosts = {row[0] for row in told}
+    alike = all(row[1] == row[2] for row in told)
+    columns = [at for at in range(len(rows[0])) if not ((at == 0 and len(hosts) == 1) or (at == 1 and alike))]
+    return [tuple(row[at] for at in columns) for row in rows]
 
 
 def prove_json(proofs: Sequence[Proof], interference: str | None, findings: tuple[Diagnostic, ...]) -> str:
@@ -72,13 +82,11 @@ def sampled(host: str, seen: Mapping[str, Series], width: int) -> str:
 
 
 def _in_words(one: Tried) -> str:
-    """`met (wrong in at most 1 %)`; of an extreme, how many jobs may yet lie beyond it."""
+    """`met`; of an extreme, how many jobs may yet lie beyond it."""
     says, seen = verdict_of(one.verdict), one.shown.estimate
-    if one.error is None or seen is None:
+    if one.error is None or seen is None or seen.beyond is None:
         return says
-    if seen.beyond is not None:
-        return f"{says} so far (up to {seen.beyond:.2g} % of the jobs may lie beyond)"
-    return f"{says} ({wrong(one.error)})"
+    return f"{says} so far (up to {seen.beyond:.2g} % of the jobs may lie beyond)"
 
 
 def _outputs(proof: Proof) -> Iterator[ProvenIndexOutput]:

@@ -20,14 +20,25 @@ def table(rows: Sequence[Sequence[str]], width: int) -> str:
     words first, within a name such as `mean_response_time` where it must be.
     """
     shown = [[visible(cell, keep="") for cell in row] for row in rows]
-    widths = _narrowed([max(map(columns, column)) for column in zip(*shown, strict=True)], width)
+    widths = [max(map(columns, column)) for column in zip(*shown, strict=True)]
+    words = [max(map(_longest_word, column)) for column in zip(*shown, strict=True)]
+    widths = _narrowed(_narrowed(widths, words, width), [NARROWEST] * len(widths), width)
     return "".join(f"{line}\n" for row in shown for line in _lines(row, widths))
 
 
-def _narrowed(widths: list[int], width: int) -> list[int]:
+def _longest_word(cell: str) -> int:
+    """A number and its unit count as one."""
+    return max(map(columns, wrap(cell, 1, "")), default=0)
+
+
+def _narrowed(widths: Sequence[int], least: Sequence[int], width: int) -> list[int]:
+    """The widest columns as narrow as it takes, none below its least."""
     narrowed = list(widths)
-    while sum(narrowed) + len(GAP) * (len(narrowed) - 1) > width and max(narrowed) > NARROWEST:
-        narrowed[narrowed.index(max(narrowed))] -= 1
+    while sum(narrowed) + len(GAP) * (len(narrowed) - 1) > width:
+        above = [at for at, wide in enumerate(narrowed) if wide > least[at]]
+        if not above:
+            break
+        narrowed[max(above, key=lambda at: narrowed[at])] -= 1
     return narrowed
 
 

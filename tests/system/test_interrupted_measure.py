@@ -23,6 +23,11 @@ components:
     run: { command: [vision], until: { samples: 1500 }, samples: { from: per_run } }
     memory: 512 MiB
     simulation: { work: 20 ms, varies: 2 % }
+  audio:
+    criticality: 40
+    run: { command: [audio], until: { samples: 2 }, samples: { from: per_run } }
+    memory: 512 MiB
+    simulation: { work: 20 ms, varies: 2 % }
 """
 WORDS = [
     sys.executable,
@@ -30,6 +35,7 @@ WORDS = [
     "rarms_iac.cli.main",
     "measure",
     "vision",
+    "audio",
     "--from",
     "50%",
     "--to",
@@ -50,7 +56,10 @@ def test_ctrl_c_ends_a_measurement_that_the_same_command_goes_on_with(tmp_path: 
 
     assert process.returncode == 130, err
     assert "the same command goes on" in err
-    assert "stopped" in out
+    assert [line.split()[0] for line in out.splitlines() if "stopped" in line or "not begun" in line] == [
+        "vision",
+        "audio",
+    ], "as they were named, and none left out"
     host = json.loads((tmp_path / ".rarms" / "hosts" / "onboard.json").read_text(encoding="utf-8"))
     assert host["content"]["machines"] == {}
     before = log.read_bytes()

@@ -90,6 +90,10 @@ def test_it_does_not_fit_is_tuned_and_fits(here: Path) -> None:
     assert len(trail) == 1 + len(found["trail"])
     assert "recorded already" not in declined.err.split("paths+video", 2)[1]
     assert "No other layout is better" in tuned.out
+    assert "?" not in tuned.err, "nothing that looks like a question is told where nobody is asked"
+    assert "paths and video in one partition at " in declined.err
+    assert "paths mean_response_time" in declined.err
+    assert "video mean_response_time" in declined.err
     assert json.loads(again.out)["ending"] == "nothing_to_do"
 
 

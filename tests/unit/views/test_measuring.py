@@ -1,3 +1,4 @@
+from dataclasses import replace
 from fractions import Fraction
 
 from rarms_iac.experiments.setup import experiment_of
@@ -53,6 +54,23 @@ def test_a_terminal_sees_the_running_setting_and_how_long_it_may_take() -> None:
     assert lines[1] == "   62 %  ..."
     assert lines[2] == "   62 %  50 samples, mean 98 ms, at most 12 s left"
     assert lines[3].startswith("   62 %  100 samples")
+
+
+def test_of_several_components_each_value_says_whose_it_is() -> None:
+    apt = {"mean_response_time": at_most(Fraction(100))}
+    run = a_run(until=SampleCount(samples=200))
+    system = a_system(
+        components=[a_component(name, apt=apt, run=run, simulation=a_simulation()) for name in ("speech", "vision")]
+    )
+    both = experiment_of(system, system.hosts["onboard"], ("speech", "vision"), "busy-loop")
+    series = (replace(a_series(100), component="speech"), a_series(100))
+    written: list[str] = []
+
+    MeasuringProgress(written.append, lambda: 0.0, lively=False, width=100).setting_ended(
+        both, Setting(reserve=62, series=series, beside=38)
+    )
+
+    assert "speech mean_response_time 98 ms (97.8 to 98.2 ms); vision mean_response_time 98 ms" in "".join(written)
 
 
 def test_what_is_done_is_told_by_the_component_that_takes_longest() -> None:

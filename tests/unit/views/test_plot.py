@@ -42,6 +42,13 @@ def test_the_threshold_is_a_line_across_and_the_reserve_one_from_top_to_bottom()
     assert text.splitlines()[-1] == "at most 100 ms: reserve 60 %, measured"
 
 
+def test_a_scale_that_is_logarithmic_is_called_so() -> None:
+    shares = next(one for each in REPORT.measurements for one in each.indexes if one.index.name == "success_rate")
+
+    assert plot_text(FACES).splitlines()[0].endswith("mean_response_time (ms, log scale) against CPU reservation (%)")
+    assert plot_text(shares).splitlines()[0].endswith("success_rate (%) against CPU reservation (%)")
+
+
 @pytest.mark.parametrize("width", [40, 60, 80, 120])
 @pytest.mark.parametrize("ascii_only", [False, True])
 def test_no_line_is_wider_than_the_terminal(width: int, ascii_only: bool) -> None:

@@ -119,6 +119,16 @@ def test_a_number_is_not_parted_from_its_unit() -> None:
     assert list(wrap("it takes 120 % of it", 12, "")) == ["it takes", "120 % of it"]
 
 
+def test_an_item_s_further_lines_stand_below_its_first_word() -> None:
+    assert list(wrap("one of:\n- the first way\n  - a part of it", 14, "  ")) == [
+        "  one of:",
+        "  - the first",
+        "    way",
+        "    - a part",
+        "      of it",
+    ]
+
+
 def test_further_lines_hang_below_the_text() -> None:
     assert list(hanging("  [1/2] ", "set this and that", 18)) == ["  [1/2] set this", "        and that"]
     assert list(hanging("  ", "set this and that", 10, more=2)) == ["  set", "    this", "    and", "    that"]

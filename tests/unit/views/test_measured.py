@@ -1,0 +1,73 @@
+"""The summary of `rarms measure`: what is known of the setting below, what was not begun, and what the errors mean."""
+
+from rarms_iac.experiments.conclusions import Stopped, Sufficient
+from rarms_iac.experiments.setup import Experiment, experiment_of
+from rarms_iac.model.measurement import Setting
+from rarms_iac.model.system import System
+from rarms_iac.statistics.told_errors import ERRORS
+from rarms_iac.views.measured import Measured, measure_json, summary_text
+from tests.builders import a_component, a_run, a_simulation, a_system, at_most
+from tests.builders_measured import a_setting
+from tests.measured_robot import a_measured_setting
+from tests.unit.views.test_json import check
+
+RUN, DEMAND = a_run(), a_simulation()
+SYSTEM: System = a_system(
+    components=[
+        a_component("speech", criticality=5, apt={"mean_response_time": at_most(90)}, run=RUN, simulation=DEMAND),
+        a_component("vision", criticality=9, apt={"mean_response_time": at_most(100)}, run=RUN, simulation=DEMAND),
+    ]
+)
+
+
+def an_experiment(name: str) -> Experiment:
+    return experiment_of(SYSTEM, SYSTEM.hosts["onboard"], (name,), "busy-loop")
+
+
+def at(reserve: int, mean: float) -> Setting:
+    """200 jobs around this mean, with 5 % of noise: the interval is 0.7 % to each side."""
+    return a_setting(reserve, *a_measured_setting("vision", reserve, lambda _: mean).series)
+
+
+def found(mean_below: float) -> Measured:
+    """Enough at 60 %, with this mean at 59 %, where the APT is 100 ms."""
+    return Measured(
+        experiment=an_experiment("vision"),
+        conclusion=Sufficient(reserve=60, failed=59, error=0.01),
+        settings=(at(59, mean_below), at(60, 95.0)),
+        new=2,
+        planned=None,
+        log="measurements/onboard/vision/busy-loop.jsonl",
+    )
+
+
+def test_a_setting_below_that_misses_is_not_enough() -> None:
+    assert "enough, 59 % is not" in summary_text([found(105.0)], 120)
+    assert '"undecided": false' in measure_json([found(105.0)], ())
+
+
+def test_a_setting_below_that_the_samples_cannot_tell_is_within_the_noise() -> None:
+    text = summary_text([found(100.2)], 120)
+
+    assert "enough, 59 % within the noise" in text
+    assert "is not" not in text
+    assert '"undecided": true' in measure_json([found(100.2)], ())
+
+
+def test_what_the_errors_mean_stands_below_a_verdict_and_nowhere_else() -> None:
+    stopped = Measured(
+        experiment=an_experiment("vision"), conclusion=Stopped(), settings=(), new=0, planned=None, log="x"
+    )
+
+    assert ERRORS in " ".join(summary_text([found(105.0)], 80).split())
+    assert "Wrong in" not in summary_text([stopped], 80)
+
+
+def test_whose_turn_an_early_end_left_out_is_named() -> None:
+    text = summary_text([found(105.0)], 120, [an_experiment("speech")])
+    document = measure_json([found(105.0)], (), [an_experiment("speech")])
+
+    assert [line.split()[0] for line in text.splitlines()[1:3]] == ["vision", "speech"]
+    assert "not begun" in text.splitlines()[2]
+    check(document)
+    assert '"not_begun": [\n    [\n      "speech"' in document
