@@ -16,7 +16,7 @@ def wrong(error: float) -> str:
 
 ERRORS = (
     f"Wrong in: how often such a verdict is wrong at most. {share(VERDICT_ERROR)}: it was measured until it was clear; "
-    f"{share(USUAL_ERROR / 2)}: it rests on the safe side of an interval, as a plan does. Intervals (from to) leave the "
-    f"truth out in at most {share(USUAL_ERROR)} of cases, half of that on each side."
+    f"{share(USUAL_ERROR / 2)}: it rests on the safe side of an interval, as a plan does. Intervals (from to) leave "
+    f"the truth out in at most {share(USUAL_ERROR)} of cases, half of that on each side."
 )
 """The three figures that measuring shows, and what each is of."""
