@@ -9,6 +9,7 @@ from rarms_iac.cli.experiments import refuse_unknown
 from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.options import ManifestOptions
 from rarms_iac.cli.problems import Halted
+from rarms_iac.cli.standing import standings_of
 from rarms_iac.cli.terminal import Terminal
 from rarms_iac.datalog.configuration import Proven, ProvenIndex, read_entries
 from rarms_iac.datalog.files import LogUnreadable, read_log
@@ -39,7 +40,7 @@ def reported(source: ManifestOptions, components: tuple[str, ...] = ()) -> Repor
     logs = tuple(_logged(system, folder))
     if components:
         logs = tuple(one for one in logs if set(one.log.header.setup.members) & set(components))
-    report = report_of(system, logs, tuple(_proofs(system, folder, components)))
+    report = report_of(system, logs, tuple(_proofs(system, folder, components)), standings_of(system, opened, source))
     if not report.measurements:
         raise Halted(ExitCode.NO, [_nothing(components)])
     return report

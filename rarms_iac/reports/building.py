@@ -11,7 +11,7 @@ from rarms_iac.model.quantities import in_processors, per_virtual_processor, sho
 from rarms_iac.model.system import Component, Host, Measured, System
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.reservations import fixed, names_of, rests_on_a_log, to_be_measured
-from rarms_iac.reports.model import Capacity, Fixed, Measurement, Proof, Report, Shown
+from rarms_iac.reports.model import Capacity, Fixed, Measurement, Proof, Report, Shown, Standing
 from rarms_iac.reports.settings import points_of
 from rarms_iac.statistics.curve import curve_of
 
@@ -29,7 +29,9 @@ class Logged:
     stale: tuple[str, ...] = ()  # what changed since; empty: it holds
 
 
-def report_of(system: System, logs: Sequence[Logged], proofs: Sequence[Proof] = ()) -> Report:
+def report_of(
+    system: System, logs: Sequence[Logged], proofs: Sequence[Proof] = (), standings: Sequence[Standing] = ()
+) -> Report:
     """Everything that these logs show of the system; what they say of components that are gone is left out."""
     known = [one for one in logs if all(name in system.components for name in one.log.header.setup.members)]
     measurements = sorted((_measurement(system, one) for one in known), key=_order)
@@ -45,6 +47,7 @@ def report_of(system: System, logs: Sequence[Logged], proofs: Sequence[Proof] = 
             if rests_on_a_log(group) and names_of(group.members) not in rested
         ),
         proofs=tuple(proofs),
+        standings=tuple(standings),
     )
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.reports.model import Report
 from rarms_iac.reports.page import RESERVES, Card, cards_of, data_of
-from rarms_iac.reports.summary import fit_text, fits_of, proofs_of, summary_of
+from rarms_iac.reports.summary import fit_text, fits_of, proofs_of, standing_text, summary_of
 from rarms_iac.statistics.told_errors import ERRORS
 from rarms_iac.storage.shipped import shipped
 
@@ -37,6 +37,7 @@ def as_html(report: Report) -> bytes:
             fits=fits,
             told=[fit_text(one) for one in fits],
             proofs=proofs_of(report),
+            standings=[(one.host, standing_text(one), bool(one.differs)) for one in report.standings],
             reserves=RESERVES,
             errors=ERRORS,
             style=style,

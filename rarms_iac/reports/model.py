@@ -149,6 +149,15 @@ class Proof:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Standing:
+    """How far what the manifest asks for is on a host that could be looked at."""
+
+    host: str
+    is_planned: bool = True  # else there is no layout that could be applied
+    differs: tuple[tuple[str, str], ...] = ()  # address, and how
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
     """Everything that `rarms report` shows."""
 
@@ -158,3 +167,4 @@ class Report:
     capacities: tuple[Capacity, ...]  # by platform
     unmeasured: tuple[tuple[str, ...], ...] = ()  # components of a partition that no data log here speaks for
     proofs: tuple[Proof, ...] = ()
+    standings: tuple[Standing, ...] = ()  # by host

@@ -5,7 +5,7 @@ from fractions import Fraction
 
 from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
 from rarms_iac.model.thresholds import show_threshold
-from rarms_iac.reports.model import Capacity, Measurement, Point, Proof, Report, Shown
+from rarms_iac.reports.model import Capacity, Measurement, Point, Proof, Report, Shown, Standing
 from rarms_iac.reports.scale import shown
 from rarms_iac.statistics.told_errors import wrong
 
@@ -168,6 +168,19 @@ def fit_text(fit: Fit) -> str:
         f"{share(fit.total)} reserved of {share(capacity)} ({processors(fit.total)} of {processors(capacity)}). "
         f"{room if left >= 0 else over}."
     )
+
+
+def standing_text(one: Standing) -> str:
+    """Whether what the manifest asks for is on the host, and what brings it there."""
+    if not one.is_planned:
+        return "Nothing can be applied as it is: rarms plan tells why."
+    if not one.differs:
+        return "Applied: the host is as the manifest wants it."
+    told: dict[str, list[str]] = {}
+    for address, says in one.differs:
+        told.setdefault(says, []).append(address)
+    parts = "; ".join(f"{says}: {', '.join(addresses)}" for says, addresses in told.items())
+    return f"{parts[:1].upper()}{parts[1:]}. rarms plan shows what is to be done, rarms apply does it."
 
 
 def _figure(value: Fraction) -> str:

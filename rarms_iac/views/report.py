@@ -4,17 +4,19 @@ from collections.abc import Iterator
 from math import isfinite
 
 from rarms_iac.reports.model import Measurement, Report, Shown
-from rarms_iac.reports.summary import fit_text, fits_of, proofs_of, summary_of
+from rarms_iac.reports.summary import fit_text, fits_of, proofs_of, standing_text, summary_of
 from rarms_iac.statistics.told_errors import ERRORS
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap
 from rarms_iac.views.output.report import (
     ReportCapacityOutput,
+    ReportDifferenceOutput,
     ReportIndexOutput,
     ReportMeasurementOutput,
     ReportOutput,
     ReportPointOutput,
     ReportRowOutput,
+    ReportStandingOutput,
 )
 from rarms_iac.views.plot import plot_text
 from rarms_iac.views.table import table
@@ -30,6 +32,8 @@ def _parts(report: Report, width: int, *, ascii_only: bool, colour: bool) -> Ite
     yield table([("component", "index", "threshold", "CR", "bandwidth"), *rows], width)
     for fit in fits_of(report):
         yield "\n".join(wrap(f"{', '.join(fit.of.hosts)}: {fit_text(fit)}", width, "")) + "\n"
+    for host in report.standings:
+        yield "\n".join(wrap(f"{host.host}: {standing_text(host)}", width, "")) + "\n"
     if report.proofs:
         proven = [(one.component, one.index, one.level, one.shows, one.result) for one in proofs_of(report)]
         yield table([("all together", "index", "threshold", "observed", "result"), *proven], width)
@@ -61,6 +65,14 @@ def report_json(report: Report) -> str:
                     fits=fit.fits,
                 )
                 for fit in fits_of(report)
+            ),
+            standings=tuple(
+                ReportStandingOutput(
+                    host=one.host,
+                    is_planned=one.is_planned,
+                    differs=tuple(ReportDifferenceOutput(address=what, says=says) for what, says in one.differs),
+                )
+                for one in report.standings
             ),
         )
     )

@@ -70,6 +70,23 @@ class ReportCapacityOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ReportDifferenceOutput:
+    """Something that is not on the host as the manifest wants it."""
+
+    address: str
+    says: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportStandingOutput:
+    """A host that could be looked at without waiting; `is_planned`: there is a layout that could be applied."""
+
+    host: str
+    is_planned: bool
+    differs: tuple[ReportDifferenceOutput, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ReportOutput:
     """`rarms report`: what was measured, and what each threshold reserves."""
 
@@ -78,3 +95,4 @@ class ReportOutput:
     application: str
     measurements: tuple[ReportMeasurementOutput, ...]
     capacities: tuple[ReportCapacityOutput, ...]
+    standings: tuple[ReportStandingOutput, ...]

@@ -18,6 +18,7 @@ from rarms_iac.datalog.paths import configuration_path
 from tests.builders_measured import TAKEN, a_bench
 from tests.measured_robot import a_measured_setting, face_detection
 from tests.unit.cli.running import rarms
+from tests.unit.views.test_json import check
 
 MANIFEST = """\
 schema: rarms/v1
@@ -145,6 +146,36 @@ def test_a_component_that_is_misspelt_is_asked_back(robot: Path, command: tuple[
 
     assert ran.code == 64
     assert """The manifest has no component 'visoin'. Did you mean "vision"?""" in " ".join(ran.err.split())
+
+
+def standing(robot: Path) -> str:
+    says = rarms("report", "-f", str(robot), "--text").out
+    return " ".join(says[says.index("\nonboard: ", says.index("Headroom")) :].split("\n\n")[0].split())
+
+
+def test_the_report_says_whether_what_it_shows_is_applied(robot: Path) -> None:
+    never = standing(robot)
+    assert rarms("apply", "-f", str(robot), "--auto-approve").code == 0
+    applied = standing(robot)
+    text = robot.read_text(encoding="utf-8")
+    robot.write_text(text.replace("at_most: 100 ms", "at_most: 120 ms"), encoding="utf-8")
+    chosen = standing(robot)
+
+    assert never.startswith("onboard: Not applied yet: partition/vision")
+    assert applied == "onboard: Applied: the host is as the manifest wants it."
+    assert chosen == (
+        "onboard: Not applied yet: partition/vision. rarms plan shows what is to be done, rarms apply does it."
+    )
+    assert "Not applied yet: partition/vision" in rarms("report", "-f", str(robot), "-o", "-").out
+    document = rarms("report", "-f", str(robot), "--json").out
+    check(document)
+    assert json.loads(document)["standings"] == [
+        {
+            "host": "onboard",
+            "is_planned": True,
+            "differs": [{"address": "partition/vision", "says": "not applied yet"}],
+        }
+    ]
 
 
 def test_what_was_proven_last_stands_in_the_report(robot: Path) -> None:

@@ -1,0 +1,49 @@
+"""How far what the manifest asks for is on its hosts, for the report: of those that can be looked at at once."""
+
+from collections.abc import Iterator
+
+from rarms_iac.apply.look import look
+from rarms_iac.cli.datalogs import measured_reservations, measurements_of
+from rarms_iac.cli.hosts import Hosts, hosts_of, last_runs, observe
+from rarms_iac.cli.manifests import Opened
+from rarms_iac.cli.options import HostOptions, ManifestOptions
+from rarms_iac.cli.problems import Halted
+from rarms_iac.diff.drift import DriftKind
+from rarms_iac.diff.left import left_by
+from rarms_iac.model.diagnostics import has_errors
+from rarms_iac.model.system import ProviderKind, System
+from rarms_iac.reports.model import Standing
+
+SAYS = {
+    DriftKind.HOST_CHANGED: "changed on the host",
+    DriftKind.NOT_APPLIED: "not applied yet",
+    DriftKind.BOTH: "changed on the host, and not applied yet",
+    DriftKind.MISSING: "not applied yet",
+    DriftKind.REMOVED: "removed from the host",
+}
+
+
+def standings_of(system: System, opened: Opened, source: ManifestOptions) -> tuple[Standing, ...]:
+    """One a simulated host, by name. NOTE: a report needs no host, and waits for none: others are not asked."""
+    names = tuple(sorted(name for name, one in system.hosts.items() if one.provider is ProviderKind.SIMULATED))
+    if not names:
+        return ()
+    try:
+        return tuple(_looked(hosts_of(system, opened, source, HostOptions(hosts=names))))
+    except Halted:  # a host's file is damaged, or held: every command that is about hosts says so
+        return ()
+
+
+def _looked(hosts: Hosts) -> Iterator[Standing]:
+    system, application = hosts.system, hosts.system.application.name
+    states = {name: observe(hosts.open(name)) for name in hosts.chosen}
+    left = {name: left_by(journal, application) for name, journal in last_runs(hosts)}
+    reservations = measured_reservations(measurements_of(system, hosts.folder, hosts.source), states)
+    found, problems = look(system, states, hosts.opened.loaded.places, system.policy.max_disruption, left, reservations)
+    if has_errors(problems):
+        yield from (Standing(host=name, is_planned=False) for name in hosts.chosen)
+        return
+    for one in found:
+        if one.host in hosts.chosen:
+            differs = ((str(each.address), SAYS[each.kind]) for each in one.drifted if each.kind in SAYS)
+            yield Standing(host=one.host, differs=tuple(differs))
