@@ -15,6 +15,9 @@ Fits = Callable[[Sequence[Coi]], bool]
 
 NEVER = (1 << 60, 0)
 
+Value = tuple[int, int, int]
+"""What layouts are compared on, in order; the smaller, the better."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Objective:
@@ -34,6 +37,14 @@ class Choice:
     total: int  # at least what it reserves, in per cent of one logical processor
     partitions: int
     key: int  # the criticalities of those who share: the smaller, the better
+
+
+class Shared(NamedTuple):
+    """CoIs who share, with the best that a layout of just these could be; NOTE: there are thousands, and all sorted."""
+
+    value: Value
+    mask: Mask
+    rest: int  # what the others reserve, each in its own partition
 
 
 class _Sharing(NamedTuple):
@@ -75,15 +86,47 @@ class Layouts:
         }
         return Layouts(candidates=replace(self.candidates, by_mask=passed), objective=self.objective)
 
+    def value(self, one: Choice) -> Value:
+        """Of a layout."""
+        return self._value(one.key, one.total, one.partitions)
+
+    def _value(self, key: int, reserved: int, partitions: int) -> Value:
+        if self.objective.minimise is Minimise.COMBINING:
+            return key, reserved, partitions
+        return reserved, key, partitions
+
     def best(self) -> Choice | None:
         """The best that fits; None: nothing fits, however little the compounds need."""
-        everything = sum(self._alone)
-        shared = self._shared()
-        if self.objective.minimise is Minimise.COMBINING:
-            return self._fewest(shared, everything)
-        return self._cheapest(shared, everything)
+        best: Choice | None = None
+        for one in self.ranked():
+            if best is not None and one.value[0] > self.value(best)[0]:
+                break
+            choice = next(self._of(one), None)
+            if choice is not None and (best is None or self.value(choice) < self.value(best)):
+                best = choice
+        return best
 
-    def _shared(self) -> list["_Sharing"]:
+    def ranked(self) -> Iterator[Shared]:
+        """Sets of CoIs that may share and have room for it, by the first of what layouts are compared on."""
+        found = self._with_room()
+        yield from found if self.objective.minimise is Minimise.COMBINING else sorted(found)
+
+    def _with_room(self) -> Iterator[Shared]:
+        everything, capacity = sum(self._alone), self.objective.capacity
+        for one in self._sharing():
+            rest = everything - one.alone
+            if rest <= capacity and rest + (least := self.least(one.mask))[0] <= capacity:
+                yield Shared(self._value(one.key, rest + least[0], self.partitions(one.mask, least[1])), one.mask, rest)
+
+    def value_of(self, shared: Mask, reserved: int, compounds: int) -> Value:
+        """Of a layout in which these share so many compounds."""
+        return self._value(self.key(shared), reserved, self.partitions(shared, compounds))
+
+    def partitions(self, shared: Mask, compounds: int) -> int:
+        """How many there are when these share so many."""
+        return len(self._alone) - shared.bit_count() + compounds
+
+    def _sharing(self) -> list[_Sharing]:
         """Sets of CoIs that may be those who share; the best first."""
         used = 0
         for mask in self._costs:
@@ -95,48 +138,19 @@ class Layouts:
                 found += [_Sharing(one.key + weight, one.mask | bit, one.alone + alone) for one in found]
         return sorted(found)
 
-    def _fewest(self, shared: Sequence["_Sharing"], everything: int) -> Choice | None:
-        """Combining first: the least key; among those of the same the least total."""
-        best: Choice | None = None
-        for one in shared:
-            if best is not None and one.key > best.key:
-                break
-            choice = next(self._of(one, everything), None)
-            if choice is None:
-                continue
-            if best is None or (choice.total, choice.partitions) < (best.total, best.partitions):
-                best = choice
-        return best
-
-    def _cheapest(self, shared: Sequence["_Sharing"], everything: int) -> Choice | None:
-        """Reservation first: the least total; among those of the same the least key."""
-        ranked = []
-        for one in shared:
-            least = everything - one.alone + self.least(one.mask)[0]
-            if least <= self.objective.capacity:
-                ranked.append((least, one))
-        best: Choice | None = None
-        for least, one in sorted(ranked):
-            if best is not None and (least, one.key) > (best.total, best.key):
-                break
-            choice = next(self._of(one, everything), None)
-            if choice is None:
-                continue
-            if best is None or (choice.total, choice.key, choice.partitions) < (best.total, best.key, best.partitions):
-                best = choice
-        return best
-
-    def _of(self, shared: "_Sharing", everything: int) -> Iterator[Choice]:
+    def _of(self, shared: Shared) -> Iterator[Choice]:
         """Layouts in which just these share, that fit, by what they reserve."""
-        rest = everything - shared.alone
-        if rest + self.least(shared.mask)[0] > self.objective.capacity:
-            return
+        key = self.key(shared.mask)
         for cost, blocks in self._partitions(shared.mask):
-            if rest + cost > self.objective.capacity:
+            if shared.rest + cost > self.objective.capacity:
                 return
             if self.objective.fits(self.cois_of(blocks)):
-                partitions = len(self._alone) - shared.mask.bit_count() + len(blocks)
-                yield Choice(blocks=tuple(sorted(blocks)), total=rest + cost, partitions=partitions, key=shared.key)
+                partitions = self.partitions(shared.mask, len(blocks))
+                yield Choice(blocks=tuple(sorted(blocks)), total=shared.rest + cost, partitions=partitions, key=key)
+
+    def key(self, shared: Mask) -> int:
+        """The criticalities of these, as of `Choice`."""
+        return sum(weight for at, weight in enumerate(self._weights) if shared >> at & 1)
 
     def cois_of(self, blocks: Sequence[Mask]) -> tuple[Coi, ...]:
         """What the partitions of a layout hold, compounds at their lower ends."""
@@ -151,13 +165,13 @@ class Layouts:
         found = self._least.get(mask)
         if found is None:
             found = NEVER
-            for block in self._blocks(mask):
+            for block in self.blocks(mask):
                 left = self.least(mask ^ block)
                 found = min(found, (left[0] + self._costs[block], left[1] + 1))
             self._least[mask] = found
         return found
 
-    def _blocks(self, mask: Mask) -> list[Mask]:
+    def blocks(self, mask: Mask) -> list[Mask]:
         """Compounds within the set that hold its most critical member."""
         top = mask.bit_length()
         listed = self._by_top.get(top, [])
@@ -181,7 +195,7 @@ class Layouts:
             if not left:
                 yield cost, blocks
                 continue
-            for block in self._blocks(left):
+            for block in self.blocks(left):
                 now = cost + self._costs[block]
                 least = self.least(left ^ block)
                 if least[0] < NEVER[0]:

@@ -1,7 +1,7 @@
 """The next threshold question: does this compound meet its APTs at this reservation? A pure function of the answers."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from rarms_iac.model.system import Minimise
 from rarms_iac.planner.combining.candidates import (
@@ -11,6 +11,15 @@ from rarms_iac.planner.combining.candidates import (
     Candidates,
     candidates_of,
     informed,
+)
+from rarms_iac.planner.combining.guiding import (
+    Guide,
+    Predicted,
+    doubt_of,
+    guide_of,
+    highest,
+    raises_most,
+    settles_most,
 )
 from rarms_iac.planner.combining.layouts import Choice, Layouts, Objective
 from rarms_iac.planner.combining.paper import Asking, Sharing
@@ -24,6 +33,7 @@ class Ask:
     members: Members
     reserve: int
     why: str
+    predicted: int  # the CR that is expected to do, as likely as not; nothing rests on it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,11 +44,17 @@ class Best:
     total: int  # in per cent of one logical processor
     breaks: tuple[Break, ...]  # answers that contradict the assumption: with any, nothing is proved
     complete: bool  # whether every layout was considered
+    stopped_at: float | None = None  # the probability at which it stopped, short of a proof
 
     @property
     def proved(self) -> bool:
         """No other layout is better, if a compound needs at least what any part of it needs."""
-        return self.complete and not self.breaks
+        return self.complete and not self.breaks and self.stopped_at is None
+
+    @property
+    def probability(self) -> float | None:
+        """No other layout is better with at least this probability, as predictions err; None: proved, or no claim."""
+        return self.stopped_at if self.complete and not self.breaks else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,12 +81,19 @@ class Tuning:
     objective: Objective
     complete: bool  # whether these candidates are all that the objective could choose
     every_size: bool  # whether compounds may have any number of parts
+    predicted: Predicted = field(default_factory=dict)
+    probability: float | None = None  # that is enough; None: go on to the proof
 
 
 def tuning_of(
-    cois: Sequence[Coi], objective: Objective, may_share: Sharing, *, most: int = WHOLE, largest: int | None = None
+    cois: Sequence[Coi],
+    objective: Objective,
+    may_share: Sharing,
+    *,
+    most: int = WHOLE,
+    largest: int | None = None,
 ) -> Tuning:
-    """The problem with every compound that could be a gain; see `candidates_of`."""
+    """The problem with every compound that could be a gain, without predictions; see `candidates_of`."""
     candidates = candidates_of(cois, may_share, most=most, largest=largest)
     every_size = largest is None
     complete = every_size and len(cois) <= EXACT_UP_TO
@@ -81,8 +104,8 @@ def next_step(tuning: Tuning, answers: Sequence[Asked]) -> Step:
     """What to ask after these answers, or the answer.
 
     The best layout that what is known allows is looked at: where the least CR of all its compounds was measured, no
-    other one can be better, since each was taken to need the least that it can. Otherwise the compound of it of which
-    least is known is asked for, in the middle of its interval: both answers change what that layout is worth.
+    other one can be better, since each was taken to need the least that it can. Otherwise a compound of it is asked
+    for, where what it needs at least will probably rise most. Predictions choose the question, and prove nothing.
     """
     known = informed(tuning.candidates, answers)
     layouts = Layouts(candidates=known, objective=tuning.objective)
@@ -94,30 +117,36 @@ def next_step(tuning: Tuning, answers: Sequence[Asked]) -> Step:
         return _best(tuning, layouts, best)
     seen = layouts.seen()
     holds = seen.best() if any(one.passed is not None for one in known.by_mask.values()) else None
-    if holds is not None and (holds.key, holds.total, holds.partitions) == (best.key, best.total, best.partitions):
+    if holds is not None and layouts.value(holds) == layouts.value(best):
         return _best(tuning, seen, holds)
-    widest = max(unknown, key=lambda one: (_highest(one) - one.low, one.coi.members))
-    return _question(tuning, known, best, holds, widest)
+    guide = guide_of(known, tuning.predicted)
+    chosen = None
+    if holds is not None and tuning.probability is not None:
+        doubt = doubt_of(guide, layouts, layouts.value(holds), tuning.probability)
+        if doubt.enough:
+            return replace(_best(tuning, seen, holds), stopped_at=tuning.probability)
+        chosen = settles_most(doubt, known)
+    one, reserve = chosen or raises_most(guide, unknown, _room(tuning, best, holds))
+    return _question(guide, best, one, reserve)
 
 
-def _question(tuning: Tuning, known: Candidates, best: Choice, holds: Choice | None, one: Candidate) -> Ask:
-    """In the middle of its interval, but no higher than where a layout that was seen to hold is as good."""
-    highest = _highest(one)
-    reserve = (one.low + highest) // 2
+def _room(tuning: Tuning, best: Choice, holds: Choice | None) -> int:
+    """How much more its compounds may need before this layout is out: too large, or no better than one that holds."""
+    room = tuning.objective.capacity - best.total
     if holds is not None and (tuning.objective.minimise is Minimise.RESERVATION or holds.key == best.key):
-        room = (holds.total - best.total) // one.coi.processors
-        reserve = max(one.low, min(reserve, one.low + room - 1))
-    beside = " and ".join("+".join(known.by_mask[mask].coi.members) for mask in best.blocks)
+        room = min(room, holds.total - best.total - 1)
+    return max(0, room)
+
+
+def _question(guide: Guide, best: Choice, one: Candidate, reserve: int) -> Ask:
+    beside = " and ".join("+".join(guide.known.by_mask[mask].coi.members) for mask in best.blocks)
+    predicted = guide.expected(one.mask).quantile(0.5)
     return Ask(
         members=one.coi.members,
         reserve=reserve,
-        why=f"between {one.low} % and {highest} %; the best layout may combine {beside}",
+        why=f"between {one.low} % and {highest(one)} %, predicted: {predicted} %; the best layout may combine {beside}",
+        predicted=predicted,
     )
-
-
-def _highest(one: Candidate) -> int:
-    """The highest CR that is worth a question: one point more is known to be enough, or no gain."""
-    return one.highest if one.passed is None else one.passed - 1
 
 
 def _best(tuning: Tuning, layouts: Layouts, best: Choice) -> Best:
@@ -160,7 +189,7 @@ def search(
                 tuning = _without(tuning, step.members)
                 continue
             consented.add(step.members)
-        trail.append(asking.ask(step.members, step.reserve, step.why))
+        trail.append(replace(asking.ask(step.members, step.reserve, step.why), predicted=step.predicted))
     return step, tuple(trail)
 
 

@@ -32,6 +32,7 @@ class Asked:
     members: Members
     reserve: int  # CR: per cent of P1's own VPs
     worse: tuple[str, ...]  # members that miss an APT there, by name
+    predicted: int | None = None  # the CR that was expected to do when it was asked; None: nothing was
 
     @property
     def passed(self) -> bool:

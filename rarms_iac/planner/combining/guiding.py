@@ -1,0 +1,121 @@
+"""Which of the questions that matter tells most, and how likely no other layout is better: what prediction is for."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import takewhile
+from math import ceil
+
+from rarms_iac.planner.combining.candidates import Candidate, Candidates, Mask
+from rarms_iac.planner.combining.layouts import Layouts, Value
+from rarms_iac.planner.combining.scenarios import World, worlds
+from rarms_iac.planner.combining.values import Members, total
+from rarms_iac.planner.prediction.belief import Belief, Expectation, Outlook, belief_of
+
+Predicted = Mapping[Members, tuple[float | None, ...]]
+"""What each way of predicting says of a compound: the CR that it needs; None: it cannot say."""
+
+BEYOND = 0.2
+"""What a bound that rises beyond what this layout can bear is worth: it may rule out others."""
+
+BETTER = 10
+"""Worlds with a better layout among those that are looked at, where the probability asked for is just reached."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Guide:
+    """What is expected of every compound, after the answers so far."""
+
+    known: Candidates
+    outlooks: Mapping[Mask, Outlook]
+    belief: Belief
+
+    def expected(self, mask: Mask) -> Expectation:
+        """Of this compound."""
+        return self.belief.of(self.outlooks[mask])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Doubt:
+    """Worlds in which another layout is better, and its compounds there."""
+
+    found: tuple[tuple[World, tuple[Mask, ...]], ...]
+    looked_at: int
+    enough: bool  # so few that the probability asked for is reached
+
+
+def guide_of(known: Candidates, predicted: Predicted) -> Guide:
+    """What these answers and predictions make one expect."""
+    ways = max((len(said) for said in predicted.values()), default=0)
+    outlooks = {
+        mask: _outlook(known, one, predicted.get(one.coi.members, (None,) * ways))
+        for mask, one in known.by_mask.items()
+    }
+    seen = [one for one in outlooks.values() if one.passed is not None or one.failed is not None]
+    return Guide(known=known, outlooks=outlooks, belief=belief_of(ways, seen))
+
+
+def _outlook(known: Candidates, one: Candidate, said: tuple[float | None, ...]) -> Outlook:
+    parts = known.members(one.mask)
+    return Outlook(
+        neediest=max(each.cost for each in parts) / one.coi.processors,
+        together=total(parts) / one.coi.processors,
+        said=said,
+        low=one.low,
+        passed=one.passed,
+        failed=one.failed,
+    )
+
+
+def highest(one: Candidate) -> int:
+    """The highest CR that is worth a question: one point more is known to be enough, or no gain."""
+    return one.highest if one.passed is None else one.passed - 1
+
+
+def raises_most(guide: Guide, unknown: Sequence[Candidate], room: int) -> tuple[Candidate, int]:
+    """Of these compounds of a layout the one, with a CR, that will probably raise most what the layout needs at least.
+
+    `room`: what it can bear before it is out, in per cent of one logical processor.
+    """
+    best: tuple[float, Candidate, int] | None = None
+    for one in sorted(unknown, key=lambda each: each.coi.members, reverse=True):
+        expected, bearable = guide.expected(one.mask), room // one.coi.processors + 1
+        for reserve in range(one.low, highest(one) + 1):
+            rise = reserve + 1 - one.low
+            worth = (1.0 - expected.below(reserve)) * one.coi.processors * (min(rise, bearable) + BEYOND * rise)
+            if best is None or worth > best[0]:
+                best = worth, one, reserve
+    assert best is not None, "a compound that is not known has a question left"
+    return best[1], best[2]
+
+
+def doubt_of(guide: Guide, layouts: Layouts, than: Value, probability: float) -> Doubt:
+    """In how many of the worlds that may be a layout is better than that one, which was seen to hold.
+
+    Hosts are not looked at, so some of these may fit nowhere: the doubt is rather too large.
+    """
+    sets = tuple(takewhile(lambda one: one.value[0] <= than[0], layouts.ranked()))
+    number = ceil(BETTER / (1.0 - probability))
+    found = []
+    for looked_at, world in enumerate(worlds(layouts, guide.outlooks, guide.belief, number), start=1):
+        blocks = world.better(sets, than)
+        if blocks is not None:
+            found.append((world, blocks))
+        if len(found) > BETTER:
+            return Doubt(found=tuple(found), looked_at=looked_at, enough=False)
+    return Doubt(found=tuple(found), looked_at=number, enough=True)
+
+
+def settles_most(doubt: Doubt, known: Candidates) -> tuple[Candidate, int] | None:
+    """The compound that is in most of the better layouts, with a CR that takes about half of the doubt away.
+
+    None: there is nothing to be asked of them; what is better uses compounds whose needs are known.
+    """
+    often = Counter(mask for _, blocks in doubt.found for mask in blocks if not known.by_mask[mask].is_known)
+    if not often:
+        return None
+    mask = max(often, key=lambda each: (often[each], each))
+    one = known.by_mask[mask]
+    needs = sorted(world.need(mask) for world, blocks in doubt.found if mask in blocks)
+    part = 1.0 - len(doubt.found) / doubt.looked_at / 2
+    return one, max(one.low, min(needs[min(len(needs) - 1, int(part * len(needs)))], highest(one)))

@@ -1,0 +1,91 @@
+"""Layouts in worlds that may be: every compound needs what was drawn for it, within what is known."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from rarms_iac.planner.combining.candidates import Mask
+from rarms_iac.planner.combining.layouts import NEVER, Layouts, Shared, Value
+from rarms_iac.planner.prediction.belief import Belief, Hypothesis, Outlook
+
+_BITS = 0xFFFFFFFFFFFFFFFF
+_GOLDEN = 0.6180339887498949
+
+
+@dataclass(slots=True, kw_only=True)
+class World:
+    """One way in which all may be; what a compound needs there is drawn when it is first asked for."""
+
+    number: int
+    layouts: Layouts  # at the lower ends
+    outlooks: Mapping[Mask, Outlook]
+    way: Hypothesis
+    needs: dict[Mask, int] = field(default_factory=dict)  # CR, of those that were drawn
+    _least: dict[Mask, tuple[int, int]] = field(default_factory=lambda: {0: (0, 0)})
+
+    def need(self, mask: Mask) -> int:
+        """The CR that the compound needs here."""
+        found = self.needs.get(mask)
+        if found is None:
+            found = self.needs[mask] = self.way.need(self.outlooks[mask], _drawn(self.number, mask))
+        return found
+
+    def _cost(self, block: Mask) -> int:
+        one = self.layouts.candidates.by_mask[block]
+        need = self.need(block)
+        return need * one.coi.processors if need <= one.highest else NEVER[0]
+
+    def least(self, mask: Mask) -> tuple[int, int]:
+        """As of `Layouts`, here."""
+        found = self._least.get(mask)
+        if found is None:
+            found = NEVER
+            for block in self.layouts.blocks(mask):
+                left = self.least(mask ^ block)
+                found = min(found, (left[0] + self._cost(block), left[1] + 1))
+            self._least[mask] = found
+        return found
+
+    def better(self, sets: Iterable[Shared], than: Value | None) -> tuple[Mask, ...] | None:
+        """The compounds of the best layout that has room here, if it is better than that one; hosts are not looked at.
+
+        NOTE: so it may be one that fits no host, and another layout seems better rather than none.
+        """
+        best, value = None, than
+        for one in sets:
+            if value is not None and one.value[0] > value[0]:
+                break
+            if value is not None and one.value >= value:
+                continue
+            cost, compounds = self.least(one.mask)
+            if one.rest + cost > self.layouts.objective.capacity:
+                continue
+            here = self.layouts.value_of(one.mask, one.rest + cost, compounds)
+            if value is None or here < value:
+                best, value = one.mask, here
+        return None if best is None else tuple(self._blocks_of(best))
+
+    def _blocks_of(self, shared: Mask) -> Iterator[Mask]:
+        while shared:
+            cost, number = self.least(shared)
+            block = next(
+                one
+                for one in self.layouts.blocks(shared)
+                if self.least(shared ^ one) == (cost - self._cost(one), number - 1)
+            )
+            yield block
+            shared ^= block
+
+
+def _drawn(world: int, mask: Mask) -> float:
+    """From 0 to 1, always the same: splitmix64 (G. Steele, D. Lea and C. Flood, OOPSLA 2014)."""
+    state = (world * 0x9E3779B97F4A7C15 + mask * 0xD1B54A32D192ED03 + 0x632BE59BD9B4E019) & _BITS
+    state = ((state ^ (state >> 30)) * 0xBF58476D1CE4E5B9) & _BITS
+    state = ((state ^ (state >> 27)) * 0x94D049BB133111EB) & _BITS
+    return ((state ^ (state >> 31)) >> 11) / (1 << 53)
+
+
+def worlds(layouts: Layouts, outlooks: Mapping[Mask, Outlook], belief: Belief, number: int) -> Iterator[World]:
+    """So many, each hypothesis in as many of them as it weighs; always the same ones."""
+    for at in range(number):
+        way = belief.drawn((at * _GOLDEN + 0.5 / number) % 1.0)
+        yield World(number=at, layouts=layouts, outlooks=outlooks, way=way)

@@ -1,0 +1,183 @@
+"""How likely a compound needs how much: predictions, with an error that the answers so far show.
+
+There are many hypotheses: each takes one way to predict, shifted by some bias, with an error of some size; others take
+none. They are weighed by how well they foretold what was answered (Bayes' rule). Where a way predicts well on this
+host, that shows after a few compounds; where none does, what remains is wide, and more is asked.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import accumulate
+from math import exp, log
+
+BIASES = (-0.2, 0.0, 0.2)
+ERRORS = (0.02, 0.07, 0.2, 0.5)
+"""In parts of what a compound can save at all: the sum of its parts less its neediest member."""
+
+GRAIN = 0.3
+"""Per cent: no prediction is better than that, since a CR is whole."""
+
+BLUNDERS = 0.05
+"""Part of the compounds of which even the right way to predict knows nothing."""
+
+BEYOND = 1.25
+"""Who knows nothing expects, evenly, any need up to so far beyond the neediest, in parts of what can be saved."""
+
+TRUST = 0.5
+"""What it weighs at first that one of the ways predicts; the rest: none does."""
+
+PLACES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+WIDE = (0.07, 0.2)
+"""Where none does, compounds may still be alike: all about here between neediest and sum, with such an error."""
+
+EVEN = 0.7
+"""What it weighs that they are not, where nothing predicts."""
+
+UNLIKELY = 12.0
+"""Hypotheses that are less likely than the best by this, as a logarithm, are left out."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outlook:
+    """What is known of what a compound needs; CRs, per cent of each of its processors."""
+
+    neediest: float  # what its neediest member needs alone
+    together: float  # what its parts reserve together
+    said: tuple[float | None, ...]  # what each way predicts; None: it cannot say
+    low: int  # it needs at least so much, whether seen or inferred
+    passed: int | None = None  # it was seen to need at most so much
+    failed: int | None = None  # it was itself seen to need more
+
+    @property
+    def most(self) -> int:
+        """Nobody expects more."""
+        width = max(self.together - self.neediest, 1.0)
+        return max(self.low, int(self.neediest + BEYOND * width) + 1) if self.passed is None else self.passed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hypothesis:
+    """One way to predict, with its error; `way` None: all lie about `bias`, or anywhere (`error` 0)."""
+
+    way: int | None
+    bias: float = 0.0
+    error: float = 0.0
+
+    def below(self, one: Outlook, reserve: float) -> float:
+        """The probability of a need of at most so much, before anything was asked."""
+        return _below(self.bias, self.error, one.neediest, one.together, self._said(one), reserve)
+
+    def _said(self, one: Outlook) -> float | None:
+        if self.way is None:
+            return one.neediest if self.error else None
+        return one.said[self.way]
+
+    def bounds(self, one: Outlook) -> tuple[float, float]:
+        """The same probability at the ends of what is known."""
+        low = self.below(one, one.low - 1) if one.low > one.neediest else 0.0
+        return low, 1.0 if one.passed is None else self.below(one, one.passed)
+
+    def need(self, one: Outlook, chance: float) -> int:
+        """What it needs, where the probability of less is `chance` (0 to 1) after all that is known."""
+        low, high = self.bounds(one)
+        wanted = low + chance * (high - low)
+        return _first(one.low, one.most, lambda reserve: self.below(one, reserve) >= wanted)
+
+
+@lru_cache(maxsize=1 << 18)
+def _below(bias: float, error: float, neediest: float, together: float, said: float | None, reserve: float) -> float:
+    width = max(together - neediest, 1.0)
+    even = min(1.0, max(0.0, (reserve - neediest + 1.0) / (width * BEYOND + 1.0)))
+    if said is None:
+        return even
+    off = (reserve - said - bias * width) / (error * width + GRAIN)
+    return (1.0 - BLUNDERS) * _logistic(off) + BLUNDERS * even
+
+
+def _logistic(at: float) -> float:
+    return 1.0 / (1.0 + exp(-at)) if at > -500.0 else 0.0
+
+
+def _first(low: int, high: int, enough: Callable[[int], bool]) -> int:
+    """The least that is enough; `high`, if none below is."""
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if enough(middle) else (middle + 1, high)
+    return low
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Expectation:
+    """What one compound may need, after all that is known."""
+
+    outlook: Outlook
+    parts: tuple[tuple[Hypothesis, float, float], ...]  # what it weighs, over what is left, and what lies below that
+
+    def below(self, reserve: int) -> float:
+        """The probability that it needs at most so much."""
+        one = self.outlook
+        if reserve < one.low:
+            return 0.0
+        if reserve >= one.most:
+            return 1.0
+        return min(1.0, sum(weight * (way.below(one, reserve) - low) for way, weight, low in self.parts))
+
+    def quantile(self, chance: float) -> int:
+        """The least whole CR that is enough with this probability."""
+        return _first(self.outlook.low, self.outlook.most, lambda reserve: self.below(reserve) >= chance)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Belief:
+    """The hypotheses with what they weigh; the weights add up to 1."""
+
+    weights: Mapping[Hypothesis, float]
+
+    def of(self, one: Outlook) -> Expectation:
+        """What this compound may need."""
+        parts = []
+        for way, weight in self.weights.items():
+            low, high = way.bounds(one)
+            if high > low:
+                parts.append((way, weight / (high - low), low))
+        left = sum(weight * (way.bounds(one)[1] - low) for way, weight, low in parts)
+        return Expectation(outlook=one, parts=tuple((way, weight / left, low) for way, weight, low in parts))
+
+    def drawn(self, chance: float) -> Hypothesis:
+        """One of the hypotheses, as likely as it weighs; `chance`: from 0 to 1."""
+        ways = list(self.weights)
+        for way, reached in zip(ways, accumulate(self.weights.values()), strict=True):
+            if chance < reached:
+                return way
+        return ways[-1]
+
+
+def belief_of(ways: int, seen: Sequence[Outlook]) -> Belief:
+    """What to expect with so many ways to predict, after these compounds were asked about."""
+    likely = {one: log(weight) + sum(_fits(one, each) for each in seen) for one, weight in _hypotheses(ways)}
+    best = max(likely.values())
+    weights = {one: exp(value - best) for one, value in likely.items() if value > best - UNLIKELY}
+    total = sum(weights.values())
+    return Belief(weights={one: weight / total for one, weight in weights.items()})
+
+
+def _fits(one: Hypothesis, seen: Outlook) -> float:
+    """The logarithm of the probability of what was answered."""
+    low = 0.0 if seen.failed is None else one.below(seen, seen.failed)
+    high = 1.0 if seen.passed is None else one.below(seen, seen.passed)
+    return log(max(high - low, 1e-12))
+
+
+def _hypotheses(ways: int) -> Iterator[tuple[Hypothesis, float]]:
+    """With what each weighs before anything was asked."""
+    known = TRUST if ways else 0.0
+    yield Hypothesis(way=None), (1.0 - known) * EVEN
+    for place in PLACES:
+        for error in WIDE:
+            alike = (1.0 - known) * (1.0 - EVEN) / (len(PLACES) * len(WIDE))
+            yield Hypothesis(way=None, bias=place, error=error), alike
+    for way in range(ways):
+        for bias in BIASES:
+            for error in ERRORS:
+                yield Hypothesis(way=way, bias=bias, error=error), known / (ways * len(BIASES) * len(ERRORS))

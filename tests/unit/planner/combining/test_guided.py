@@ -1,0 +1,103 @@
+"""Predictions choose the questions of the default strategy: never its answer where that is proved."""
+
+import random
+from collections.abc import Mapping
+from dataclasses import replace
+
+import pytest
+
+from rarms_iac.model.system import Minimise
+from rarms_iac.planner.combining.paper import Asking
+from rarms_iac.planner.combining.questions import Ask, Best, Tuning, next_step, search, tuning_of
+from rarms_iac.planner.combining.values import Coi, Members
+from tests.unit.planner.combining.test_questions import Needs, anyone, cois, needs_of, objective
+
+SEEDS = range(8)
+
+
+def problem(seed: int, minimise: Minimise = Minimise.RESERVATION) -> tuple[Tuning, Mapping[Members, int]]:
+    chance = random.Random(f"guided/{seed}")
+    of: tuple[Coi, ...] = cois(**{name: chance.randint(8, 45) for name in "abcdef"})
+    needs = needs_of(of, chance)
+    capacity = int(sum(one.cost for one in of) * chance.uniform(0.9, 0.97))
+    return tuning_of(of, objective(of, capacity, minimise), anyone, largest=2), needs
+
+
+def guided(tuning: Tuning, needs: Mapping[Members, int], off: float, seed: int = 0) -> Tuning:
+    """With one way to predict, so far off (CR) on average; `off` below 0: it knows nothing at all."""
+    chance = random.Random(seed)
+    said: dict[Members, tuple[float | None, ...]] = {
+        names: (chance.uniform(5, 99) if off < 0 else least + chance.gauss(0, off),)
+        for names, least in needs.items()
+        if len(names) > 1
+    }
+    return replace(tuning, predicted=said)
+
+
+@pytest.mark.parametrize("minimise", list(Minimise))
+@pytest.mark.parametrize("off", [0.0, 3.0, -1.0])
+def test_however_wrong_they_are_the_answer_is_the_same(off: float, minimise: Minimise) -> None:
+    for seed in SEEDS:
+        tuning, needs = problem(seed, minimise)
+        plain, _ = search(tuning, Asking(oracle=Needs(needs)))
+        found, _ = search(guided(tuning, needs, off), Asking(oracle=Needs(needs)))
+
+        assert type(found) is type(plain)
+        assert isinstance(found, Best)
+        assert isinstance(plain, Best)
+        assert found.total == plain.total
+        assert sorted(one.members for one in found.cois) == sorted(one.members for one in plain.cois)
+
+
+def test_good_predictions_save_questions() -> None:
+    asked = dict.fromkeys((0.5, -1.0), 0)
+    for seed in SEEDS:
+        tuning, needs = problem(seed)
+        for off in asked:
+            asked[off] += len(search(guided(tuning, needs, off), Asking(oracle=Needs(needs)))[1])
+
+    assert asked[0.5] < 0.8 * asked[-1.0]
+
+
+def test_at_a_probability_it_ends_sooner_and_claims_no_proof() -> None:
+    settings = {"proof": 0, "0.9": 0}
+    stopped = best = 0
+    for seed in SEEDS:
+        tuning, needs = problem(seed)
+        whole = replace(guided(tuning, needs, 0.5), complete=True)
+        proof, trail = search(whole, Asking(oracle=Needs(needs)))
+        found, shorter = search(replace(whole, probability=0.9), Asking(oracle=Needs(needs)))
+        settings["proof"] += len(trail)
+        settings["0.9"] += len(shorter)
+        assert isinstance(found, Best)
+        assert isinstance(proof, Best)
+        assert proof.proved
+        assert proof.probability is None
+        assert found.proved is (found.probability is None)
+        assert found.probability in (None, 0.9)
+        stopped += found.probability is not None
+        best += found.total == proof.total
+        assert all(one.reserve >= needs.get(one.members, one.reserve) for one in found.cois), "what is said holds"
+
+    assert settings["0.9"] < settings["proof"]
+    assert stopped >= len(SEEDS) // 2
+    assert best >= 0.8 * len(SEEDS)
+
+
+def test_what_is_expected_is_told_with_every_question() -> None:
+    tuning, needs = problem(0)
+    step = next_step(guided(tuning, needs, 0.0), ())
+
+    assert isinstance(step, Ask)
+    assert f"predicted: {step.predicted} %" in step.why
+    _, trail = search(guided(tuning, needs, 0.0), Asking(oracle=Needs(needs)))
+    assert trail[0].predicted == step.predicted
+
+
+def test_the_same_answers_lead_to_the_same_questions() -> None:
+    tuning, needs = problem(1)
+    tuning = replace(guided(tuning, needs, 2.0), probability=0.95)
+    whole, trail = search(tuning, Asking(oracle=Needs(needs)))
+
+    for kept in (1, len(trail) // 2, len(trail) - 1):
+        assert search(tuning, Asking(oracle=Needs(needs)), trail[:kept]) == (whole, trail)
