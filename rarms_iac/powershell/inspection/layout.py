@@ -1,7 +1,7 @@
 """A script that changes something is a head of comments, fixed parts, and steps: nothing else."""
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
@@ -118,7 +118,7 @@ def check_layout(name: str, parts: Parts) -> Iterator[Diagnostic]:
             detail = f"{one.says} has the SHA-256 {digest(one.text)[:12]}, not {digest(one.shipped)[:12]}"
             place = Place(file=name, line=one.first, column=1)
             yield RUNTIME.at(place, detail, "render the script again; only its steps may differ from another's")
-    for says in (*head_problems(parts.head), *_carried_problems(parts)):
+    for says in (*head_problems(parts.head), *_carried_problems(parts), *_comment_problems(parts.steps)):
         yield HEAD.at(top, says, "render the script again")
     if parts.steps and not parts.steps.endswith(_tail()):
         yield HEAD.at(top, "the last lines are not those of a script of rarms", "render the script again")
@@ -135,8 +135,34 @@ def _carried_problems(parts: Parts) -> Iterator[str]:
         yield f"it carries the parts {', '.join(carried) or 'none'}; its steps need {', '.join(needed) or 'none'}"
 
 
+def _comment_problems(steps: str) -> tuple[str, ...]:
+    try:
+        return tuple(_heeded(tokens(steps)))
+    except NotTokens:
+        return ()  # that is told of the steps
+
+
+def _heeded(found: Iterable[Token]) -> Iterator[str]:
+    """Comments that are more to PowerShell: `#Requires` counts wherever it stands, and imports what it names."""
+    for one in found:
+        low = one.text.lower()
+        if one.kind is TokenKind.COMMENT and (low.startswith(("<#", "# sig #")) or _asks(one)):
+            yield f"PowerShell may heed the comment {one.text[:40]!r}"
+
+
+def _asks(token: Token) -> bool:
+    return token.kind is TokenKind.COMMENT and token.text.lower().startswith("#requires")
+
+
 def check_end(name: str, text: str) -> Iterator[Diagnostic]:
-    """A read-only script ends with its exit code: what stood behind would be read and never run."""
+    """A read-only script asks for its version alone, and ends with its exit code: what stood behind would never run."""
+    place = Place(file=name, line=1, column=1)
+    first, *found = tokens(text)
+    for says in (
+        *_heeded(found),
+        *([] if first.text == "#Requires -Version 5.1" else ["it does not ask for 5.1 first"]),
+    ):
+        yield HEAD.at(place, says, "render the script again")
     if not text.endswith("\r\nexit 0\r\n"):
         place = Place(file=name, line=text.count("\n"), column=1)
         yield HEAD.at(place, "the script does not end with exit 0", "render the script again")
@@ -166,10 +192,8 @@ def head_problems(head: str) -> tuple[str, ...]:
 def _head_problems(found: tuple[Token, ...]) -> Iterator[str]:
     if not found or any(one.kind not in (TokenKind.COMMENT, TokenKind.NEWLINE) for one in found):
         yield "there is more than comments before the runtime"
-    comments = [one.text for one in found if one.kind is TokenKind.COMMENT]
-    if any(one.startswith("<#") or one.lower().startswith("# sig #") for one in comments):
-        yield "a comment in it may be read by PowerShell"
-    asked = [one[len("#requires ") :] for one in comments if one.lower().startswith("#requires")]
+    asked = [one.text[len("#requires ") :] for one in found if _asks(one)]
+    yield from _heeded(one for one in found if not _asks(one))
     if not set(_REQUIRED) <= set(asked) <= {*_REQUIRED, *_OPTIONAL}:
         yield f"it asks for {', '.join(asked) or 'nothing'}"
 

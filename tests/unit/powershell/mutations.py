@@ -165,6 +165,9 @@ DANGEROUS: dict[str, Mutation] = {
         "trap { continue }", "Start-Job -ScriptBlock { 1 }", "class X { }", "switch (1) { 1 { 2 } }", "data { 1 }"
     ),
     "a function over a cmdlet": _insert("function Get-Item { 1 }", "function Get-Things { 1 }", "filter x { 1 }"),
+    "a comment that PowerShell heeds": _insert(
+        "#Requires -Modules Evil", "#requires -Modules Evil", "# SIG # Begin signature block", "<# more #>"
+    ),
     "a quote lost": _lost_quote,
     "a strange character": _strange_character,
     "a line end": _line_end,
