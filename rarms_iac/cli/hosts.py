@@ -21,7 +21,8 @@ from rarms_iac.model.journal import Journal, ScriptRun
 from rarms_iac.model.spelling import suggestion
 from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import System
-from rarms_iac.providers.interface import HostError, HostLocked, LiveHost
+from rarms_iac.planfile.snapshot import write_snapshot
+from rarms_iac.providers.interface import HostError, HostLocked, LiveHost, RecordableHost
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,6 +106,18 @@ def observe(host: LiveHost) -> State:
     """
     with telling():
         return host.observe()
+
+
+def recorded(host: LiveHost) -> bytes:
+    """What a live host looks like, as a file that `--snapshot` reads: its own words where it has such.
+
+    Raises:
+        Halted: it cannot be read.
+    """
+    if not isinstance(host, RecordableHost):
+        return write_snapshot(observe(host))
+    with telling():
+        return host.recorded()
 
 
 def refuse_unfinished(hosts: Hosts) -> None:

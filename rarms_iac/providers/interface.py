@@ -254,4 +254,13 @@ class ExaminableHost(Protocol):
         ...
 
 
+@runtime_checkable
+class RecordableHost(Protocol):
+    """A host whose own look is kept as it is: it says more than a State does."""
+
+    def recorded(self) -> bytes:
+        """What looking at it printed, which `--snapshot` reads; it raises as `observe` does."""
+        ...
+
+
 LiveHost = StepwiseHost | ScriptedHost

@@ -300,3 +300,13 @@ def test_the_stand_in_says_what_it_is(remote: Remote) -> None:
 
     assert "stand-in" in STAND_IN
     assert STAND_IN in " ".join(remote.rarms("plan").err.split())
+
+
+def test_a_snapshot_of_the_live_host_plans_and_examines_as_the_host_itself(remote: Remote) -> None:
+    assert remote.rarms("snapshot", "--out", "live.json").code == 0
+    seen = json.loads((remote.folder / "live.json").read_text(encoding="utf-8"))
+
+    assert seen["format"] == "rarms-observation/1"
+    assert remote.rarms("plan", "--snapshot", "live.json", "--json").out == remote.rarms("plan", "--json").out
+    there, written = remote.rarms("doctor", "--json"), remote.rarms("doctor", "--snapshot", "live.json", "--json")
+    assert (written.code, written.out) == (there.code, there.out)

@@ -6,12 +6,11 @@ import click
 
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.files import make_folder, write_file
-from rarms_iac.cli.hosts import hosts_of, observe
+from rarms_iac.cli.hosts import hosts_of, recorded
 from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.options import HostOptions, ManifestOptions, host_options, manifest_options
 from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.planfile.snapshot import write_snapshot
 
 OBSERVE = "observe.ps1"
 
@@ -27,7 +26,7 @@ def command(
     """Write down what the hosts look like, in JSON. Only reads.
 
     `rarms plan --snapshot FILE` plans from it where the host cannot be reached, as in a pull request. --script writes
-    observe.ps1 instead, which needs neither manifest nor rarms: what it prints there is a snapshot too.
+    observe.ps1 instead, which needs neither manifest nor rarms: what it prints is what rarms writes of a Hyper-V host.
     """
     if script:
         return _script(session, out)
@@ -43,7 +42,7 @@ def command(
         make_folder(out)
     into_folder = out is not None and Path(out).is_dir()
     for name in hosts.chosen:
-        data = write_snapshot(observe(hosts.open(name)))
+        data = recorded(hosts.open(name))
         if out is None:
             session.terminal.data(data.decode("utf-8"))
         else:

@@ -80,12 +80,21 @@ class HypervHost:
         silence_s = (waits.silence_ms + waits.lock_ms + _longest_grace(script)) / 1000
         return self._transport.run(script, arguments, silence_s, _Events(hearing))
 
+    def recorded(self) -> bytes:
+        """As the interface says: the very line that `observe.ps1` prints."""
+        document = self._printed()
+        self._read(document)
+        return f"{document}\n".encode()
+
     def observation(self) -> Observation:
         """What `observe.ps1` prints there now.
 
         Raises:
             Failed: the host cannot be reached, or the script printed something else.
         """
+        return self._read(self._printed())
+
+    def _printed(self) -> str:
         script = Script(runs=OBSERVE, files={OBSERVE: render_observe().decode("ascii")})
         document = _Document()
         ended = self._transport.run(script, (), OBSERVE_SECONDS, document)
@@ -96,8 +105,11 @@ class HypervHost:
                 pass
             case Exited(code=code, says=says):
                 raise self._unreadable(f"exit code {code}, {' '.join(says[-3:]) or 'and no word why'}")
+        return document.text
+
+    def _read(self, document: str) -> Observation:
         try:
-            return observation_of(parse_json(document.text))
+            return observation_of(parse_json(document))
         except NotDecodable as error:
             raise self._unreadable(str(error)) from None
 

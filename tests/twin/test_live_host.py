@@ -1,0 +1,104 @@
+"""A live Hyper-V host as the command line is given it: looked at, examined and written down, all of one look."""
+
+import json
+
+import pytest
+
+from rarms_iac.cli.wiring import seen_by_script
+from rarms_iac.model.state import Rights
+from rarms_iac.providers.hyperv.findings import findings_of
+from rarms_iac.providers.hyperv.observation import read_observation
+from rarms_iac.providers.hyperv.run import HypervHost
+from rarms_iac.providers.interface import ExaminableHost, Failed, RecordableHost
+from tests.builders import a_host, codes
+from tests.twin.cell import apply
+from tests.twin.cells import everything, fresh
+from tests.twin.host import WindowsHost
+from tests.twin.observing import JOURNAL, PENDING, document_of
+from tests.twin.transport import TwinTransport
+
+
+def live(host: WindowsHost | None, before: str = "", after: str = "") -> HypervHost:
+    return HypervHost(a_host("onboard"), TwinTransport(host, before, after))
+
+
+def test_what_is_written_down_is_what_the_script_printed() -> None:
+    host = everything().copy()
+
+    data = live(host, before="Windows PowerShell").recorded()
+
+    assert json.loads(data) == document_of(host)
+    assert data.isascii()
+    assert data.count(b"\n") == 1
+
+
+def test_a_snapshot_of_a_live_host_says_all_that_the_host_itself_says() -> None:
+    host = everything().copy(kill_after=25)
+    apply(host, everything().plan)
+    host = host.copy()
+    there = live(host)
+
+    seen = seen_by_script(there.recorded(), "onboard")
+
+    assert seen is not None
+    looked = there.examined()
+    assert (seen.state, seen.condition, seen.findings) == (looked.state, looked.condition, looked.findings)
+    assert seen.state == there.observe()
+    assert seen.unfinished == there.unfinished() is not None
+
+
+def test_examining_sees_what_a_state_does_not_hold() -> None:
+    host = fresh().copy()
+    calm = live(host).examined()
+    host.add_key(PENDING)
+
+    looked = live(host).examined()
+
+    assert looked.state == calm.state == live(host).observe()
+    assert (calm.condition.pending_restart, looked.condition.pending_restart) == (False, True)
+
+
+def test_examining_tells_what_is_odd_there() -> None:
+    host = everything().copy()
+    journal = host.file(JOURNAL)
+    assert journal is not None
+    journal.owner = "S-1-5-21-1-2-3-1001"
+
+    looked = live(host).examined()
+
+    assert codes(looked.findings) == ["RARMS163"]
+    assert looked.findings == findings_of(read_observation(live(host).recorded()), "onboard")
+
+
+def test_a_caller_without_rights_is_examined_too() -> None:
+    host = fresh().copy(elevated=False)
+    host.refusals["Get-CimInstance Msvm_ComputerSystem"] = ("AccessDenied", "PermissionDenied", "Access denied")
+
+    looked = live(host).examined()
+
+    assert looked.state.facts.rights is Rights.MISSING
+    assert looked.state.partitions == ()
+
+
+def test_looking_changes_nothing() -> None:
+    host = everything().copy()
+
+    live(host).examined()
+    live(host).recorded()
+
+    assert host.effects == []
+
+
+@pytest.mark.parametrize("ask", ["observe", "examined", "recorded"])
+def test_a_host_out_of_reach_or_one_that_says_something_else_is_told(ask: str) -> None:
+    with pytest.raises(Failed, match="nobody answers"):
+        getattr(live(None), ask)()
+    with pytest.raises(Failed, match="cannot be read"):
+        getattr(live(everything().copy(), after='{"format": "other"}'), ask)()
+
+
+def test_it_keeps_the_contracts_of_its_kinds() -> None:
+    host = live(fresh().copy())
+
+    assert isinstance(host, ExaminableHost)
+    assert isinstance(host, RecordableHost)
