@@ -2,12 +2,16 @@
 
 import math
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import partial
 
 from benchmarks.shapes import PROCESSORS, Truth, deviation_of_logarithm
-from rarms_iac.experiments.search import Goal, Measure, Member, Step, Strategy, Trial, settled, trial_of
+from rarms_iac.datalog.columns import as_recorded
+from rarms_iac.experiments.conclusions import Conclusion, Measure
+from rarms_iac.experiments.measuring import Strategy
+from rarms_iac.experiments.search import Goal, Member
 from rarms_iac.model.measurement import Sample, Series, Setting
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.system import AtLeast, AtMost, Closed, Command, Run, SampleCount, Samples, Stop
@@ -69,13 +73,14 @@ class Bench:
 
     truth: Truth
     goal: Goal
-    done: dict[tuple[int, float | None], Trial] = field(default_factory=dict)
+    done: dict[tuple[int, object], Setting] = field(default_factory=dict)
 
-    def measure(self, step: Measure) -> Trial:
-        """The setting, ended as soon as its verdict may be given."""
-        key = (step.reserve, step.precision)
+    def measure(self, step: Measure) -> Setting:
+        """The setting, ended as soon as the strategy says so, and as a data log gives it back."""
+        asked = step.settled.keywords["precision"] if isinstance(step.settled, partial) else "to its end"
+        key = (step.reserve, asked)
         if key not in self.done:
-            self.done[key] = trial_of(self._setting(step), self.goal)
+            self.done[key] = self._setting(step)
         return self.done[key]
 
     def _setting(self, step: Measure) -> Setting:
@@ -86,9 +91,11 @@ class Bench:
             consumed += work
             if len(samples) < min(look, ALLOWED):
                 continue
-            series = self._series(samples, consumed, step.reserve)
-            if len(samples) >= ALLOWED or settled({NAME: series}, self.goal, precision=step.precision):
-                return Setting(reserve=step.reserve, series=(series,))
+            setting = as_recorded(
+                Setting(reserve=step.reserve, series=(self._series(samples, consumed, step.reserve),), seed=1)
+            )
+            if len(samples) >= ALLOWED or step.settled({NAME: setting.series[0]}):
+                return setting
             look = next_look(len(samples))
         raise AssertionError("jobs never end")
 
@@ -100,22 +107,22 @@ class Bench:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Walk:
-    """A whole search: its settings in order, and how it ended."""
+    """All that was measured of a component, in order, and how it ended."""
 
-    trials: tuple[Trial, ...]
-    end: Step
+    settings: tuple[Setting, ...]
+    end: Conclusion
 
     @property
     def samples(self) -> int:
-        return sum(len(series.samples) for trial in self.trials for series in trial.setting.series)
+        return sum(len(series.samples) for setting in self.settings for series in setting.series)
 
 
-def walk(strategy: Strategy | Callable[[list[Trial], Goal], Step], bench: Bench) -> Walk:
-    """What the strategy measures of this component until it ends."""
-    history: list[Trial] = []
-    while len(history) <= MOST_SETTINGS:
-        step = strategy(history, bench.goal)
+def walk(strategy: Strategy, bench: Bench) -> Walk:
+    """What `rarms measure` measures of this component with this strategy: its loop, without a host."""
+    settings: list[Setting] = []
+    while len(settings) <= MOST_SETTINGS:
+        step = strategy.step(settings)
         if not isinstance(step, Measure):
-            return Walk(trials=tuple(history), end=step)
-        history.append(bench.measure(step))
+            return Walk(settings=tuple(settings), end=step)
+        settings.append(bench.measure(step))
     raise AssertionError(f"{bench.truth.shape} {bench.truth.seed}: no end after {MOST_SETTINGS} settings")

@@ -162,13 +162,12 @@ def _strategy(hosts: Hosts, experiment: Experiment, options: MeasureOptions, top
                 [findings.NO_THRESHOLD.at(place, says, advice, address=f"component/{one.name}")],
                 hosts.opened.loaded.sources,
             )
-    verifying = Verifying(experiment=experiment, most=top)
+    goal = goal_of(experiment)
+    verifying = Verifying(goal=goal, most=top)
     if options.verify:
         return verifying
     to_the_letter = options.strategy == PAPER
-    search = Searching(
-        goal=goal_of(experiment), next_step=STRATEGIES[options.strategy], most=top, only_its_own=to_the_letter
-    )
+    search = Searching(goal=goal, next_step=STRATEGIES[options.strategy], most=top, only_its_own=to_the_letter)
     return search if to_the_letter else Agreeing(search=search, verifying=verifying)
 
 

@@ -117,12 +117,13 @@ class Answering:
 class Verifying:
     """Measures the reservation that a curve gives between two settings, until it gives one that was measured."""
 
-    experiment: Experiment
+    goal: Goal
     most: int
 
     def step(self, settings: Sequence[Setting]) -> Step:
         """As `Strategy` says."""
-        curves = curves_of(settings, self.experiment.runs, apts_of(self.experiment))
+        members = self.goal.members
+        curves = curves_of(settings, {one.name: one.run for one in members}, {one.name: one.apt for one in members})
         found = least_reserve(curves)
         if found is None:
             return NotResolved(says=NOTHING_FOR_SURE)

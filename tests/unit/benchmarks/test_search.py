@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from benchmarks.search import Result, by_shape, figures, mean, results
+from benchmarks.search import HALVED, OURS, Result, by_shape, figures, mean, results
 from benchmarks.shapes import NAMED, NOISES, UNSEEN, component
 from benchmarks.timing import table
 from tests.effort import examples
@@ -18,8 +18,8 @@ def searched(each: int) -> list[Result]:
 
 def test_answers_are_certified_and_right_with_fewer_settings_than_halving() -> None:
     found = searched(examples(2))
-    ours = [one for one in found if one.strategy == "default"]
-    halved = [one for one in found if one.strategy == "bisection"]
+    ours = [one for one in found if one.strategy == OURS]
+    halved = [one for one in found if one.strategy == HALVED]
 
     assert all(one.certified for one in ours if one.found)
     assert sum(not one.right for one in ours) <= 0.03 * len(ours) + 1

@@ -214,7 +214,7 @@ def test_another_seed_measures_all_of_it_again_beside_the_first(bench: Bench) ->
 
 def test_verifying_measures_what_lies_between_settings(bench: Bench) -> None:
     bench.measure(Sweeping(reserves=(40, 60)))
-    ended = bench.measure(Verifying(experiment=bench.experiment, most=100))
+    ended = bench.measure(Verifying(goal=goal_of(bench.experiment), most=100))
 
     assert isinstance(ended.conclusion, Sufficient)
     assert ended.conclusion.reserve in bench.recorded
@@ -223,7 +223,7 @@ def test_verifying_measures_what_lies_between_settings(bench: Bench) -> None:
 
 def test_verifying_says_when_the_host_has_too_little_left(bench: Bench) -> None:
     bench.measure(Sweeping(reserves=(40, 60)))
-    ended = bench.measure(Verifying(experiment=bench.experiment, most=20))
+    ended = bench.measure(Verifying(goal=goal_of(bench.experiment), most=20))
 
     assert isinstance(ended.conclusion, NotResolved)
     assert "20 % left" in ended.conclusion.says
@@ -231,7 +231,7 @@ def test_verifying_says_when_the_host_has_too_little_left(bench: Bench) -> None:
 
 
 def agreeing(bench: Bench) -> Agreeing:
-    return Agreeing(search=bench.search("default"), verifying=Verifying(experiment=bench.experiment, most=100))
+    return Agreeing(search=bench.search("default"), verifying=Verifying(goal=goal_of(bench.experiment), most=100))
 
 
 def test_a_search_ends_with_the_reservation_that_a_plan_takes_measured_itself(bench: Bench) -> None:
