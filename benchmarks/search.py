@@ -1,4 +1,4 @@
-"""What `rarms measure` runs: the default search up to what a plan reserves, beside halving and the paper's walk, in one run.
+"""What `rarms measure` runs, the search and what makes it agree with a plan, beside halving and the paper's walk.
 
 `python -m benchmarks.search [COMPONENTS]` takes so many components a noise level (1,000 unless said), spread evenly
 over the shapes of `shapes.py`. An answer is *right* when it truly meets the APT within 1 % (a success rate: 1 point)

@@ -1,7 +1,7 @@
 """What `rarms tune` is about: the CoIs with their reservations, what the hosts can promise, and who answers."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.datalogs import measured_reservations, measurements_of
@@ -186,9 +186,7 @@ class Experiments:
         if reserve > (highest := self.subject.highest(members)):
             raise Unanswered(f"{reserve} % was to be measured of {', '.join(members)}; the host gives {highest} %")
         experiment = self.subject.experiment(members, self.options.samples)
-        # A setting ends when it is clear; what it says then is what a plan will look up, by the same rule.
-        goal = replace(goal_of(experiment), tolerance=0.0)
-        strategy = Answering(goal=goal, reserve=reserve)
+        strategy = Answering(goal=goal_of(experiment), reserve=reserve)
         with self.session.interrupts.gently():
             done = run_experiment(
                 self.session, self.subject.hosts, experiment, self.bench, self.options, strategy=strategy

@@ -14,6 +14,7 @@ from rarms_iac.experiments.conclusions import (
 )
 from rarms_iac.experiments.search import Goal, Member, Trial, settled, trial_of
 from rarms_iac.experiments.search import values as searched
+from rarms_iac.experiments.search.bracket import not_met
 from rarms_iac.experiments.search.tree import WIDTH
 from rarms_iac.experiments.setup import Experiment
 from rarms_iac.model.measurement import Setting
@@ -66,7 +67,7 @@ class Searching:
             case searched.Measure(reserve=reserve, precision=precision):
                 return self._measure(reserve, precision)
             case searched.Found(reserve=reserve, failed=failed):
-                return Sufficient(reserve=reserve, failed=failed, error=self.goal.error)
+                return Sufficient(reserve=reserve, failed=failed, error=self.goal.error_of_passing)
             case searched.NotAchievable():
                 return NotAchievable(reserve=100, error=self.goal.error)
             case searched.NotResolved(why=why):
@@ -82,8 +83,12 @@ class Searching:
             return self._measure(self.most, precision)
         if known[-1].passed:
             failed = max((one.reserve for one in trials if not one.passed and one.reserve < self.most), default=None)
-            return Sufficient(reserve=self.most, failed=failed, error=self.goal.error)
-        return NotAchievable(reserve=self.most, error=self.goal.error)
+            return Sufficient(reserve=self.most, failed=failed, error=self.goal.error_of_passing)
+        match not_met(known[-1]):
+            case searched.NotAchievable():
+                return NotAchievable(reserve=self.most, error=self.goal.error)
+            case searched.NotResolved(why=why):
+                return NotResolved(says=why)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,30 +132,24 @@ class Verifying:
         found = least_reserve(curves)
         if found is None:
             return NotResolved(says=NOTHING_FOR_SURE)
-        if found.interpolated and any(one.reserve == found.reserve for one in settings):
-            return NotResolved(says=f"{found.reserve} % was measured, and its samples give no estimate")
         if found.interpolated and found.reserve > self.most:
             left = f"the host has {self.most} % left for P1: what runs there is in the way"
             return NotResolved(says=f"{found.reserve} % was looked up, and {left}")
         if found.interpolated:
             return Measure(reserve=found.reserve)
         failed = max((one.reserve for one in settings if one.reserve < found.reserve), default=None)
-        one_sided = max(curve.error for curve, _ in curves) / 2
-        return Sufficient(reserve=found.reserve, failed=failed, error=one_sided)
+        return Sufficient(reserve=found.reserve, failed=failed, error=self.goal.error_of_passing)
 
 
 NOTHING_FOR_SURE = "no setting that was measured meets every threshold for sure"
-
-BEYOND = 3
-"""So many points above what a search found are tried, where that is met within the tolerance and not for sure."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Agreeing:
     """A search that ends with what a plan reserves: the least that the curve's safe side allows, measured itself.
 
-    A search decides within a tolerance, and a plan is strict. So what the curve gives besides is measured, too: it
-    lies a point or two beside what was found.
+    A setting passes by the curve's rule, but between one that fails and one that passes a point or two above it, the
+    curve may allow less than the latter: that is measured, too.
     """
 
     search: Searching
@@ -164,19 +163,8 @@ class Agreeing:
         match self.verifying.step(settings):
             case Sufficient() as planned:
                 return step if planned.reserve == step.reserve else _certified(planned)
-            case NotResolved(says=says):
-                # Settings without a steady state have no place on the curve: there the search knows more.
-                return self._above(step, settings) if says == NOTHING_FOR_SURE else step
             case other:
                 return other
-
-    def _above(self, found: Sufficient, settings: Sequence[Setting]) -> Step:
-        """Nothing measured is met for sure: a point more than the most that was."""
-        above = max(one.reserve for one in settings) + 1
-        if above <= min(self.verifying.most, found.reserve + BEYOND):
-            return Measure(reserve=above)
-        says = f"{found.reserve} % meets every threshold within {self.search.goal.tolerance:.0%}, and nothing for sure"
-        return NotResolved(says=says)
 
 
 def _certified(planned: Sufficient) -> Step:

@@ -8,6 +8,7 @@ from rarms_iac.model.measurement import Series, Setting
 from rarms_iac.model.system import Run, Threshold
 from rarms_iac.reports.model import Point
 from rarms_iac.statistics.curve import curve_of
+from rarms_iac.statistics.estimates import SAFE_SIDE
 from rarms_iac.statistics.steadiness import Unsteady
 from rarms_iac.statistics.values import failed
 from rarms_iac.statistics.verdict import (
@@ -36,7 +37,7 @@ def points_of(
 
 def _point(setting: Setting, series: Series, index: str, apt: Mapping[str, Threshold], run: Run) -> Point:
     estimates = curve_of([setting], series.component, index, run).estimates
-    verdict = judge(series, apt, run)
+    verdict = judge(series, apt, run, error=SAFE_SIDE)
     told, error, remark = _in_words(verdict)
     if not estimates:
         return Point(

@@ -6,7 +6,8 @@ The band is made monotone likewise; its safe side is the one away from what is g
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import inf
 
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import Series, Setting
@@ -64,18 +65,30 @@ class LeastReserve:
 def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run, *, error: float = USUAL_ERROR) -> Curve:
     """The curve of a component's index; a setting without an estimate (no answer, no steady state) gives no point.
 
-    Several settings at one reservation are taken together, each by its samples.
+    Several settings at one reservation are taken together, each by its samples. Below a reservation that gave no
+    estimate nothing is sure: more CPU than that was not enough to tell, so the safe side has no bound there.
     """
     measured: dict[int, list[Estimate]] = {}
+    untold: set[int] = set()
     for setting in settings:
         for series in setting.series:
-            found = _steady_estimate(series, index, run, error) if series.component == component else None
+            if series.component != component:
+                continue
+            found = _steady_estimate(series, index, run, error)
             if isinstance(found, Estimate):
                 measured.setdefault(setting.reserve, []).append(found)
+            else:
+                untold.add(setting.reserve)
     reserves = sorted(measured)
     estimates = tuple(_together(measured[reserve], index) for reserve in reserves)
+    unsure = max(untold - measured.keys(), default=0)
+    points = _monotone(reserves, estimates, index)
     return Curve(
-        component=component, index=index, error=error, points=_monotone(reserves, estimates, index), estimates=estimates
+        component=component,
+        index=index,
+        error=error,
+        points=tuple(_unbounded(one, index) if one.reserve < unsure else one for one in points),
+        estimates=estimates,
     )
 
 
@@ -169,6 +182,11 @@ def _monotone(reserves: Sequence[int], estimates: Sequence[Estimate], index: str
         Point(reserve=float(reserve), value=value[at], lower=lower[at], upper=upper[at])
         for at, reserve in enumerate(reserves)
     )
+
+
+def _unbounded(point: Point, index: str) -> Point:
+    """With nothing known of the side that a reservation would rest on."""
+    return replace(point, upper=inf) if _smaller_is_better(index) else replace(point, lower=-inf)
 
 
 def _fit_of(index: str, weights: Sequence[float]) -> Callable[[Sequence[float]], list[float]]:

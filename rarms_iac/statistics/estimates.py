@@ -17,6 +17,9 @@ from rarms_iac.statistics.distributions import beta_quantile, share_interval, st
 USUAL_ERROR = 0.05
 """The probability that the truth lies outside an interval that is shown to people."""
 
+SAFE_SIDE = USUAL_ERROR / 2
+"""The probability that its safe side is wrong: what a setting passes by, and a reservation rests on."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:

@@ -5,9 +5,7 @@ from dataclasses import dataclass, replace
 from math import sqrt
 from typing import Final
 
-from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import Series
-from rarms_iac.model.quantities import Unit
 from rarms_iac.model.system import AtLeast, AtMost, Elapsed, Run, SampleCount, Threshold
 from rarms_iac.statistics import values
 from rarms_iac.statistics.estimates import Estimate, NoEstimate, estimate
@@ -21,7 +19,8 @@ FIRST_LOOK: Final = 40
 
 _MAXIMUM, _MINIMUM = "maximum_response_time", "minimum_response_time"
 _NEXT_LOOK = sqrt(2.0)
-_LAST_EARLY_LOOK = 0.75  # of a setting: a later one would leave too little error for its end
+LAST_EARLY_LOOK: Final = 0.75
+"""The part of a setting after which it goes on to its end, and of the error that early looks spend at most."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +37,6 @@ class Met:
     """Every index meets its threshold, but for this error; of a maximum: so far (`Estimate.beyond`)."""
 
     error: float
-    tolerance: float  # met within this part of the threshold, or so many points of a share; 0: met itself
     judged: tuple[Judged, ...]
     warm_up: int  # samples that were left out
 
@@ -48,7 +46,6 @@ class Missed:
     """At least one index misses its threshold, but for this error."""
 
     error: float
-    tolerance: float
     judged: tuple[Judged, ...]
     warm_up: int
 
@@ -80,19 +77,8 @@ class TooFewSamples:
 Verdict = Met | Missed | WithinTheNoise | Unsteady | TooManyFailures | TooFewSamples
 
 
-def judge(
-    series: Series,
-    apt: Mapping[str, Threshold],
-    run: Run,
-    *,
-    error: float = VERDICT_ERROR,
-    tolerance: float = 0.0,
-) -> Verdict:
-    """The verdict on a whole series, looked at once.
-
-    With a tolerance of 0.01, `Met` says "within 1 % (of a share: 1 point) of the threshold, or better" and `Missed`
-    "not better than the threshold by as much": so every series that is long enough has one of the two.
-    """
+def judge(series: Series, apt: Mapping[str, Threshold], run: Run, *, error: float = VERDICT_ERROR) -> Verdict:
+    """The verdict on a whole series, looked at once."""
     failed = values.failed(series)
     if failed > run.failures:
         return TooManyFailures(failed=failed, allowed=run.failures)
@@ -101,7 +87,7 @@ def judge(
         case Unsteady():
             return begin
         case Steady(first=first):
-            return _judge_steady(series, first, apt, run, error, tolerance)
+            return _judge_steady(series, first, apt, run, error)
 
 
 def judge_each(
@@ -112,14 +98,7 @@ def judge_each(
     return {index: judge(series, {index: threshold}, run, error=part) for index, threshold in apt.items()}
 
 
-def decide(
-    series: Series,
-    apt: Mapping[str, Threshold],
-    run: Run,
-    *,
-    error: float = VERDICT_ERROR,
-    tolerance: float = 0.0,
-) -> Verdict | None:
+def decide(series: Series, apt: Mapping[str, Threshold], run: Run, *, error: float = VERDICT_ERROR) -> Verdict | None:
     """The verdict on the samples so far; None: not settled, go on.
 
     To be asked at `next_look` counts of samples and at the setting's end, where it is never None. The error holds
@@ -129,14 +108,14 @@ def decide(
     """
     share = _done(series, run)
     if share >= 1.0:
-        last = judge(series, apt, run, error=error * (1.0 - _LAST_EARLY_LOOK), tolerance=tolerance)
+        last = judge(series, apt, run, error=error * (1.0 - LAST_EARLY_LOOK))
         return replace(last, error=error) if isinstance(last, Met | Missed) else last
     if values.failed(series) > run.failures:
         return TooManyFailures(failed=values.failed(series), allowed=run.failures)
-    if share > _LAST_EARLY_LOOK or len(series.samples) < FIRST_LOOK:
+    if share > LAST_EARLY_LOOK or len(series.samples) < FIRST_LOOK:
         return None
     spent = error * share * (1.0 - 1.0 / _NEXT_LOOK)
-    verdict = judge(series, apt, run, error=spent, tolerance=tolerance)
+    verdict = judge(series, apt, run, error=spent)
     match verdict:
         case Met() | Missed() if not _may_turn(verdict):
             return replace(verdict, error=error)
@@ -149,8 +128,8 @@ def _may_turn(verdict: Met | Missed) -> bool:
     match verdict:
         case Met(judged=judged):
             return any(one.index == _MAXIMUM for one in judged)
-        case Missed(judged=judged, tolerance=tolerance):
-            return all(one.index == _MINIMUM for one in judged if _misses(one, tolerance))
+        case Missed(judged=judged):
+            return all(one.index == _MINIMUM for one in judged if _misses(one))
 
 
 def next_look(samples: int) -> int:
@@ -170,9 +149,7 @@ def _done(series: Series, run: Run) -> float:
             return series.elapsed_ms / float(time)
 
 
-def _judge_steady(
-    series: Series, first: int, apt: Mapping[str, Threshold], run: Run, error: float, tolerance: float
-) -> Verdict:
+def _judge_steady(series: Series, first: int, apt: Mapping[str, Threshold], run: Run, error: float) -> Verdict:
     each = error / max(1, len(apt))
     judged: list[Judged] = []
     for index, threshold in apt.items():
@@ -182,10 +159,10 @@ def _judge_steady(
         if isinstance(found, NoEstimate):
             return TooFewSamples(why=found.why)
         judged.append(Judged(index=index, threshold=threshold, estimate=found))
-    if any(_misses(one, tolerance) for one in judged):
-        return Missed(error=error, tolerance=tolerance, judged=tuple(judged), warm_up=first)
-    if all(_meets(one, tolerance) for one in judged):
-        return Met(error=error, tolerance=tolerance, judged=tuple(judged), warm_up=first)
+    if any(map(_misses, judged)):
+        return Missed(error=error, judged=tuple(judged), warm_up=first)
+    if all(map(_meets, judged)):
+        return Met(error=error, judged=tuple(judged), warm_up=first)
     return WithinTheNoise(error=2 * error, judged=tuple(judged), warm_up=first)
 
 
@@ -208,14 +185,14 @@ def without_warm_up(series: Series, first: int) -> Series:
     )
 
 
-def _meets(one: Judged, tolerance: float) -> bool:
+def _meets(one: Judged) -> bool:
     worst, _best = _bounds(one)
-    return worst <= _slack(one, tolerance) and _excess(one, one.estimate.value) <= 0.0
+    return worst <= 0.0
 
 
-def _misses(one: Judged, tolerance: float) -> bool:
+def _misses(one: Judged) -> bool:
     _worst, best = _bounds(one)
-    return best > -_slack(one, tolerance) and _excess(one, one.estimate.value) > 0.0
+    return best > 0.0
 
 
 def _excess(one: Judged, value: float) -> float:
@@ -233,11 +210,3 @@ def _bounds(one: Judged) -> tuple[float, float]:
     ends = (found.value, found.value) if found.beyond is not None else (found.lower, found.upper)
     first, second = (_excess(one, end) for end in ends)
     return max(first, second), min(first, second)
-
-
-def _slack(one: Judged, tolerance: float) -> float:
-    """The tolerance in the index's unit."""
-    index = find_index(one.index)
-    if index is not None and index.unit is Unit.SHARE:
-        return 100 * tolerance
-    return tolerance * float(one.threshold.value)

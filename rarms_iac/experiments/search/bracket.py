@@ -1,9 +1,11 @@
 """Between which settings the least reservation lies."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from rarms_iac.experiments.search.values import NotAchievable, NotResolved, Trial
+from rarms_iac.statistics.steadiness import Unsteady
+from rarms_iac.statistics.verdict import TooFewSamples, TooManyFailures, Verdict, WithinTheNoise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,11 +23,23 @@ def bracket_of(history: Sequence[Trial]) -> Bracket | NotAchievable | NotResolve
     """
     top = [trial for trial in history if trial.reserve == 100 and not trial.passed]
     if top:
-        return NotAchievable() if top[-1].judged else NotResolved(why="no verdict at 100 %: " + _why(top[-1]))
+        return not_met(top[-1])
     failed = max((trial.reserve for trial in history if not trial.passed), default=0)
     passed = min((trial.reserve for trial in history if trial.passed and trial.reserve > failed), default=None)
     return Bracket(failed=failed, passed=passed)
 
 
-def _why(trial: Trial) -> str:
-    return "; ".join(f"{name}: {type(verdict).__name__}" for name, verdict in sorted(trial.verdicts.items()))
+def not_met(trial: Trial) -> NotAchievable | NotResolved:
+    """What it comes to that the highest reservation there is did not pass."""
+    if trial.judged:
+        return NotAchievable()
+    why = "; ".join(f"{name} {_IN_WORDS[type(trial.verdicts[name])]}" for name in sorted(trial.worse))
+    return NotResolved(why=f"at {trial.reserve} % {why}")
+
+
+_IN_WORDS: Mapping[type[Verdict], str] = {
+    WithinTheNoise: "is within the noise of its threshold, and no number of samples allowed tells",
+    Unsteady: "has no steady state",
+    TooManyFailures: "has too many failed samples",
+    TooFewSamples: "has too few samples",
+}

@@ -14,8 +14,8 @@ FIRST = 45
 PRECISION = 0.015
 """How well the first setting's level must be known, as a part of it: all that follows rests on it."""
 
-DOUBT = 0.02
-"""The probability with which the answer may lie more than a point above the least reservation."""
+DOUBT = 0.1
+"""The probability with which a search may end more than a point too high: what the curve allows is measured, too."""
 
 PATIENCE = 12
 """Settings after which the search goes on by halving."""

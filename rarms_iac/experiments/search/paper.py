@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from rarms_iac.experiments.search.values import Found, Goal, Measure, NotAchievable, Step, Trial
+from rarms_iac.experiments.search.bracket import not_met
+from rarms_iac.experiments.search.values import Found, Goal, Measure, Step, Trial
 
 STEP = 10
 
@@ -15,5 +16,5 @@ def next_step(history: Sequence[Trial], _goal: Goal) -> Step:
     if last.passed:
         return Found(reserve=last.reserve, failed=last.reserve - STEP or None)
     if last.reserve == 100:
-        return NotAchievable()
+        return not_met(last)
     return Measure(reserve=last.reserve + STEP)

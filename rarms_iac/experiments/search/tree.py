@@ -9,6 +9,9 @@ NOTHING_PASSED = 101
 WIDTH = 3
 """A passing setting is certified by a failing one at most so many points below it."""
 
+AGAIN = 0.3
+"""Settings to come after an end with points between fail and pass: so often the curve asks for one of those, too."""
+
 _BESIDE = 4  # where a search may end is not quite what Knuth's rule allows
 
 
@@ -29,9 +32,10 @@ def certain(chances: Sequence[float], failed: int, passed: int, doubt: float) ->
 def root(chances: Sequence[float], failed: int, passed: int, doubt: float) -> int:
     """The setting to measure next, when the answer lies above `failed` and not above `passed`.
 
-    A dynamic program over all brackets: V(l, r) = 0 where the search may end, otherwise P(l, r) + the least over m of
-    V(l, m) + V(m, r), with P the probability of the bracket. The best m hardly moves left as a bracket's ends move
-    right (Knuth), so that m is looked for between those of the two brackets one shorter, and a little beside.
+    A dynamic program over all brackets: V(l, r) = 0 where the search may end (`AGAIN` P(l, r) with points in between),
+    otherwise P(l, r) + the least over m of V(l, m) + V(m, r), with P the probability of the bracket. The best m hardly
+    moves left as a bracket's ends move right (Knuth), so that m is looked for between those of the two brackets one
+    shorter, and a little beside.
     """
     summed = [0.0, *accumulate(chances)]  # summed[c + 1] - summed[b + 1]: the probability of b < least <= c
     costs: dict[tuple[int, int], float] = {}
@@ -40,7 +44,8 @@ def root(chances: Sequence[float], failed: int, passed: int, doubt: float) -> in
         for left in range(failed, passed - width + 1):
             right = left + width
             if _ends(summed, left, right, doubt):
-                costs[left, right], roots[left, right] = 0.0, left + 1
+                again = AGAIN if right - left > 1 else 0.0
+                costs[left, right], roots[left, right] = again * (summed[right + 1] - summed[left + 1]), left + 1
                 continue
             low, high = left + 1, min(right - 1, NOTHING_PASSED - 1)
             if width > 8:

@@ -5,11 +5,8 @@ from dataclasses import dataclass
 
 from rarms_iac.model.measurement import Series, Setting
 from rarms_iac.model.system import Run, Threshold
-from rarms_iac.statistics.estimates import NoEstimate, estimate
-from rarms_iac.statistics.verdict import VERDICT_ERROR, Met, Missed, Verdict, decide, judge
-
-TOLERANCE = 0.01
-"""Within which part of its threshold (of a share: how many hundredths) an APT is decided."""
+from rarms_iac.statistics.estimates import SAFE_SIDE, NoEstimate, estimate
+from rarms_iac.statistics.verdict import LAST_EARLY_LOOK, VERDICT_ERROR, Met, Missed, Verdict, decide, judge
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,13 +24,17 @@ class Goal:
 
     members: tuple[Member, ...]
     processors: int  # VPs of P1
-    error: float = VERDICT_ERROR  # of the verdict on a setting, all members together
-    tolerance: float = TOLERANCE
+    error: float = VERDICT_ERROR  # of ending a setting early, and of saying that it misses: all members together
 
     @property
     def error_each(self) -> float:
-        """Of the verdict on one member: whichever of them is wrong, the setting is (union bound)."""
+        """The same of one member: whichever of them is wrong, the setting is (union bound)."""
         return self.error / max(1, len(self.members))
+
+    @property
+    def error_of_passing(self) -> float:
+        """The probability that a setting passes whose APTs are not all met: at its end, or at an early look."""
+        return SAFE_SIDE + LAST_EARLY_LOOK * self.error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +100,10 @@ Strategy = Callable[[Sequence[Trial], Goal], Step]
 
 
 def trial_of(setting: Setting, goal: Goal) -> Trial:
-    """The setting with its verdicts, as they were when it ended: the same for a setting read from a data log."""
+    """The setting with its verdicts, as they were when it ended: the same for a setting read from a data log.
+
+    A member passes by the rule that a plan takes: the safe side of every index's band meets its threshold.
+    """
     found = {member.name: _verdict(setting, member, goal) for member in goal.members}
     return Trial(setting=setting, verdicts=found)
 
@@ -107,14 +111,13 @@ def trial_of(setting: Setting, goal: Goal) -> Trial:
 def settled(series: Mapping[str, Series], goal: Goal, *, precision: float | None = None) -> bool:
     """Whether a setting that is being measured may stop now; to be asked at `next_look` counts of samples.
 
+    What it shows is clear then, so that more samples would hardly turn what it passes by (`trial_of`).
+
     One member that misses settles it; otherwise every member must be settled. The precision is `Measure.precision`.
     """
     if precision is not None and not all(_known(series[member.name], member, precision) for member in goal.members):
         return False
-    verdicts = [
-        decide(series[member.name], member.apt, member.run, error=goal.error_each, tolerance=goal.tolerance)
-        for member in goal.members
-    ]
+    verdicts = [decide(series[member.name], member.apt, member.run, error=goal.error_each) for member in goal.members]
     return any(isinstance(verdict, Missed) for verdict in verdicts) or None not in verdicts
 
 
@@ -126,5 +129,8 @@ def _known(series: Series, member: Member, precision: float) -> bool:
 
 def _verdict(setting: Setting, member: Member, goal: Goal) -> Verdict:
     series = next(series for series in setting.series if series.component == member.name)
-    early = decide(series, member.apt, member.run, error=goal.error_each, tolerance=goal.tolerance)
-    return early or judge(series, member.apt, member.run, error=goal.error_each, tolerance=goal.tolerance)
+    safe = judge(series, member.apt, member.run, error=SAFE_SIDE * max(1, len(member.apt)))
+    if isinstance(safe, Met):
+        return safe
+    # That it misses is a claim of its own, which every member's share in the error goes into.
+    return judge(series, member.apt, member.run, error=goal.error_each)

@@ -111,7 +111,6 @@ def test_the_error_of_a_setting_is_shared_by_its_members() -> None:
         ),
         processors=2,
         error=0.05,
-        tolerance=0.0,
     )
     wrong = 0
     for seed in range(tries):
