@@ -1,12 +1,14 @@
 """The use scenario on a terminal: after each component, a level of performance is picked from what was measured."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import click
 
 from rarms_iac.cli.datalogs import measurements_of
 from rarms_iac.cli.files import STANDARD_INPUT, write_file
+from rarms_iac.cli.hosts import Hosts
 from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.options import ManifestOptions
 from rarms_iac.cli.problems import Halted
@@ -14,7 +16,10 @@ from rarms_iac.cli.reporting import reported, speaks_ascii_only
 from rarms_iac.cli.selecting import Unclear, choice_of, edit_of, select
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.telling import tell
+from rarms_iac.experiments.conclusions import Swept
+from rarms_iac.experiments.strategies import apts_of
 from rarms_iac.reports.model import Measurement
+from rarms_iac.statistics.curve import curves_of, least_reserve
 from rarms_iac.views.measured import Measured, settings_text
 from rarms_iac.views.plot import plot_text
 from rarms_iac.views.select import selection_text
@@ -33,8 +38,9 @@ def refuse_without_terminal(session: Session, source: ManifestOptions) -> None:
         raise click.UsageError("Standard input cannot be changed: name a file.", click.get_current_context())
 
 
-def ask_levels(session: Session, source: ManifestOptions, result: Measured) -> None:
-    """Show what was measured, and take a level for each component until the answer is empty."""
+def ask_levels(session: Session, hosts: Hosts, result: Measured) -> Measured:
+    """Show what was measured, and take a level for each component until the answer is empty; what it comes to then."""
+    source = hosts.source
     session.terminal.talk("\n" + settings_text(result, session.terminal.width).rstrip("\n"))
     for measurement in reported(source, result.experiment.setup.members).measurements:
         if measurement.rests:
@@ -43,6 +49,19 @@ def ask_levels(session: Session, source: ManifestOptions, result: Measured) -> N
         while at := _answer(session, name):
             if _chosen(session, source, name, at):
                 break
+    return _as_chosen(hosts, result)
+
+
+def _as_chosen(hosts: Hosts, result: Measured) -> Measured:
+    """The same beside the thresholds that the manifest has by now; what was searched for others is not told."""
+    system, _ = system_of(hosts.source)
+    before = result.experiment
+    members = tuple(replace(one, apt=system.components[one.name].apt) for one in before.members)
+    if members == before.members:
+        return result
+    experiment = replace(before, members=members)
+    planned = least_reserve(curves_of(result.settings, experiment.runs, apts_of(experiment)))
+    return replace(result, experiment=experiment, conclusion=Swept(), planned=planned)
 
 
 def _show_plots(session: Session, measurement: Measurement) -> None:

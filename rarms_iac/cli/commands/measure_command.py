@@ -177,12 +177,12 @@ def measured(session: Session, hosts: Hosts, options: MeasureOptions, *, interac
                 result = run_experiment(session, hosts, one, benches[one.host.name], asked)
             if mine and not isinstance(result.conclusion, Stopped | NoVerdict):
                 end_pass(path_for(hosts, one), mine)
+            if interactive and not isinstance(result.conclusion, Stopped):
+                result = ask_levels(session, hosts, result)
             found += findings_of(one, result.conclusion, result.settings, hosts.opened.loaded.places)
             results.append(result)
             if isinstance(result.conclusion, Stopped):
                 break
-            if interactive:
-                ask_levels(session, hosts.source, result)
     return Done(results=tuple(results), findings=tuple(found), waiting=experiments[len(results) :])
 
 

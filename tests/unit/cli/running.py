@@ -23,10 +23,17 @@ class Ran:
         return self.out.splitlines()
 
 
-def rarms(*words: str, stdin: str = "") -> Ran:
-    """`rarms` with these words, standard input being this text."""
-    out, err = _stream(), _stream()
-    with redirect_stdout(out), redirect_stderr(err), _reading(stdin):
+class _Typed(io.TextIOWrapper):
+    """A terminal, as far as anybody asks."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def rarms(*words: str, stdin: str = "", at_a_terminal: bool = False) -> Ran:
+    """`rarms` with these words, standard input being this text, which somebody types at a terminal, or a file."""
+    out, err = _stream(), _stream(at_a_terminal=at_a_terminal)
+    with redirect_stdout(out), redirect_stderr(err), _reading(stdin, at_a_terminal=at_a_terminal):
         code = main(list(words))
         out.flush()
         err.flush()
@@ -34,16 +41,18 @@ def rarms(*words: str, stdin: str = "") -> Ran:
 
 
 @contextmanager
-def _reading(text: str) -> Iterator[None]:
-    before, sys.stdin = sys.stdin, io.TextIOWrapper(io.BytesIO(text.encode()), encoding="utf-8")
+def _reading(text: str, *, at_a_terminal: bool) -> Iterator[None]:
+    made = _Typed if at_a_terminal else io.TextIOWrapper
+    before, sys.stdin = sys.stdin, made(io.BytesIO(text.encode()), encoding="utf-8")
     try:
         yield
     finally:
         sys.stdin = before
 
 
-def _stream() -> io.TextIOWrapper:
-    return io.TextIOWrapper(io.BytesIO(), encoding="utf-8", newline="\n")
+def _stream(*, at_a_terminal: bool = False) -> io.TextIOWrapper:
+    made = _Typed if at_a_terminal else io.TextIOWrapper
+    return made(io.BytesIO(), encoding="utf-8", newline="\n")
 
 
 def _text(stream: io.TextIOWrapper) -> str:

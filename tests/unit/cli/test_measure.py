@@ -265,3 +265,56 @@ def test_a_killed_measurement_leaves_partitions_that_the_next_one_removes(here: 
     assert ran.code == 0
     assert "RARMS261" in ran.err
     assert host(here).observe().partitions == ()
+
+
+def test_a_level_that_is_picked_after_measuring_stands_in_the_summary(here: Path) -> None:
+    ran = rarms("measure", "--interactive", stdin="90 ms\n", at_a_terminal=True)
+    summary = rarms("measure", "--from", "45%", "--to", "45%").out
+
+    assert ran.code == 0, ran.err
+    assert "A level for vision" in ran.err
+    assert "at_most: 90 ms" in (here / "rarms.yaml").read_text(encoding="utf-8")
+    for told in (ran.out, summary, rarms("report", "--text").out, rarms("explain", "vision").out):
+        assert "90 ms" in told
+        assert "50 ms" not in told
+    assert "enough" not in ran.out, "the search was for another level"
+    assert "a plan reserves" in " ".join(ran.out.split())
+
+
+def test_a_threshold_that_nothing_meets_is_told_of_unless_another_level_is_picked(here: Path) -> None:
+    write(here, MANIFEST.replace("at_most: 50 ms", "at_most: 15 ms"))
+    picked = rarms("measure", "--interactive", stdin="40 ms\n", at_a_terminal=True)
+    assert (picked.code, "RARMS110" in picked.err) == (0, False), picked.err
+    write(here, MANIFEST.replace("at_most: 50 ms", "at_most: 15 ms"))
+    left = rarms("measure", "--interactive", stdin="\n", at_a_terminal=True)
+    assert (left.code, "RARMS110" in left.err) == (4, True)
+
+
+def test_verifying_measures_what_lies_between_two_settings(here: Path) -> None:
+    measured("--from", "20%", "--to", "60%", "--step", "40%")
+    assert "RARMS103" in rarms("plan").out
+    verified = measured("--verify")
+
+    assert verified["ending"] == "found"
+    assert verified["reserve"] == verified["planned"]
+    assert (verified["interpolated"], verified["reserve"] in reserves(verified)) == (False, True)
+    assert 20 < int(str(verified["reserve"])) < 60
+    assert "RARMS103" not in rarms("plan").out
+    assert measured("--verify")["new_settings"] == 0
+
+
+def test_several_components_are_measured_together_in_one_partition(here: Path) -> None:
+    two = MANIFEST.replace(
+        "  vision:",
+        "  speech:\n    criticality: 10\n    memory: 256 MiB\n    cpu: { reserve: 5 % }\n"
+        "    apt: { mean_response_time: { at_most: 300 ms } }\n    simulation: { work: 10 ms, varies: 2 % }\n  vision:",
+    )
+    write(here, two)
+    together = measured("speech", "vision", "--together", "--from", "50%", "--to", "60%")
+
+    assert together["components"] == ["speech", "vision"]
+    assert together["log"] == "measurements/onboard/speech+vision/busy-loop.jsonl"
+    log = (here / "measurements" / "onboard" / "speech+vision" / "busy-loop.jsonl").read_text(encoding="utf-8")
+    header, *lines = map(json.loads, log.splitlines())
+    assert header["setup"]["memory"] == (256 + 512) * 2**20
+    assert [[one["component"] for one in line["series"]] for line in lines] == [["speech", "vision"]] * 2
