@@ -1,4 +1,4 @@
-"""Kinds of problems that show when the wanted state meets a host (RARMS150-159)."""
+"""Kinds of problems that show when the wanted state meets a host (RARMS150-159, 165, 228)."""
 
 from rarms_iac.model.diagnostics import Finding, Severity
 
@@ -17,6 +17,9 @@ NOT_AT_REST = Finding(
 NOTHING_TO_MOVE = Finding(code="RARMS156", severity=Severity.WARNING, summary="Both names of a move exist on the host")
 RESPONSIVENESS = Finding(
     code="RARMS228", severity=Severity.ERROR, summary="SystemResponsiveness of this host cannot be decided here"
+)
+NOT_RESTORABLE = Finding(
+    code="RARMS165", severity=Severity.ERROR, summary="A registry value is in the way that could not be brought back"
 )
 GUEST_FIRST = Finding(
     code="RARMS157", severity=Severity.NOTE, summary="A shipped task class of a new guest waits for the next plan"

@@ -153,6 +153,17 @@ class RegistryValue:
     kind: ValueKind
     data: int | str
 
+    @property
+    def is_restorable(self) -> bool:
+        """Whether scripts read it whole and can write it back: numbers without sign and plain text.
+
+        Text with variables is read with their values put in, lists and bytes as one text. MMCSS knows neither
+        (FACTS 6.1).
+        """
+        if self.kind is ValueKind.QWORD:
+            return isinstance(self.data, int) and self.data >= 0
+        return self.kind in {ValueKind.DWORD, ValueKind.SZ}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TaskRecord:

@@ -48,15 +48,8 @@ _FREE: Readings = {"taken": False}
 VALUE = "value:"
 """Stands before a task class's value in readings."""
 
-_TYPES = {
-    ValueKind.DWORD: "DWord",
-    ValueKind.SZ: "String",
-    ValueKind.QWORD: "QWord",
-    ValueKind.EXPAND_SZ: "ExpandString",
-    ValueKind.MULTI_SZ: "MultiString",
-    ValueKind.BINARY: "Binary",
-    ValueKind.OTHER: "Unknown",
-}
+_TYPES = {ValueKind.DWORD: "DWord", ValueKind.SZ: "String", ValueKind.QWORD: "QWord"}
+"""Of the kinds that are written; a plan that would have to bring back another is refused."""
 _START = {StartAction.NOTHING: "Nothing", StartAction.START_IF_RUNNING: "StartIfRunning", StartAction.START: "Start"}
 _STOP = {StopAction.TURN_OFF: "TurnOff", StopAction.SAVE: "Save", StopAction.SHUT_DOWN: "ShutDown"}
 

@@ -106,6 +106,19 @@ def test_a_class_that_is_somebody_elses_is_left_alone() -> None:
     assert classes(guest)["MotionControl"].values == {"Priority": RegistryValue(kind=ValueKind.DWORD, data=3)}
 
 
+def test_a_class_with_a_value_that_could_not_be_brought_back_is_left_alone() -> None:
+    guest = a_guest()
+    extra = Entry(name="Extra", kind="MultiString", data="a b")
+    guest.add_key(f"{PROFILE}\\Tasks\\Games").values["extra"] = extra
+
+    ran = run(guest, SCRIPT)
+
+    assert ran.code == 3
+    assert "taken" in ran.says
+    assert guest.add_key(f"{PROFILE}\\Tasks\\Games").values["extra"] == extra
+    assert "MotionControl" not in classes(guest)  # all of it is read before anything is written
+
+
 def test_the_script_does_not_run_on_the_host_itself() -> None:
     (part,) = the_plan().hosts
     host = a_windows(computer=part.facts.computer_name)

@@ -1,6 +1,7 @@
 """The change of SystemResponsiveness."""
 
 from rarms_iac.diff import findings
+from rarms_iac.diff.comparing.tasks import not_restorable
 from rarms_iac.diff.comparing.wishes import Found, Wishes
 from rarms_iac.diff.disruption import disruption_of_task
 from rarms_iac.model.changes import RESPONSIVENESS, Create, Delete, Reason, Update
@@ -17,7 +18,9 @@ def responsiveness_changes(
     is_ours = record is not None and record.application == application
     disruption = disruption_of_task("")
     if after is None:
-        if before is not None and is_ours:
+        if before is not None and is_ours and (lost := not_restorable(RESPONSIVENESS, before, None)):
+            found.findings.append(lost)
+        elif before is not None and is_ours:
             reason = Reason(says=f"the manifest no longer sets it; {_restored(before)}")
             found.changes.append(Delete(address=RESPONSIVENESS, before=before, reason=reason, disruption=disruption))
         return found
@@ -27,6 +30,8 @@ def responsiveness_changes(
         found.findings.append(_undecided(record.application if record else "", place))
     elif before == after:
         found.unchanged += 1
+    elif lost := not_restorable(RESPONSIVENESS, before, place):
+        found.findings.append(lost)
     elif before.value is None and record is None:
         found.changes.append(Create(address=RESPONSIVENESS, after=after, reason=reason, disruption=disruption))
     else:

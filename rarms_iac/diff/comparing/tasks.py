@@ -7,7 +7,7 @@ from rarms_iac.diff.ours import Ours
 from rarms_iac.model.changes import Address, Create, Delete, Reason, Update
 from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.names import is_shipped_task
-from rarms_iac.model.state import State, TaskClass
+from rarms_iac.model.state import Responsiveness, State, TaskClass
 
 
 def task_changes(desired: State, ours: Ours, observed: State, application: str, wishes: Wishes) -> Found:
@@ -42,7 +42,9 @@ def _one_task(
     record = before.record if before else None
     is_ours = record is not None and record.application == application
     if after is None:
-        if before is not None and is_ours:
+        if before is not None and is_ours and (lost := not_restorable(_task_address(inside, before), before, None)):
+            found.findings.append(lost)
+        elif before is not None and is_ours:
             found.changes.append(
                 Delete(
                     address=_task_address(inside, before),
@@ -67,6 +69,8 @@ def _one_task(
         found.findings.append(_foreign_task(address, before, place))
     elif is_ours and dict(before.values) == dict(after.values) and after.record == record:
         found.unchanged += 1
+    elif lost := not_restorable(address, before, place):
+        found.findings.append(lost)
     else:
         found.changes.append(
             Update(
@@ -77,6 +81,21 @@ def _one_task(
                 disruption=disruption_of_task(inside),
             )
         )
+
+
+def not_restorable(address: Address, before: TaskClass | Responsiveness, place: Place | None) -> Diagnostic | None:
+    """What is there, or was there before rarms, and could not be brought back as it is; None: all of it could."""
+    kept = before.record.before if before.record else None
+    odd = {name: one for name, one in (*before.values.items(), *(kept or {}).items()) if not one.is_restorable}
+    if not odd:
+        return None
+    names = ", ".join(f"{name!r} ({one.kind.value})" for name, one in sorted(odd.items()))
+    return findings.NOT_RESTORABLE.at(
+        place,
+        f"{address} would be changed, and what it holds could not be brought back: {names}. MMCSS knows no such type.",
+        "Find out who wrote that, note it down, and take the value away by hand; then plan again.",
+        address=str(address),
+    )
 
 
 def _task_address(inside: str, task: TaskClass, there: TaskClass | None = None) -> Address:

@@ -513,10 +513,14 @@ function Clear-Key {
 # Task classes of a guest: nobody could look into it, so that its own record decides.
 
 function Read-GuestTaskClass {
-    # As Read-TaskClass, and whether the class is somebody else's: another application's, or there before rarms.
+    # As Read-TaskClass, and whether the class is not ours to take: another application's, there before rarms, or with
+    # values that could not be brought back: text with variables, lists, bytes.
     param([string] $Task, [string] $Application, [bool] $Replace)
     $live = Read-TaskClass -Task $Task
     $live['taken'] = [bool] ($live['exists'] -and -not $Replace)
+    foreach ($name in @(Get-TaskValueName -Task $Task)) {
+        if (-not ($live['value:' + $name] -cmatch '^(dword|qword|sz):')) { $live['taken'] = $true }
+    }
     if ($live['record']) { $live['taken'] = $live['record'] -cne $Application }
     $live
 }
@@ -533,7 +537,7 @@ function Save-TaskRecord {
         $values = [ordered] @{}
         foreach ($name in @(Get-TaskValueName -Task $Task)) {
             $kind, $data = $live['value:' + $name] -split ':', 2
-            if ($kind -ceq 'dword') { $data = [long] $data }
+            if ($kind -cne 'sz') { $data = [long] $data }
             $values[$name] = [ordered] @{ kind = $kind; data = $data }
         }
         $before = ConvertTo-AsciiJson -Value $values

@@ -1,5 +1,7 @@
 from dataclasses import replace
 
+import pytest
+
 from rarms_iac.diff.comparing.compare import Difference, compare
 from rarms_iac.diff.comparing.wishes import Wishes
 from rarms_iac.diff.disruption import Surroundings
@@ -7,6 +9,7 @@ from rarms_iac.model.changes import Create, Delete, Update
 from rarms_iac.model.state import Partition, RegistryValue, RunState, State, TaskClass, TaskRecord, ValueKind
 from rarms_iac.model.system import Disruption, RunsOn, StartMode, System
 from rarms_iac.planner.desired import desired_state
+from tests import builders_plan as build
 from tests.builders import a_component, a_host, a_partition, a_system, a_task, codes
 from tests.planning import PLACES, layout_of, route
 from tests.pure_host import PureHost
@@ -263,3 +266,38 @@ def test_a_partition_of_another_generation_is_made_again_as_wanted() -> None:
     assert [(one.settings.name, one.settings.generation) for one in after.partitions] == [("vision", 2)]
     assert after.partitions[0].id != state.partitions[0].id
     assert difference(robot(), after).changes == ()
+
+
+ODD = [
+    RegistryValue(kind=ValueKind.BINARY, data="1 2 255"),
+    RegistryValue(kind=ValueKind.MULTI_SZ, data="a b"),
+    RegistryValue(kind=ValueKind.EXPAND_SZ, data="C:\\Windows"),
+    RegistryValue(kind=ValueKind.OTHER, data=""),
+    RegistryValue(kind=ValueKind.QWORD, data=-1),
+]
+
+
+@pytest.mark.parametrize("odd", ODD, ids=lambda one: one.kind.value)
+@pytest.mark.parametrize("where", ["there", "before rarms"])
+def test_a_class_with_a_value_that_could_not_be_brought_back_is_left_alone(odd: RegistryValue, where: str) -> None:
+    player = a_component("player", criticality=3, runs_on=RunsOn.HOST, task="Games")
+    wanting = robot(components=[player], tasks=[a_task("Games", priority=4, replace_shipped=True)])
+    games = build.task("Games", priority=2)
+    values = {**games.values, "Extra": odd}
+    record = TaskRecord(application="robot", set="b" * 12, before=values) if where == "before rarms" else None
+    games = replace(games, values=games.values if record else values, record=record)
+    state = replace(empty_state(HOST), tasks=(games,))
+
+    found = difference(wanting, state)
+    assert [one for one in found.changes if one.address.task] == []
+    assert codes(found.findings) == ["RARMS165"]
+    assert f"'Extra' ({odd.kind.value})" in found.findings[0].detail
+
+    if record:
+        gone = difference(robot(), state)
+        assert ([one for one in gone.changes if one.address.task], codes(gone.findings)) == ([], ["RARMS165"])
+
+
+def test_numbers_and_plain_text_can_be_brought_back() -> None:
+    assert all(one.is_restorable for one in build.task().values.values())
+    assert RegistryValue(kind=ValueKind.QWORD, data=2**40).is_restorable
