@@ -1,16 +1,27 @@
 """Data logs for reports and exports: every one beside the manifest is read, and compared with what is now."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
+from rarms_iac.cli.candidates import candidates_in
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.datalogs import bench_now, compared, is_here, path_of, subject_of
+from rarms_iac.cli.datalogs import (
+    Measurements,
+    bench_now,
+    compared,
+    is_here,
+    measurements_of,
+    path_of,
+    subject_of,
+)
 from rarms_iac.cli.experiments import refuse_unknown
-from rarms_iac.cli.manifests import system_of
+from rarms_iac.cli.manifests import Opened, system_of
 from rarms_iac.cli.options import ManifestOptions
 from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.standing import standings_of
 from rarms_iac.cli.terminal import Terminal
+from rarms_iac.cli.tuning_log import tunings_of
 from rarms_iac.datalog.configuration import Proven, ProvenIndex, read_entries
 from rarms_iac.datalog.files import LogUnreadable, read_log
 from rarms_iac.datalog.hashing import Files
@@ -20,9 +31,11 @@ from rarms_iac.experiments.setup import interference_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.system import Host, System
+from rarms_iac.planner.combining.nodes import nodes_of
 from rarms_iac.planner.findings import UNREADABLE
 from rarms_iac.reports.building import Logged, report_of
-from rarms_iac.reports.model import Proof, Report
+from rarms_iac.reports.candidate_drawing import few_enough
+from rarms_iac.reports.model import Combining, Proof, Report
 
 NOTHING_MEASURED = Finding(code="RARMS290", severity=Severity.ERROR, summary="There is nothing to report")
 
@@ -40,10 +53,24 @@ def reported(source: ManifestOptions, components: tuple[str, ...] = ()) -> Repor
     logs = tuple(_logged(system, folder))
     if components:
         logs = tuple(one for one in logs if set(one.log.header.setup.members) & set(components))
-    report = report_of(system, logs, tuple(_proofs(system, folder, components)), standings_of(system, opened, source))
+    report = replace(
+        report_of(system, logs, tuple(_proofs(system, folder, components)), standings_of(system, opened, source)),
+        tunings=tuple(tunings_of(system, folder)),
+        combining=_combining(measurements_of(system, opened.loaded.folder, source), opened),
+    )
     if not report.measurements:
         raise Halted(ExitCode.NO, [_nothing(components)])
     return report
+
+
+def _combining(measured: Measurements, opened: Opened) -> Combining | None:
+    """What could share a partition; None where there is nothing to combine, or it cannot be told yet."""
+    try:
+        nodes = nodes_of(candidates_in(measured, opened))
+    except Halted:
+        return None
+    shown = few_enough(nodes)
+    return Combining(nodes=shown, left_out=len(nodes) - len(shown)) if any(one.parts for one in shown) else None
 
 
 def _nothing(components: tuple[str, ...]) -> Diagnostic:

@@ -9,6 +9,7 @@ from rarms_iac.cli.datalogs import measured_reservations, measurements_of
 from rarms_iac.cli.hosts import Hosts, observed
 from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.tuning import Subject, TuningStopped
+from rarms_iac.datalog.tuning import TunedPartition
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.quantities import show_processors
@@ -28,7 +29,7 @@ from rarms_iac.planner.combining.values import WHOLE, Asked, Coi, total
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.problem import host_view
-from rarms_iac.views.tuned import Ending, Partition, Tuned
+from rarms_iac.views.tuned import Ending, Tuned
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,7 +172,7 @@ def tuned_of(end: End, strategy: Literal["default", "paper"], system: System, wr
         proved=end.proved,
         contradictions=tuple(one.says for one in end.breaks),
         partitions=tuple(
-            Partition(
+            TunedPartition(
                 name=one.name,
                 components=tuple(
                     each.name for each in most_critical_first(system.components[name] for name in one.members)

@@ -8,6 +8,7 @@ from rarms_iac.cli.terminal import Terminal
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.planner.combining.oracle import Silent
 from rarms_iac.planner.combining.values import Asked, Coi, Members
+from rarms_iac.views.diagnostics.layout import wrap
 
 
 class Telling(Silent):
@@ -18,12 +19,12 @@ class Telling(Silent):
 
     def setting_asked(self, members: Members, reserve: int, why: str) -> None:
         """What is asked, and why."""
-        self._terminal.talk(f"{_together(members)} in one partition at {reserve} %: {why}.")
+        self._say(f"{_together(members)} in one partition at {reserve} %: {why}.")
 
     def setting_answered(self, answer: Asked) -> None:
         """The answer."""
         missed = f"not enough: {', '.join(answer.worse)} would not meet every threshold for sure"
-        self._terminal.talk(f"  {'enough: all thresholds met' if answer.passed else missed}")
+        self._say("enough: all thresholds met" if answer.passed else missed, "  ")
 
     def declined(self, members: Members) -> None:
         """That it is left out."""
@@ -32,7 +33,10 @@ class Telling(Silent):
     def combined(self, compound: Coi, before: int) -> None:
         """What it brought."""
         apart, now = (show_processors(Fraction(one, 100)) for one in (before, compound.cost))
-        self._terminal.talk(f"Combined: {_together(compound.members)}, {apart} apart and {now} together.")
+        self._say(f"Combined: {_together(compound.members)}, {apart} apart and {now} together.")
+
+    def _say(self, text: str, indent: str = "") -> None:
+        self._terminal.talk("\n".join(wrap(text, self._terminal.width, indent)))
 
 
 class AskingConsent:

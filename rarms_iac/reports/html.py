@@ -10,9 +10,19 @@ from functools import cache
 from hashlib import sha256
 from typing import TYPE_CHECKING
 
+from rarms_iac.reports.candidate_drawing import drawing_of
 from rarms_iac.reports.model import Report
 from rarms_iac.reports.page import RESERVES, Card, cards_of, data_of
-from rarms_iac.reports.summary import fit_text, fits_of, proofs_of, standing_text, summary_of
+from rarms_iac.reports.summary import (
+    fit_text,
+    fits_of,
+    proofs_of,
+    standing_text,
+    summary_of,
+    trail_of,
+    tuned_of,
+    tuning_text,
+)
 from rarms_iac.statistics.told_errors import ERRORS
 from rarms_iac.storage.shipped import shipped
 
@@ -37,6 +47,8 @@ def as_html(report: Report) -> bytes:
             fits=fits,
             told=[fit_text(one) for one in fits],
             proofs=proofs_of(report),
+            tunings=[(one.platform, tuning_text(one), trail_of(one), tuned_of(one)) for one in report.tunings],
+            combining=None if report.combining is None else drawing_of(report.combining.nodes),
             standings=[(one.host, standing_text(one), bool(one.differs)) for one in report.standings],
             reserves=RESERVES,
             errors=ERRORS,

@@ -7,9 +7,11 @@ terminal, spreadsheet and planner cannot differ.
 from dataclasses import dataclass
 from fractions import Fraction
 
+from rarms_iac.datalog.tuning import TuningRun
 from rarms_iac.model.indexes import PerformanceIndex
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.system import Threshold
+from rarms_iac.planner.combining.nodes import Node
 from rarms_iac.statistics.curve import Curve, LeastReserve, least_reserve
 
 
@@ -158,6 +160,22 @@ class Standing:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Tuning:
+    """The last run of `rarms tune` on a platform."""
+
+    platform: str
+    run: TuningRun
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Combining:
+    """What could share a partition, as the manifest is now."""
+
+    nodes: tuple[Node, ...]  # parts before what consists of them
+    left_out: int = 0  # compounds that are not shown, because they are too many
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
     """Everything that `rarms report` shows."""
 
@@ -168,3 +186,5 @@ class Report:
     unmeasured: tuple[tuple[str, ...], ...] = ()  # components of a partition that no data log here speaks for
     proofs: tuple[Proof, ...] = ()
     standings: tuple[Standing, ...] = ()  # by host
+    tunings: tuple[Tuning, ...] = ()  # by platform
+    combining: Combining | None = None  # None: nothing could be combined, or it is not all measured

@@ -5,7 +5,7 @@ from fractions import Fraction
 
 from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
 from rarms_iac.model.thresholds import show_threshold
-from rarms_iac.reports.model import Capacity, Measurement, Point, Proof, Report, Shown, Standing
+from rarms_iac.reports.model import Capacity, Measurement, Point, Proof, Report, Shown, Standing, Tuning
 from rarms_iac.reports.scale import shown
 from rarms_iac.statistics.told_errors import wrong
 
@@ -168,6 +168,48 @@ def fit_text(fit: Fit) -> str:
         f"{share(fit.total)} reserved of {share(capacity)} ({processors(fit.total)} of {processors(capacity)}). "
         f"{room if left >= 0 else over}."
     )
+
+
+def tuning_text(one: Tuning) -> str:
+    """What came of it, and whether it is the best there is."""
+    run = one.run
+    before, after, capacity = (_processors(amount) for amount in (run.before, run.after, run.capacity))
+    result = f"{before} became {after} of {capacity}" if run.before != run.after else f"{before} of {capacity}"
+    proof = " No other layout is better, if a compound needs at least what any part of it needs." if run.proved else ""
+    broken = f" Nothing is proved: {'; '.join(run.contradictions)}." if run.contradictions else ""
+    written = "" if run.written or run.ending != "successful" else " The manifest was left as it is."
+    named = (run.message or run.ending.replace("_", " ")).capitalize()
+    return f"{named}: {result} ({run.strategy} strategy, {run.when}).{proof}{broken}{written}"
+
+
+def trail_of(one: Tuning) -> tuple[tuple[str, str, str], ...]:
+    """A row a setting that was asked for, in order: components, CR, answer."""
+    return tuple(
+        (
+            " + ".join(asked.components),
+            show_percent(asked.reserve),
+            f"not met for sure by {', '.join(asked.worse)}" if asked.worse else "all thresholds met",
+        )
+        for asked in one.run.trail
+    )
+
+
+def tuned_of(one: Tuning) -> tuple[tuple[str, str, str, str, str], ...]:
+    """A row a partition as it was left: name, components, CR, what it reserves, what its parts reserved apart."""
+    return tuple(
+        (
+            part.name,
+            ", ".join(part.components),
+            show_percent(part.reserve),
+            _processors(part.reserved),
+            _processors(part.parts),
+        )
+        for part in one.run.partitions
+    )
+
+
+def _processors(percent: int) -> str:
+    return show_processors(Fraction(percent, 100))
 
 
 def standing_text(one: Standing) -> str:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from io import StringIO
 from math import isfinite
 
-from rarms_iac.reports.model import Measurement, Point, Report, Shown
+from rarms_iac.reports.model import Measurement, Point, Report, Shown, Tuning
 from rarms_iac.reports.scale import UNIT_TEXT
 
 Cell = str | int | float | None
@@ -121,6 +121,27 @@ def sample_rows(report: Report) -> Iterator[Sequence[Cell]]:
                         sample.count,
                         sample.failure,
                     )
+
+
+TRAIL = (
+    "platform",
+    "tuned",
+    "number",
+    "components",
+    "reserve (% of the partition's VPs)",
+    "enough",
+    "not met for sure by",
+)
+
+
+def trail_rows(tunings: Iterable[Tuning]) -> Iterator[Sequence[Cell]]:
+    """The header, then a row a setting that tuning asked for, in order."""
+    yield TRAIL
+    for one in tunings:
+        for number, asked in enumerate(one.run.trail, 1):
+            enough = "no" if asked.worse else "yes"
+            names, worse = "+".join(asked.components), " ".join(asked.worse)
+            yield one.platform, one.run.when, number, names, asked.reserve, enough, worse
 
 
 def finite(value: float) -> float | None:

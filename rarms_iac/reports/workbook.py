@@ -9,7 +9,7 @@ from rarms_iac.model.quantities import guaranteed
 from rarms_iac.reports.model import Measurement, Report, Shown
 from rarms_iac.reports.scale import UNIT_TEXT
 from rarms_iac.reports.summary import fits_of, verdict_of
-from rarms_iac.reports.tables import Cell, Rows, finite, sample_rows, setting_rows
+from rarms_iac.reports.tables import Cell, Rows, finite, sample_rows, setting_rows, trail_rows
 
 if TYPE_CHECKING:
     from xlsxwriter import Workbook
@@ -61,6 +61,8 @@ def workbook(report: Report, *, samples: bool = False, most_rows: int = MOST_ROW
     for name, one in zip(names, report.measurements, strict=True):
         _measurement(book, name, one)
     _rows(book, book.add_worksheet("settings"), setting_rows(report))
+    if report.tunings:
+        _rows(book, book.add_worksheet("tuning"), trail_rows(report.tunings))
     if samples:
         rows = list(sample_rows(report))
         if len(rows) > most_rows:
@@ -73,7 +75,7 @@ def workbook(report: Report, *, samples: bool = False, most_rows: int = MOST_ROW
 def _names(measurements: Sequence[Measurement]) -> list[str]:
     """A name a sheet: the components', short enough and unlike every other."""
     names: list[str] = []
-    taken = {"summary", "settings", "samples"}
+    taken = {"summary", "settings", "samples", "tuning"}
     for one in measurements:
         name, number = one.name[:LONGEST_NAME], 1
         while name.lower() in taken:

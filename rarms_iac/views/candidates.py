@@ -1,69 +1,15 @@
-"""The candidate graph as a picture: CoIs, the compounds that could save something, and what is known of each."""
+"""The candidate graph in the languages of other tools, and for programs."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import assert_never
 
-from rarms_iac.planner.combining.candidates import Candidate, Candidates, graph_of, named
+from rarms_iac.planner.combining.nodes import Node
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.graph import GraphFormat, dot_quoted, mermaid_quoted
 from rarms_iac.views.output.combining import CandidateOutput, CandidatesOutput
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Shown:
-    """A node of the candidate graph."""
-
-    name: str  # speech+vision
-    members: tuple[str, ...]
-    parts: tuple[str, ...]  # names of the nodes that lead to it; none: it is a CoI as it is now
-    low: int  # whole per cent of each of its virtual processors: it needs at least so much
-    high: int  # at most so much, if it is to save anything
-    measured: bool
-    is_gain: bool
-
-    @property
-    def label(self) -> tuple[str, ...]:
-        """Its lines in a picture."""
-        if not self.is_gain:
-            return self.name, f"no gain: needs at least {self.low} %"
-        if self.measured:
-            return self.name, f"{self.low} %"
-        return self.name, f"{self.low} % to {self.high} %, to be measured"
-
-
-def shown_of(candidates: Candidates) -> tuple[Shown, ...]:
-    """The nodes: CoIs, the least critical first, then compounds, the smaller first."""
-    graph = graph_of(candidates)
-    cois = [
-        Shown(
-            name=named(one.members),
-            members=one.members,
-            parts=(),
-            low=one.reserve,
-            high=one.reserve,
-            measured=True,
-            is_gain=True,
-        )
-        for one in candidates.cois
-    ]
-    compounds = sorted(candidates.by_mask.values(), key=lambda one: (one.mask.bit_count(), one.coi.members))
-    return (*cois, *(_compound(one, tuple(sorted(graph.predecessors(named(one.coi.members))))) for one in compounds))
-
-
-def _compound(one: Candidate, parts: tuple[str, ...]) -> Shown:
-    return Shown(
-        name=named(one.coi.members),
-        members=one.coi.members,
-        parts=parts,
-        low=one.low,
-        high=one.highest if one.passed is None else min(one.passed, one.highest),
-        measured=one.is_known,
-        is_gain=one.is_gain,
-    )
-
-
-def candidates_text(form: GraphFormat, title: str, nodes: Sequence[Shown]) -> str:
+def candidates_text(form: GraphFormat, title: str, nodes: Sequence[Node]) -> str:
     """The graph in that language, ending with a line end."""
     match form:
         case GraphFormat.DOT:
@@ -75,7 +21,7 @@ def candidates_text(form: GraphFormat, title: str, nodes: Sequence[Shown]) -> st
     return "\n".join(lines) + "\n"
 
 
-def candidates_json(application: str, nodes: Sequence[Shown]) -> str:
+def candidates_json(application: str, nodes: Sequence[Node]) -> str:
     """The same for programs."""
     shown = tuple(
         CandidateOutput(
@@ -92,7 +38,7 @@ def candidates_json(application: str, nodes: Sequence[Shown]) -> str:
     return as_json(CandidatesOutput(application=application, candidates=shown))
 
 
-def _dot(title: str, nodes: Sequence[Shown]) -> Iterator[str]:
+def _dot(title: str, nodes: Sequence[Node]) -> Iterator[str]:
     yield f"digraph {dot_quoted(title)} {{"
     yield "  graph [rankdir=LR];"
     yield "  node [shape=box, style=rounded];"
@@ -105,7 +51,7 @@ def _dot(title: str, nodes: Sequence[Shown]) -> Iterator[str]:
     yield "}"
 
 
-def _mermaid(title: str, nodes: Sequence[Shown]) -> Iterator[str]:
+def _mermaid(title: str, nodes: Sequence[Node]) -> Iterator[str]:
     yield "---"
     yield f'title: "{title}"'
     yield "---"

@@ -4,10 +4,20 @@ from collections.abc import Iterator
 from math import isfinite
 
 from rarms_iac.reports.model import Measurement, Report, Shown
-from rarms_iac.reports.summary import fit_text, fits_of, proofs_of, standing_text, summary_of
+from rarms_iac.reports.summary import (
+    fit_text,
+    fits_of,
+    proofs_of,
+    standing_text,
+    summary_of,
+    trail_of,
+    tuned_of,
+    tuning_text,
+)
 from rarms_iac.statistics.told_errors import ERRORS
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap
+from rarms_iac.views.output.combining import AskedOutput
 from rarms_iac.views.output.report import (
     ReportCapacityOutput,
     ReportDifferenceOutput,
@@ -17,6 +27,7 @@ from rarms_iac.views.output.report import (
     ReportPointOutput,
     ReportRowOutput,
     ReportStandingOutput,
+    ReportTuningOutput,
 )
 from rarms_iac.views.plot import plot_text
 from rarms_iac.views.table import table
@@ -37,6 +48,10 @@ def _parts(report: Report, width: int, *, ascii_only: bool, colour: bool) -> Ite
     if report.proofs:
         proven = [(one.component, one.index, one.level, one.shows, one.result) for one in proofs_of(report)]
         yield table([("all together", "index", "threshold", "observed", "result"), *proven], width)
+    for tuning in report.tunings:
+        yield "\n".join(wrap(f"combining on {tuning.platform}: {tuning_text(tuning)}", width, "")) + "\n"
+        yield table([("partition", "components", "CR", "bandwidth", "apart"), *tuned_of(tuning)], width)
+        yield table([("asked for", "CR", "answer"), *trail_of(tuning)], width)
     yield "\n".join(wrap(ERRORS, width, "")) + "\n"
     for one in report.measurements:
         for index in one.indexes:
@@ -65,6 +80,24 @@ def report_json(report: Report) -> str:
                     fits=fit.fits,
                 )
                 for fit in fits_of(report)
+            ),
+            tunings=tuple(
+                ReportTuningOutput(
+                    platform=one.platform,
+                    when=one.run.when,
+                    strategy=one.run.strategy,
+                    ending=one.run.ending,
+                    proved=one.run.proved,
+                    before=one.run.before,
+                    after=one.run.after,
+                    trail=tuple(
+                        AskedOutput(
+                            components=asked.components, reserve=asked.reserve, met=not asked.worse, worse=asked.worse
+                        )
+                        for asked in one.run.trail
+                    ),
+                )
+                for one in report.tunings
             ),
             standings=tuple(
                 ReportStandingOutput(

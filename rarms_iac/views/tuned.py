@@ -1,12 +1,11 @@
-"""What tuning came to: partitions, the trail of settings, and the same for programs and spreadsheets."""
+"""What tuning came to: partitions, the trail of settings, and the same for programs."""
 
-import csv
-import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Literal
 
+from rarms_iac.datalog.tuning import TunedPartition
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.planner.combining.values import Asked
@@ -15,22 +14,6 @@ from rarms_iac.views.output.combining import AskedOutput, CombinedOutput, TuneOu
 from rarms_iac.views.table import table
 
 Ending = Literal["nothing_to_do", "successful", "unable", "stopped"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Partition:
-    """A partition after tuning."""
-
-    name: str
-    components: tuple[str, ...]  # the most critical first
-    processors: int
-    reserve: int
-    parts: int  # what its parts reserved apart, in per cent of one logical processor
-
-    @property
-    def reserved(self) -> int:
-        """In per cent of one logical processor."""
-        return self.processors * self.reserve
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +28,7 @@ class Tuned:
     after: int
     proved: bool
     contradictions: tuple[str, ...]
-    partitions: tuple[Partition, ...]
+    partitions: tuple[TunedPartition, ...]
     trail: tuple[Asked, ...]
     written: str = ""
 
@@ -82,17 +65,6 @@ def _sentence(tuned: Tuned) -> str:
 
 def _shown(percent: int) -> str:
     return show_processors(Fraction(percent, 100))
-
-
-def trail_csv(tuned: Tuned) -> str:
-    """A row a setting, in the order in which they were asked for."""
-    out = io.StringIO()
-    rows = csv.writer(out, lineterminator="\n")
-    rows.writerow(("number", "components", "reserve_percent", "met", "worse"))
-    for number, one in enumerate(tuned.trail, start=1):
-        met = "yes" if one.passed else "no"
-        rows.writerow((number, "+".join(one.members), one.reserve, met, " ".join(one.worse)))
-    return out.getvalue()
 
 
 def tuned_json(tuned: Tuned, findings: Sequence[Diagnostic]) -> str:

@@ -20,22 +20,27 @@ TOO_LONG = Finding(code="RARMS292", severity=Severity.ERROR, summary="A sheet ca
 @click.argument("components", metavar="[COMPONENT]...", nargs=-1)
 @manifest_options
 @click.option("--samples", is_flag=True, help="Every sample too: a row each.")
+@click.option("--trail", is_flag=True, help="Only what the last `rarms tune` asked for, in order, as CSV.")
 def command(
-    session: Session, *, file: str, components: tuple[str, ...], source: ManifestOptions, samples: bool
+    session: Session, *, file: str, components: tuple[str, ...], source: ManifestOptions, samples: bool, trail: bool
 ) -> ExitCode:
     """Write what was measured of the COMPONENTs (default: all) to FILE: name.csv or name.xlsx.
 
     CSV has a row a setting and performance index, or with --samples a row a sample. XLSX has a summary and, for each
-    data log, a sheet with settings, curve and a chart. Numbers are numbers; their units stand in the headers.
+    data log, a sheet with settings, curve and a chart; after `rarms tune` also what that asked for. Numbers are
+    numbers; their units stand in the headers.
     """
-    from rarms_iac.reports.tables import csv_text, sample_rows, setting_rows
+    from rarms_iac.reports.tables import csv_text, sample_rows, setting_rows, trail_rows
 
     ending = Path(file).suffix.lower()
     if ending not in {".csv", ".xlsx"}:
         raise click.UsageError(f"{file!r} ends with neither .csv nor .xlsx.", click.get_current_context())
+    if trail and (samples or ending != ".csv"):
+        raise click.UsageError("--trail goes into a .csv file, without --samples.", click.get_current_context())
     report = reported(source, components)
     if ending == ".csv":
-        data = csv_text(sample_rows(report) if samples else setting_rows(report)).encode("utf-8", "replace")
+        rows = trail_rows(report.tunings) if trail else sample_rows(report) if samples else setting_rows(report)
+        data = csv_text(rows).encode("utf-8", "replace")
     else:
         from rarms_iac.reports.workbook import TooManyRows, workbook
 

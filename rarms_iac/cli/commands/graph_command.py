@@ -47,8 +47,9 @@ def command(session: Session, *, source: ManifestOptions, form: str, candidates:
 
 def _candidates(session: Session, measured: Measurements, opened: Opened, form: str, *, as_json: bool) -> ExitCode:
     from rarms_iac.cli.candidates import candidates_in
-    from rarms_iac.views.candidates import candidates_json, candidates_text, shown_of
+    from rarms_iac.planner.combining.nodes import nodes_of as candidate_nodes
+    from rarms_iac.views.candidates import candidates_json, candidates_text
 
-    name, nodes = measured.system.application.name, shown_of(candidates_in(measured, opened))
+    name, nodes = measured.system.application.name, candidate_nodes(candidates_in(measured, opened))
     session.terminal.data(candidates_json(name, nodes) if as_json else candidates_text(GraphFormat(form), name, nodes))
     return ExitCode.DONE

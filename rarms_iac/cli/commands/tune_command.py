@@ -25,11 +25,14 @@ from rarms_iac.cli.telling import tell
 from rarms_iac.cli.tuned_manifest import write_partitions
 from rarms_iac.cli.tuning import Experiments, bench_of, subject_of_tuning
 from rarms_iac.cli.tuning_end import End, findings_of, still_too_much, tuned_of
+from rarms_iac.cli.tuning_log import record_tuning, run_of
 from rarms_iac.cli.tuning_talk import AskingConsent, Telling
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.planner.combining.oracle import Always
 from rarms_iac.planner.combining.paper import Asking
-from rarms_iac.views.tuned import trail_csv, tuned_json, tuned_text
+from rarms_iac.reports.model import Tuning
+from rarms_iac.reports.tables import csv_text, trail_rows
+from rarms_iac.views.tuned import Tuned, tuned_json, tuned_text
 
 STRATEGIES = ("default", "paper")
 
@@ -87,9 +90,7 @@ def command(
     written = () if dry_run else _written(session, hosts, end)
     told = (*findings_of(end, hosts), *(still_too_much(hosts, end) if written else ()))
     tuned = tuned_of(end, cast(Literal["default", "paper"], strategy), hosts.system, ", ".join(written))
-    if trail is not None:
-        write_file(trail, trail_csv(tuned).encode("utf-8"))
-        session.terminal.talk(f"Wrote {trail}.")
+    _keep_trail(session, hosts, end, tuned, trail)
     tell(session.terminal, told, hosts.opened.loaded.sources)
     session.terminal.data(tuned_json(tuned, told) if as_json else tuned_text(tuned, session.terminal.width))
     if end.ending == "stopped":
@@ -114,6 +115,17 @@ def _tuned(session: Session, hosts: Hosts, options: MeasureOptions, *, repeat: b
             may_share=subject.may_share,
         )
         return End.of(subject, asking, options.strategy, repeat=repeat)
+
+
+def _keep_trail(session: Session, hosts: Hosts, end: End, tuned: Tuned, file: str | None) -> None:
+    """Into the log of tuning, for reports, and into the file that was asked for."""
+    platform, run = end.subject.bench.platform, run_of(tuned)
+    if run is not None:
+        record_tuning(hosts, platform, run)
+    if file is not None:
+        rows = trail_rows([] if run is None else [Tuning(platform=platform, run=run)])
+        write_file(file, csv_text(rows).encode("utf-8"))
+        session.terminal.talk(f"Wrote {file}.")
 
 
 def _written(session: Session, hosts: Hosts, end: End) -> tuple[str, ...]:

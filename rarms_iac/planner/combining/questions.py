@@ -144,7 +144,7 @@ def _question(guide: Guide, best: Choice, one: Candidate, reserve: int) -> Ask:
     return Ask(
         members=one.coi.members,
         reserve=reserve,
-        why=f"between {one.low} % and {highest(one)} %, predicted: {predicted} %; the best layout may combine {beside}",
+        why=f"it needs {one.low} % to {highest(one)} %, predicted: {predicted} %; the best layout may combine {beside}",
         predicted=predicted,
     )
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from rarms_iac.views.output.combining import AskedOutput
 from rarms_iac.views.output.common import FORMAT_VERSION, Format
 
 
@@ -87,6 +88,20 @@ class ReportStandingOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ReportTuningOutput:
+    """The last run of `rarms tune` on a platform; amounts are per cent of one logical processor (140: 1.4 LP)."""
+
+    platform: str
+    when: str
+    strategy: Literal["default", "paper"]
+    ending: Literal["successful", "unable", "nothing_to_do"]
+    proved: bool
+    before: int
+    after: int
+    trail: tuple[AskedOutput, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ReportOutput:
     """`rarms report`: what was measured, and what each threshold reserves."""
 
@@ -96,3 +111,4 @@ class ReportOutput:
     measurements: tuple[ReportMeasurementOutput, ...]
     capacities: tuple[ReportCapacityOutput, ...]
     standings: tuple[ReportStandingOutput, ...]
+    tunings: tuple[ReportTuningOutput, ...]

@@ -1,16 +1,19 @@
 """`rarms tune`, from words to the manifest's `partitions`, on the simulated host."""
 
 import json
+import re
 from collections.abc import Iterator
 from contextlib import chdir
 from pathlib import Path
 
+import openpyxl
 import pytest
 
 from rarms_iac.datalog.configuration import last_chosen, read_entries
 from rarms_iac.datalog.paths import configuration_path
 from tests.files import copy_files
 from tests.unit.cli.running import rarms
+from tests.unit.views.test_json import check
 
 MANIFEST = """\
 # A robot that asks for more than it has.
@@ -88,6 +91,7 @@ def test_it_does_not_fit_is_tuned_and_fits(here: Path) -> None:
     assert "partitions:\n  paths:\n    components: [paths, video]\n" in text
     trail = (here / "trail.csv").read_text(encoding="utf-8").splitlines()
     assert len(trail) == 1 + len(found["trail"])
+    in_all_reports(trail)
     assert "recorded already" not in declined.err.split("paths+video", 2)[1]
     assert "No other layout is better" in tuned.out
     assert "?" not in tuned.err, "nothing that looks like a question is told where nobody is asked"
@@ -95,6 +99,26 @@ def test_it_does_not_fit_is_tuned_and_fits(here: Path) -> None:
     assert "paths mean_response_time" in declined.err
     assert "video mean_response_time" in declined.err
     assert json.loads(again.out)["ending"] == "nothing_to_do"
+
+
+def in_all_reports(trail: list[str]) -> None:
+    """What was asked for stands, in the same order, in the page, in its JSON, in CSV and in XLSX."""
+    page = rarms("report", "-o", "-").out
+    document = rarms("report", "--json").out
+    assert (rarms("export", "again.csv", "--trail").code, rarms("export", "all.xlsx").code) == (0, 0)
+    check(document)
+    (tuning,) = json.loads(document)["tunings"]
+    rows = list(openpyxl.load_workbook("all.xlsx")["tuning"].values)
+
+    assert [(one["reserve"], one["met"]) for one in tuning["trail"]] == [
+        (int(line.split(",")[4]), line.split(",")[5] == "yes") for line in trail[1:]
+    ]
+    assert Path("again.csv").read_text(encoding="utf-8").splitlines() == trail
+    assert [[*map(str, row[2:5])] for row in rows] == [line.split(",")[2:5] for line in trail]
+    asked = re.findall(r'<th scope="row">paths \+ video</th><td data-is="Reserve">(\d+) %</td>', page)
+    assert asked == [line.split(",")[4] for line in trail[1:]]
+    assert 'class="candidates"' in page
+    assert rarms("export", "again.xlsx", "--trail").code == 64
 
 
 def test_what_is_recorded_is_not_run_again(here: Path) -> None:

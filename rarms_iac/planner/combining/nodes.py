@@ -1,0 +1,58 @@
+"""The candidate graph as nodes: CoIs, the compounds that could save something, and what is known of each."""
+
+from dataclasses import dataclass
+
+from rarms_iac.planner.combining.candidates import Candidate, Candidates, graph_of, named
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Node:
+    """A node of the candidate graph."""
+
+    name: str  # speech+vision
+    members: tuple[str, ...]
+    parts: tuple[str, ...]  # names of the nodes that lead to it; none: it is a CoI as it is now
+    low: int  # whole per cent of each of its virtual processors: it needs at least so much
+    high: int  # at most so much, if it is to save anything
+    measured: bool
+    is_gain: bool
+
+    @property
+    def label(self) -> tuple[str, ...]:
+        """Its lines in a picture."""
+        if not self.is_gain:
+            return self.name, f"no gain: needs at least {self.low} %"
+        if self.measured:
+            return self.name, f"{self.low} %"
+        return self.name, f"{self.low} % to {self.high} %, to be measured"
+
+
+def nodes_of(candidates: Candidates) -> tuple[Node, ...]:
+    """The nodes: CoIs, the least critical first, then compounds, the smaller first."""
+    graph = graph_of(candidates)
+    cois = [
+        Node(
+            name=named(one.members),
+            members=one.members,
+            parts=(),
+            low=one.reserve,
+            high=one.reserve,
+            measured=True,
+            is_gain=True,
+        )
+        for one in candidates.cois
+    ]
+    compounds = sorted(candidates.by_mask.values(), key=lambda one: (one.mask.bit_count(), one.coi.members))
+    return (*cois, *(_compound(one, tuple(sorted(graph.predecessors(named(one.coi.members))))) for one in compounds))
+
+
+def _compound(one: Candidate, parts: tuple[str, ...]) -> Node:
+    return Node(
+        name=named(one.coi.members),
+        members=one.coi.members,
+        parts=parts,
+        low=one.low,
+        high=one.highest if one.passed is None else min(one.passed, one.highest),
+        measured=one.is_known,
+        is_gain=one.is_gain,
+    )
