@@ -278,7 +278,7 @@ def test_a_level_that_is_picked_after_measuring_stands_in_the_summary(here: Path
         assert "90 ms" in told
         assert "50 ms" not in told
     assert "enough" not in ran.out, "the search was for another level"
-    assert "a plan reserves" in " ".join(ran.out.split())
+    assert "; a plan" in ran.out, "what a plan reserves stands beside it"
 
 
 def test_a_threshold_that_nothing_meets_is_told_of_unless_another_level_is_picked(here: Path) -> None:
