@@ -57,8 +57,9 @@ def command(
     """Show a plan that `rarms plan --out` wrote, or with --script what runs on its hosts.
 
     A PLAN needs neither manifest nor host; a file that was edited is refused, as `rarms apply` refuses it. With
-    --script and without a PLAN, the plan is made first, as `rarms plan` makes it. --against shows a difference and judges
-    nothing: the exit code is 0 whether there is one or not; in --json an empty list of steps and of the run says none.
+    --script and without a PLAN, the plan is made first, as `rarms plan` makes it. --against shows a difference and
+    judges nothing: the exit code is 0 whether there is one or not; in --json an empty list of steps and of
+    the run says none.
     """
     options = ScriptOptions(
         hosts=where.hosts, guest=guest, undo=undo, whole=whole, raw=raw, out=out, against=against, as_json=as_json
