@@ -91,15 +91,16 @@ def _not_achievable(
     if most:
         advice = "Free the host, where something else holds its processors; else relax the threshold."
     for setting in last:
-        for one in shown(setting, experiment):
-            if one.misses:
-                yield NOT_ACHIEVABLE.at(
-                    places.value("components", one.component, "apt", one.index),
-                    f"{one.component} at {reserve} %: {show_measured(one)}, and its threshold is "
-                    f"{show_threshold(one.index, one.threshold)}.{most}",
-                    advice,
-                    address=f"component/{one.component}",
-                )
+        found = shown(setting, experiment)
+        # What is on the right side, and not for sure, is not met either.
+        for one in [each for each in found if each.misses] or found:
+            yield NOT_ACHIEVABLE.at(
+                places.value("components", one.component, "apt", one.index),
+                f"{one.component} at {reserve} %: {show_measured(one)}, and its threshold is "
+                f"{show_threshold(one.index, one.threshold)}.{most}",
+                advice,
+                address=f"component/{one.component}",
+            )
 
 
 def _not_resolved(

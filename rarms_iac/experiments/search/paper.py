@@ -2,8 +2,7 @@
 
 from collections.abc import Sequence
 
-from rarms_iac.experiments.search.bracket import not_met
-from rarms_iac.experiments.search.values import Found, Goal, Measure, Step, Trial
+from rarms_iac.experiments.search.values import Found, Goal, Measure, NotAchievable, Step, Trial
 
 STEP = 10
 
@@ -16,5 +15,5 @@ def next_step(history: Sequence[Trial], _goal: Goal) -> Step:
     if last.passed:
         return Found(reserve=last.reserve, failed=last.reserve - STEP or None)
     if last.reserve == 100:
-        return not_met(last)
+        return NotAchievable()  # to the letter: what is not shown to meet the APT there has no reservation that does
     return Measure(reserve=last.reserve + STEP)

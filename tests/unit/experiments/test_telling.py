@@ -1,0 +1,36 @@
+"""What an end is told as: an end that is a no always has a finding that says so."""
+
+from rarms_iac.experiments.conclusions import NotAchievable
+from rarms_iac.experiments.measuring import NoPlaces
+from rarms_iac.experiments.setup import experiment_of
+from rarms_iac.experiments.telling import findings_of
+from tests.builders import a_component, a_simulation, a_system, at_most
+from tests.builders_measured import a_series, a_setting
+
+APT = {"mean_response_time": at_most(84), "maximum_response_time": at_most(90)}
+SYSTEM = a_system(components=[a_component("vision", apt=APT, simulation=a_simulation())])
+EXPERIMENT = experiment_of(SYSTEM, SYSTEM.hosts["onboard"], ("vision",), "busy-loop")
+
+
+def told(times: list[float]) -> list[str]:
+    settings = (a_setting(100, a_series("vision", times)),)
+    found = list(findings_of(EXPERIMENT, NotAchievable(reserve=100, error=0.01), settings, NoPlaces()))
+    assert {one.code for one in found} == {"RARMS110"}
+    return [one.detail for one in found]
+
+
+def test_the_indexes_that_are_on_the_wrong_side_are_named() -> None:
+    (only,) = told([82.0, 86.5] * 30)
+
+    assert "mean_response_time" in only
+
+
+def test_what_is_on_the_right_side_and_not_for_sure_is_told_of_as_well() -> None:
+    """A mean of 83.9 ms, known to within a millisecond, does not show that it is at most 84 ms."""
+    assert len(told([81.4, 86.4] * 30)) == len(APT)
+
+
+def test_a_series_without_a_steady_state_is_told_as_such() -> None:
+    says = " ".join(told([40.0 + number for number in range(100)]))
+
+    assert "cannot be told: its level still changed within 100 samples" in says
