@@ -23,10 +23,9 @@ from rarms_iac.powershell.remarks import remark
 _HOST_REQUIRES = ("-Modules Hyper-V", "-RunAsAdministrator")
 _GUEST_REQUIRES = ("-RunAsAdministrator",)
 
-_READ = "Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script."
 _TITLES = {
-    RunKind.APPLY: f"rarms apply script. {_READ}",
-    RunKind.UNDO: f"rarms undo script: it takes back what the apply script of the same plan did. {_READ}",
+    RunKind.APPLY: "rarms apply script.",
+    RunKind.UNDO: "rarms undo script: it takes back what the apply script of the same plan did.",
 }
 
 NOT_UNDONE = "Not undone"
@@ -290,7 +289,7 @@ def _table(readings: Readings) -> str:
 
 
 def _remarks(one: _Numbered, total: int, step: Step) -> Iterable[str]:
-    yield f"{one.number + 1}/{total}  {remark(one.part.action)}"
+    yield f"{one.number + 1}/{total}  {remark(one.part.address)}: {remark(one.part.action)}"
     if step.comment:
         yield f"why: {remark(step.comment)}"
     if step.place:

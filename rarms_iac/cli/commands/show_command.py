@@ -27,7 +27,7 @@ from rarms_iac.views.plan_json import plan_json
 @click.option("--script", is_flag=True, help="Show the scripts: a Hyper-V host's own, or what one would get.")
 @click.option("--guest", metavar="PARTITION", default="", help="With --script: the one for this partition's guest.")
 @click.option("--undo", is_flag=True, help="With --script: the one that takes it back.")
-@click.option("--whole", is_flag=True, help="With --script: also the part that is the same in every script.")
+@click.option("--whole", is_flag=True, help="With --script: also the runtime and the parts, which are fixed.")
 @click.option("--raw", is_flag=True, help="With --script: the exact bytes, without numbers.")
 @click.option("--out", metavar="FOLDER", help="With --script: write the exact bytes, undo scripts beside them.")
 @click.option("--against", metavar="FILE", help="With --script: how it differs from this script or plan, by steps.")
@@ -58,8 +58,7 @@ def command(
 
     A PLAN needs neither manifest nor host; a file that was edited is refused, as `rarms apply` refuses it. With
     --script and without a PLAN, the plan is made first, as `rarms plan` makes it. --against shows a difference and
-    judges nothing: the exit code is 0 whether there is one or not; in --json an empty list of steps and of
-    the run says none.
+    judges nothing: the exit code is 0 whether there is one or not.
     """
     options = ScriptOptions(
         hosts=where.hosts, guest=guest, undo=undo, whole=whole, raw=raw, out=out, against=against, as_json=as_json

@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms undo script: it takes back what the apply script of the same plan did.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         32a7f498de10, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        1
@@ -570,6 +571,7 @@ try {
         Undo = ''
         UndoDigest = ''
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -578,7 +580,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/1  undo: mark it as robot/vision, set 0a9aee4ba82c
+    # 1/1  partition/vision: undo: mark it as robot/vision, set 0a9aee4ba82c
     # why: rarms import; only the mark is written
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{

@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         4bf46dceb810, manifest df17c0ec8df0, rarms 0.1.0
 # Steps        8
@@ -612,8 +613,9 @@ try {
         Serial = 0
         Total = 8
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '635b45d31586d538e3bd5c81a7fb68f1cfc54ba11ba9f6251f343643cf7f387d'
+        UndoDigest = 'de2b01929b03a56a98a070d0b744b43cd10576c0e33d8032aa202c989b1dcfde'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -622,7 +624,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/8  make a machine of generation 1 with 512 MiB
+    # 1/8  partition/speech: make a machine of generation 1 with 512 MiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:15:3
     Add-Step -Definition @{
@@ -638,7 +640,7 @@ try {
         }
     }
 
-    # 2/8  memory static, 512 MiB
+    # 2/8  partition/speech: memory static, 512 MiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:15:3
     Add-Step -Definition @{
@@ -655,7 +657,7 @@ try {
         }
     }
 
-    # 3/8  mark it as robot/speech, set 9af0a32a08de
+    # 3/8  partition/speech: mark it as robot/speech, set 9af0a32a08de
     # why: it is not there; from now on it is known as ours, whatever happens
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
@@ -672,7 +674,7 @@ try {
         }
     }
 
-    # 4/8  processors 1
+    # 4/8  partition/speech: processors 1
     # why: it is not there; only while it is off
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
@@ -690,7 +692,7 @@ try {
         }
     }
 
-    # 5/8  reserve 40 %, limit 100 %, weight 100
+    # 5/8  partition/speech: reserve 40 %, limit 100 %, weight 100
     # why: it is not there; while it is off nothing is promised yet
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
@@ -708,7 +710,7 @@ try {
         }
     }
 
-    # 6/8  when the host starts: start, when it stops: shut down; no checkpoints
+    # 6/8  partition/speech: when the host starts: start, when it stops: shut down; no checkpoints
     # why: it is not there; what its host does with it
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
@@ -726,7 +728,7 @@ try {
         }
     }
 
-    # 7/8  give it its name speech
+    # 7/8  partition/speech: give it its name speech
     # why: it is not there; last, so that a machine of this name is always whole
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
@@ -744,7 +746,7 @@ try {
         }
     }
 
-    # 8/8  start it
+    # 8/8  partition/speech: start it
     # why: it is not there; after all that it is to have is set
     # at:  rarms.yaml:15:3
     Add-Step -Definition @{

@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         eabd9685ffae, manifest 4e5e6d808001, rarms 0.1.0
 # Steps        10
@@ -665,8 +666,9 @@ try {
         Serial = 0
         Total = 10
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'cf1ae26062964e3e0a7993b410785866108006a7bd08dcdd06b92228fc1bc9aa'
+        UndoDigest = '48baf1902d7b5ac8dc7c41141f27ec4028b5bee019908e546fdabd804a18b1a2'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -675,7 +677,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/10  make a machine of generation 2 with 1 GiB
+    # 1/10  partition/vision: make a machine of generation 2 with 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:15:3
     # undo: the disk made from D:\images\base.vhdx stays
@@ -692,7 +694,7 @@ try {
         }
     }
 
-    # 2/10  memory static, 1 GiB
+    # 2/10  partition/vision: memory static, 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:15:3
     # undo: the disk made from D:\images\base.vhdx stays
@@ -710,7 +712,7 @@ try {
         }
     }
 
-    # 3/10  make a disk that grows out of D:\images\base.vhdx
+    # 3/10  partition/vision/disk: make a disk that grows out of D:\images\base.vhdx
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:15:3
     # undo: the disk made from D:\images\base.vhdx stays
@@ -727,7 +729,7 @@ try {
         }
     }
 
-    # 4/10  attach the disk
+    # 4/10  partition/vision: attach the disk
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:15:3
     # undo: the disk made from D:\images\base.vhdx stays
@@ -745,7 +747,7 @@ try {
         }
     }
 
-    # 5/10  mark it as robot/vision, set 361ebcdb6468
+    # 5/10  partition/vision: mark it as robot/vision, set 361ebcdb6468
     # why: it is not there; from now on it is known as ours, whatever happens
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
@@ -762,7 +764,7 @@ try {
         }
     }
 
-    # 6/10  processors 2
+    # 6/10  partition/vision: processors 2
     # why: it is not there; only while it is off
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
@@ -780,7 +782,7 @@ try {
         }
     }
 
-    # 7/10  reserve 80 %, limit 100 %, weight 100
+    # 7/10  partition/vision: reserve 80 %, limit 100 %, weight 100
     # why: it is not there; while it is off nothing is promised yet
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
@@ -798,7 +800,7 @@ try {
         }
     }
 
-    # 8/10  when the host starts: start, when it stops: shut down; no checkpoints
+    # 8/10  partition/vision: when the host starts: start, when it stops: shut down; no checkpoints
     # why: it is not there; what its host does with it
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
@@ -816,7 +818,7 @@ try {
         }
     }
 
-    # 9/10  give it its name vision
+    # 9/10  partition/vision: give it its name vision
     # why: it is not there; last, so that a machine of this name is always whole
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
@@ -834,7 +836,7 @@ try {
         }
     }
 
-    # 10/10  start it
+    # 10/10  partition/vision: start it
     # why: it is not there; after all that it is to have is set
     # at:  rarms.yaml:15:3
     Add-Step -Definition @{

@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         7f41ff08416c, manifest 3f7d02250fb2, rarms 0.1.0
 # Steps        9
@@ -612,8 +613,9 @@ try {
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '6aaa1d874a5caa5972ce6d8668937a0df7cc2fbbeaab980dd36c330a3e7bf648'
+        UndoDigest = '66a97a5a882dec86a5e784a3907e75b78d37418364273043fdb05217546a48a2'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -622,7 +624,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/9  make a machine of generation 2 with 512 MiB
+    # 1/9  partition/speech: make a machine of generation 2 with 512 MiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -638,7 +640,7 @@ try {
         }
     }
 
-    # 2/9  memory static, 512 MiB
+    # 2/9  partition/speech: memory static, 512 MiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -655,7 +657,7 @@ try {
         }
     }
 
-    # 3/9  take away the network adapter that every new machine gets
+    # 3/9  partition/speech: take away the network adapter that every new machine gets
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -672,7 +674,7 @@ try {
         }
     }
 
-    # 4/9  mark it as robot/speech, set 63f8fd0cdc73
+    # 4/9  partition/speech: mark it as robot/speech, set 63f8fd0cdc73
     # why: it is not there; from now on it is known as ours, whatever happens
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
@@ -689,7 +691,7 @@ try {
         }
     }
 
-    # 5/9  processors 1
+    # 5/9  partition/speech: processors 1
     # why: it is not there; only while it is off
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
@@ -707,7 +709,7 @@ try {
         }
     }
 
-    # 6/9  reserve 40 %, limit 100 %, weight 100
+    # 6/9  partition/speech: reserve 40 %, limit 100 %, weight 100
     # why: it is not there; while it is off nothing is promised yet
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
@@ -725,7 +727,7 @@ try {
         }
     }
 
-    # 7/9  when the host starts: start, when it stops: shut down; no checkpoints
+    # 7/9  partition/speech: when the host starts: start, when it stops: shut down; no checkpoints
     # why: it is not there; what its host does with it
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
@@ -743,7 +745,7 @@ try {
         }
     }
 
-    # 8/9  give it its name speech
+    # 8/9  partition/speech: give it its name speech
     # why: it is not there; last, so that a machine of this name is always whole
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
@@ -761,7 +763,7 @@ try {
         }
     }
 
-    # 9/9  start it
+    # 9/9  partition/speech: start it
     # why: it is not there; after all that it is to have is set
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{

@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         fa17d6d17fbf, manifest d692ce1616c2, rarms 0.1.0
 # Steps        6
@@ -693,8 +694,9 @@ try {
         Serial = 1
         Total = 6
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '3c003f3cbc5b6809a26d6ee80c239fbcbdc3c417c7d6fcb3a73c3be7b04339a6'
+        UndoDigest = 'a43bf9175a0f5c45da50a0e32708051e3c6afc5a7930589a10318e4816242d7e'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -703,7 +705,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/6  stop it (asked; after 120 s turned off)
+    # 1/6  partition/speech: stop it (asked; after 120 s turned off)
     # why: it is not wanted on this host; a running machine cannot be removed
     # at:  rarms.yaml:14:3
     # undo: it starts anew: what its programs had in memory is lost
@@ -720,7 +722,7 @@ try {
         }
     }
 
-    # 2/6  remove the machine, keep its disks
+    # 2/6  partition/speech: remove the machine, keep its disks
     # why: it is not wanted on this host; removed before anything is made, so that there is room
     # at:  rarms.yaml:14:3
     # undo: the machine is not made again; its disks are still there
@@ -738,7 +740,7 @@ try {
         }
     }
 
-    # 3/6  stop it (asked; after 120 s turned off)
+    # 3/6  partition/vision: stop it (asked; after 120 s turned off)
     # why: it is not wanted on this host; a running machine cannot be removed
     # at:  rarms.yaml:13:3
     # undo: it starts anew: what its programs had in memory is lost
@@ -755,7 +757,7 @@ try {
         }
     }
 
-    # 4/6  remove the machine, keep its disks
+    # 4/6  partition/vision: remove the machine, keep its disks
     # why: it is not wanted on this host; removed before anything is made, so that there is room
     # at:  rarms.yaml:13:3
     # undo: the machine is not made again; its disks are still there
@@ -773,7 +775,7 @@ try {
         }
     }
 
-    # 5/6  set Priority 4 -> 2
+    # 5/6  task/Games: set Priority 4 -> 2
     # why: no component here names it any more; threads see it when their Windows starts again
     Add-Step -Definition @{
         Number = 4
@@ -795,7 +797,7 @@ try {
         }
     }
 
-    # 6/6  forget it: it is no longer ours
+    # 6/6  task/Games: forget it: it is no longer ours
     # why: no component here names it any more; last, after what was there is back
     Add-Step -Definition @{
         Number = 5

@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         4806338d96d8, manifest d692ce1616c2, rarms 0.1.0
 # Steps        7
@@ -747,8 +748,9 @@ try {
         Serial = 1
         Total = 7
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'f6479420852a2146e936f3625f4c13064319a095d77882dc7a24074f92d7f5ad'
+        UndoDigest = '6e1c7d639878c161de83de928c59288577211a129c59b824014d2d4f13bd5985'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -757,7 +759,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/7  stop it (asked; after 120 s turned off)
+    # 1/7  partition/speech: stop it (asked; after 120 s turned off)
     # why: it is not wanted on this host; a running machine cannot be removed
     # at:  rarms.yaml:14:3
     # undo: it starts anew: what its programs had in memory is lost
@@ -774,7 +776,7 @@ try {
         }
     }
 
-    # 2/7  remove the machine, keep its disks
+    # 2/7  partition/speech: remove the machine, keep its disks
     # why: it is not wanted on this host; removed before anything is made, so that there is room
     # at:  rarms.yaml:14:3
     # undo: the machine is not made again; its disks are still there
@@ -792,7 +794,7 @@ try {
         }
     }
 
-    # 3/7  stop it (asked; after 120 s turned off)
+    # 3/7  partition/vision: stop it (asked; after 120 s turned off)
     # why: it is not wanted on this host; a running machine cannot be removed
     # at:  rarms.yaml:13:3
     # undo: it starts anew: what its programs had in memory is lost
@@ -809,7 +811,7 @@ try {
         }
     }
 
-    # 4/7  remove the machine, keep its other disks
+    # 4/7  partition/vision: remove the machine, keep its other disks
     # why: it is not wanted on this host; removed before anything is made, so that there is room
     # at:  rarms.yaml:13:3
     # undo: the machine is not made again
@@ -827,7 +829,7 @@ try {
         }
     }
 
-    # 5/7  delete its disk D:\vms\vision-0123456789ab.vhdx
+    # 5/7  partition/vision/disk/vision-0123456789ab.vhdx: delete its disk D:\vms\vision-0123456789ab.vhdx
     # why: its removal was asked for; rarms made it, and it grows out of D:\images\robot.vhdx
     # at:  rarms.yaml:13:3
     # undo: what is on the disk is lost
@@ -844,7 +846,7 @@ try {
         }
     }
 
-    # 6/7  set Priority 4 -> 2
+    # 6/7  task/Games: set Priority 4 -> 2
     # why: no component here names it any more; threads see it when their Windows starts again
     Add-Step -Definition @{
         Number = 5
@@ -866,7 +868,7 @@ try {
         }
     }
 
-    # 7/7  forget it: it is no longer ours
+    # 7/7  task/Games: forget it: it is no longer ours
     # why: no component here names it any more; last, after what was there is back
     Add-Step -Definition @{
         Number = 6

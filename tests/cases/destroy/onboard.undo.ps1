@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms undo script: it takes back what the apply script of the same plan did.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         7390034ffc9c, manifest ecb1b47be5b8, rarms 0.1.0
 # Steps        4
@@ -721,6 +722,7 @@ try {
         Undo = ''
         UndoDigest = ''
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -729,7 +731,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/4  undo: forget it: it is no longer ours
+    # 1/4  task/Games: undo: forget it: it is no longer ours
     # why: no component here names it any more; last, after what was there is back
     Add-Step -Definition @{
         Number = 0
@@ -745,7 +747,7 @@ try {
         }
     }
 
-    # 2/4  undo: set Priority 4 -> 2
+    # 2/4  task/Games: undo: set Priority 4 -> 2
     # why: no component here names it any more; threads see it when their Windows starts again
     Add-Step -Definition @{
         Number = 1
@@ -768,7 +770,7 @@ try {
         }
     }
 
-    # 3/4  undo: stop it (asked; after 120 s turned off)
+    # 3/4  partition/vision: undo: stop it (asked; after 120 s turned off)
     # why: it is not wanted on this host; a running machine cannot be removed
     # at:  rarms.yaml:12:3
     # undo: it starts anew: what its programs had in memory is lost
@@ -789,7 +791,7 @@ try {
         }
     }
 
-    # 4/4  undo: stop it (asked; after 120 s turned off)
+    # 4/4  partition/speech: undo: stop it (asked; after 120 s turned off)
     # why: it is not wanted on this host; a running machine cannot be removed
     # at:  rarms.yaml:13:3
     # undo: it starts anew: what its programs had in memory is lost

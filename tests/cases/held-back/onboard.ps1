@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         0ff225e3d49f, manifest 07e858a72e54, rarms 0.1.0
 # Steps        2
@@ -568,8 +569,9 @@ try {
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '006fff00e1cc96320a8bedbf7d20b71280c060af87ff5a72893f38f84c86de33'
+        UndoDigest = '42c7b6c5c24553bd478e3ceb9a0baf50b9ef2f086771a6b687309a23729062f9'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -578,7 +580,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/2  reserve 80 -> 60 %
+    # 1/2  partition/vision: reserve 80 -> 60 %
     # why: not as wanted: reserve, limit or weight; what is given back comes before what is taken
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -595,7 +597,7 @@ try {
         }
     }
 
-    # 2/2  mark it as robot/vision, set f39be3815d52
+    # 2/2  partition/vision: mark it as robot/vision, set f39be3815d52
     # why: not as wanted: reserve, limit or weight; the mark says what was last written
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{

@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms undo script: it takes back what the apply script of the same plan did.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         0ff225e3d49f, manifest 07e858a72e54, rarms 0.1.0
 # Steps        2
@@ -614,6 +615,7 @@ try {
         Undo = ''
         UndoDigest = ''
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -622,7 +624,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/2  undo: mark it as robot/vision, set f39be3815d52
+    # 1/2  partition/vision: undo: mark it as robot/vision, set f39be3815d52
     # why: not as wanted: reserve, limit or weight; the mark says what was last written
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -639,7 +641,7 @@ try {
         }
     }
 
-    # 2/2  undo: reserve 80 -> 60 %
+    # 2/2  partition/vision: undo: reserve 80 -> 60 %
     # why: not as wanted: reserve, limit or weight; what is given back comes before what is taken
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{

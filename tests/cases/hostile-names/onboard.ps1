@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         5613db87ba20, manifest ede4a8e56512, rarms 0.1.0
 # Steps        8
@@ -612,8 +613,9 @@ try {
         Serial = 0
         Total = 8
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '5a91ad65a75a72b3251e61ec44f95ad03e20b6b293c5beccd33d31a41d909deb'
+        UndoDigest = '412b04d5081ea0f13f0180a18f7687ff85d52c0d8bccdde2416a3e36d4e9e836'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -622,7 +624,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/8  make a machine of generation 2 with 1 GiB
+    # 1/8  partition/vision: make a machine of generation 2 with 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:15:3
     Add-Step -Definition @{
@@ -638,7 +640,7 @@ try {
         }
     }
 
-    # 2/8  memory static, 1 GiB
+    # 2/8  partition/vision: memory static, 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:15:3
     Add-Step -Definition @{
@@ -655,7 +657,7 @@ try {
         }
     }
 
-    # 3/8  mark it as robot/vision, set 361ebcdb6468
+    # 3/8  partition/vision: mark it as robot/vision, set 361ebcdb6468
     # why: it is not there; from now on it is known as ours, whatever happens
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
@@ -672,7 +674,7 @@ try {
         }
     }
 
-    # 4/8  processors 2
+    # 4/8  partition/vision: processors 2
     # why: it is not there; only while it is off
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
@@ -690,7 +692,7 @@ try {
         }
     }
 
-    # 5/8  reserve 80 %, limit 100 %, weight 100
+    # 5/8  partition/vision: reserve 80 %, limit 100 %, weight 100
     # why: it is not there; while it is off nothing is promised yet
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
@@ -708,7 +710,7 @@ try {
         }
     }
 
-    # 6/8  when the host starts: start, when it stops: shut down; no checkpoints
+    # 6/8  partition/vision: when the host starts: start, when it stops: shut down; no checkpoints
     # why: it is not there; what its host does with it
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
@@ -726,7 +728,7 @@ try {
         }
     }
 
-    # 7/8  give it its name vision
+    # 7/8  partition/vision: give it its name vision
     # why: it is not there; last, so that a machine of this name is always whole
     # at:  rarms.yaml:15:3
     # undo: it goes with the machine, which is removed
@@ -744,7 +746,7 @@ try {
         }
     }
 
-    # 8/8  start it
+    # 8/8  partition/vision: start it
     # why: it is not there; after all that it is to have is set
     # at:  rarms.yaml:15:3
     Add-Step -Definition @{

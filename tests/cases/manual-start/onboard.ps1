@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         48ac71e1f3d5, manifest 33e57ee050a8, rarms 0.1.0
 # Steps        17
@@ -612,8 +613,9 @@ try {
         Serial = 0
         Total = 17
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '4ba7193eb047e858ef47544e60f2e64247ad5049cde1daf80b7a2db6c7ef9c9a'
+        UndoDigest = '524eb569d40ce0bb28d3f3a215fd1dda99fc6ea81625bff04c059de55a884f64'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -622,7 +624,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/17  make a machine of generation 2 with 512 MiB
+    # 1/17  partition/speech: make a machine of generation 2 with 512 MiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:16:3
     Add-Step -Definition @{
@@ -638,7 +640,7 @@ try {
         }
     }
 
-    # 2/17  memory static, 512 MiB
+    # 2/17  partition/speech: memory static, 512 MiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:16:3
     Add-Step -Definition @{
@@ -655,7 +657,7 @@ try {
         }
     }
 
-    # 3/17  take away the network adapter that every new machine gets
+    # 3/17  partition/speech: take away the network adapter that every new machine gets
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:16:3
     Add-Step -Definition @{
@@ -672,7 +674,7 @@ try {
         }
     }
 
-    # 4/17  mark it as robot/speech, set e9f28d224f00
+    # 4/17  partition/speech: mark it as robot/speech, set e9f28d224f00
     # why: it is not there; from now on it is known as ours, whatever happens
     # at:  rarms.yaml:16:3
     # undo: it goes with the machine, which is removed
@@ -689,7 +691,7 @@ try {
         }
     }
 
-    # 5/17  processors 1
+    # 5/17  partition/speech: processors 1
     # why: it is not there; only while it is off
     # at:  rarms.yaml:16:3
     # undo: it goes with the machine, which is removed
@@ -707,7 +709,7 @@ try {
         }
     }
 
-    # 6/17  reserve 40 %, limit 100 %, weight 100
+    # 6/17  partition/speech: reserve 40 %, limit 100 %, weight 100
     # why: it is not there; while it is off nothing is promised yet
     # at:  rarms.yaml:16:3
     # undo: it goes with the machine, which is removed
@@ -725,7 +727,7 @@ try {
         }
     }
 
-    # 7/17  when the host starts: nothing, when it stops: shut down; no checkpoints
+    # 7/17  partition/speech: when the host starts: nothing, when it stops: shut down; no checkpoints
     # why: it is not there; what its host does with it
     # at:  rarms.yaml:16:3
     # undo: it goes with the machine, which is removed
@@ -743,7 +745,7 @@ try {
         }
     }
 
-    # 8/17  give it its name speech
+    # 8/17  partition/speech: give it its name speech
     # why: it is not there; last, so that a machine of this name is always whole
     # at:  rarms.yaml:16:3
     # undo: it goes with the machine, which is removed
@@ -761,7 +763,7 @@ try {
         }
     }
 
-    # 9/17  make a machine of generation 2 with 1 GiB
+    # 9/17  partition/vision: make a machine of generation 2 with 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -777,7 +779,7 @@ try {
         }
     }
 
-    # 10/17  memory static, 1 GiB
+    # 10/17  partition/vision: memory static, 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -794,7 +796,7 @@ try {
         }
     }
 
-    # 11/17  take away the network adapter that every new machine gets
+    # 11/17  partition/vision: take away the network adapter that every new machine gets
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -811,7 +813,7 @@ try {
         }
     }
 
-    # 12/17  mark it as robot/vision, set b0900e6c24e2
+    # 12/17  partition/vision: mark it as robot/vision, set b0900e6c24e2
     # why: it is not there; from now on it is known as ours, whatever happens
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
@@ -828,7 +830,7 @@ try {
         }
     }
 
-    # 13/17  processors 2
+    # 13/17  partition/vision: processors 2
     # why: it is not there; only while it is off
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
@@ -846,7 +848,7 @@ try {
         }
     }
 
-    # 14/17  reserve 80 %, limit 100 %, weight 200
+    # 14/17  partition/vision: reserve 80 %, limit 100 %, weight 200
     # why: it is not there; while it is off nothing is promised yet
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
@@ -864,7 +866,7 @@ try {
         }
     }
 
-    # 15/17  when the host starts: start, when it stops: shut down; no checkpoints
+    # 15/17  partition/vision: when the host starts: start, when it stops: shut down; no checkpoints
     # why: it is not there; what its host does with it
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
@@ -882,7 +884,7 @@ try {
         }
     }
 
-    # 16/17  give it its name vision
+    # 16/17  partition/vision: give it its name vision
     # why: it is not there; last, so that a machine of this name is always whole
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
@@ -900,7 +902,7 @@ try {
         }
     }
 
-    # 17/17  start it
+    # 17/17  partition/vision: start it
     # why: it is not there; after all that it is to have is set
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{

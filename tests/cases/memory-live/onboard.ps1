@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         5c933f3b9678, manifest 67dca71b7024, rarms 0.1.0
 # Steps        4
@@ -630,8 +631,9 @@ try {
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'fa5e0cc30427a322cddf0aaa73f3ff17753e60a25b938788a42a4b256807ab93'
+        UndoDigest = '72d109f20cbfa421f680d5b15563bcca83b77eecc34b3765b6119ed6e4ff2b66'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -640,7 +642,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/4  stop it (asked; after 120 s turned off)
+    # 1/4  partition/speech: stop it (asked; after 120 s turned off)
     # why: not as wanted: memory; it has to stop for that; it must be off for what follows
     # at:  rarms.yaml:13:3
     # undo: it starts anew: what its programs had in memory is lost
@@ -657,7 +659,7 @@ try {
         }
     }
 
-    # 2/4  memory 512 MiB -> 1 GiB
+    # 2/4  partition/speech: memory 512 MiB -> 1 GiB
     # why: not as wanted: memory; it has to stop for that; after the others gave back
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -674,7 +676,7 @@ try {
         }
     }
 
-    # 3/4  mark it as robot/speech, set cf356994122a
+    # 3/4  partition/speech: mark it as robot/speech, set cf356994122a
     # why: not as wanted: memory; it has to stop for that; the mark says what was last written
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -690,7 +692,7 @@ try {
         }
     }
 
-    # 4/4  start it
+    # 4/4  partition/speech: start it
     # why: not as wanted: memory; it has to stop for that; after all that it is to have is set
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{

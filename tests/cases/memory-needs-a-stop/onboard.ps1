@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         00dd01dac1fd, manifest ebb8198705b8, rarms 0.1.0
 # Steps        3
@@ -630,8 +631,9 @@ try {
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '53f6871f8e969caa01797cbc98c4c0851c8fe50f8bf730ad697ee80a68d6d7cb'
+        UndoDigest = '58b6b8ba5fa58f2f685fcffdcf4d7798a54d38b96ddd58e3adacd11b12d25169'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -640,7 +642,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/3  stop it (asked; after 120 s turned off)
+    # 1/3  partition/speech: stop it (asked; after 120 s turned off)
     # why: not as wanted: memory; it has to stop for that; it must be off for what follows
     # at:  rarms.yaml:13:3
     # undo: it starts anew: what its programs had in memory is lost
@@ -657,7 +659,7 @@ try {
         }
     }
 
-    # 2/3  memory 512 MiB -> 512 MiB, static
+    # 2/3  partition/speech: memory 512 MiB -> 512 MiB, static
     # why: not as wanted: memory; it has to stop for that; nothing is taken or given back
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -674,7 +676,7 @@ try {
         }
     }
 
-    # 3/3  start it
+    # 3/3  partition/speech: start it
     # why: not as wanted: memory; it has to stop for that; after all that it is to have is set
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{

@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms undo script: it takes back what the apply script of the same plan did.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         00dd01dac1fd, manifest ebb8198705b8, rarms 0.1.0
 # Steps        3
@@ -632,6 +633,7 @@ try {
         Undo = ''
         UndoDigest = ''
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -640,7 +642,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/3  undo: start it
+    # 1/3  partition/speech: undo: start it
     # why: not as wanted: memory; it has to stop for that; after all that it is to have is set
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -657,7 +659,7 @@ try {
         }
     }
 
-    # 2/3  undo: memory 512 MiB -> 512 MiB, static
+    # 2/3  partition/speech: undo: memory 512 MiB -> 512 MiB, static
     # why: not as wanted: memory; it has to stop for that; nothing is taken or given back
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -675,7 +677,7 @@ try {
         }
     }
 
-    # 3/3  undo: stop it (asked; after 120 s turned off)
+    # 3/3  partition/speech: undo: stop it (asked; after 120 s turned off)
     # why: not as wanted: memory; it has to stop for that; it must be off for what follows
     # at:  rarms.yaml:13:3
     # undo: it starts anew: what its programs had in memory is lost

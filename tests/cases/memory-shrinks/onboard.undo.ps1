@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms undo script: it takes back what the apply script of the same plan did.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         133d1697e9b6, manifest 8730f6de8bc7, rarms 0.1.0
 # Steps        4
@@ -632,6 +633,7 @@ try {
         Undo = ''
         UndoDigest = ''
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -640,7 +642,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/4  undo: start it
+    # 1/4  partition/vision: undo: start it
     # why: not as wanted: memory; it has to stop for that; after all that it is to have is set
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -657,7 +659,7 @@ try {
         }
     }
 
-    # 2/4  undo: mark it as robot/vision, set 703f701e9205
+    # 2/4  partition/vision: undo: mark it as robot/vision, set 703f701e9205
     # why: not as wanted: memory; it has to stop for that; the mark says what was last written
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -674,7 +676,7 @@ try {
         }
     }
 
-    # 3/4  undo: memory 1 GiB -> 512 MiB
+    # 3/4  partition/vision: undo: memory 1 GiB -> 512 MiB
     # why: not as wanted: memory; it has to stop for that; what is given back comes before what is taken
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -692,7 +694,7 @@ try {
         }
     }
 
-    # 4/4  undo: stop it (asked; after 120 s turned off)
+    # 4/4  partition/vision: undo: stop it (asked; after 120 s turned off)
     # why: not as wanted: memory; it has to stop for that; it must be off for what follows
     # at:  rarms.yaml:12:3
     # undo: it starts anew: what its programs had in memory is lost

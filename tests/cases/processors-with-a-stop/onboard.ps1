@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         ba07e955328b, manifest e002180b1f5c, rarms 0.1.0
 # Steps        5
@@ -630,8 +631,9 @@ try {
         Serial = 1
         Total = 5
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '91331633779de491fa499e984160d8f7d560e2fde204a8529b4bec75314f659b'
+        UndoDigest = 'adce0f3129732cdb5486b28e594e6e055d1c63efd6efa3b046ebc5a3fd60ba04'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -640,7 +642,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/5  stop it (asked; after 120 s turned off)
+    # 1/5  partition/speech: stop it (asked; after 120 s turned off)
     # why: not as wanted: processors, reserve, limit or weight; it has to stop for that; it must be off for what follows
     # at:  rarms.yaml:13:3
     # undo: it starts anew: what its programs had in memory is lost
@@ -657,7 +659,7 @@ try {
         }
     }
 
-    # 2/5  reserve 40 -> 20 %
+    # 2/5  partition/speech: reserve 40 -> 20 %
     # why: not as wanted: processors, reserve, limit or weight; it has to stop for that; what is given back comes before what is taken
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -674,7 +676,7 @@ try {
         }
     }
 
-    # 3/5  processors 1 -> 2
+    # 3/5  partition/speech: processors 1 -> 2
     # why: not as wanted: processors, reserve, limit or weight; it has to stop for that; only while it is off
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -691,7 +693,7 @@ try {
         }
     }
 
-    # 4/5  mark it as robot/speech, set 7c08b2c3712c
+    # 4/5  partition/speech: mark it as robot/speech, set 7c08b2c3712c
     # why: not as wanted: processors, reserve, limit or weight; it has to stop for that; the mark says what was last written
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -707,7 +709,7 @@ try {
         }
     }
 
-    # 5/5  start it
+    # 5/5  partition/speech: start it
     # why: not as wanted: processors, reserve, limit or weight; it has to stop for that; after all that it is to have is set
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{

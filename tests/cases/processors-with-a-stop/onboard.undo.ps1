@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms undo script: it takes back what the apply script of the same plan did.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         ba07e955328b, manifest e002180b1f5c, rarms 0.1.0
 # Steps        5
@@ -632,6 +633,7 @@ try {
         Undo = ''
         UndoDigest = ''
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -640,7 +642,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/5  undo: start it
+    # 1/5  partition/speech: undo: start it
     # why: not as wanted: processors, reserve, limit or weight; it has to stop for that; after all that it is to have is set
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -657,7 +659,7 @@ try {
         }
     }
 
-    # 2/5  undo: mark it as robot/speech, set 7c08b2c3712c
+    # 2/5  partition/speech: undo: mark it as robot/speech, set 7c08b2c3712c
     # why: not as wanted: processors, reserve, limit or weight; it has to stop for that; the mark says what was last written
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -674,7 +676,7 @@ try {
         }
     }
 
-    # 3/5  undo: processors 1 -> 2
+    # 3/5  partition/speech: undo: processors 1 -> 2
     # why: not as wanted: processors, reserve, limit or weight; it has to stop for that; only while it is off
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -692,7 +694,7 @@ try {
         }
     }
 
-    # 4/5  undo: reserve 40 -> 20 %
+    # 4/5  partition/speech: undo: reserve 40 -> 20 %
     # why: not as wanted: processors, reserve, limit or weight; it has to stop for that; what is given back comes before what is taken
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -710,7 +712,7 @@ try {
         }
     }
 
-    # 5/5  undo: stop it (asked; after 120 s turned off)
+    # 5/5  partition/speech: undo: stop it (asked; after 120 s turned off)
     # why: not as wanted: processors, reserve, limit or weight; it has to stop for that; it must be off for what follows
     # at:  rarms.yaml:13:3
     # undo: it starts anew: what its programs had in memory is lost

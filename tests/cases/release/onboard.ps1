@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         13f61269b248, manifest bbb4806d4bbf, rarms 0.1.0
 # Steps        1
@@ -568,8 +569,9 @@ try {
         Serial = 1
         Total = 1
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '1b64d4320f6649556de38f26b4cb88404b4b71fc7a12dbaa505e03fead18a66f'
+        UndoDigest = 'db7c43413fe315094a1dc93148c37748c21c918422a471ec1d2c3f59d813be15'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -578,7 +580,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/1  erase the mark
+    # 1/1  partition/speech: erase the mark
     # why: rarms release; the machine stays as it is
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{

@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms undo script: it takes back what the apply script of the same plan did.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         13f61269b248, manifest bbb4806d4bbf, rarms 0.1.0
 # Steps        1
@@ -570,6 +571,7 @@ try {
         Undo = ''
         UndoDigest = ''
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -578,7 +580,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/1  undo: erase the mark
+    # 1/1  partition/speech: undo: erase the mark
     # why: rarms release; the machine stays as it is
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{

@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         c98fa4d1ba86, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        2
@@ -587,8 +588,9 @@ try {
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'e5b508ac09f235dbdc6af46ebbd0c2526cca65628a5c768525108ea8e60e4df4'
+        UndoDigest = '0b600cae4dd2773955e4b7e05b7c8b9520f765c82907ed84458c70583f1477dc'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -597,7 +599,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/2  stop it (asked; after 120 s turned off)
+    # 1/2  partition/speech: stop it (asked; after 120 s turned off)
     # why: it is not wanted on this host; a running machine cannot be removed
     # at:  rarms.yaml:11:1
     # undo: it starts anew: what its programs had in memory is lost
@@ -614,7 +616,7 @@ try {
         }
     }
 
-    # 2/2  remove the machine, keep its disks
+    # 2/2  partition/speech: remove the machine, keep its disks
     # why: it is not wanted on this host; removed before anything is made, so that there is room
     # at:  rarms.yaml:11:1
     # undo: the machine is not made again; its disks are still there

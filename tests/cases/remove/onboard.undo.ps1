@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms undo script: it takes back what the apply script of the same plan did.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         c98fa4d1ba86, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        1
@@ -615,6 +616,7 @@ try {
         Undo = ''
         UndoDigest = ''
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -623,7 +625,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/1  undo: stop it (asked; after 120 s turned off)
+    # 1/1  partition/speech: undo: stop it (asked; after 120 s turned off)
     # why: it is not wanted on this host; a running machine cannot be removed
     # at:  rarms.yaml:11:1
     # undo: it starts anew: what its programs had in memory is lost

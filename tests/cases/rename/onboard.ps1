@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         1f9e3832ae46, manifest 6c594f432f20, rarms 0.1.0
 # Steps        3
@@ -568,8 +569,9 @@ try {
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'b6e7baec7814865cd8de08574a1b28422311ee0de9f101530d416de1fb07f650'
+        UndoDigest = '1235c2b276b86f6a9c90a29921c83b5e529625becb27ce1254c87ffe905b7149'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -578,7 +580,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/3  mark it as robot/voice, set 63f8fd0cdc73
+    # 1/3  partition/voice: mark it as robot/voice, set 63f8fd0cdc73
     # why: not as wanted: name; the manifest calls it so now
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -594,7 +596,7 @@ try {
         }
     }
 
-    # 2/3  name speech -> voice
+    # 2/3  partition/voice: name speech -> voice
     # why: not as wanted: name; its settings stay
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -611,7 +613,7 @@ try {
         }
     }
 
-    # 3/3  mark it as robot/voice, set 7e36d19fd4be
+    # 3/3  partition/voice: mark it as robot/voice, set 7e36d19fd4be
     # why: not as wanted: name; the mark says what was last written
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{

@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms undo script: it takes back what the apply script of the same plan did.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         1f9e3832ae46, manifest 6c594f432f20, rarms 0.1.0
 # Steps        3
@@ -570,6 +571,7 @@ try {
         Undo = ''
         UndoDigest = ''
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -578,7 +580,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/3  undo: mark it as robot/voice, set 7e36d19fd4be
+    # 1/3  partition/voice: undo: mark it as robot/voice, set 7e36d19fd4be
     # why: not as wanted: name; the mark says what was last written
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -595,7 +597,7 @@ try {
         }
     }
 
-    # 2/3  undo: name speech -> voice
+    # 2/3  partition/voice: undo: name speech -> voice
     # why: not as wanted: name; its settings stay
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -613,7 +615,7 @@ try {
         }
     }
 
-    # 3/3  undo: mark it as robot/voice, set 63f8fd0cdc73
+    # 3/3  partition/voice: undo: mark it as robot/voice, set 63f8fd0cdc73
     # why: not as wanted: name; the manifest calls it so now
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{

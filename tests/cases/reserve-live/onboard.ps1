@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         d31d47ea6585, manifest 83441c1046fd, rarms 0.1.0
 # Steps        2
@@ -568,8 +569,9 @@ try {
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'e594f7c1bd3223f661d8d53edf0ca596adc2c2a890d51c41ca490fd07bb244b7'
+        UndoDigest = 'fbd7c0079cffc458e63aea11716ae6facfae7b4a2eae7e582fbd51d90d779dc2'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -578,7 +580,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/2  reserve 80 -> 40 %, weight 100 -> 200
+    # 1/2  partition/vision: reserve 80 -> 40 %, weight 100 -> 200
     # why: not as wanted: reserve, limit or weight; what is given back comes before what is taken
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -595,7 +597,7 @@ try {
         }
     }
 
-    # 2/2  mark it as robot/vision, set 9f897c50146c
+    # 2/2  partition/vision: mark it as robot/vision, set 9f897c50146c
     # why: not as wanted: reserve, limit or weight; the mark says what was last written
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{

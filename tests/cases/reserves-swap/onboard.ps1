@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         3574c50c595c, manifest 964de3a17dd7, rarms 0.1.0
 # Steps        4
@@ -612,8 +613,9 @@ try {
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '8db54ac31f87c84a3a5e9d5b8ea9b500edf5fea996c9962101de80b37aa1781d'
+        UndoDigest = '337ed7d1e1e35c1dc72d401dc822136d798be708ab9eafc8cf1d4761b5cc8175'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -622,7 +624,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/4  reserve 60 -> 20 %
+    # 1/4  partition/vision: reserve 60 -> 20 %
     # why: not as wanted: reserve, limit or weight; what is given back comes before what is taken
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -639,7 +641,7 @@ try {
         }
     }
 
-    # 2/4  mark it as robot/vision, set 846e6d0b17bd
+    # 2/4  partition/vision: mark it as robot/vision, set 846e6d0b17bd
     # why: not as wanted: reserve, limit or weight; the mark says what was last written
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -655,7 +657,7 @@ try {
         }
     }
 
-    # 3/4  reserve 20 -> 60 %
+    # 3/4  partition/speech: reserve 20 -> 60 %
     # why: not as wanted: reserve, limit or weight; after the others gave back
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -673,7 +675,7 @@ try {
         }
     }
 
-    # 4/4  mark it as robot/speech, set 74f4c70798be
+    # 4/4  partition/speech: mark it as robot/speech, set 74f4c70798be
     # why: not as wanted: reserve, limit or weight; the mark says what was last written
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{

@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms undo script: it takes back what the apply script of the same plan did.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         3574c50c595c, manifest 964de3a17dd7, rarms 0.1.0
 # Steps        4
@@ -614,6 +615,7 @@ try {
         Undo = ''
         UndoDigest = ''
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -622,7 +624,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/4  undo: mark it as robot/speech, set 74f4c70798be
+    # 1/4  partition/speech: undo: mark it as robot/speech, set 74f4c70798be
     # why: not as wanted: reserve, limit or weight; the mark says what was last written
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -639,7 +641,7 @@ try {
         }
     }
 
-    # 2/4  undo: reserve 20 -> 60 %
+    # 2/4  partition/speech: undo: reserve 20 -> 60 %
     # why: not as wanted: reserve, limit or weight; after the others gave back
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -657,7 +659,7 @@ try {
         }
     }
 
-    # 3/4  undo: mark it as robot/vision, set 846e6d0b17bd
+    # 3/4  partition/vision: undo: mark it as robot/vision, set 846e6d0b17bd
     # why: not as wanted: reserve, limit or weight; the mark says what was last written
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -674,7 +676,7 @@ try {
         }
     }
 
-    # 4/4  undo: reserve 60 -> 20 %
+    # 4/4  partition/vision: undo: reserve 60 -> 20 %
     # why: not as wanted: reserve, limit or weight; what is given back comes before what is taken
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{

@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         a1b3bffc2938, manifest 263e743597f3, rarms 0.1.0
 # Steps        9
@@ -612,8 +613,9 @@ try {
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '2ac3f5d8b3fb0da1dee3de3e23fb2b1f25aac185909d88bf36463d94bdebcb6b'
+        UndoDigest = 'b1c0b9a0b1361c1341b4f05ac83e9aedefab5704524ab6fd64ded581a231734e'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -622,7 +624,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/9  make a machine of generation 2 with 1 GiB
+    # 1/9  partition/vision: make a machine of generation 2 with 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -638,7 +640,7 @@ try {
         }
     }
 
-    # 2/9  memory static, 1 GiB
+    # 2/9  partition/vision: memory static, 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -655,7 +657,7 @@ try {
         }
     }
 
-    # 3/9  take away the network adapter that every new machine gets
+    # 3/9  partition/vision: take away the network adapter that every new machine gets
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -672,7 +674,7 @@ try {
         }
     }
 
-    # 4/9  mark it as robot/vision, set 361ebcdb6468
+    # 4/9  partition/vision: mark it as robot/vision, set 361ebcdb6468
     # why: it is not there; from now on it is known as ours, whatever happens
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
@@ -689,7 +691,7 @@ try {
         }
     }
 
-    # 5/9  processors 2
+    # 5/9  partition/vision: processors 2
     # why: it is not there; only while it is off
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
@@ -707,7 +709,7 @@ try {
         }
     }
 
-    # 6/9  reserve 80 %, limit 100 %, weight 100
+    # 6/9  partition/vision: reserve 80 %, limit 100 %, weight 100
     # why: it is not there; while it is off nothing is promised yet
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
@@ -725,7 +727,7 @@ try {
         }
     }
 
-    # 7/9  when the host starts: start, when it stops: shut down; no checkpoints
+    # 7/9  partition/vision: when the host starts: start, when it stops: shut down; no checkpoints
     # why: it is not there; what its host does with it
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
@@ -743,7 +745,7 @@ try {
         }
     }
 
-    # 8/9  give it its name vision
+    # 8/9  partition/vision: give it its name vision
     # why: it is not there; last, so that a machine of this name is always whole
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
@@ -761,7 +763,7 @@ try {
         }
     }
 
-    # 9/9  start it
+    # 9/9  partition/vision: start it
     # why: it is not there; after all that it is to have is set
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{

@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         e924a17a06ce, manifest ebb8198705b8, rarms 0.1.0
 # Steps        1
@@ -612,8 +613,9 @@ try {
         Serial = 1
         Total = 1
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '65e6968244a02be9e766df250cfa8951958414f16810f3ab31cdf5393c00dc24'
+        UndoDigest = 'cee0d5d13485175f4026d61a07c085bb09b1a512552ff81777562268a8460ad8'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -622,7 +624,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/1  reserve 55 -> 80 %
+    # 1/1  partition/vision: reserve 55 -> 80 %
     # why: not as wanted: reserve, limit or weight; after the others gave back
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{

@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         9fabb87d3c88, manifest b1bd658d1c20, rarms 0.1.0
 # Steps        27
@@ -612,8 +613,9 @@ try {
         Serial = 0
         Total = 27
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '5d469a084e733904129cef5cb4535696a0859494f4ed4dfe0bdcf509b0f24ff6'
+        UndoDigest = 'c4b81999b2ef03c8237f730fb596bfe7c253092f400bddd1d43c70c11c2ffccd'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -622,7 +624,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/27  make a machine of generation 2 with 256 MiB
+    # 1/27  partition/door: make a machine of generation 2 with 256 MiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:14:3
     Add-Step -Definition @{
@@ -638,7 +640,7 @@ try {
         }
     }
 
-    # 2/27  memory static, 256 MiB
+    # 2/27  partition/door: memory static, 256 MiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:14:3
     Add-Step -Definition @{
@@ -655,7 +657,7 @@ try {
         }
     }
 
-    # 3/27  take away the network adapter that every new machine gets
+    # 3/27  partition/door: take away the network adapter that every new machine gets
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:14:3
     Add-Step -Definition @{
@@ -672,7 +674,7 @@ try {
         }
     }
 
-    # 4/27  mark it as robot/door, set 5fd49537c9bf
+    # 4/27  partition/door: mark it as robot/door, set 5fd49537c9bf
     # why: it is not there; from now on it is known as ours, whatever happens
     # at:  rarms.yaml:14:3
     # undo: it goes with the machine, which is removed
@@ -689,7 +691,7 @@ try {
         }
     }
 
-    # 5/27  processors 1
+    # 5/27  partition/door: processors 1
     # why: it is not there; only while it is off
     # at:  rarms.yaml:14:3
     # undo: it goes with the machine, which is removed
@@ -707,7 +709,7 @@ try {
         }
     }
 
-    # 6/27  reserve 20 %, limit 100 %, weight 100
+    # 6/27  partition/door: reserve 20 %, limit 100 %, weight 100
     # why: it is not there; while it is off nothing is promised yet
     # at:  rarms.yaml:14:3
     # undo: it goes with the machine, which is removed
@@ -725,7 +727,7 @@ try {
         }
     }
 
-    # 7/27  when the host starts: start, when it stops: shut down; no checkpoints
+    # 7/27  partition/door: when the host starts: start, when it stops: shut down; no checkpoints
     # why: it is not there; what its host does with it
     # at:  rarms.yaml:14:3
     # undo: it goes with the machine, which is removed
@@ -743,7 +745,7 @@ try {
         }
     }
 
-    # 8/27  give it its name door
+    # 8/27  partition/door: give it its name door
     # why: it is not there; last, so that a machine of this name is always whole
     # at:  rarms.yaml:14:3
     # undo: it goes with the machine, which is removed
@@ -761,7 +763,7 @@ try {
         }
     }
 
-    # 9/27  make a machine of generation 2 with 512 MiB
+    # 9/27  partition/speech: make a machine of generation 2 with 512 MiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -777,7 +779,7 @@ try {
         }
     }
 
-    # 10/27  memory static, 512 MiB
+    # 10/27  partition/speech: memory static, 512 MiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -794,7 +796,7 @@ try {
         }
     }
 
-    # 11/27  take away the network adapter that every new machine gets
+    # 11/27  partition/speech: take away the network adapter that every new machine gets
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -811,7 +813,7 @@ try {
         }
     }
 
-    # 12/27  mark it as robot/speech, set 90826a6a7c44
+    # 12/27  partition/speech: mark it as robot/speech, set 90826a6a7c44
     # why: it is not there; from now on it is known as ours, whatever happens
     # at:  rarms.yaml:13:3
     # undo: it goes with the machine, which is removed
@@ -828,7 +830,7 @@ try {
         }
     }
 
-    # 13/27  processors 1
+    # 13/27  partition/speech: processors 1
     # why: it is not there; only while it is off
     # at:  rarms.yaml:13:3
     # undo: it goes with the machine, which is removed
@@ -846,7 +848,7 @@ try {
         }
     }
 
-    # 14/27  reserve 40 %, limit 100 %, weight 200
+    # 14/27  partition/speech: reserve 40 %, limit 100 %, weight 200
     # why: it is not there; while it is off nothing is promised yet
     # at:  rarms.yaml:13:3
     # undo: it goes with the machine, which is removed
@@ -864,7 +866,7 @@ try {
         }
     }
 
-    # 15/27  when the host starts: start, when it stops: shut down; no checkpoints
+    # 15/27  partition/speech: when the host starts: start, when it stops: shut down; no checkpoints
     # why: it is not there; what its host does with it
     # at:  rarms.yaml:13:3
     # undo: it goes with the machine, which is removed
@@ -882,7 +884,7 @@ try {
         }
     }
 
-    # 16/27  give it its name speech
+    # 16/27  partition/speech: give it its name speech
     # why: it is not there; last, so that a machine of this name is always whole
     # at:  rarms.yaml:13:3
     # undo: it goes with the machine, which is removed
@@ -900,7 +902,7 @@ try {
         }
     }
 
-    # 17/27  make a machine of generation 2 with 1 GiB
+    # 17/27  partition/vision: make a machine of generation 2 with 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -916,7 +918,7 @@ try {
         }
     }
 
-    # 18/27  memory static, 1 GiB
+    # 18/27  partition/vision: memory static, 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -933,7 +935,7 @@ try {
         }
     }
 
-    # 19/27  take away the network adapter that every new machine gets
+    # 19/27  partition/vision: take away the network adapter that every new machine gets
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -950,7 +952,7 @@ try {
         }
     }
 
-    # 20/27  mark it as robot/vision, set 092c674cd6c2
+    # 20/27  partition/vision: mark it as robot/vision, set 092c674cd6c2
     # why: it is not there; from now on it is known as ours, whatever happens
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
@@ -967,7 +969,7 @@ try {
         }
     }
 
-    # 21/27  processors 2
+    # 21/27  partition/vision: processors 2
     # why: it is not there; only while it is off
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
@@ -985,7 +987,7 @@ try {
         }
     }
 
-    # 22/27  reserve 80 %, limit 100 %, weight 300
+    # 22/27  partition/vision: reserve 80 %, limit 100 %, weight 300
     # why: it is not there; while it is off nothing is promised yet
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
@@ -1003,7 +1005,7 @@ try {
         }
     }
 
-    # 23/27  when the host starts: start, when it stops: shut down; no checkpoints
+    # 23/27  partition/vision: when the host starts: start, when it stops: shut down; no checkpoints
     # why: it is not there; what its host does with it
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
@@ -1021,7 +1023,7 @@ try {
         }
     }
 
-    # 24/27  give it its name vision
+    # 24/27  partition/vision: give it its name vision
     # why: it is not there; last, so that a machine of this name is always whole
     # at:  rarms.yaml:12:3
     # undo: it goes with the machine, which is removed
@@ -1039,7 +1041,7 @@ try {
         }
     }
 
-    # 25/27  start it
+    # 25/27  partition/vision: start it
     # why: it is not there; after all that it is to have is set
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -1057,7 +1059,7 @@ try {
         }
     }
 
-    # 26/27  start it
+    # 26/27  partition/speech: start it
     # why: it is not there; after all that it is to have is set
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -1075,7 +1077,7 @@ try {
         }
     }
 
-    # 27/27  start it
+    # 27/27  partition/door: start it
     # why: it is not there; after all that it is to have is set
     # at:  rarms.yaml:14:3
     Add-Step -Definition @{

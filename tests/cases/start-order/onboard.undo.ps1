@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms undo script: it takes back what the apply script of the same plan did.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         9fabb87d3c88, manifest b1bd658d1c20, rarms 0.1.0
 # Steps        6
@@ -587,6 +588,7 @@ try {
         Undo = ''
         UndoDigest = ''
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -595,7 +597,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/6  undo: start it
+    # 1/6  partition/door: undo: start it
     # why: it is not there; after all that it is to have is set
     # at:  rarms.yaml:14:3
     Add-Step -Definition @{
@@ -612,7 +614,7 @@ try {
         }
     }
 
-    # 2/6  undo: start it
+    # 2/6  partition/speech: undo: start it
     # why: it is not there; after all that it is to have is set
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -629,7 +631,7 @@ try {
         }
     }
 
-    # 3/6  undo: start it
+    # 3/6  partition/vision: undo: start it
     # why: it is not there; after all that it is to have is set
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -646,7 +648,7 @@ try {
         }
     }
 
-    # 4/6  undo: make a machine of generation 2 with 1 GiB
+    # 4/6  partition/vision: undo: make a machine of generation 2 with 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -664,7 +666,7 @@ try {
         }
     }
 
-    # 5/6  undo: make a machine of generation 2 with 512 MiB
+    # 5/6  partition/speech: undo: make a machine of generation 2 with 512 MiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:13:3
     Add-Step -Definition @{
@@ -682,7 +684,7 @@ try {
         }
     }
 
-    # 6/6  undo: make a machine of generation 2 with 256 MiB
+    # 6/6  partition/door: undo: make a machine of generation 2 with 256 MiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:14:3
     Add-Step -Definition @{

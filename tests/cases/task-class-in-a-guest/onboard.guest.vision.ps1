@@ -1,6 +1,7 @@
 #Requires -Version 5.1
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the guest of partition vision
 # Plan         4108cc7bdc16, manifest 7785495c2f80, rarms 0.1.0
 # Steps        1
@@ -569,8 +570,9 @@ try {
         Serial = 0
         Total = 1
         Undo = 'onboard.guest.vision.undo.ps1'
-        UndoDigest = 'b33859ec647cf40491ac85ab7aa2b726b35451f84846090446c2a68773fb7c10'
+        UndoDigest = '603e42ab45ac4b6341a493559f48bc2bf7f4c716d0e1c7770bfd47d7181f7251'
         Guest = $true
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -579,7 +581,7 @@ try {
         Guard = { Assert-Guest }
     }
 
-    # 1/1  write the class MotionControl, and keep what was there before
+    # 1/1  partition/vision/task/MotionControl: write the class MotionControl, and keep what was there before
     # why: what the guest holds is not known here: its own record decides; threads see it when it restarts
     # at:  rarms.yaml:12:65
     # undo: what an earlier plan of rarms wrote into the class: it goes back to what was there before rarms

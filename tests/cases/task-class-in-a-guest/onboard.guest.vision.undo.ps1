@@ -1,6 +1,7 @@
 #Requires -Version 5.1
 #Requires -RunAsAdministrator
-# rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms undo script: it takes back what the apply script of the same plan did.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the guest of partition vision
 # Plan         4108cc7bdc16, manifest 7785495c2f80, rarms 0.1.0
 # Steps        1
@@ -571,6 +572,7 @@ try {
         Undo = ''
         UndoDigest = ''
         Guest = $true
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -579,7 +581,7 @@ try {
         Guard = { Assert-Guest }
     }
 
-    # 1/1  bring back what MotionControl was before rarms
+    # 1/1  partition/vision/task/MotionControl: bring back what MotionControl was before rarms
     # why: what the guest holds is not known here: its own record decides; threads see it when it restarts
     # at:  rarms.yaml:12:65
     # undo: what an earlier plan of rarms wrote into the class: it goes back to what was there before rarms

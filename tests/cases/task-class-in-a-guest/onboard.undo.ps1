@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms undo script: it takes back what the apply script of the same plan did.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         4108cc7bdc16, manifest 7785495c2f80, rarms 0.1.0
 # Steps        2
@@ -587,6 +588,7 @@ try {
         Undo = ''
         UndoDigest = ''
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -595,7 +597,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/2  undo: start it
+    # 1/2  partition/vision: undo: start it
     # why: it is not there; after all that it is to have is set
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{
@@ -612,7 +614,7 @@ try {
         }
     }
 
-    # 2/2  undo: make a machine of generation 2 with 1 GiB
+    # 2/2  partition/vision: undo: make a machine of generation 2 with 1 GiB
     # why: it is not there; off and under a pending name until all is set
     # at:  rarms.yaml:12:3
     Add-Step -Definition @{

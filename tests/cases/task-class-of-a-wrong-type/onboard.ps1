@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         39f17abc58a6, manifest 1dcdbb02daa5, rarms 0.1.0
 # Steps        4
@@ -547,8 +548,9 @@ try {
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '10cc48c1c9b760ea78b945167dfd26d0d9e32fdf758e88822a06942bd694c104'
+        UndoDigest = '805338a341b1f496be63de9a79c65e3f4ea4ff8b89103277b8e0dda9788916c7'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -557,7 +559,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/4  record that it is ours, and what was there
+    # 1/4  task/Localization: record that it is ours, and what was there
     # why: its values differ; first, so that what was there before can be brought back
     # at:  rarms.yaml:13:51
     Add-Step -Definition @{
@@ -573,7 +575,7 @@ try {
         }
     }
 
-    # 2/4  set BackgroundPriority 7 -> 5, Priority 7 -> 5
+    # 2/4  task/Localization: set BackgroundPriority 7 -> 5, Priority 7 -> 5
     # why: its values differ; threads see it when their Windows starts again
     # at:  rarms.yaml:13:51
     Add-Step -Definition @{
@@ -596,7 +598,7 @@ try {
         }
     }
 
-    # 3/4  record that it is ours, and what was there
+    # 3/4  task/MotionControl: record that it is ours, and what was there
     # why: its values differ; first, so that what was there before can be brought back
     # at:  rarms.yaml:12:51
     Add-Step -Definition @{
@@ -612,7 +614,7 @@ try {
         }
     }
 
-    # 4/4  set BackgroundPriority 8 -> 7, Priority 7 -> 7
+    # 4/4  task/MotionControl: set BackgroundPriority 8 -> 7, Priority 7 -> 7
     # why: its values differ; threads see it when their Windows starts again
     # at:  rarms.yaml:12:51
     Add-Step -Definition @{

@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms undo script: it takes back what the apply script of the same plan did.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         39f17abc58a6, manifest 1dcdbb02daa5, rarms 0.1.0
 # Steps        4
@@ -549,6 +550,7 @@ try {
         Undo = ''
         UndoDigest = ''
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -557,7 +559,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/4  undo: set BackgroundPriority 8 -> 7, Priority 7 -> 7
+    # 1/4  task/MotionControl: undo: set BackgroundPriority 8 -> 7, Priority 7 -> 7
     # why: its values differ; threads see it when their Windows starts again
     # at:  rarms.yaml:12:51
     Add-Step -Definition @{
@@ -581,7 +583,7 @@ try {
         }
     }
 
-    # 2/4  undo: record that it is ours, and what was there
+    # 2/4  task/MotionControl: undo: record that it is ours, and what was there
     # why: its values differ; first, so that what was there before can be brought back
     # at:  rarms.yaml:12:51
     Add-Step -Definition @{
@@ -598,7 +600,7 @@ try {
         }
     }
 
-    # 3/4  undo: set BackgroundPriority 7 -> 5, Priority 7 -> 5
+    # 3/4  task/Localization: undo: set BackgroundPriority 7 -> 5, Priority 7 -> 5
     # why: its values differ; threads see it when their Windows starts again
     # at:  rarms.yaml:13:51
     Add-Step -Definition @{
@@ -622,7 +624,7 @@ try {
         }
     }
 
-    # 4/4  undo: record that it is ours, and what was there
+    # 4/4  task/Localization: undo: record that it is ours, and what was there
     # why: its values differ; first, so that what was there before can be brought back
     # at:  rarms.yaml:13:51
     Add-Step -Definition @{

@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         369034ed8833, manifest a9326d298f28, rarms 0.1.0
 # Steps        2
@@ -547,8 +548,9 @@ try {
         Serial = 0
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '09ae65e673fe9d4b37a62a99d87d9ebe40c887949b47903414690e0027a7ee70'
+        UndoDigest = '15e0486f61fb8f4347b093d0aa7623029421fc64508fce7ac4dbf3eb1fef3148'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -557,7 +559,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/2  record that it is ours, and what was there
+    # 1/2  task/Games: record that it is ours, and what was there
     # why: the manifest replaces it; first, so that what was there before can be brought back
     # at:  rarms.yaml:12:50
     Add-Step -Definition @{
@@ -573,7 +575,7 @@ try {
         }
     }
 
-    # 2/2  set BackgroundPriority 4, Priority 2 -> 4
+    # 2/2  task/Games: set BackgroundPriority 4, Priority 2 -> 4
     # why: the manifest replaces it; threads see it when their Windows starts again
     # at:  rarms.yaml:12:50
     Add-Step -Definition @{

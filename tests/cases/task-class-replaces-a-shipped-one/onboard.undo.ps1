@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms undo script: it takes back what the apply script of the same plan did.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         369034ed8833, manifest a9326d298f28, rarms 0.1.0
 # Steps        2
@@ -549,6 +550,7 @@ try {
         Undo = ''
         UndoDigest = ''
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -557,7 +559,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/2  undo: set BackgroundPriority 4, Priority 2 -> 4
+    # 1/2  task/Games: undo: set BackgroundPriority 4, Priority 2 -> 4
     # why: the manifest replaces it; threads see it when their Windows starts again
     # at:  rarms.yaml:12:50
     Add-Step -Definition @{
@@ -581,7 +583,7 @@ try {
         }
     }
 
-    # 2/2  undo: record that it is ours, and what was there
+    # 2/2  task/Games: undo: record that it is ours, and what was there
     # why: the manifest replaces it; first, so that what was there before can be brought back
     # at:  rarms.yaml:12:50
     Add-Step -Definition @{

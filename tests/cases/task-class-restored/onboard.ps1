@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         fcfb14511856, manifest 3f7d02250fb2, rarms 0.1.0
 # Steps        2
@@ -547,8 +548,9 @@ try {
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'c1a32f3c2b6f27e9393e37f45e5fc5e518de92b71fbc76a21478c05fdba2125c'
+        UndoDigest = 'a85e36c101234d9fc261a45d4aef7ee881ea8f7d245417d5d586a97ef3db1d6f'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -557,7 +559,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/2  set Priority 4 -> 2
+    # 1/2  task/Games: set Priority 4 -> 2
     # why: no component here names it any more; threads see it when their Windows starts again
     Add-Step -Definition @{
         Number = 0
@@ -579,7 +581,7 @@ try {
         }
     }
 
-    # 2/2  forget it: it is no longer ours
+    # 2/2  task/Games: forget it: it is no longer ours
     # why: no component here names it any more; last, after what was there is back
     Add-Step -Definition @{
         Number = 1

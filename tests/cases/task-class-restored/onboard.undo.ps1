@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms undo script: it takes back what the apply script of the same plan did.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         fcfb14511856, manifest 3f7d02250fb2, rarms 0.1.0
 # Steps        2
@@ -549,6 +550,7 @@ try {
         Undo = ''
         UndoDigest = ''
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -557,7 +559,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/2  undo: forget it: it is no longer ours
+    # 1/2  task/Games: undo: forget it: it is no longer ours
     # why: no component here names it any more; last, after what was there is back
     Add-Step -Definition @{
         Number = 0
@@ -573,7 +575,7 @@ try {
         }
     }
 
-    # 2/2  undo: set Priority 4 -> 2
+    # 2/2  task/Games: undo: set Priority 4 -> 2
     # why: no component here names it any more; threads see it when their Windows starts again
     Add-Step -Definition @{
         Number = 1

@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         397b7a85e810, manifest 1dcdbb02daa5, rarms 0.1.0
 # Steps        4
@@ -547,8 +548,9 @@ try {
         Serial = 0
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '849889c421bb1a1b20e6bfdb50a73608ec4ee4fc5b95c34d1a733bd7a581748e'
+        UndoDigest = 'af172c9f7d6d8f0567d3101d80c645a698767a7bb614d021501c8f5277ff9ce8'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -557,7 +559,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/4  record that it is ours, and what was there
+    # 1/4  task/Localization: record that it is ours, and what was there
     # why: a component names it; first, so that what was there before can be brought back
     # at:  rarms.yaml:13:51
     Add-Step -Definition @{
@@ -573,7 +575,7 @@ try {
         }
     }
 
-    # 2/4  set Affinity 0, Background Only False, BackgroundPriority 5, Clock Rate 10000, GPU Priority 8, Priority 5, SFIO Priority Normal, Scheduling Category Medium
+    # 2/4  task/Localization: set Affinity 0, Background Only False, BackgroundPriority 5, Clock Rate 10000, GPU Priority 8, Priority 5, SFIO Priority Normal, Scheduling Category Medium
     # why: a component names it; threads see it when their Windows starts again
     # at:  rarms.yaml:13:51
     Add-Step -Definition @{
@@ -596,7 +598,7 @@ try {
         }
     }
 
-    # 3/4  record that it is ours, and what was there
+    # 3/4  task/MotionControl: record that it is ours, and what was there
     # why: a component names it; first, so that what was there before can be brought back
     # at:  rarms.yaml:12:51
     Add-Step -Definition @{
@@ -612,7 +614,7 @@ try {
         }
     }
 
-    # 4/4  set Affinity 0, Background Only False, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium
+    # 4/4  task/MotionControl: set Affinity 0, Background Only False, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium
     # why: a component names it; threads see it when their Windows starts again
     # at:  rarms.yaml:12:51
     Add-Step -Definition @{

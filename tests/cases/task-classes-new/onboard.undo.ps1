@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms undo script: it takes back what the apply script of the same plan did.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         397b7a85e810, manifest 1dcdbb02daa5, rarms 0.1.0
 # Steps        4
@@ -549,6 +550,7 @@ try {
         Undo = ''
         UndoDigest = ''
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -557,7 +559,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/4  undo: set Affinity 0, Background Only False, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium
+    # 1/4  task/MotionControl: undo: set Affinity 0, Background Only False, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium
     # why: a component names it; threads see it when their Windows starts again
     # at:  rarms.yaml:12:51
     Add-Step -Definition @{
@@ -574,7 +576,7 @@ try {
         }
     }
 
-    # 2/4  undo: record that it is ours, and what was there
+    # 2/4  task/MotionControl: undo: record that it is ours, and what was there
     # why: a component names it; first, so that what was there before can be brought back
     # at:  rarms.yaml:12:51
     Add-Step -Definition @{
@@ -591,7 +593,7 @@ try {
         }
     }
 
-    # 3/4  undo: set Affinity 0, Background Only False, BackgroundPriority 5, Clock Rate 10000, GPU Priority 8, Priority 5, SFIO Priority Normal, Scheduling Category Medium
+    # 3/4  task/Localization: undo: set Affinity 0, Background Only False, BackgroundPriority 5, Clock Rate 10000, GPU Priority 8, Priority 5, SFIO Priority Normal, Scheduling Category Medium
     # why: a component names it; threads see it when their Windows starts again
     # at:  rarms.yaml:13:51
     Add-Step -Definition @{
@@ -608,7 +610,7 @@ try {
         }
     }
 
-    # 4/4  undo: record that it is ours, and what was there
+    # 4/4  task/Localization: undo: record that it is ours, and what was there
     # why: a component names it; first, so that what was there before can be brought back
     # at:  rarms.yaml:13:51
     Add-Step -Definition @{

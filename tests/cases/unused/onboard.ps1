@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms apply script. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms apply script.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         46b21f17dcca, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        3
@@ -586,8 +587,9 @@ try {
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '7d3689dbb774688f0b2931fd0ea3b5d65653ccababa484c6f57916463564010c'
+        UndoDigest = '0792be49e552d9655884404c1087836c7da5548404fed9bbe05fdc492d268f82'
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -596,7 +598,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/3  stop it (asked; after 120 s turned off)
+    # 1/3  partition/speech: stop it (asked; after 120 s turned off)
     # why: the manifest no longer wants it; it is not to run
     # at:  rarms.yaml:11:1
     # undo: it starts anew: what its programs had in memory is lost
@@ -613,7 +615,7 @@ try {
         }
     }
 
-    # 2/3  when the host starts: nothing, when it stops: shut down; no checkpoints
+    # 2/3  partition/speech: when the host starts: nothing, when it stops: shut down; no checkpoints
     # why: the manifest no longer wants it; what its host does with it
     # at:  rarms.yaml:11:1
     Add-Step -Definition @{
@@ -630,7 +632,7 @@ try {
         }
     }
 
-    # 3/3  mark it as robot/speech, set e9f28d224f00
+    # 3/3  partition/speech: mark it as robot/speech, set e9f28d224f00
     # why: the manifest no longer wants it; the mark says what was last written
     # at:  rarms.yaml:11:1
     Add-Step -Definition @{

@@ -1,7 +1,8 @@
 #Requires -Version 5.1
 #Requires -Modules Hyper-V
 #Requires -RunAsAdministrator
-# rarms undo script: it takes back what the apply script of the same plan did. Read the steps at its end: what begins and ends with a dashed line has the same bytes in every script.
+# rarms undo script: it takes back what the apply script of the same plan did.
+# Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
 # Plan         46b21f17dcca, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        3
@@ -615,6 +616,7 @@ try {
         Undo = ''
         UndoDigest = ''
         Guest = $false
+        # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
         LogicalProcessors = 4
         Percent = 360
@@ -623,7 +625,7 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/3  undo: mark it as robot/speech, set e9f28d224f00
+    # 1/3  partition/speech: undo: mark it as robot/speech, set e9f28d224f00
     # why: the manifest no longer wants it; the mark says what was last written
     # at:  rarms.yaml:11:1
     Add-Step -Definition @{
@@ -640,7 +642,7 @@ try {
         }
     }
 
-    # 2/3  undo: when the host starts: nothing, when it stops: shut down; no checkpoints
+    # 2/3  partition/speech: undo: when the host starts: nothing, when it stops: shut down; no checkpoints
     # why: the manifest no longer wants it; what its host does with it
     # at:  rarms.yaml:11:1
     Add-Step -Definition @{
@@ -658,7 +660,7 @@ try {
         }
     }
 
-    # 3/3  undo: stop it (asked; after 120 s turned off)
+    # 3/3  partition/speech: undo: stop it (asked; after 120 s turned off)
     # why: the manifest no longer wants it; it is not to run
     # at:  rarms.yaml:11:1
     # undo: it starts anew: what its programs had in memory is lost

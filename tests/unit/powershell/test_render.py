@@ -67,7 +67,7 @@ def test_a_reserve_is_one_readable_call_under_its_reason() -> None:
 
     text = steps_of(render_apply(*rendered_plan([change])))
 
-    assert "    # 1/2  reserve 70 -> 40 %, weight 100 -> 200\n    # why: the manifest wants it;" in text
+    assert "    # 1/2  partition/vision: reserve 70 -> 40 %, weight 100 -> 200\n    # why: " in text
     assert "    # at:  rarms.yaml:31:5\n" in text
     assert "Before = @{ 'exists' = $true; 'limit' = 100; 'reserve' = 70; 'weight' = 100 }" in text
     assert "            Hyper-V\\Set-VMProcessor -VM $vm -Reserve 40 -Maximum 100 -RelativeWeight 200\n" in text
