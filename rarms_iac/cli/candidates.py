@@ -1,7 +1,7 @@
 """The candidate graph of a manifest, with what the data logs of compounds say; nothing is measured."""
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, subject_of
@@ -10,15 +10,25 @@ from rarms_iac.cli.problems import Halted
 from rarms_iac.experiments.setup import interference_of
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.system import Host, PartitionWish, System
-from rarms_iac.planner.combining.candidates import Candidates, candidates_of, informed
+from rarms_iac.planner.combining.candidates import Candidates, Mask, candidates_of, informed
+from rarms_iac.planner.combining.guiding import guide_of
 from rarms_iac.planner.combining.values import WHOLE, Asked, Coi, Members
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.layout import plan_layout
+from rarms_iac.planner.prediction.members import alone_in, predictor_of
 from rarms_iac.planner.problem import by_name, problem_of
 from rarms_iac.planner.reservations import NotMeasured, rests_on_a_log
 
 
-def candidates_in(measured: Measurements, opened: Opened) -> Candidates:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawn:
+    """The graph, with the CR that each compound of it will probably need."""
+
+    candidates: Candidates
+    predicted: Mapping[Mask, int]
+
+
+def candidates_in(measured: Measurements, opened: Opened) -> Drawn:
     """Every compound of the partitions that rest on data logs, on the first host by name that all of them may run on.
 
     Raises:
@@ -46,7 +56,10 @@ def candidates_in(measured: Measurements, opened: Opened) -> Candidates:
         cois.append(coi)
     candidates = candidates_of(cois, lambda names: _may_share(system, names), most=WHOLE)
     compounds = [one.coi.members for one in candidates.by_mask.values()]
-    return informed(candidates, [asked for names in compounds for asked in _answers(measured, host, names)])
+    known = informed(candidates, [asked for names in compounds for asked in _answers(measured, host, names)])
+    guide = guide_of(known, predictor_of(alone_in(groups, reservations, host)))
+    predicted = {mask: told for mask in known.by_mask if (told := guide.predicted(mask)) is not None}
+    return Drawn(candidates=known, predicted=predicted)
 
 
 def _may_share(system: System, names: Members) -> bool:

@@ -164,6 +164,18 @@ def curves_in(log: DataLog, components: Mapping[str, Component]) -> Callable[[st
     return curve
 
 
+def _cpu_ms_in(log: DataLog) -> Callable[[str], float | None]:
+    """The processor time that a job of a component took, over all settings that can tell."""
+
+    @cache
+    def of(component: str) -> float | None:
+        told = [one for setting in log.settings for one in setting.series if one.component == component]
+        used = [(one.cpu_ms, len(one.samples)) for one in told if one.cpu_ms is not None and one.samples]
+        return sum(cpu for cpu, _ in used) / sum(jobs for _, jobs in used) if used else None
+
+    return of
+
+
 def _no(group: Group, code: str, says: str, advice: str) -> NotMeasured:
     return NotMeasured(components=to_be_measured(group.members), code=code, says=says, advice=advice)
 

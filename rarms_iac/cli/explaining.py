@@ -1,12 +1,13 @@
 """What `rarms explain COMPONENT` walks through, gathered from manifest, data logs and the layout."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, subject_of
 from rarms_iac.cli.manifests import Opened
+from rarms_iac.cli.partners import partners
 from rarms_iac.cli.problems import Halted
 from rarms_iac.datalog.files import read_log
 from rarms_iac.datalog.log import DataLog
@@ -18,7 +19,14 @@ from rarms_iac.model.system import Host, Measured, System
 from rarms_iac.planner.alternatives import elsewhere
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
-from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, NotMeasured, names_of, rests_on_a_log
+from rarms_iac.planner.reservations import (
+    MeasuredReservations,
+    MeasuredTogether,
+    Names,
+    NotMeasured,
+    names_of,
+    rests_on_a_log,
+)
 from rarms_iac.planner.sizes import Sized, size
 from rarms_iac.views import walk as shown
 
@@ -61,10 +69,21 @@ def walk_of(measured: Measurements, opened: Opened, name: str) -> shown.Walk:
         remarks=tuple(one.says for one in log.remarks) if rests and isinstance(log, MeasuredTogether) else (),
         why_together=tuple(_why_together(group, system)),
         apart=_apart(measured, opened, group, found),
+        partners=partners(group, groups_of(system), found.host, reservations, _was_measured(measured, found.host))
+        if rests
+        else (),
         on_host=None if layout is None else _on_host(layout, found),
         elsewhere=() if layout is None else elsewhere(group, found.placed, layout, system, reservations),
         misfit=() if layout is not None else tuple(_misfit(planning)),
     )
+
+
+def _was_measured(measured: Measurements, host: Host) -> Callable[[Names], bool]:
+    def has_log(names: Names) -> bool:
+        subject = subject_of(measured.system, host, names, interference_of(measured.system, names))
+        return path_of(measured.folder, subject).is_file()
+
+    return has_log
 
 
 def _found(group: Group, planning: Planning, system: System, reservations: MeasuredReservations) -> _Found | None:

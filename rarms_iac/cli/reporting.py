@@ -66,9 +66,10 @@ def reported(source: ManifestOptions, components: tuple[str, ...] = ()) -> Repor
 def _combining(measured: Measurements, opened: Opened) -> Combining | None:
     """What could share a partition; None where there is nothing to combine, or it cannot be told yet."""
     try:
-        nodes = nodes_of(candidates_in(measured, opened))
+        drawn = candidates_in(measured, opened)
     except Halted:
         return None
+    nodes = nodes_of(drawn.candidates, drawn.predicted)
     shown = few_enough(nodes)
     return Combining(nodes=shown, left_out=len(nodes) - len(shown)) if any(one.parts for one in shown) else None
 

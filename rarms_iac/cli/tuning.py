@@ -28,6 +28,7 @@ from rarms_iac.planner.combining.values import Coi, Members
 from rarms_iac.planner.first_fit import Item, cost, free_in
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.layout import plan_layout
+from rarms_iac.planner.prediction.members import NOTHING, Predictor, alone_in, predictor_of
 from rarms_iac.planner.problem import Problem, host_view, problem_of
 from rarms_iac.planner.reservations import rests_on_a_log
 from rarms_iac.planner.search import place
@@ -49,6 +50,7 @@ class Subject:
     state: State  # of the bench
     cois: tuple[Coi, ...]
     capacity: int  # that these may reserve together, in per cent of one logical processor
+    predictor: Predictor = NOTHING
 
     @property
     def system(self) -> System:
@@ -117,7 +119,13 @@ def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) ->
     others = sum(min(map(cost, one.claims.values())) for one in problem.items if one.name not in tuned)
     capacity = sum(free_in(one).percent for one in chosen) - others
     return Subject(
-        hosts=hosts, bench=bench, problem=problem, state=states[bench.name], cois=cois, capacity=max(0, capacity)
+        hosts=hosts,
+        bench=bench,
+        problem=problem,
+        state=states[bench.name],
+        cois=cois,
+        capacity=max(0, capacity),
+        predictor=predictor_of(alone_in(groups, reservations, bench)),
     )
 
 

@@ -41,6 +41,7 @@ class End:
     cois: tuple[Coi, ...]  # as they are now, most critical first
     trail: tuple[Asked, ...] = ()
     proved: bool = False
+    probability: float | None = None  # that no other layout is better; None: it is proved, or nothing is claimed
     breaks: tuple[Break, ...] = ()
     unanswered: str = ""  # why a compound could not be measured
 
@@ -50,7 +51,7 @@ class End:
         return tuple(one for one in self.cois if one not in self.subject.cois)
 
     @staticmethod
-    def of(subject: Subject, asking: Asking, strategy: str, *, repeat: bool) -> "End":
+    def of(subject: Subject, asking: Asking, strategy: str, *, repeat: bool, probability: float | None = None) -> "End":
         """Tune by this strategy."""
         trail: list[Asked] = []
         heard = replace(asking, oracle=_Noting(asking, trail))
@@ -58,7 +59,7 @@ class End:
         try:
             if strategy == "paper":
                 return _by_the_paper(before, heard, repeat=repeat)
-            return _by_the_graph(before, heard)
+            return _by_the_graph(before, heard, probability)
         except TuningStopped:
             return replace(before, trail=tuple(trail))
         except Unanswered as problem:
@@ -88,10 +89,14 @@ def _by_the_paper(before: End, asking: Asking, *, repeat: bool) -> End:
     return replace(before, ending=ending, cois=done.cois, trail=done.trail)
 
 
-def _by_the_graph(before: End, asking: Asking) -> End:
+def _by_the_graph(before: End, asking: Asking, probability: float | None) -> End:
     subject = before.subject
     most = min((subject.highest(one.members) for one in subject.cois), default=WHOLE)
-    tuning = tuning_of(subject.cois, subject.objective(), asking.may_share, most=most)
+    tuning = replace(
+        tuning_of(subject.cois, subject.objective(), asking.may_share, most=most),
+        predictor=subject.predictor,
+        probability=probability,
+    )
     found, trail = search(tuning, asking)
     if not isinstance(found, Best):
         return replace(before, ending="unable", trail=trail, proved=found.proved, breaks=found.breaks)
@@ -99,7 +104,15 @@ def _by_the_graph(before: End, asking: Asking) -> End:
     for one in found.cois:
         if one not in subject.cois:
             asking.reporter.combined(one, total(_parts(subject, one)))
-    return replace(before, ending=ending, cois=found.cois, trail=trail, proved=found.proved, breaks=found.breaks)
+    return replace(
+        before,
+        ending=ending,
+        cois=found.cois,
+        trail=trail,
+        proved=found.proved,
+        probability=found.probability,
+        breaks=found.breaks,
+    )
 
 
 def _parts(subject: Subject, one: Coi) -> Sequence[Coi]:
@@ -170,6 +183,7 @@ def tuned_of(end: End, strategy: Literal["default", "paper"], system: System, wr
         before=total(end.subject.cois),
         after=total(end.cois),
         proved=end.proved,
+        probability=end.probability,
         contradictions=tuple(one.says for one in end.breaks),
         partitions=tuple(
             TunedPartition(

@@ -33,8 +33,12 @@ def run_of(tuned: Tuned) -> TuningRun | None:
         proved=tuned.proved,
         contradictions=tuned.contradictions,
         partitions=tuned.partitions,
-        trail=tuple(TrailSetting(components=one.members, reserve=one.reserve, worse=one.worse) for one in tuned.trail),
+        trail=tuple(
+            TrailSetting(components=one.members, reserve=one.reserve, worse=one.worse, predicted=one.predicted)
+            for one in tuned.trail
+        ),
         written=bool(tuned.written),
+        probability=tuned.probability,
     )
 
 

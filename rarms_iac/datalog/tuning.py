@@ -5,11 +5,13 @@ the manifest. It is there for whoever asks why components share a partition.
 """
 
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from pathlib import Path
 from typing import Literal
 
 from rarms_iac.datalog.files import LogUnreadable
 from rarms_iac.datalog.paths import FOLDER
+from rarms_iac.model.quantities import show_percent
 from rarms_iac.storage.append import Damaged, append, read_records
 from rarms_iac.storage.codec import NotDecodable, decode, encode
 
@@ -37,6 +39,7 @@ class TrailSetting:
     components: tuple[str, ...]
     reserve: int  # CR
     worse: tuple[str, ...]  # those that were not shown to meet every threshold; none: it was enough
+    predicted: int | None = None  # the CR that was expected to be enough; None: nothing predicted it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +60,23 @@ class TuningRun:
     partitions: tuple[TunedPartition, ...]
     trail: tuple[TrailSetting, ...]
     written: bool  # into the manifest
+    probability: float | None = None  # that no other layout is better; None: it is proved, or nothing is claimed
+
+    @property
+    def claim(self) -> str:
+        """What is said of other layouts."""
+        return claim_of(self.proved, self.probability)
+
+
+def claim_of(proved: bool, probability: float | None) -> str:
+    """`proved`; `not proved, at least 95 %`; or just `not proved`."""
+    if proved:
+        return "proved"
+    return "not proved" if probability is None else f"not proved, at least {show_percent(_percent(probability))}"
+
+
+def _percent(probability: float) -> Fraction:
+    return Fraction(str(probability)) * 100
 
 
 def tuning_path(folder: Path, platform: str) -> Path:

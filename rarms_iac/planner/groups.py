@@ -57,6 +57,13 @@ def groups_of(system: System) -> tuple[Group, ...]:
     return tuple(sorted(groups, key=lambda one: one.name))
 
 
+def may_share(one: Group, other: Group) -> bool:
+    """Whether neither `apart` nor `dedicated` forbids that these two are one partition."""
+    members = (*one.members, *other.members)
+    names = {member.name for member in members}
+    return not any(member.dedicated or names & set(member.apart) for member in members)
+
+
 def most_critical_first(components: Iterable[Component]) -> tuple[Component, ...]:
     """By criticality, ties by name."""
     return tuple(sorted(components, key=lambda one: (-one.criticality, one.name)))

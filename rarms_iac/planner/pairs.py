@@ -1,14 +1,16 @@
 """Which pair to combine: only where the least that the two could need together would fit (DESIGN section 3)."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import combinations
 
 from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime, show_percent
 from rarms_iac.model.system import CpuWish, Host, PartitionWish, System
-from rarms_iac.planner.groups import Group
+from rarms_iac.planner.groups import Group, may_share
+from rarms_iac.planner.prediction.members import NOTHING, Predictor, expected_of
+from rarms_iac.planner.reservations import names_of
 
 Fits = Callable[[System], bool]
 Claimed = Callable[[Group], Claim | None]
@@ -18,38 +20,52 @@ TRIED = 30
 """Pairs that are planned, those that combine the least critical first."""
 
 
-def pair_to_combine(groups: Sequence[Group], host: Host, claimed: Claimed, system: System, fits: Fits) -> str | None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """What a pair is tried with."""
+
+    system: System
+    host: Host
+    claimed: Claimed
+    fits: Fits
+    predictor: Predictor = NOTHING
+
+
+def pair_to_combine(groups: Sequence[Group], trial: Trial) -> str | None:
     """The best pair in the objective's order that may help, with what the two may need for it; None: there is none.
 
     Together they need at least what the needier needs alone, and gain nothing unless it is less than both need.
     """
     for pair in list(_in_order(groups))[:TRIED]:
-        claims = [claim for group in pair if (claim := claimed(group)) is not None and claim.reserve]
+        claims = [claim for group in pair if (claim := trial.claimed(group)) is not None and claim.reserve]
         if len(claims) == len(pair):
-            told = _tried(pair, claims, host, system, fits)
+            told = _tried(pair, claims, trial)
             if told is not None:
                 return told
     return None
 
 
-def _tried(pair: tuple[Group, Group], claims: Sequence[Claim], host: Host, system: System, fits: Fits) -> str | None:
+def _tried(pair: tuple[Group, Group], claims: Sequence[Claim], trial: Trial) -> str | None:
     """In per cent of each of their virtual processors, as it would be measured."""
     wide = max(one.processors for one in claims)
     needs = [one.processors * one.reserve for one in claims]
     lower, upper = -(-max(needs) // wide), -(-sum(needs) // wide) - 1
 
     def works(reserve: int) -> bool:
-        return fits(_combined(system, *pair, reserve * wide))
+        return trial.fits(_combined(trial.system, *pair, reserve * wide))
 
     def share(reserve: int) -> str:
-        return show_percent(Fraction(reserve * wide, host.logical_processors))
+        return show_percent(Fraction(reserve * wide, trial.host.logical_processors))
 
     if lower > upper or not works(lower):
         return None
+    members = names_of(member for group in pair for member in group.members)
+    expected = expected_of(trial.predictor, members, wide, needs)
+    predicted = "" if expected is None else f" (predicted: {share(expected)})"
+    most = share(_highest(lower, upper, works))
     return (
         f"combining {pair[0].name} and {pair[1].name} in one partition may be enough: the two need {share(lower)} to "
-        f"{share(upper)} of {host.name} then, and up to {share(_highest(lower, upper, works))} fits (`rarms tune` "
-        "measures it)"
+        f"{share(upper)} of {trial.host.name} then{predicted}, and up to {most} fits (`rarms tune` measures it)"
     )
 
 
@@ -61,13 +77,7 @@ def _in_order(groups: Sequence[Group]) -> Iterator[tuple[Group, Group]]:
         return sorted((one.criticality for one in members), reverse=True), tuple(group.name for group in pair)
 
     pairs = combinations(sorted(groups, key=lambda one: (one.criticality, one.name)), 2)
-    yield from sorted((pair for pair in pairs if _may_share(*pair)), key=key)
-
-
-def _may_share(one: Group, other: Group) -> bool:
-    members = (*one.members, *other.members)
-    names = {member.name for member in members}
-    return not any(member.dedicated or names & set(member.apart) for member in members)
+    yield from sorted((pair for pair in pairs if may_share(*pair)), key=key)
 
 
 def _combined(system: System, one: Group, other: Group, percent: int) -> System:

@@ -18,9 +18,10 @@ from rarms_iac.model.quantities import (
     show_percent,
 )
 from rarms_iac.model.system import Component, Host, Measured, System
+from rarms_iac.planner import pairs
 from rarms_iac.planner.first_fit import free_in
 from rarms_iac.planner.groups import Group
-from rarms_iac.planner.pairs import pair_to_combine
+from rarms_iac.planner.prediction.members import alone_in, predictor_of
 from rarms_iac.planner.problem import HostView, Problem
 from rarms_iac.planner.relaxed_apts import one_relaxed, several_relaxed, slack_of
 
@@ -124,7 +125,9 @@ def _pair(problem: Problem, conflict: Sequence[str], trial: Trial) -> str | None
     def fits(system: System) -> bool:
         return trial.works(system, trial.views, moving=False)
 
-    return pair_to_combine(_least_critical_first(problem, conflict), host, claimed, trial.system, fits)
+    predictor = predictor_of(alone_in(problem.groups, problem.reservations, host))
+    tried = pairs.Trial(system=trial.system, host=host, claimed=claimed, fits=fits, predictor=predictor)
+    return pairs.pair_to_combine(_least_critical_first(problem, conflict), tried)
 
 
 def _moving(problem: Problem, trial: Trial) -> Iterator[str]:

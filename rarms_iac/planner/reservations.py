@@ -86,6 +86,10 @@ def fixed(members: Iterable[Component], host: Host) -> LogicalProcessors:
     return LogicalProcessors(total)
 
 
+def _not_told(_component: str) -> float | None:
+    return None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredTogether:
     """What the data log of components in one partition says, on the hosts that it holds for."""
@@ -96,6 +100,7 @@ class MeasuredTogether:
     curves: Callable[[str, str], Curve]  # by component and index
     remarks: tuple[Cause, ...] = ()
     again: str = ""  # the command that measures it
+    cpu_ms: Callable[[str], float | None] = _not_told  # processor time of a component's job, on average
 
 
 Logs = Mapping[tuple[Hashable, Names], MeasuredTogether | NotMeasured]

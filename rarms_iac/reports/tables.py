@@ -131,17 +131,20 @@ TRAIL = (
     "reserve (% of the partition's VPs)",
     "enough",
     "not met for sure by",
+    "predicted (% of the partition's VPs)",
+    "claim",
 )
 
 
 def trail_rows(tunings: Iterable[Tuning]) -> Iterator[Sequence[Cell]]:
-    """The header, then a row a setting that tuning asked for, in order."""
+    """The header, then a row a setting that tuning asked for, in order; the last says what is claimed of the layout."""
     yield TRAIL
     for one in tunings:
         for number, asked in enumerate(one.run.trail, 1):
             enough = "no" if asked.worse else "yes"
             names, worse = "+".join(asked.components), " ".join(asked.worse)
-            yield one.platform, one.run.when, number, names, asked.reserve, enough, worse
+            claim = one.run.claim if number == len(one.run.trail) and one.run.strategy == "default" else ""
+            yield one.platform, one.run.when, number, names, asked.reserve, enough, worse, asked.predicted, claim
 
 
 def finite(value: float) -> float | None:

@@ -30,6 +30,7 @@ def candidates_json(application: str, nodes: Sequence[Node]) -> str:
             parts=one.parts,
             low=one.low,
             high=one.high,
+            predicted=one.predicted,
             measured=one.measured,
             is_gain=one.is_gain,
         )

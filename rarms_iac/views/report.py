@@ -88,11 +88,16 @@ def report_json(report: Report) -> str:
                     strategy=one.run.strategy,
                     ending=one.run.ending,
                     proved=one.run.proved,
+                    claim=one.run.claim,
                     before=one.run.before,
                     after=one.run.after,
                     trail=tuple(
                         AskedOutput(
-                            components=asked.components, reserve=asked.reserve, met=not asked.worse, worse=asked.worse
+                            components=asked.components,
+                            reserve=asked.reserve,
+                            met=not asked.worse,
+                            worse=asked.worse,
+                            predicted=asked.predicted,
                         )
                         for asked in one.run.trail
                     ),

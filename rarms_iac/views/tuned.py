@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Literal
 
-from rarms_iac.datalog.tuning import TunedPartition
+from rarms_iac.datalog.tuning import TunedPartition, claim_of
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.planner.combining.values import Asked
@@ -27,15 +27,23 @@ class Tuned:
     before: int
     after: int
     proved: bool
+    probability: float | None  # that no other layout is better; None: it is proved, or nothing is claimed
     contradictions: tuple[str, ...]
     partitions: tuple[TunedPartition, ...]
     trail: tuple[Asked, ...]
     written: str = ""
 
+    @property
+    def claim(self) -> str:
+        """What is said of other layouts."""
+        return claim_of(self.proved, self.probability)
+
 
 def tuned_text(tuned: Tuned, width: int) -> str:
     """The trail, the partitions, and what all of it came to."""
-    trail = table([("setting", "CR", "verdict"), *_trail(tuned.trail)], width) + "\n" if tuned.trail else ""
+    trail = (
+        table([("setting", "CR", "predicted", "verdict"), *_trail(tuned.trail)], width) + "\n" if tuned.trail else ""
+    )
     rows = [("partition", "components", "CR", "reserves", "apart")]
     for one in tuned.partitions:
         names = ", ".join(one.components)
@@ -43,10 +51,11 @@ def tuned_text(tuned: Tuned, width: int) -> str:
     return f"{trail}{table(rows, width)}\n{_sentence(tuned)}\n"
 
 
-def _trail(trail: Sequence[Asked]) -> Iterator[tuple[str, str, str]]:
+def _trail(trail: Sequence[Asked]) -> Iterator[tuple[str, str, str, str]]:
     for one in trail:
         verdict = "all thresholds met" if one.passed else f"not met for sure by {', '.join(one.worse)}"
-        yield "+".join(one.members), f"{one.reserve} %", verdict
+        predicted = "" if one.predicted is None else f"{one.predicted} %"
+        yield "+".join(one.members), f"{one.reserve} %", predicted, verdict
 
 
 def _sentence(tuned: Tuned) -> str:
@@ -59,8 +68,18 @@ def _sentence(tuned: Tuned) -> str:
         case "unable":
             return f"{tuned.message}: {before} are reserved, and there are {capacity}."
         case "successful":
-            proof = "\nNo other layout is better, if a compound needs at least what any part of it needs."
-            return f"{tuned.message}: {before} became {after} of {capacity}.{proof if tuned.proved else ''}"
+            return f"{tuned.message}: {before} became {after} of {capacity}.{_claimed(tuned)}"
+
+
+def _claimed(tuned: Tuned) -> str:
+    if tuned.proved:
+        return "\nNo other layout is better, if a compound needs at least what any part of it needs."
+    if tuned.probability is None:
+        return ""
+    return (
+        f"\n{tuned.claim.capitalize()}: so likely no other layout is better, as far as predictions have erred here. "
+        "Without --probability the search goes on to the proof."
+    )
 
 
 def _shown(percent: int) -> str:
@@ -78,6 +97,8 @@ def tuned_json(tuned: Tuned, findings: Sequence[Diagnostic]) -> str:
             before=tuned.before,
             after=tuned.after,
             proved=tuned.proved,
+            probability=tuned.probability,
+            claim=tuned.claim,
             contradictions=tuned.contradictions,
             partitions=tuple(
                 CombinedOutput(
@@ -91,7 +112,13 @@ def tuned_json(tuned: Tuned, findings: Sequence[Diagnostic]) -> str:
                 for one in tuned.partitions
             ),
             trail=tuple(
-                AskedOutput(components=one.members, reserve=one.reserve, met=one.passed, worse=one.worse)
+                AskedOutput(
+                    components=one.members,
+                    reserve=one.reserve,
+                    met=one.passed,
+                    worse=one.worse,
+                    predicted=one.predicted,
+                )
                 for one in tuned.trail
             ),
             written=tuned.written,

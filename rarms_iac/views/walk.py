@@ -81,6 +81,7 @@ class Walk:
     remarks: tuple[str, ...]
     why_together: tuple[str, ...]
     apart: str  # what its members would need in partitions of their own; empty: it cannot be told, or is alone
+    partners: tuple[str, ...]  # with whom it would probably save something; predicted
     on_host: OnHost | None  # None: there is no layout
     elsewhere: tuple[Elsewhere, ...]
     misfit: tuple[str, ...]  # why there is no layout; empty: there is one
@@ -303,6 +304,7 @@ def _rejected(walk: Walk) -> Iterator[str]:
     yield from _one_less(walk)
     if walk.apart:
         yield walk.apart
+    yield from walk.partners
     for one in walk.elsewhere:
         yield f"on {one.host}: {one.says}"
 

@@ -28,8 +28,8 @@ def command(session: Session, *, source: ManifestOptions, form: str, candidates:
     """Draw which component runs in which partition on which host, as the manifest alone places them.
 
     With --candidates: the components whose reservations are measured, and every compound of them that could reserve
-    less than its parts. Needs no host. Mermaid is drawn by GitHub and GitLab; DOT by Graphviz:
-    rarms graph --format dot | dot -Tsvg.
+    less than its parts; what one will probably need is marked "predicted" until it is measured. Needs no host.
+    Mermaid is drawn by GitHub and GitLab; DOT by Graphviz: rarms graph --format dot | dot -Tsvg.
     """
     system, opened = system_of(source)
     if candidates:
@@ -50,6 +50,7 @@ def _candidates(session: Session, measured: Measurements, opened: Opened, form: 
     from rarms_iac.planner.combining.nodes import nodes_of as candidate_nodes
     from rarms_iac.views.candidates import candidates_json, candidates_text
 
-    name, nodes = measured.system.application.name, candidate_nodes(candidates_in(measured, opened))
+    drawn = candidates_in(measured, opened)
+    name, nodes = measured.system.application.name, candidate_nodes(drawn.candidates, drawn.predicted)
     session.terminal.data(candidates_json(name, nodes) if as_json else candidates_text(GraphFormat(form), name, nodes))
     return ExitCode.DONE

@@ -48,6 +48,12 @@ STRATEGIES = ("default", "paper")
     "[default: default]",
 )
 @click.option("--repeat", is_flag=True, help="With --strategy paper: go on with the compound until the total fits.")
+@click.option(
+    "--probability",
+    type=click.FloatRange(min=0.5, max=0.999),
+    help="Be content when no other layout is better with this probability, as predictions err: 0.95. "
+    "[default: go on to the proof]",
+)
 @click.option("--interactive/--yes", default=False, help="Ask before each combination is measured. [default: --yes]")
 @click.option("--dry-run", is_flag=True, help="Measure, but leave the manifest as it is.")
 @click.option("--trail", metavar="FILE", help="Write the settings that were asked for, in order, as CSV.")
@@ -62,6 +68,7 @@ def command(
     where: HostOptions,
     strategy: str,
     repeat: bool,
+    probability: float | None,
     interactive: bool,
     dry_run: bool,
     trail: str | None,
@@ -78,6 +85,8 @@ def command(
     """
     if repeat and strategy != "paper":
         raise click.UsageError("--repeat belongs to --strategy paper: the default looks at compounds of any size.")
+    if probability is not None and strategy == "paper":
+        raise click.UsageError("--probability belongs to the default strategy: the paper's procedure claims nothing.")
     if source.manifest == STANDARD_INPUT and not dry_run:
         raise click.UsageError("Standard input cannot be changed: name a file.", click.get_current_context())
     if interactive:
@@ -86,7 +95,7 @@ def command(
     options = MeasureOptions(
         together=True, strategy=strategy, samples=samples, on_busy_host=on_busy_host, lock_timeout_ms=lock_timeout
     )
-    end = _tuned(session, hosts, options, repeat=repeat, interactive=interactive)
+    end = _tuned(session, hosts, options, repeat=repeat, probability=probability, interactive=interactive)
     written = () if dry_run else _written(session, hosts, end)
     told = (*findings_of(end, hosts), *(still_too_much(hosts, end) if written else ()))
     tuned = tuned_of(end, cast(Literal["default", "paper"], strategy), hosts.system, ", ".join(written))
@@ -99,7 +108,15 @@ def command(
     return ExitCode.NO if has_errors(told) else ExitCode.DONE
 
 
-def _tuned(session: Session, hosts: Hosts, options: MeasureOptions, *, repeat: bool, interactive: bool) -> End:
+def _tuned(
+    session: Session,
+    hosts: Hosts,
+    options: MeasureOptions,
+    *,
+    repeat: bool,
+    probability: float | None,
+    interactive: bool,
+) -> End:
     """Ask until there is an answer, with the bench held.
 
     Raises:
@@ -114,7 +131,7 @@ def _tuned(session: Session, hosts: Hosts, options: MeasureOptions, *, repeat: b
             consent=AskingConsent(session) if interactive else Always(),
             may_share=subject.may_share,
         )
-        return End.of(subject, asking, options.strategy, repeat=repeat)
+        return End.of(subject, asking, options.strategy, repeat=repeat, probability=probability)
 
 
 def _keep_trail(session: Session, hosts: Hosts, end: End, tuned: Tuned, file: str | None) -> None:

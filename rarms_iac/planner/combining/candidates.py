@@ -43,6 +43,11 @@ class Candidate:
         return self.passed == self.low
 
     @property
+    def was_asked(self) -> bool:
+        """Whether a setting of it was measured."""
+        return self.passed is not None or self.failed is not None
+
+    @property
     def is_gain(self) -> bool:
         """Whether it may still reserve less than its parts."""
         return self.low <= self.highest

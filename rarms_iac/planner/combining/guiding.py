@@ -1,19 +1,17 @@
 """Which of the questions that matter tells most, and how likely no other layout is better: what prediction is for."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from itertools import takewhile
 from math import ceil
 
 from rarms_iac.planner.combining.candidates import Candidate, Candidates, Mask
 from rarms_iac.planner.combining.layouts import Layouts, Value
 from rarms_iac.planner.combining.scenarios import World, worlds
-from rarms_iac.planner.combining.values import Members, total
+from rarms_iac.planner.combining.values import total
 from rarms_iac.planner.prediction.belief import Belief, Expectation, Outlook, belief_of
-
-Predicted = Mapping[Members, tuple[float | None, ...]]
-"""What each way of predicting says of a compound: the CR that it needs; None: it cannot say."""
+from rarms_iac.planner.prediction.members import Predictor
 
 BEYOND = 0.2
 """What a bound that rises beyond what this layout can bear is worth: it may rule out others."""
@@ -27,12 +25,25 @@ class Guide:
     """What is expected of every compound, after the answers so far."""
 
     known: Candidates
-    outlooks: Mapping[Mask, Outlook]
+    predictor: Predictor
     belief: Belief
+    _outlooks: dict[Mask, Outlook] = field(default_factory=dict, compare=False, repr=False)
+
+    def outlook(self, mask: Mask) -> Outlook:
+        """What is known of this compound, and predicted."""
+        if mask not in self._outlooks:
+            self._outlooks[mask] = outlook_of(self.known, self.known.by_mask[mask], self.predictor)
+        return self._outlooks[mask]
 
     def expected(self, mask: Mask) -> Expectation:
-        """Of this compound."""
-        return self.belief.of(self.outlooks[mask])
+        """What this compound may need."""
+        return self.belief.of(self.outlook(mask))
+
+    def predicted(self, mask: Mask) -> int | None:
+        """The CR that it needs as likely as not; None: nothing predicts it."""
+        if all(one is None for one in self.outlook(mask).said):
+            return None
+        return self.expected(mask).quantile(0.5)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,23 +55,19 @@ class Doubt:
     enough: bool  # so few that the probability asked for is reached
 
 
-def guide_of(known: Candidates, predicted: Predicted) -> Guide:
+def guide_of(known: Candidates, predictor: Predictor) -> Guide:
     """What these answers and predictions make one expect."""
-    ways = max((len(said) for said in predicted.values()), default=0)
-    outlooks = {
-        mask: _outlook(known, one, predicted.get(one.coi.members, (None,) * ways))
-        for mask, one in known.by_mask.items()
-    }
-    seen = [one for one in outlooks.values() if one.passed is not None or one.failed is not None]
-    return Guide(known=known, outlooks=outlooks, belief=belief_of(ways, seen))
+    seen = [outlook_of(known, one, predictor) for one in known.by_mask.values() if one.was_asked]
+    return Guide(known=known, predictor=predictor, belief=belief_of(len(predictor.ways), seen))
 
 
-def _outlook(known: Candidates, one: Candidate, said: tuple[float | None, ...]) -> Outlook:
+def outlook_of(known: Candidates, one: Candidate, predictor: Predictor) -> Outlook:
+    """What is known of a compound, and predicted."""
     parts = known.members(one.mask)
     return Outlook(
         neediest=max(each.cost for each in parts) / one.coi.processors,
         together=total(parts) / one.coi.processors,
-        said=said,
+        said=predictor.of(one.coi.members, one.coi.processors),
         low=one.low,
         passed=one.passed,
         failed=one.failed,
@@ -97,7 +104,7 @@ def doubt_of(guide: Guide, layouts: Layouts, than: Value, probability: float) ->
     sets = tuple(takewhile(lambda one: one.value[0] <= than[0], layouts.ranked()))
     number = ceil(BETTER / (1.0 - probability))
     found = []
-    for looked_at, world in enumerate(worlds(layouts, guide.outlooks, guide.belief, number), start=1):
+    for looked_at, world in enumerate(worlds(layouts, guide.outlook, guide.belief, number), start=1):
         blocks = world.better(sets, than)
         if blocks is not None:
             found.append((world, blocks))

@@ -1,8 +1,9 @@
 """The candidate graph as nodes: CoIs, the compounds that could save something, and what is known of each."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rarms_iac.planner.combining.candidates import Candidate, Candidates, graph_of, named
+from rarms_iac.planner.combining.candidates import Candidate, Candidates, Mask, graph_of, named
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -14,6 +15,7 @@ class Node:
     parts: tuple[str, ...]  # names of the nodes that lead to it; none: it is a CoI as it is now
     low: int  # whole per cent of each of its virtual processors: it needs at least so much
     high: int  # at most so much, if it is to save anything
+    predicted: int | None  # what it will probably need, until that is measured
     measured: bool
     is_gain: bool
 
@@ -24,11 +26,12 @@ class Node:
             return self.name, f"no gain: needs at least {self.low} %"
         if self.measured:
             return self.name, f"{self.low} %"
-        return self.name, f"{self.low} % to {self.high} %, to be measured"
+        predicted = "" if self.predicted is None else f"predicted: {self.predicted} %, "
+        return self.name, f"{self.low} % to {self.high} %, {predicted}to be measured"
 
 
-def nodes_of(candidates: Candidates) -> tuple[Node, ...]:
-    """The nodes: CoIs, the least critical first, then compounds, the smaller first."""
+def nodes_of(candidates: Candidates, predicted: Mapping[Mask, int]) -> tuple[Node, ...]:
+    """The nodes: CoIs, the least critical first, then compounds, the smaller first; `predicted`: CRs of compounds."""
     graph = graph_of(candidates)
     cois = [
         Node(
@@ -37,22 +40,25 @@ def nodes_of(candidates: Candidates) -> tuple[Node, ...]:
             parts=(),
             low=one.reserve,
             high=one.reserve,
+            predicted=None,
             measured=True,
             is_gain=True,
         )
         for one in candidates.cois
     ]
     compounds = sorted(candidates.by_mask.values(), key=lambda one: (one.mask.bit_count(), one.coi.members))
-    return (*cois, *(_compound(one, tuple(sorted(graph.predecessors(named(one.coi.members))))) for one in compounds))
+    parts = {one.mask: tuple(sorted(graph.predecessors(named(one.coi.members)))) for one in compounds}
+    return (*cois, *(_compound(one, parts[one.mask], predicted.get(one.mask)) for one in compounds))
 
 
-def _compound(one: Candidate, parts: tuple[str, ...]) -> Node:
+def _compound(one: Candidate, parts: tuple[str, ...], predicted: int | None) -> Node:
     return Node(
         name=named(one.coi.members),
         members=one.coi.members,
         parts=parts,
         low=one.low,
         high=one.highest if one.passed is None else min(one.passed, one.highest),
+        predicted=None if one.is_known else predicted,
         measured=one.is_known,
         is_gain=one.is_gain,
     )

@@ -1,7 +1,7 @@
 """The next threshold question: does this compound meet its APTs at this reservation? A pure function of the answers."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 from rarms_iac.model.system import Minimise
 from rarms_iac.planner.combining.candidates import (
@@ -14,7 +14,6 @@ from rarms_iac.planner.combining.candidates import (
 )
 from rarms_iac.planner.combining.guiding import (
     Guide,
-    Predicted,
     doubt_of,
     guide_of,
     highest,
@@ -24,6 +23,7 @@ from rarms_iac.planner.combining.guiding import (
 from rarms_iac.planner.combining.layouts import Choice, Layouts, Objective
 from rarms_iac.planner.combining.paper import Asking, Sharing
 from rarms_iac.planner.combining.values import WHOLE, Asked, Coi, Members, total
+from rarms_iac.planner.prediction.members import NOTHING, Predictor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,7 +33,7 @@ class Ask:
     members: Members
     reserve: int
     why: str
-    predicted: int  # the CR that is expected to do, as likely as not; nothing rests on it
+    predicted: int | None  # the CR that is enough as likely as not; None: nothing predicts it; nothing rests on it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +81,7 @@ class Tuning:
     objective: Objective
     complete: bool  # whether these candidates are all that the objective could choose
     every_size: bool  # whether compounds may have any number of parts
-    predicted: Predicted = field(default_factory=dict)
+    predictor: Predictor = NOTHING
     probability: float | None = None  # that is enough; None: go on to the proof
 
 
@@ -119,7 +119,7 @@ def next_step(tuning: Tuning, answers: Sequence[Asked]) -> Step:
     holds = seen.best() if any(one.passed is not None for one in known.by_mask.values()) else None
     if holds is not None and layouts.value(holds) == layouts.value(best):
         return _best(tuning, seen, holds)
-    guide = guide_of(known, tuning.predicted)
+    guide = guide_of(known, tuning.predictor)
     chosen = None
     if holds is not None and tuning.probability is not None:
         doubt = doubt_of(guide, layouts, layouts.value(holds), tuning.probability)
@@ -140,11 +140,12 @@ def _room(tuning: Tuning, best: Choice, holds: Choice | None) -> int:
 
 def _question(guide: Guide, best: Choice, one: Candidate, reserve: int) -> Ask:
     beside = " and ".join("+".join(guide.known.by_mask[mask].coi.members) for mask in best.blocks)
-    predicted = guide.expected(one.mask).quantile(0.5)
+    predicted = guide.predicted(one.mask)
+    told = "" if predicted is None else f" (predicted: {predicted} %)"
     return Ask(
         members=one.coi.members,
         reserve=reserve,
-        why=f"it needs {one.low} % to {highest(one)} %, predicted: {predicted} %; the best layout may combine {beside}",
+        why=f"it needs {one.low} % to {highest(one)} %{told}; the best layout may combine {beside}",
         predicted=predicted,
     )
 

@@ -1,6 +1,6 @@
 """Layouts in worlds that may be: every compound needs what was drawn for it, within what is known."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
 from rarms_iac.planner.combining.candidates import Mask
@@ -17,7 +17,7 @@ class World:
 
     number: int
     layouts: Layouts  # at the lower ends
-    outlooks: Mapping[Mask, Outlook]
+    outlook: Callable[[Mask], Outlook]
     way: Hypothesis
     needs: dict[Mask, int] = field(default_factory=dict)  # CR, of those that were drawn
     _least: dict[Mask, tuple[int, int]] = field(default_factory=lambda: {0: (0, 0)})
@@ -26,7 +26,7 @@ class World:
         """The CR that the compound needs here."""
         found = self.needs.get(mask)
         if found is None:
-            found = self.needs[mask] = self.way.need(self.outlooks[mask], _drawn(self.number, mask))
+            found = self.needs[mask] = self.way.need(self.outlook(mask), _drawn(self.number, mask))
         return found
 
     def _cost(self, block: Mask) -> int:
@@ -84,8 +84,8 @@ def _drawn(world: int, mask: Mask) -> float:
     return ((state ^ (state >> 31)) >> 11) / (1 << 53)
 
 
-def worlds(layouts: Layouts, outlooks: Mapping[Mask, Outlook], belief: Belief, number: int) -> Iterator[World]:
+def worlds(layouts: Layouts, outlook: Callable[[Mask], Outlook], belief: Belief, number: int) -> Iterator[World]:
     """So many, each hypothesis in as many of them as it weighs; always the same ones."""
     for at in range(number):
         way = belief.drawn((at * _GOLDEN + 0.5 / number) % 1.0)
-        yield World(number=at, layouts=layouts, outlooks=outlooks, way=way)
+        yield World(number=at, layouts=layouts, outlook=outlook, way=way)

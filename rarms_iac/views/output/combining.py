@@ -21,12 +21,16 @@ class CombinedOutput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AskedOutput:
-    """A setting that was asked for, in order; `worse`: the components that missed a threshold there."""
+    """A setting that was asked for, in order; `worse`: the components that missed a threshold there.
+
+    `predicted`: the CR that was expected to be enough when it was asked for; nothing rests on it.
+    """
 
     components: tuple[str, ...]
     reserve: int
     met: bool
     worse: tuple[str, ...]
+    predicted: int | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +46,8 @@ class TuneOutput:
     before: int
     after: int
     proved: bool  # that no other layout is better, if a compound needs at least what any part of it needs
+    probability: float | None  # not proved, but at least so likely; null: proved, or nothing is claimed
+    claim: str  # proved; not proved; not proved, at least 95 %
     contradictions: tuple[str, ...]
     partitions: tuple[CombinedOutput, ...]
     trail: tuple[AskedOutput, ...]
@@ -53,7 +59,8 @@ class TuneOutput:
 class CandidateOutput:
     """A CoI as it is (no `parts`), or a compound that could reserve less than its parts.
 
-    It needs `low` whole per cent of each virtual processor or more, and saves something up to `high`.
+    It needs `low` whole per cent of each virtual processor or more, and saves something up to `high`. `predicted` is
+    what it will probably need until that is measured; null: it was measured, or is no compound.
     """
 
     name: str
@@ -61,6 +68,7 @@ class CandidateOutput:
     parts: tuple[str, ...]
     low: int
     high: int
+    predicted: int | None
     measured: bool
     is_gain: bool
 

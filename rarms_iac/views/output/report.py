@@ -96,6 +96,7 @@ class ReportTuningOutput:
     strategy: Literal["default", "paper"]
     ending: Literal["successful", "unable", "nothing_to_do"]
     proved: bool
+    claim: str  # proved; not proved; not proved, at least 95 %
     before: int
     after: int
     trail: tuple[AskedOutput, ...]

@@ -60,8 +60,8 @@ def test_compounds_stand_with_the_interval_in_which_they_save_something(here: Pa
         '  n0["path<br/>20 %"]',
         '  n1["speech<br/>30 %"]',
         '  n2["vision<br/>50 %"]',
-        '  n3["path+speech<br/>30 % to 49 %, to be measured"]',
-        '  n4["speech+vision<br/>50 % to 79 %, to be measured"]',
+        '  n3["path+speech<br/>30 % to 49 %, predicted: 40 %, to be measured"]',
+        '  n4["speech+vision<br/>50 % to 79 %, predicted: 65 %, to be measured"]',
     ]
 
 
@@ -78,13 +78,18 @@ def test_what_was_measured_of_a_compound_is_told(here: Path) -> None:
 def test_dot_and_json_show_the_same_graph(here: Path) -> None:
     dot = rarms("graph", "--candidates", "--format", "dot", "-f", str(here)).lines
     assert '  "path" -> "path+speech";' in dot
-    assert '  "path+speech" [label="path+speech\\n30 % to 49 %, to be measured", style="rounded,dashed"];' in dot
+    assert (
+        '  "path+speech" [label="path+speech\\n30 % to 49 %, predicted: 40 %, to be measured", style="rounded,dashed"];'
+        in dot
+    )
 
     answer = rarms("graph", "--candidates", "--json", "-f", str(here))
     check(answer.out)
     shown = {one["name"]: one for one in json.loads(answer.out)["candidates"]}
     assert shown["speech+vision"]["parts"] == ["speech", "vision"]
     assert (shown["speech+vision"]["low"], shown["speech+vision"]["high"]) == (50, 79)
+    assert 50 <= shown["speech+vision"]["predicted"] <= 79
+    assert shown["speech"]["predicted"] is None
 
 
 def test_without_a_data_log_it_says_which_command_makes_it(here: Path) -> None:

@@ -15,6 +15,7 @@ def node(*members: str, low: int = 20, high: int = 60, measured: bool = False, i
         parts=members if len(members) > 1 else (),
         low=low,
         high=high,
+        predicted=None,
         measured=measured or len(members) == 1,
         is_gain=is_gain,
     )

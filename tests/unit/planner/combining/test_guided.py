@@ -10,6 +10,7 @@ from rarms_iac.model.system import Minimise
 from rarms_iac.planner.combining.paper import Asking
 from rarms_iac.planner.combining.questions import Ask, Best, Tuning, next_step, search, tuning_of
 from rarms_iac.planner.combining.values import Coi, Members
+from rarms_iac.planner.prediction.members import Predictor
 from tests.unit.planner.combining.test_questions import Needs, anyone, cois, needs_of, objective
 
 SEEDS = range(8)
@@ -26,12 +27,8 @@ def problem(seed: int, minimise: Minimise = Minimise.RESERVATION) -> tuple[Tunin
 def guided(tuning: Tuning, needs: Mapping[Members, int], off: float, seed: int = 0) -> Tuning:
     """With one way to predict, so far off (CR) on average; `off` below 0: it knows nothing at all."""
     chance = random.Random(seed)
-    said: dict[Members, tuple[float | None, ...]] = {
-        names: (chance.uniform(5, 99) if off < 0 else least + chance.gauss(0, off),)
-        for names, least in needs.items()
-        if len(names) > 1
-    }
-    return replace(tuning, predicted=said)
+    said = {names: chance.uniform(5, 99) if off < 0 else least + chance.gauss(0, off) for names, least in needs.items()}
+    return replace(tuning, predictor=Predictor(ways=("one",), says=lambda names, _processors: (said[names],)))
 
 
 @pytest.mark.parametrize("minimise", list(Minimise))

@@ -1,0 +1,174 @@
+"""What the data logs of components alone say of them together: one CR a way to predict."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import ceil
+
+from rarms_iac.model.indexes.percentile_response_time import percentile_of
+from rarms_iac.model.system import AtMost, Component, Host, Periodic
+from rarms_iac.planner.groups import Group
+from rarms_iac.planner.prediction.belief import Outlook, belief_of
+from rarms_iac.planner.prediction.periodic import (
+    Meets,
+    Resource,
+    Task,
+    least_budget,
+    meets_by_deadline,
+    meets_by_priority,
+)
+from rarms_iac.planner.prediction.sharing import WHOLE, Demand, demand_of, least_shared
+from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, ReservationSource
+
+WAYS = ("processor sharing", "periodic resource, earliest deadline first", "periodic resource, fixed priorities")
+"""The ways to predict, in the order of what they say."""
+
+Said = tuple[float | None, ...]
+"""What each way says a compound needs: a CR, not rounded; None: it cannot say."""
+
+TICKS = 10
+"""In a millisecond."""
+
+WINDOW = 100
+"""Ticks: a partition is taken for a periodic resource of this period, about a turn of a hypervisor (10 ms)."""
+
+MOST = 90
+"""Per cent: a threshold of at least this percentile of the response time is taken for a deadline."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Alone:
+    """A component by itself."""
+
+    demand: Demand
+    task: Task | None  # ticks; None: its jobs have no period or no deadline
+    processors: int  # of the partition that it was measured in
+
+
+def alone_in(groups: Iterable[Group], reservations: ReservationSource, host: Host) -> Mapping[str, Alone]:
+    """The components that were measured alone for this host, by name; those of a partition of several were not."""
+    found = {}
+    if isinstance(reservations, MeasuredReservations):
+        for group in groups:
+            log, least = reservations.log(group.members, host), reservations.least(group.members, host)
+            if len(group.members) == 1 and isinstance(log, MeasuredTogether) and least is not None:
+                found[group.members[0].name] = alone_of(group.members[0], log, least.reserve)
+    return {name: one for name, one in found.items() if one is not None}
+
+
+def alone_of(component: Component, log: MeasuredTogether, enough: int) -> Alone | None:
+    """What its log says of it; None: too little. `enough`: the CR at which it meets its APTs."""
+    points = [(one.reserve, one.value) for one in log.curves(component.name, "mean_response_time").points]
+    arrival = None if component.run is None else component.run.arrival
+    period = float(arrival.period) if isinstance(arrival, Periodic) else None
+    demand = demand_of(points, enough, period_ms=period)
+    if demand is None:
+        return None
+    used = log.cpu_ms(component.name)
+    if used is not None and demand.work_ms > 0:
+        demand = replace(demand, parallel=min(float(log.processors), max(1.0, used / demand.work_ms)))
+    return Alone(demand=demand, task=_task(component, demand), processors=log.processors)
+
+
+def _task(component: Component, demand: Demand) -> Task | None:
+    deadlines = [
+        float(one.value) for name, one in component.apt.items() if isinstance(one, AtMost) and _is_deadline(name)
+    ]
+    if component.run is not None and component.run.deadline is not None:
+        deadlines.append(float(component.run.deadline))
+    if demand.period_ms is None or not deadlines or demand.work_ms <= 0:
+        return None
+    left = min(deadlines) - demand.waits_ms
+    if left <= 0:
+        return None
+    return task_of(demand.work_ms, demand.period_ms, left)
+
+
+def _is_deadline(index: str) -> bool:
+    percentile = percentile_of(index)
+    return index == "maximum_response_time" or (percentile is not None and percentile >= MOST)
+
+
+def task_of(work_ms: float, period_ms: float, deadline_ms: float) -> Task:
+    """In ticks, on the safe side."""
+    return Task(
+        work=max(1, ceil(work_ms * TICKS)),
+        period=max(1, int(period_ms * TICKS)),
+        deadline=max(1, int(deadline_ms * TICKS)),
+    )
+
+
+def said_of(members: Sequence[Alone], processors: int) -> Said:
+    """What each of `WAYS` says that these need in one partition of so many virtual processors.
+
+    Those of the periodic resource are bounds for one processor; of several they are taken as one that is as fast as
+    all of them.
+    """
+    if any(one.processors != processors for one in members):
+        return (None,) * len(WAYS)
+    tasks = [one.task for one in members if one.task is not None]
+    if len(tasks) < len(members):
+        tasks = []
+    return (
+        least_shared([one.demand for one in members], processors),
+        _periodic(tasks, meets_by_deadline),
+        _periodic(tasks, _by_deadline_length),
+    )
+
+
+def _periodic(tasks: Sequence[Task], meets: Meets) -> float | None:
+    budget = least_budget(tasks, WINDOW, meets) if tasks else None
+    return None if budget is None else budget * WHOLE / WINDOW
+
+
+def _by_deadline_length(tasks: Sequence[Task], resource: Resource) -> bool:
+    """Deadline monotonic: the shorter the deadline, the higher the priority; none may be longer than its period."""
+    if any(one.deadline > one.period for one in tasks):
+        return False
+    return meets_by_priority(sorted(tasks, key=lambda one: one.deadline), resource)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Predictor:
+    """Says what each of some ways predicts of a compound; each compound is worked out once."""
+
+    ways: tuple[str, ...]
+    says: Callable[[tuple[str, ...], int], Said]  # members, virtual processors
+    _known: dict[tuple[tuple[str, ...], int], Said] = field(default_factory=dict, compare=False, repr=False)
+
+    def of(self, members: tuple[str, ...], processors: int) -> Said:
+        """The CR that each way predicts."""
+        key = members, processors
+        if key not in self._known:
+            self._known[key] = self.says(members, processors)
+        return self._known[key]
+
+
+def expected_of(predictor: Predictor, members: tuple[str, ...], processors: int, costs: Sequence[int]) -> int | None:
+    """The CR that these will as likely as not need together, before any of it was measured; None: nothing says so.
+
+    `costs`: what each part of them reserves, in per cent of one logical processor.
+    """
+    said = predictor.of(members, processors)
+    if all(one is None for one in said):
+        return None
+    neediest, together = max(costs) / processors, sum(costs) / processors
+    outlook = Outlook(neediest=neediest, together=together, said=said, low=ceil(neediest))
+    return belief_of(len(predictor.ways), []).of(outlook).quantile(0.5)
+
+
+def _nothing(_members: tuple[str, ...], _processors: int) -> Said:
+    return ()
+
+
+NOTHING = Predictor(ways=(), says=_nothing)
+"""No way to predict."""
+
+
+def predictor_of(alone: Mapping[str, Alone]) -> Predictor:
+    """Of components of which so much is known; compounds with others are not predicted."""
+
+    def says(members: tuple[str, ...], processors: int) -> Said:
+        known = [alone[name] for name in members if name in alone]
+        return said_of(known, processors) if len(known) == len(members) else (None,) * len(WAYS)
+
+    return Predictor(ways=WAYS, says=says)

@@ -1,0 +1,49 @@
+"""What tuning claims of other layouts: in the text, in JSON and in the trail."""
+
+import json
+
+import pytest
+
+from rarms_iac.cli.tuning_log import run_of
+from rarms_iac.planner.combining.values import Asked
+from rarms_iac.reports.model import Tuning
+from rarms_iac.reports.tables import trail_rows
+from rarms_iac.views.tuned import Tuned, tuned_json, tuned_text
+from tests.unit.views.test_json import check
+
+
+def tuned(*, proved: bool, probability: float | None) -> Tuned:
+    return Tuned(
+        strategy="default",
+        ending="successful",
+        message="successful",
+        capacity=200,
+        before=230,
+        after=190,
+        proved=proved,
+        probability=probability,
+        contradictions=(),
+        partitions=(),
+        trail=(
+            Asked(members=("a", "b"), reserve=40, worse=("a",), predicted=44),
+            Asked(members=("a", "b"), reserve=45, worse=(), predicted=44),
+        ),
+    )
+
+
+@pytest.mark.parametrize(
+    ("proved", "probability", "claim"),
+    [(True, None, "proved"), (False, 0.95, "not proved, at least 95 %"), (False, None, "not proved")],
+)
+def test_the_claim_is_the_same_everywhere(proved: bool, probability: float | None, claim: str) -> None:
+    ended = tuned(proved=proved, probability=probability)
+    told, run = tuned_json(ended, ()), run_of(ended)
+    check(told)
+    assert run is not None
+    _, *rows = trail_rows([Tuning(platform="two-core", run=run)])
+
+    assert json.loads(told)["claim"] == claim
+    assert [row[-2:] for row in rows] == [(44, ""), (44, claim)]
+    text = tuned_text(ended, 80)
+    assert ("No other layout is better, if" in text) is proved
+    assert ("Not proved, at least 95 %" in text) is (probability is not None)
