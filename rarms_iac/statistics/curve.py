@@ -37,12 +37,20 @@ class Curve:
     error: float  # of the band, at each measured point
     points: tuple[Point, ...]
     estimates: tuple[Estimate, ...]  # as measured, before they were made monotone; one a point
+    untold: tuple[int, ...] = ()  # reserves that were measured and gave no estimate
 
     def value_at(self, reserve: float) -> Point | None:
-        """The curve there, None outside of what was measured."""
+        """The curve there, None outside of what was measured.
+
+        Across a reservation that was measured and gave no estimate, the line has no safe side: what was seen there is
+        not what the line says.
+        """
         for left, right in zip(self.points, self.points[1:], strict=False):
             if left.reserve <= reserve <= right.reserve:
-                return _between(left, right, reserve)
+                point = _between(left, right, reserve)
+                at_an_end = reserve in (left.reserve, right.reserve)
+                crosses = any(left.reserve < one < right.reserve for one in self.untold)
+                return _unbounded(point, self.index) if crosses and not at_an_end else point
         lone = [point for point in self.points if point.reserve == reserve]
         return lone[0] if lone else None
 
@@ -65,8 +73,7 @@ class LeastReserve:
 def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run, *, error: float = USUAL_ERROR) -> Curve:
     """The curve of a component's index; a setting without an estimate (no answer, no steady state) gives no point.
 
-    Several settings at one reservation are taken together, each by its samples. Below a reservation that gave no
-    estimate nothing is sure: more CPU than that was not enough to tell, so the safe side has no bound there.
+    Several settings at one reservation are taken together, each by its samples.
     """
     measured: dict[int, list[Estimate]] = {}
     untold: set[int] = set()
@@ -81,14 +88,13 @@ def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run, 
                 untold.add(setting.reserve)
     reserves = sorted(measured)
     estimates = tuple(_together(measured[reserve], index) for reserve in reserves)
-    unsure = max(untold - measured.keys(), default=0)
-    points = _monotone(reserves, estimates, index)
     return Curve(
         component=component,
         index=index,
         error=error,
-        points=tuple(_unbounded(one, index) if one.reserve < unsure else one for one in points),
+        points=_monotone(reserves, estimates, index),
         estimates=estimates,
+        untold=tuple(sorted(untold - measured.keys())),
     )
 
 

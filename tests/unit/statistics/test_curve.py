@@ -50,19 +50,20 @@ def test_all_members_and_all_indexes_must_hold() -> None:
     assert least_reserve([(fast, at_most(110)), (slow, at_most(300))]) == LeastReserve(reserve=31, interpolated=True)
 
 
-def test_below_a_reservation_without_a_steady_state_nothing_is_sure() -> None:
-    """It was measured at 40 %: what a line from 20 to 60 % would give there, or below, is not what it showed."""
+def test_no_line_is_drawn_across_a_reservation_without_a_steady_state() -> None:
+    """It was measured at 40 %: what a line from 20 to 60 % says there, or beside it, is not what it showed."""
     steady = [Setting(reserve=one, series=(a_series(noisy(one, level)),)) for one, level in ((20, 100.0), (60, 80.0))]
     rising = Setting(reserve=40, series=(a_series([90.0 + number for number in range(200)]),))
     curve = curve_of([*steady, rising], "coi", "mean_response_time", RUN)
     throughput = curve_of([*steady, rising], "coi", "throughput", RUN)
+    again = Setting(reserve=40, series=(a_series(noisy(3, 90.0)),))
 
     assert [point.reserve for point in curve.points] == [20, 60]
-    assert least_reserve([(curve, at_most(200))]) == LeastReserve(reserve=60, interpolated=False)
-    assert least_reserve([(throughput, at_least(1))]) == LeastReserve(reserve=60, interpolated=False)
-    assert least_reserve([(curve_of(steady, "coi", "mean_response_time", RUN), at_most(200))]) == LeastReserve(
-        reserve=20, interpolated=False
-    )
+    assert least_reserve([(curve, at_most(95))]) == LeastReserve(reserve=60, interpolated=False)
+    assert least_reserve([(curve, at_most(200))]) == LeastReserve(reserve=20, interpolated=False)
+    assert least_reserve([(throughput, at_least(11))]) == LeastReserve(reserve=60, interpolated=False)
+    measured_again = curve_of([*steady, rising, again], "coi", "mean_response_time", RUN)
+    assert least_reserve([(measured_again, at_most(95))]) == LeastReserve(reserve=31, interpolated=True)
 
 
 def test_a_throughput_is_read_from_below() -> None:
