@@ -49,11 +49,22 @@ def experiments_for(hosts: Hosts, options: MeasureOptions) -> tuple[Experiment, 
         if system.components[name].runs_on is RunsOn.HOST:
             says = f"{name} runs on the host itself: it has no partition, and no reservation that could be measured."
             raise click.UsageError(says, click.get_current_context())
+    if not options.components and not any(one.apt for one in system.components.values()):
+        raise _nothing_to_measure(hosts)
     found: list[Experiment] = []
     for members in _members(hosts, options):
         load = options.interference or interference_of(system, members)
         found += [experiment_of(system, host, members, load, options.samples) for host in _benches(hosts, members)]
     return tuple(found)
+
+
+def _nothing_to_measure(hosts: Hosts) -> Halted:
+    advice = (
+        "Say how well one must do: `apt: { mean_response_time: { at_most: 50 ms } }`; or name one with --from, --to."
+    )
+    place = hosts.opened.loaded.places.key("components")
+    says = "No component has an `apt`, so there is nothing to measure for."
+    return Halted(ExitCode.NO, [findings.NO_THRESHOLD.at(place, says, advice)], hosts.opened.loaded.sources)
 
 
 def _members(hosts: Hosts, options: MeasureOptions) -> tuple[tuple[str, ...], ...]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 from rarms_iac.experiments.setup import Experiment
 from rarms_iac.model.measurement import Series, Setting, run_of
@@ -10,6 +11,8 @@ from rarms_iac.statistics import values
 from rarms_iac.statistics.estimates import Estimate, NoEstimate, estimate
 from rarms_iac.statistics.steadiness import Steady, Unsteady, steady_part
 from rarms_iac.statistics.verdict import VERDICT_ERROR, Missed, judge, part_for
+
+Below = Literal["missed", "within the noise", "no steady state"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,8 +53,8 @@ def shown_of(components: tuple[Component, ...], seen: Mapping[str, Series]) -> t
     )
 
 
-def undecided(reserve: int, settings: Iterable[Setting], experiment: Experiment) -> bool:
-    """Whether nothing measured at this CR shows a threshold missed: the samples there cannot tell.
+def shown_at(reserve: int, settings: Iterable[Setting], experiment: Experiment) -> Below:
+    """What settings at this CR, where not every threshold was met for sure, show of them.
 
     Strict, and with the error of a verdict, as a report judges a setting.
     """
@@ -63,7 +66,9 @@ def undecided(reserve: int, settings: Iterable[Setting], experiment: Experiment)
         for series in setting.series
         if series.component == one.name and one.apt
     ]
-    return not any(isinstance(verdict, Missed) for verdict in verdicts)
+    if any(isinstance(verdict, Missed) for verdict in verdicts):
+        return "missed"
+    return "no steady state" if any(isinstance(verdict, Unsteady) for verdict in verdicts) else "within the noise"
 
 
 def steady(series: Series) -> str:

@@ -14,7 +14,7 @@ from rarms_iac.experiments.conclusions import (
     Sufficient,
     Swept,
 )
-from rarms_iac.experiments.measured import Shown, shown, undecided
+from rarms_iac.experiments.measured import Shown, shown, shown_at
 from rarms_iac.experiments.setup import Experiment
 from rarms_iac.experiments.telling import show_threshold, show_value
 from rarms_iac.model.diagnostics import Diagnostic
@@ -83,8 +83,20 @@ def show_band(one: Shown) -> str:
 def _rows(one: Measured) -> Iterator[Row]:
     new = f", {one.new} new" if one.new else ""
     reserve, verdict = _verdict(one)
-    error = share(one.conclusion.error) if isinstance(one.conclusion, Sufficient | NotAchievable) else ""
+    error = _error(one)
     yield from _members(one.experiment, reserve, verdict, error, f"{len(one.settings)}{new}")
+
+
+def _error(one: Measured) -> str:
+    """How often the verdict is wrong at most; NOTE: of an extreme nobody can say, however often it was met so far."""
+    if not isinstance(one.conclusion, Sufficient | NotAchievable):
+        return ""
+    return "so far" if _only_extremes(one, one.conclusion.reserve) else share(one.conclusion.error)
+
+
+def _only_extremes(one: Measured, reserve: int) -> bool:
+    seen = [each for setting in one.settings if setting.reserve == reserve for each in shown(setting, one.experiment)]
+    return bool(seen) and all(each.estimate is not None and each.estimate.beyond is not None for each in seen)
 
 
 def _members(experiment: Experiment, reserve: str, verdict: str, error: str, used: str) -> Iterator[Row]:
@@ -119,8 +131,13 @@ def _below(one: Measured, failed: int | None) -> str:
     """The highest lower setting that was not shown to be enough; NOTE: that is not yet shown to be too little."""
     if not failed:
         return ""
-    is_open = undecided(failed, one.settings, one.experiment)
-    return f", {failed} % within the noise" if is_open else f", {failed} % is not"
+    match shown_at(failed, one.settings, one.experiment):
+        case "missed":
+            return f", {failed} % is not"
+        case "within the noise":
+            return f", {failed} % within the noise"
+        case "no steady state":
+            return f", {failed} % without a steady state"
 
 
 def _planned(one: Measured, reserve: int | None) -> str:
@@ -152,7 +169,7 @@ def _output(one: Measured) -> ExperimentOutput:
         failed=conclusion.failed if isinstance(conclusion, Sufficient) else None,
         undecided=isinstance(conclusion, Sufficient)
         and conclusion.failed is not None
-        and undecided(conclusion.failed, one.settings, experiment),
+        and shown_at(conclusion.failed, one.settings, experiment) != "missed",
         error=conclusion.error if isinstance(conclusion, Sufficient | NotAchievable) else None,
         planned=one.planned.reserve if one.planned else None,
         interpolated=bool(one.planned and one.planned.interpolated),

@@ -39,8 +39,8 @@ class SettingOutput:
 class ExperimentOutput:
     """Components measured together in one partition; `reserve` is null where none was found or looked for.
 
-    `failed` is the highest lower setting that is not enough, or `undecided`: within the noise. `planned` is what a plan
-    reserves by the curve; it is `interpolated` where it lies between measured settings.
+    `failed` is the highest lower setting that is not enough, or is `undecided`: within the noise, or unsteady.
+    `planned` is what a plan reserves by the curve; it is `interpolated` where it lies between measured settings.
     """
 
     components: tuple[str, ...]

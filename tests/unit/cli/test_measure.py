@@ -208,6 +208,10 @@ def test_what_cannot_be_run_or_searched_is_told_with_its_line(here: Path) -> Non
         MANIFEST.replace("    apt:\n      mean_response_time: { at_most: 50 ms }\n", "").replace("measured", "5 %"),
     )
     assert refused(rarms("measure", "vision")) == (4, "RARMS264")
+    everything = rarms("measure")
+    assert refused(everything) == (4, "RARMS264")
+    assert "No component has an `apt`" in everything.err
+    assert everything.out == "", "no table without a row"
 
 
 def test_a_damaged_log_is_not_replaced(here: Path) -> None:

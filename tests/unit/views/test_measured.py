@@ -1,5 +1,7 @@
 """The summary of `rarms measure`: what is known of the setting below, what was not begun, and what the errors mean."""
 
+from dataclasses import replace
+
 from rarms_iac.experiments.conclusions import Stopped, Sufficient
 from rarms_iac.experiments.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Setting
@@ -7,7 +9,7 @@ from rarms_iac.model.system import System
 from rarms_iac.statistics.told_errors import ERRORS
 from rarms_iac.views.measured import Measured, measure_json, summary_text
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
-from tests.builders_measured import a_setting
+from tests.builders_measured import a_series, a_setting
 from tests.measured_robot import a_measured_setting
 from tests.unit.views.test_json import check
 
@@ -54,6 +56,14 @@ def test_a_setting_below_that_the_samples_cannot_tell_is_within_the_noise() -> N
     assert '"undecided": true' in measure_json([found(100.2)], ())
 
 
+def test_a_setting_below_without_a_steady_state_is_called_so() -> None:
+    drifting = a_setting(59, a_series("vision", [80.0 + at / 4 for at in range(200)]))
+
+    text = summary_text([replace(found(105.0), settings=(drifting, at(60, 95.0)))], 120)
+
+    assert "enough, 59 % without a steady state" in text
+
+
 def test_what_the_errors_mean_stands_below_a_verdict_and_nowhere_else() -> None:
     stopped = Measured(
         experiment=an_experiment("vision"), conclusion=Stopped(), settings=(), new=0, planned=None, log="x"
@@ -61,6 +71,17 @@ def test_what_the_errors_mean_stands_below_a_verdict_and_nowhere_else() -> None:
 
     assert ERRORS in " ".join(summary_text([found(105.0)], 80).split())
     assert "Wrong in" not in summary_text([stopped], 80)
+
+
+def test_of_a_maximum_no_error_is_told_that_nobody_knows() -> None:
+    longest = {"maximum_response_time": at_most(500)}
+    system = a_system(components=[a_component("vision", criticality=9, apt=longest, run=RUN, simulation=DEMAND)])
+    one = replace(found(105.0), experiment=experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop"))
+
+    row = summary_text([one], 120).splitlines()[1]
+
+    assert "so far" in row
+    assert "1 %" not in row
 
 
 def test_whose_turn_an_early_end_left_out_is_named() -> None:
