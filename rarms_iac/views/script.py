@@ -16,11 +16,11 @@ def script_text(script: str, *, colour: bool = False, whole: bool = False) -> st
     width = len(str(len(lines)))
     numbered = [f"{number:>{width}}  {line}".rstrip() for number, line in enumerate(lines, start=1)]
     for one in () if whole else reversed(parts.fixed):
-        left_out = (
-            f"{'':>{width}}  ... lines {one.first + 1} to {one.last - 1}: {one.says}, the same bytes in every script"
+        fixed = (
+            f"lines {one.first} to {one.last}: {one.says}, fixed (SHA-256 {digest(one.text)[:12]}); --whole shows it"
         )
-        told = f"{left_out}{' that has it' if one.name else ''} (SHA-256 {digest(one.text)[:12]}); --whole shows it"
-        numbered[one.first : one.last - 1] = [told]
+        told = f"{'':>{width}}  ... {fixed}"
+        numbered[one.first - 1 : one.last] = [told]
     return "\n".join(numbered) + "\n"
 
 
