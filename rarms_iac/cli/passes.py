@@ -42,14 +42,16 @@ def passes_for(
     return {one.path: found[one.path] or _begin(hosts, one, asked, started, options) for one in known}
 
 
-def end_pass(path: Path, one: Pass) -> None:
-    """Record that all of it is measured.
+def end_passes(hosts: Hosts, complete: Mapping[Path, Pass], options: MeasureOptions) -> None:
+    """Record in each log that all of its pass is measured.
 
     Raises:
-        OSError: it cannot be written.
+        Halted: a log is held by another run (3).
     """
-    if not one.ended:
-        append_pass(path, replace(one, ended=True))
+    for path, one in complete.items():
+        if not one.ended:
+            with held_log(Path(hosts.folder), path, options.lock_timeout_ms):
+                append_pass(path, replace(one, ended=True))
 
 
 def asked_for(options: MeasureOptions) -> str:

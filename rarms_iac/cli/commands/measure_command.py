@@ -1,7 +1,7 @@
 """`rarms measure`: the reservations that components need, by running them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import click
@@ -23,7 +23,7 @@ from rarms_iac.cli.options import (
     manifest_options,
     time_option,
 )
-from rarms_iac.cli.passes import end_pass, passes_for
+from rarms_iac.cli.passes import end_passes, passes_for
 from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.telling import tell
@@ -120,6 +120,8 @@ def command(
     hosts = hosts_of(system, opened, source, where)
     done = measured(session, hosts, options, interactive=interactive)
     record_what_follows(hosts)
+    if not done.stopped:
+        end_passes(hosts, done.complete, options)  # last of all: until then the same command goes on
     tell(session.terminal, done.findings, opened.loaded.sources)
     if as_json:
         session.terminal.data(measure_json(done.results, done.findings, done.waiting))
@@ -151,6 +153,7 @@ class Done:
     results: tuple[Measured, ...]
     findings: tuple[Diagnostic, ...]
     waiting: tuple[Experiment, ...] = ()
+    complete: Mapping[Path, Pass] = field(default_factory=dict)  # passes with nothing left to measure, by data log
 
     @property
     def stopped(self) -> bool:
@@ -167,6 +170,7 @@ def measured(session: Session, hosts: Hosts, options: MeasureOptions, *, interac
     experiments = experiments_for(hosts, options)
     results: list[Measured] = []
     found: list[Diagnostic] = []
+    complete: dict[Path, Pass] = {}
     names = [one.host.name for one in experiments]
     with held_benches(session, hosts, names, options.lock_timeout_ms) as benches:
         passes = _passes(hosts, experiments, benches, options)
@@ -176,14 +180,14 @@ def measured(session: Session, hosts: Hosts, options: MeasureOptions, *, interac
             with session.interrupts.gently():
                 result = run_experiment(session, hosts, one, benches[one.host.name], asked)
             if mine and not isinstance(result.conclusion, Stopped | NoVerdict):
-                end_pass(path_for(hosts, one), mine)
+                complete[path_for(hosts, one)] = mine
             if interactive and not isinstance(result.conclusion, Stopped):
                 result = ask_levels(session, hosts, result)
             found += findings_of(one, result.conclusion, result.settings, hosts.opened.loaded.places)
             results.append(result)
             if isinstance(result.conclusion, Stopped):
                 break
-    return Done(results=tuple(results), findings=tuple(found), waiting=experiments[len(results) :])
+    return Done(results=tuple(results), findings=tuple(found), waiting=experiments[len(results) :], complete=complete)
 
 
 def _passes(
