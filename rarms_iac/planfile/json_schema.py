@@ -27,7 +27,8 @@ def snapshot_schema() -> Schema:
     schema = schema_of(State)
     return {
         "$schema": schema["$schema"],
-        "description": "What a host looks like, as `rarms snapshot` writes it.",
+        "description": "What a host looks like, as `rarms snapshot` writes it; of a Hyper-V host it keeps what "
+        "observe.ps1 printed (docs/scripts.md).",
         "type": "object",
         "properties": {"format_version": {"const": SNAPSHOT_FORMAT}, "state": {"$ref": schema["$ref"]}},
         "required": ["format_version", "state"],
