@@ -184,12 +184,13 @@ def tuning_text(one: Tuning) -> str:
     return f"{named}: {result} ({run.strategy} strategy, {run.when}).{proof}{broken}{written}"
 
 
-def trail_of(one: Tuning) -> tuple[tuple[str, str, str], ...]:
-    """A row a setting that was asked for, in order: components, CR, answer."""
+def trail_of(one: Tuning) -> tuple[tuple[str, str, str, str], ...]:
+    """A row a setting that was asked for, in order: components, CR, what was predicted, answer."""
     return tuple(
         (
             " + ".join(asked.components),
             show_percent(asked.reserve),
+            "" if asked.predicted is None else show_percent(asked.predicted),
             f"not met for sure by {', '.join(asked.worse)}" if asked.worse else "all thresholds met",
         )
         for asked in one.run.trail

@@ -51,7 +51,7 @@ def _parts(report: Report, width: int, *, ascii_only: bool, colour: bool) -> Ite
     for tuning in report.tunings:
         yield "\n".join(wrap(f"combining on {tuning.platform}: {tuning_text(tuning)}", width, "")) + "\n"
         yield table([("partition", "components", "CR", "bandwidth", "apart"), *tuned_of(tuning)], width)
-        yield table([("asked for", "CR", "answer"), *trail_of(tuning)], width)
+        yield table([("asked for", "CR", "predicted", "answer"), *trail_of(tuning)], width)
     yield "\n".join(wrap(ERRORS, width, "")) + "\n"
     for one in report.measurements:
         for index in one.indexes:
