@@ -21,6 +21,8 @@ from rarms_iac.views.table import table
 
 def proof_text(proofs: Sequence[Proof], interference: str | None, width: int) -> str:
     """A table, a row an index, and a sentence."""
+    if not any(proof.tried for proof in proofs):
+        return "No component that ran has a threshold: nothing is proven.\n"
     rows = [("host", "partition", "component", "threshold", "measured", "verdict", "wrong in")]
     for proof in proofs:
         where = {one.name: name for name, members in proof.layout.partitions.items() for one in members}

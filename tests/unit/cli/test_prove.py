@@ -219,3 +219,16 @@ def test_hosts_that_are_not_asked_for_are_not_missed_and_are_named(here: Path) -
     assert "speech" in both.out
     assert "speech" not in one.out
     assert "on other hosts: speech" in one.err
+
+
+def test_without_a_threshold_nothing_is_said_to_be_met(here: Path) -> None:
+    change(here, "    apt:\n      mean_response_time: { at_most: 50 ms }\n", "")
+    change(
+        here, "    apt:\n      maximum_response_time: { at_most: 200 ms }\n      throughput: { at_least: 0.5 /s }\n", ""
+    )
+    assert rarms("apply", "--auto-approve").code in (0, 2)
+    ran = rarms("prove")
+
+    assert ran.code == 0, ran.err
+    assert "nothing is proven" in ran.out
+    assert "met" not in ran.out
