@@ -8,7 +8,7 @@ from fractions import Fraction
 from functools import partial
 
 from benchmarks.shapes import PROCESSORS, Truth, deviation_of_logarithm
-from rarms_iac.datalog.columns import as_recorded
+from rarms_iac.datalog.columns import DIGITS
 from rarms_iac.experiments.conclusions import Conclusion, Measure
 from rarms_iac.experiments.measuring import Strategy
 from rarms_iac.experiments.search import Goal, Member
@@ -48,7 +48,10 @@ def goal_of(truth: Truth) -> Goal:
 
 
 def jobs(truth: Truth, reserve: int) -> Iterator[tuple[Sample, float]]:
-    """Jobs without end at this CR, each with the processor time that it took; the same for the same component."""
+    """Jobs without end at this CR, each with the processor time that it took; the same for the same component.
+
+    Their times are rounded, as a data log has them.
+    """
     chance = random.Random(f"{truth.shape}/{truth.seed}/{truth.noise}/{reserve}")
     spread = deviation_of_logarithm(truth.noise)
     fresh = math.sqrt(1.0 - truth.correlation**2)
@@ -58,8 +61,8 @@ def jobs(truth: Truth, reserve: int) -> Iterator[tuple[Sample, float]]:
         mode = 3.0 if truth.heavy and chance.random() < truth.heavy else 1.0
         response = level * factor * mode
         sample = Sample(
-            began_ms=clock,
-            response_ms=response if truth.visible else None,
+            began_ms=round(clock, DIGITS),
+            response_ms=round(response, DIGITS) if truth.visible else None,
             successful=truth.limit_ms is None or response <= truth.limit_ms,
         )
         yield sample, truth.work * factor * mode
@@ -91,18 +94,18 @@ class Bench:
             consumed += work
             if len(samples) < min(look, ALLOWED):
                 continue
-            setting = as_recorded(
-                Setting(reserve=step.reserve, series=(self._series(samples, consumed, step.reserve),), seed=1)
-            )
-            if len(samples) >= ALLOWED or step.settled({NAME: setting.series[0]}):
-                return setting
+            series = self._series(samples, consumed, step.reserve)
+            if len(samples) >= ALLOWED or step.settled({NAME: series}):
+                return Setting(reserve=step.reserve, series=(series,), seed=1)
             look = next_look(len(samples))
         raise AssertionError("jobs never end")
 
     def _series(self, samples: list[Sample], consumed: float, reserve: int) -> Series:
         last = samples[-1]
         elapsed = last.began_ms + (last.response_ms or self.truth.level[reserve - 1])
-        return Series(component=NAME, samples=tuple(samples), elapsed_ms=elapsed, cpu_ms=consumed)
+        return Series(
+            component=NAME, samples=tuple(samples), elapsed_ms=round(elapsed, DIGITS), cpu_ms=round(consumed, DIGITS)
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
