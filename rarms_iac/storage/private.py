@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from rarms_iac.storage.disk import make_folders
-from rarms_iac.storage.replace import replace
+from rarms_iac.storage.disk import current, make_folders
 
 PRIVATE = ".rarms"
 
@@ -12,5 +11,13 @@ def make_room(path: Path) -> None:
     """Make the folder that the file is to lie in; if that is below a `.rarms`, have git ignore all of it."""
     make_folders(path.parent)
     private = next((folder for folder in path.parents if folder.name == PRIVATE), None)
-    if private is not None and not (ignore := private / ".gitignore").exists():
-        replace(ignore, b"*\n")
+    if private is not None and not _says_something(ignore := private / ".gitignore"):
+        effects = current()
+        # NOTE: not replaced but written: half of it says the same, and a kill leaves no other file behind.
+        effects.write(ignore, b"*\n")
+        effects.flush(ignore)
+        effects.flush_folder(private)
+
+
+def _says_something(file: Path) -> bool:
+    return file.exists() and file.stat().st_size > 0

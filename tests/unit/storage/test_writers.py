@@ -2,6 +2,7 @@
 
 import json
 import threading
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -168,3 +169,15 @@ def test_the_private_folder_is_kept_out_of_git(tmp_path: Path) -> None:
 
     assert (tmp_path / ".rarms" / ".gitignore").read_bytes() == b"*\n"
     assert list((tmp_path / "elsewhere").iterdir()) == []
+
+
+def test_a_kill_leaves_no_other_file_beside_the_one_that_git_is_told_by(tmp_path: Path) -> None:
+    for at in range(1, 8):
+        folder = tmp_path / str(at) / ".rarms"
+        folder.parent.mkdir()
+        with disk.use(CrashingDisk(at, When.HALF)), suppress(Crash):
+            make_room(folder / "hosts" / "onboard.json")
+        make_room(folder / "hosts" / "onboard.json")
+
+        assert [path.name for path in folder.iterdir() if path.is_file()] == [".gitignore"]
+        assert (folder / ".gitignore").read_bytes().startswith(b"*")
