@@ -11,7 +11,8 @@ def tell(terminal: Terminal, diagnostics: Sequence[Diagnostic], sources: Sources
     """Say these findings in text, in order; nothing where there are none."""
     if not diagnostics:
         return
-    text = render(OutputFormat.TEXT, in_order(tuple(diagnostics)), sources or {}).rstrip("\n")
+    ordered = in_order(tuple(diagnostics))
+    text = render(OutputFormat.TEXT, ordered, sources or {}, width=terminal.text_width).rstrip("\n")
     if terminal.talk_colour:
         from rarms_iac.views.diagnostics.colour import coloured
 

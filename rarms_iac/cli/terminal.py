@@ -29,6 +29,11 @@ class Terminal:
     debug: bool = False
     answered: bool = False  # data was written
 
+    @property
+    def text_width(self) -> int:
+        """Columns of running text: longer lines are harder to read, however wide the terminal is."""
+        return min(self.width, DEFAULT_WIDTH)
+
     def data(self, text: str) -> None:
         """Write what was asked for."""
         self.answered = True

@@ -6,7 +6,7 @@ Nothing is drawn with colours here: the page's style has them, for light and dar
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from rarms_iac.planner.combining.nodes import Node
+from rarms_iac.planner.combining.nodes import TO_BE_MEASURED, Node
 
 LINE = 18
 """Pixels from one line of text to the next."""
@@ -136,8 +136,9 @@ def _columns(nodes: Sequence[Node], parts: Mapping[str, Sequence[str]]) -> list[
 
 
 def _texts(one: Node) -> tuple[str, ...]:
-    """A component a line, and what is known of them together."""
-    return (*one.members, *one.label[1:])
+    """A component a line, and what is known of them together; a dashed box says itself that it is to be measured."""
+    known = [part for line in one.label[1:] for part in line.split(", ") if part != TO_BE_MEASURED]
+    return (*one.members, *known)
 
 
 def _width_of(one: Node) -> float:
@@ -155,7 +156,7 @@ def _height_of(column: Sequence[Node]) -> float:
 def _box(one: Node, left: float, top: float, width: float) -> Box:
     texts = _texts(one)
     lines = tuple(
-        Line(x=left + PADDING, y=top + LINE * (at + 1), text=text, is_quiet=at == len(texts) - 1)
+        Line(x=left + PADDING, y=top + LINE * (at + 1), text=text, is_quiet=at >= len(one.members))
         for at, text in enumerate(texts)
     )
     return Box(x=left, y=top, width=width, height=_box_height(one), kind=kind_of(one), lines=lines)

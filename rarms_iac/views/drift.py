@@ -8,7 +8,7 @@ from rarms_iac.model.changes import Address, Change
 from rarms_iac.model.state import HostFacts
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.attributes import attributes_of
-from rarms_iac.views.diagnostics.layout import visible, wrap
+from rarms_iac.views.diagnostics.layout import hanging, visible, wrap
 from rarms_iac.views.diagnostics.text import counted
 from rarms_iac.views.output.hosts import DriftedOutput, DriftOutput
 from rarms_iac.views.plan_json import change_output
@@ -39,15 +39,15 @@ def drift_text(hosts: Sequence[HostDrift], *, width: int = WIDTH) -> str:
     """The whole answer; `->` leads from what is there to what the manifest wants."""
     lines = [line for host in hosts if host.drifted for line in ("", *_host(host, width))]
     if any(one.kind is not DriftKind.UNUSED for host in hosts for one in host.drifted):
-        lines += ["", "`rarms plan` shows what would make it as the manifest wants it."]
-    return "\n".join([*lines, "", _summary(hosts)]).lstrip("\n") + "\n"
+        lines += ["", *wrap("`rarms plan` shows what would make it as the manifest wants it.", width, "")]
+    return "\n".join([*lines, "", *wrap(_summary(hosts), width, "")]).lstrip("\n") + "\n"
 
 
 def _host(host: HostDrift, width: int) -> Iterator[str]:
     yield f"Host {host.facts.name}"
     for one in host.drifted:
         yield ""
-        yield f"  {one.address}: {TITLES[one.kind]}"
+        yield from hanging("  ", f"{one.address}: {TITLES[one.kind]}", width, more=4)
         yield from wrap(one.says, width, "      ")
         change = host.changes.get(one.address)
         for attribute in attributes_of(change, host.facts) if change is not None else ():

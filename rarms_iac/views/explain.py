@@ -10,10 +10,10 @@ WIDTH = 80
 _LINK = re.compile(r"\[([^\]]*)\]\([^)]*\)")
 
 
-def explain_finding(code: str) -> str | None:
+def explain_finding(code: str, width: int = WIDTH) -> str | None:
     """The finding's page for a terminal; the code may be written small. None where there is no such code."""
     page = finding_page(code.upper())
-    return None if page is None else for_a_terminal(page)
+    return None if page is None else for_a_terminal(page, width)
 
 
 def unknown_code(code: str) -> str:
@@ -22,7 +22,7 @@ def unknown_code(code: str) -> str:
     return f"There is no finding {code}: they lie between {first} and {last}, and docs/diagnostics.md lists them all."
 
 
-def for_a_terminal(page: str) -> str:
+def for_a_terminal(page: str, width: int = WIDTH) -> str:
     """Markdown as plain text: headings underlined, paragraphs wrapped, code indented as it is."""
     lines: list[str] = []
     paragraph: list[str] = []
@@ -30,7 +30,7 @@ def for_a_terminal(page: str) -> str:
     for line in [*page.splitlines(), ""]:
         fence = line.startswith("```")
         if paragraph and (not line or fence or line.startswith(("#", "- ", "* "))):
-            lines += _paragraph(paragraph)
+            lines += _paragraph(paragraph, width)
             paragraph = []
         if fence:
             in_code = not in_code
@@ -50,9 +50,9 @@ def _heading(line: str) -> list[str]:
     return [title, ("=" if line.startswith("# ") else "-") * columns(title)]
 
 
-def _paragraph(lines: list[str]) -> list[str]:
+def _paragraph(lines: list[str], width: int) -> list[str]:
     text = _LINK.sub(r"\1", " ".join(line.strip() for line in lines))
     if text.startswith(("- ", "* ")):
-        wrapped = list(wrap(text[2:], WIDTH, "  "))
+        wrapped = list(wrap(text[2:], width, "  "))
         return [f"- {wrapped[0].lstrip()}", *wrapped[1:]]
-    return list(wrap(text, WIDTH, ""))
+    return list(wrap(text, width, ""))

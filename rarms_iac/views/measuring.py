@@ -7,6 +7,7 @@ from rarms_iac.experiments.setup import Experiment
 from rarms_iac.experiments.telling import show_measured, show_value
 from rarms_iac.model.measurement import Series, Setting
 from rarms_iac.model.system import Elapsed, SampleCount
+from rarms_iac.views.diagnostics.layout import hanging, wrap
 from rarms_iac.views.diagnostics.text import counted
 from rarms_iac.views.progress import WRITE_OVER, fitting, seconds
 
@@ -20,7 +21,7 @@ class MeasuringProgress:
         write: takes a piece of text and shows it at once.
         clock: seconds, from any start.
         lively: lines may be written over; otherwise every line is whole, and nothing is written twice.
-        width: columns of a line that may be written over.
+        width: columns of the terminal.
     """
 
     def __init__(self, write: Callable[[str], None], clock: Callable[[], float], *, lively: bool, width: int) -> None:
@@ -34,7 +35,8 @@ class MeasuringProgress:
         """Say what begins, and what is known of it already."""
         known = f", {counted(len(recorded), 'setting')} recorded already" if recorded else ""
         setup = experiment.setup
-        self._write(f"{experiment.name} on {experiment.host.name} against {setup.interference}{known}\n")
+        begins = f"{experiment.name} on {experiment.host.name} against {setup.interference}{known}"
+        self._write("".join(f"{line}\n" for line in wrap(begins, self._width, "")))
 
     def setting_started(self, experiment: Experiment, reserve: int, number: int) -> None:  # noqa: ARG002 - named above
         """Show the running setting where it can be written over."""
@@ -56,8 +58,8 @@ class MeasuringProgress:
         several = len(experiment.members) > 1
         told = "; ".join(f"{whose(one, several=several)}{show_measured(one)}" for one in found) or "measured"
         took = seconds(self._clock() - self._since)
-        line = f"  {setting.reserve:>3} %  {samples_of(seen)}, {told}, in {took}"
-        self._write(f"{WRITE_OVER if self._lively else ''}{line}\n")
+        lines = hanging(f"  {setting.reserve:>3} %  ", f"{samples_of(seen)}, {told}, in {took}", self._width)
+        self._write((WRITE_OVER if self._lively else "") + "".join(f"{line}\n" for line in lines))
 
     def experiment_ended(self) -> None:
         """Leave no half line behind; what came of it stands in the summary."""

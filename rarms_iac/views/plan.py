@@ -29,14 +29,14 @@ def plan_text(plan: Plan, *, sources: Sources | None = None, steps: bool = False
         steps: show the order of the steps, too.
         width: columns; only text is wrapped to it.
     """
-    lines = [*_head(plan)]
+    lines = [*_head(plan, width)]
     told = [part for part in plan.hosts if is_worth_showing(part)]
     for part in told:
         lines += ["", *_host(part, plan, width, steps=steps)]
     if told:
         lines += _as_wanted([part.host.name for part in plan.hosts if part not in told], width)
     if plan.findings:
-        lines += ["", *_findings(plan.findings, sources or {})]
+        lines += ["", *_findings(plan.findings, sources or {}, min(width, WIDTH))]
     if plan.accepted:
         lines += ["", f"{counted(len(plan.accepted), 'finding')} accepted by the policy."]
     return "\n".join([*lines, "", *wrap(summary(plan), width, "")]).lstrip("\n") + "\n"
@@ -116,7 +116,7 @@ def _as_wanted(hosts: Sequence[str], width: int) -> Iterator[str]:
         yield from wrap(f"No changes on {counted(len(hosts), 'more host')}: {', '.join(hosts)}.", width, "  ")
 
 
-def _head(plan: Plan) -> Iterator[str]:
+def _head(plan: Plan, width: int) -> Iterator[str]:
     if not any(is_worth_showing(part) for part in plan.hosts):
         return
     match plan.purpose:
@@ -130,7 +130,7 @@ def _head(plan: Plan) -> Iterator[str]:
             what = "Letting go"
         case _:
             assert_never(plan.purpose)
-    yield f"{what}: {plan.application} (plan {plan.id}, from {visible(plan.manifest, keep='')})"
+    yield from wrap(f"{what}: {plan.application} (plan {plan.id}, from {visible(plan.manifest, keep='')})", width, "")
     used = {symbol(change) for part in plan.hosts for change in _all_changes(part)}
     if used:
         yield ""
@@ -297,5 +297,5 @@ def _steps(part: HostPlan, width: int) -> Iterator[str]:
         yield from wrap(step.comment.removeprefix(f"{reasons.get(step.address, '')}; "), width, indent)
 
 
-def _findings(findings: Sequence[Diagnostic], sources: Sources) -> list[str]:
-    return as_text(findings, sources).rstrip("\n").splitlines()
+def _findings(findings: Sequence[Diagnostic], sources: Sources, width: int) -> list[str]:
+    return as_text(findings, sources, width=width).rstrip("\n").splitlines()

@@ -95,13 +95,13 @@ class Step:
     says: tuple[str, ...]
 
 
-def walk_text(walk: Walk) -> str:
-    """The walk for a terminal of 80 columns."""
+def walk_text(walk: Walk, width: int = WIDTH) -> str:
+    """The walk for a terminal of so many columns."""
     lines = [f"{walk.component.name} (criticality {walk.component.criticality})", ""]
     for step in steps_of(walk):
         lines.append(step.topic)
         for sentence in step.says:
-            lines += wrap(sentence, WIDTH, _MARGIN)
+            lines += wrap(sentence, width, _MARGIN)
     return "\n".join(lines) + "\n"
 
 

@@ -58,7 +58,8 @@ def command(session: Session, *, source: ManifestOptions, where: HostOptions, as
         if one.host in hosts.chosen
     ]
     name = system.application.name
-    session.terminal.data(drift_json(name, shown) if as_json else drift_text(shown))
+    width = session.terminal.text_width
+    session.terminal.data(drift_json(name, shown) if as_json else drift_text(shown, width=width))
     for host, journal in journals.items():
         if journal is None or not journal.unfinished:
             continue

@@ -46,7 +46,7 @@ def _component(session: Session, source: ManifestOptions, name: str, *, as_json:
 
     measured, opened = _asked_for(source, name)
     walk = walk_of(measured, opened, name)
-    session.terminal.data(walk_json(walk) if as_json else walk_text(walk))
+    session.terminal.data(walk_json(walk) if as_json else walk_text(walk, session.terminal.text_width))
     return ExitCode.NO if walk.misfit else ExitCode.DONE
 
 
@@ -83,7 +83,7 @@ def _asked_for(source: ManifestOptions, name: str) -> "tuple[Measurements, Opene
 def _finding(session: Session, finding: str, *, as_json: bool) -> ExitCode:
     code = code_of(finding)
     page = finding_page(code)
-    text = explain_finding(code)
+    text = explain_finding(code, session.terminal.text_width)
     if page is None or text is None:
         raise click.UsageError(unknown_code(finding), click.get_current_context())
     session.terminal.data(to_json(ExplanationOutput(subject=code, page=page)) if as_json else text)

@@ -7,6 +7,7 @@ from rarms_iac.cli.files import write_file
 from rarms_iac.cli.manifests import Opened, open_manifest
 from rarms_iac.cli.options import ManifestOptions, manifest_options, output_option
 from rarms_iac.cli.session import Session, rarms_command
+from rarms_iac.cli.terminal import DEFAULT_WIDTH
 from rarms_iac.model.diagnostics import in_order
 from rarms_iac.views.diagnostics import Output, OutputFormat, Sources, render
 
@@ -27,7 +28,7 @@ def command(
         open_manifest(file, source.overlays, source.today, planning=False) for file in files or (source.manifest,)
     ]
     for output in outputs:
-        text = told(output.format, opened)
+        text = told(output.format, opened, DEFAULT_WIDTH if output.path is not None else session.terminal.text_width)
         if output.path is not None:
             write_file(output.path, text.encode("utf-8", errors="backslashreplace"))
         elif output.format is OutputFormat.TEXT and session.terminal.colour:
@@ -39,9 +40,9 @@ def command(
     return ExitCode.FOUND if any(one.has_errors for one in opened) else ExitCode.DONE
 
 
-def told(form: OutputFormat, opened: list[Opened]) -> str:
+def told(form: OutputFormat, opened: list[Opened], width: int) -> str:
     """The findings of all manifests in that form; a file that several share is told of once."""
     findings = in_order(tuple(dict.fromkeys(finding for one in opened for finding in one.findings)))
     accepted = tuple(dict.fromkeys(finding for one in opened for finding in one.accepted))
     sources: Sources = {file: lines for one in opened for file, lines in one.loaded.sources.items()}
-    return render(form, findings, sources, accepted=accepted)
+    return render(form, findings, sources, accepted=accepted, width=width)

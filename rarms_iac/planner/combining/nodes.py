@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 from rarms_iac.planner.combining.candidates import Candidate, Candidates, Mask, graph_of, named
 
+TO_BE_MEASURED = "to be measured"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Node:
@@ -27,7 +29,7 @@ class Node:
         if self.measured:
             return self.name, f"{self.low} %"
         predicted = "" if self.predicted is None else f"predicted: {self.predicted} %, "
-        return self.name, f"{self.low} % to {self.high} %, {predicted}to be measured"
+        return self.name, f"{self.low} % to {self.high} %, {predicted}{TO_BE_MEASURED}"
 
 
 def nodes_of(candidates: Candidates, predicted: Mapping[Mask, int]) -> tuple[Node, ...]:

@@ -16,6 +16,7 @@ def render(
     sources: Sources,
     *,
     accepted: Sequence[Diagnostic] = (),
+    width: int = 80,
 ) -> str:
     """The findings in that form, in the order given, complete without colour.
 
@@ -24,12 +25,13 @@ def render(
         diagnostics: what is told, in order (`model.diagnostics.in_order`).
         sources: the text of each file, or its lines, by the name that places use; it may lack some.
         accepted: findings that the policy silences; each form tells them apart or counts them.
+        width: columns that text is wrapped to; no other form is.
     """
     match form:
         case OutputFormat.TEXT:
             from rarms_iac.views.diagnostics.text import as_text
 
-            return as_text(diagnostics, sources, accepted=accepted)
+            return as_text(diagnostics, sources, accepted=accepted, width=width)
         case OutputFormat.JSON:
             from rarms_iac.views.diagnostics.as_json import as_json
 

@@ -10,10 +10,16 @@ WIDTH = 80
 INDENT = "  "
 
 
-def as_text(diagnostics: Sequence[Diagnostic], sources: Sources, *, accepted: Sequence[Diagnostic] = ()) -> str:
+def as_text(
+    diagnostics: Sequence[Diagnostic],
+    sources: Sources,
+    *,
+    accepted: Sequence[Diagnostic] = (),
+    width: int = WIDTH,
+) -> str:
     """Every finding with its source line, and a last line that counts them; ends with a line end."""
     lines = {file: source_lines(sources[file]) for file in _files(diagnostics) if file in sources}
-    blocks = ["\n".join(_block(one, lines)) for one in diagnostics]
+    blocks = ["\n".join(_block(one, lines, width)) for one in diagnostics]
     return "\n\n".join([*blocks, summary(diagnostics, accepted)]) + "\n"
 
 
@@ -36,16 +42,16 @@ def _files(diagnostics: Sequence[Diagnostic]) -> set[str]:
     return {place.file for place in places if place is not None}
 
 
-def _block(one: Diagnostic, sources: Mapping[str, Sequence[str]]) -> Iterator[str]:
+def _block(one: Diagnostic, sources: Mapping[str, Sequence[str]], width: int) -> Iterator[str]:
     yield f"{one.severity.value}[{one.code}] {visible(one.summary, keep='')}"
     yield from _where(one)
     if one.place is not None:
-        yield from _snippet(one.place, sources)
-    yield from wrap(one.detail, WIDTH, INDENT)
-    yield from wrap(one.advice, WIDTH, INDENT)
+        yield from _snippet(one.place, sources, width)
+    yield from wrap(one.detail, width, INDENT)
+    yield from wrap(one.advice, width, INDENT)
     for related in one.related:
         yield f"{INDENT}{visible(str(related.place), keep='')}, {visible(related.says, keep='')}"
-        yield from _snippet(related.place, sources)
+        yield from _snippet(related.place, sources, width)
 
 
 def _where(one: Diagnostic) -> Iterator[str]:
@@ -57,11 +63,11 @@ def _where(one: Diagnostic) -> Iterator[str]:
         yield INDENT + visible(", ".join(parts), keep="")
 
 
-def _snippet(place: Place, sources: Mapping[str, Sequence[str]]) -> Iterator[str]:
+def _snippet(place: Place, sources: Mapping[str, Sequence[str]], width: int) -> Iterator[str]:
     line = line_at(sources.get(place.file, []), place.line)
     if not line.strip():
         return
     gutter = f"{INDENT}{place.line} | "
-    shown = excerpt(line, place, WIDTH - len(gutter))
+    shown = excerpt(line, place, width - len(gutter))
     yield gutter + shown.line
     yield " " * (len(gutter) - 2) + "| " + " " * shown.before + "^" * shown.carets

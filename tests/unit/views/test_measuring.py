@@ -70,7 +70,8 @@ def test_of_several_components_each_value_says_whose_it_is() -> None:
         both, Setting(reserve=62, series=series, beside=38)
     )
 
-    assert "speech mean_response_time 98 ms (97.8 to 98.2 ms); vision mean_response_time 98 ms" in "".join(written)
+    said = " ".join("".join(written).split())
+    assert "speech mean_response_time 98 ms (97.8 to 98.2 ms); vision mean_response_time 98 ms" in said
 
 
 def test_what_is_done_is_told_by_the_component_that_takes_longest() -> None:

@@ -1,0 +1,66 @@
+"""What a person reads keeps to a narrow terminal, whichever command says it."""
+
+import os
+from collections.abc import Iterator
+from contextlib import chdir, contextmanager
+from pathlib import Path
+
+import pytest
+
+from tests.unit.cli.running import rarms
+from tests.unit.cli.test_measure import MANIFEST, write
+
+COMMANDS = (
+    ("validate",),
+    ("measure",),
+    ("plan",),
+    ("drift",),
+    ("explain", "vision"),
+    ("explain", "RARMS103"),
+    ("report", "--text"),
+    ("select", "vision", "--at", "1 ms"),
+    ("prove",),
+    ("apply",),
+    ("tune",),
+)
+
+
+@contextmanager
+def a_terminal_of(columns: int) -> Iterator[None]:
+    """As a shell says it to what it starts."""
+    before = os.environ.get("COLUMNS")
+    os.environ["COLUMNS"] = str(columns)
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["COLUMNS"]
+        else:
+            os.environ["COLUMNS"] = before
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A measured robot, and a component that nobody measured."""
+    folder = tmp_path_factory.mktemp("robot")
+    write(folder, MANIFEST)
+    with chdir(folder):
+        assert rarms("measure", "--samples", "60").code == 0
+    return folder
+
+
+# An example on a finding's page stays as it is: it shows what a terminal of 80 columns does.
+@pytest.mark.parametrize("columns", [60, 80])
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_no_line_of_words_is_wider_than_the_terminal(robot: Path, words: tuple[str, ...], columns: int) -> None:
+    with chdir(robot), a_terminal_of(columns):
+        ran = rarms(*words)
+
+    told = [line for line in (*ran.lines, *ran.err.splitlines()) if words[-1] != "RARMS103" or line[:4].strip()]
+    assert [line for line in told if len(line) > columns and not is_one_word(line, columns)] == []
+    assert told
+
+
+def is_one_word(line: str, columns: int) -> bool:
+    """A path or a place: it is not broken, so that it can be copied."""
+    return max(map(len, line.split())) > columns - 10
