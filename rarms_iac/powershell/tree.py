@@ -21,6 +21,7 @@ LITERAL = "literal"
 _FORMS = frozenset({"string_literal", "integer_literal", "parenthesized_expression", "array_expression", "variable"})
 _TEXTS = frozenset({"verbatim_string_characters", "verbatim_here_string_characters", "expandable_string_literal"})
 _TEXTS |= {"expandable_here_string_literal", "comment"}
+_LACKS = "something is missing here that PowerShell's grammar wants"
 _SPACE = frozenset({"command_argument_sep", " "})
 
 
@@ -76,8 +77,13 @@ def line_of(node: "Node") -> int:
 
 
 def errors(root: "Node") -> tuple["Node", ...]:
-    """The nodes that the grammar could not place, and those that it had to invent."""
-    return tuple(node for node in walk(root) if node.is_error or node.is_missing) if root.has_error else ()
+    """The innermost nodes that the grammar could not place, or had to invent, such as the empty call before a `|`.
+
+    What it invents may hang below a node without being among its children: so a node without a faulty child counts.
+    """
+    if not root.has_error:
+        return ()
+    return tuple(node for node in walk(root) if node.has_error and not any(one.has_error for one in node.children))
 
 
 def literal_of(node: "Node") -> str | None:
@@ -143,7 +149,8 @@ def sound(script: str) -> "Node":
     """
     root = parse(script)
     if wrong := errors(root):
-        raise NotParsed(f"PowerShell's grammar has no place for {text_of(wrong[0])[:40]!r}", line_of(wrong[0]))
+        says = f"PowerShell's grammar has no place for {text_of(wrong[0])[:40]!r}" if text_of(wrong[0]) else _LACKS
+        raise NotParsed(says, line_of(wrong[0]))
     if line := disagreement(script, root):
         raise NotParsed("a string or a comment ends elsewhere than it seems", line)
     return root

@@ -84,9 +84,10 @@ def split(text: str) -> Parts:
 def without_fixed(text: str) -> str:
     """The script with empty lines where its fixed parts are, if they are the shipped ones; otherwise the script itself.
 
-    What is left may be parsed alone, and every line keeps its number. A head is comments (`check_layout`), a shipped
-    part is whole statements, the last of which is a function and cannot be continued on the next line; so no token and
-    no statement reaches over an edge, and the tree of the whole is the trees of its pieces, one after another.
+    What is left may be parsed alone, and every line keeps its number. A head is comments, a shipped part is whole
+    statements, the last of which is a function and cannot be continued on the next line, and the steps begin with the
+    template's `try` (`check_layout`); so no token and no statement reaches over an edge, and the tree of the whole is
+    the trees of its pieces, one after another.
     """
     parts = split(text)
     if not parts.is_shipped or head_problems(parts.head):
@@ -120,7 +121,10 @@ def check_layout(name: str, parts: Parts) -> Iterator[Diagnostic]:
             yield RUNTIME.at(place, detail, "render the script again; only its steps may differ from another's")
     for says in (*head_problems(parts.head), *_carried_problems(parts), *_comment_problems(parts.steps)):
         yield HEAD.at(top, says, "render the script again")
-    if parts.steps and not parts.steps.endswith(_tail()):
+    if parts.fixed and not parts.steps.startswith(_front()):
+        says = "behind what is fixed stands something else than the opening of the run"
+        yield HEAD.at(Place(file=name, line=parts.steps_line + 1, column=1), says, "render the script again")
+    if parts.fixed and not parts.steps.endswith(_tail()):
         yield HEAD.at(top, "the last lines are not those of a script of rarms", "render the script again")
 
 
@@ -196,6 +200,11 @@ def _head_problems(found: tuple[Token, ...]) -> Iterator[str]:
     yield from _heeded(one for one in found if not _asks(one))
     if not set(_REQUIRED) <= set(asked) <= {*_REQUIRED, *_OPTIONAL}:
         yield f"it asks for {', '.join(asked) or 'nothing'}"
+
+
+def _front() -> str:
+    """What stands before the run's facts in the template."""
+    return read("script.ps1.j2").partition("{{ text }}\n{% endfor %}\n")[2].partition("{{")[0]
 
 
 def _tail() -> str:

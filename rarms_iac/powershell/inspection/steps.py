@@ -38,16 +38,22 @@ _VALUES = frozenset({"Get-Machine", "Get-DiskPath"})
 
 def check_steps(script: Script, first_line: int) -> Iterator[Diagnostic]:
     """What follows the runtime, from this line (counted from 1) on."""
-    blocks = [node for node in script.root.children if node.type == "statement_list"]
-    after = [
-        node for block in blocks for node in block.children if node.is_named and node.start_point.row + 1 >= first_line
-    ]
+    after = [node for node in _top(script.root) if node.is_named and node.start_point.row + 1 >= first_line]
     if len(after) != 2 or [node.type for node in after] != ["try_statement", "flow_control_statement"]:
         at = after[0] if after else script.root
         yield script.problem(STEP, at, "beside the one try block and exit 0 there is something else", _ADVICE)
         return
     block = next(node for node in after[0].children if node.type == "statement_block")
     yield from _check_run(script, list(statements_of(block)))
+
+
+def _top(root: "Node") -> Iterator["Node"]:
+    """What a script is made of: its statements, and whatever else stands beside them, but for remarks."""
+    for node in root.children:
+        if node.type == "statement_list":
+            yield from node.children
+        elif node.type != "comment":
+            yield node
 
 
 def statements_of(block: "Node") -> Iterator["Node"]:

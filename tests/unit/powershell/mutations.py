@@ -200,6 +200,22 @@ CHANGING: dict[str, Mutation] = {
     "a guard that is gone": lambda script, _: script.replace("        Guard = { Assert-VmHost }" + LINE, ""),
     "a guard of a guest": lambda script, _: script.replace("{ Assert-VmHost }", "{ Assert-Guest }"),
     "room that is not asked for": _replace(r"(?<=Fits = \{ )Test-Capacity", _before("Clear-Mark -Name 'x'; ")),
+    "something before the run is opened": lambda script, pick: script.replace(
+        LINE + "try {" + LINE,
+        LINE
+        + pick.choice(
+            [
+                "param([string] $x = (Hyper-V\\Remove-VM -Name 'y' -Force))",
+                "[CmdletBinding()]" + LINE + "param()",
+                "| Hyper-V\\Remove-VM -Name 'x' -Force",
+                "end { Hyper-V\\Get-VM }",
+                "@{ x = 1 }",
+            ]
+        )
+        + LINE
+        + "try {"
+        + LINE,
+    ),
     "a head that does something": lambda script, _: "Hyper-V\\Get-VM" + LINE + script,
     "a head that asks for less": lambda script, _: script.replace("#Requires -RunAsAdministrator" + LINE, ""),
     "a signature": lambda script, _: "# SIG # Begin signature block" + LINE + script,

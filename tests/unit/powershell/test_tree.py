@@ -1,7 +1,7 @@
 import pytest
 
 from rarms_iac.powershell.literals import literal, literals
-from rarms_iac.powershell.tree import LITERAL, NotParsed, same_structure, shape
+from rarms_iac.powershell.tree import LITERAL, NotParsed, same_structure, shape, sound
 from tests.effort import LONG
 from tests.unit.powershell.hostile import PIECES, QUOTES, hostile_texts
 
@@ -78,3 +78,11 @@ def test_a_shape_forgets_values_and_remarks_only() -> None:
     assert LITERAL in {leaf.label for leaf in shape("$a = 'x'")}
     assert shape("$a = 'x'") != shape("$b = 'x'")
     assert shape("Get-A -B 1") != shape("Get-A -C 1")
+
+
+@pytest.mark.parametrize(
+    "script", ["| Get-Item -Path 'x'\n", "Get-Item -Path 'x'\n| Get-Item\n", "try {\n    | x\n}\n"]
+)
+def test_a_line_that_begins_with_a_pipe_is_an_error(script: str) -> None:
+    with pytest.raises(NotParsed):
+        sound(script)
