@@ -397,6 +397,10 @@ def test_a_stranger_that_takes_the_room_stops_the_start_and_not_the_host() -> No
 
     assert ran.code == 1, ran.says
     assert "cannot keep this promise" in ran.says
+    host = host.copy()
+    del host.vms[greedy.id]
+    finished = again(host, prepared)
+    assert finished.code == 0, finished.says
 
 
 def test_a_guest_that_does_not_shut_down_is_turned_off_after_the_grace() -> None:
