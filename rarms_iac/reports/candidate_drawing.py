@@ -30,6 +30,11 @@ class Line:
     text: str
     is_quiet: bool
 
+    @property
+    def kind(self) -> str:
+        """`member` of the compound, or what is `known-of` it."""
+        return "known-of" if self.is_quiet else "member"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Box:

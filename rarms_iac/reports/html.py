@@ -6,14 +6,16 @@ browser, so that no text of a manifest or a log can become code even if escaping
 
 import json
 from base64 import b64encode
+from fractions import Fraction
 from functools import cache
 from hashlib import sha256
 from typing import TYPE_CHECKING
 
-from rarms_iac.reports.candidate_drawing import drawing_of
-from rarms_iac.reports.model import Report
+from rarms_iac.reports.candidate_drawing import Drawing, drawing_of
+from rarms_iac.reports.model import Combining, Report
 from rarms_iac.reports.page import RESERVES, Card, cards_of, data_of
 from rarms_iac.reports.summary import (
+    Fit,
     fit_text,
     fits_of,
     proofs_of,
@@ -34,31 +36,57 @@ FOLDER = "templates/report"
 
 def as_html(report: Report) -> bytes:
     """The whole page in UTF-8 with LF; the same report gives the same bytes."""
-    cards, fits = cards_of(report), fits_of(report)
+    from markupsafe import Markup
+
+    cards = cards_of(report)
     style = _read("report.css") + _placed(cards)
     script = _read("report.js")
     text = (
         _environment()
         .get_template("report.html.j2")
         .render(
-            report=report,
+            application=report.application,
+            descriptions=[report.description] if report.description else [],
             cards=cards,
             summary=summary_of(report),
-            fits=fits,
-            told=[fit_text(one) for one in fits],
-            proofs=proofs_of(report),
+            bars=[_bar(one) for one in fits_of(report)],
+            proved=[proofs_of(report)] if report.proofs else [],
             tunings=[(one.platform, tuning_text(one), trail_of(one), tuned_of(one)) for one in report.tunings],
-            combining=None if report.combining is None else drawing_of(report.combining.nodes),
-            standings=[(one.host, standing_text(one), bool(one.differs)) for one in report.standings],
+            combinings=[] if report.combining is None else [_combining(report.combining)],
+            standings=[
+                ("standing differs" if one.differs else "standing", one.host, standing_text(one))
+                for one in report.standings
+            ],
             reserves=RESERVES,
             errors=ERRORS,
-            style=style,
-            script=script,
-            data=_inert(data_of(report, cards)),
+            style=Markup(style),  # noqa: S704 - ours, to the byte
+            script=Markup(script),  # noqa: S704 - ours, to the byte
+            data=Markup(_inert(data_of(report, cards))),  # noqa: S704 - no sign that HTML reads is left in it
             policy=_policy(style, script),
         )
     )
     return text.encode("utf-8", "replace")
+
+
+def _bar(fit: Fit) -> dict[str, str]:
+    """What is reserved against what there is, in per cent of the processors."""
+    processors = fit.of.processors
+    return {
+        "platform": fit.of.platform,
+        "hosts": ", ".join(fit.of.hosts),
+        "says": fit_text(fit),
+        "room": f"{float(100 * fit.of.capacity / processors):.3f}",
+        "used": f"{float(min(100 * fit.total / processors, Fraction(100))):.3f}",
+        "kind": "used" if fit.fits else "used over",
+    }
+
+
+def _combining(combining: Combining) -> tuple[Drawing, str]:
+    """The drawing, and a word on what it leaves out."""
+    more = (
+        f" {combining.left_out} more are not drawn: rarms graph --candidates lists all." if combining.left_out else ""
+    )
+    return drawing_of(combining.nodes), more
 
 
 def _policy(style: str, script: str) -> str:

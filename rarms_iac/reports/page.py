@@ -59,6 +59,32 @@ class Plot:
     scale: Scale
     points: tuple[tuple[str, ...], ...]  # the table of what was measured
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What stands beside the title."""
+        logarithmic = ("(logarithmic scale)",) if self.scale.logarithmic else ()
+        return logarithmic if self.has_apt else (*logarithmic, "(no APT yet)")
+
+    @property
+    def way(self) -> str:
+        """The direction in words."""
+        return self.direction.replace("_", " ")
+
+    @property
+    def foot(self) -> int:
+        """Where the line meets the lower axis; at its left end while it meets nothing, and is `hidden`."""
+        return self.reserve or 0
+
+    @property
+    def reserved(self) -> str:
+        """What stands there."""
+        return "" if self.reserve is None else f"{self.reserve} %"
+
+    @property
+    def hidden(self) -> tuple[str, ...]:
+        """The value of `visibility` where what belongs to the reserve is not to be seen; none where it is."""
+        return ("hidden",) if self.reserve is None else ()
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Card:
@@ -68,6 +94,35 @@ class Card:
     of: Measurement
     plots: tuple[Plot, ...]
     capacity: Capacity | None
+
+    @property
+    def name(self) -> str:
+        """Its heading."""
+        return " + ".join(self.of.components)
+
+    @property
+    def standing(self) -> str:
+        """What goes behind where it was measured: why no reservation rests on it."""
+        if self.of.stale:
+            return "; stale, nothing rests on it"
+        if self.of.fixed:
+            return "; the manifest fixes the reserve"
+        return "" if self.of.rests else "; to compare, no reservation rests on it"
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What must be known before it is read."""
+        return (f"Changed since it was measured: {'; '.join(self.of.stale)}.",) if self.of.stale else ()
+
+    @property
+    def gaps(self) -> tuple[str, ...]:
+        """What is said in place of plots where there are none."""
+        return () if self.plots else ("Nothing was measured yet.",)
+
+    @property
+    def results(self) -> tuple["Card", ...]:
+        """Itself where a reservation can be read from it."""
+        return (self,) if self.plots else ()
 
 
 def cards_of(report: Report) -> tuple[Card, ...]:

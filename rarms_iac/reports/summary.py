@@ -110,6 +110,11 @@ class Proven:
     met: bool
     result: str
 
+    @property
+    def kind(self) -> str:
+        """The classes of its result."""
+        return "strong" if self.met else "strong missed"
+
 
 def proofs_of(report: Report) -> tuple[Proven, ...]:
     """What all components showed together, in the report's order."""

@@ -2,7 +2,6 @@
 
 import pytest
 
-from rarms_iac.powershell.environment import read
 from rarms_iac.powershell.fixed import PARTS, part_begin, part_end, part_text, parts_for, runtime
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.inspection.layout import split, without_fixed
@@ -107,12 +106,3 @@ def test_what_was_changed_is_looked_at_whole() -> None:
         "Get-Item -LiteralPath 'x'\r\n" + script,
     ):
         assert without_fixed(edited) == edited
-
-
-def test_the_template_has_loops_and_nothing_else() -> None:
-    text = read("script.ps1.j2")
-
-    words = {line.split()[1] for line in text.split("\n") if line.startswith("{%")}
-    assert words == {"for", "endfor"}
-    assert text.count("{%") == sum(line.startswith("{%") for line in text.split("\n"))
-    assert not [line for line in text.split("\n") if "{{" in line and ("|" in line or "(" in line or " if " in line)]

@@ -1,0 +1,25 @@
+"""Templates place values and decide nothing: loops are all their logic."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.storage.shipped import shipped
+
+TEMPLATES = sorted(Path(str(shipped("templates"))).rglob("*.j2"))
+
+
+def test_there_are_templates_of_scripts_and_of_the_report() -> None:
+    assert [path.name for path in TEMPLATES] == ["script.ps1.j2", "report.html.j2"]
+
+
+@pytest.mark.parametrize("template", TEMPLATES, ids=lambda path: path.name)
+def test_a_template_has_loops_and_nothing_else(template: Path) -> None:
+    text = template.read_text(encoding="utf-8")
+
+    statements = re.findall(r"\{%-?\s*(.*?)\s*-?%\}", text)
+    assert statements
+    assert [one for one in statements if not re.fullmatch(r"for \w+(, \w+)* in \w+(\.\w+)*|endfor", one)] == []
+    assert [one for one in re.findall(r"\{\{\s*(.*?)\s*\}\}", text) if not re.fullmatch(r"\w+(\.\w+)*", one)] == []
+    assert "{#" not in text
