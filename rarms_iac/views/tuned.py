@@ -10,6 +10,7 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.planner.combining.values import Asked
 from rarms_iac.views.as_json import as_json
+from rarms_iac.views.diagnostics.layout import wrap
 from rarms_iac.views.output.combining import AskedOutput, CombinedOutput, TuneOutput
 from rarms_iac.views.table import table
 
@@ -48,7 +49,8 @@ def tuned_text(tuned: Tuned, width: int) -> str:
     for one in tuned.partitions:
         names = ", ".join(one.components)
         rows.append((one.name, names, f"{one.reserve} %", _shown(one.reserved), _shown(one.parts)))
-    return f"{trail}{table(rows, width)}\n{_sentence(tuned)}\n"
+    says = "\n".join(wrap(_sentence(tuned), width, ""))
+    return f"{trail}{table(rows, width)}\n{says}\n"
 
 
 def _trail(trail: Sequence[Asked]) -> Iterator[tuple[str, str, str, str]]:
