@@ -1,11 +1,16 @@
-"""Packings to be solved, by named family, each from a seed; with a layout that runs now and is nearly as wanted."""
+"""Packings to be solved, by named family, each from a seed; with a layout that runs now and is nearly as wanted.
+
+What runs was packed by best fit, when every size was up to three units less: so the instances are the same whatever the
+planner does.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from operator import truediv
 from random import Random
 
-from rarms_iac.planner.packing.program import Assignment, Problem, Sizes
+from rarms_iac.planner.packing.program import Problem, Sizes
 
 ITEMS = 30
 HOSTS = 12
@@ -13,28 +18,12 @@ HOSTS = 12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Instance:
-    """Items and hosts, with nothing running yet, and the same as it was a little smaller."""
+    """Items and hosts, with what runs now."""
 
     family: str
     seed: int
     problem: Problem
-    before: Problem
     least: int | None = None  # cost, where it is known by construction
-
-    def running(self, now: Assignment) -> Problem:
-        """The problem with a layout that runs."""
-        return running(self.problem, now)
-
-
-def running(problem: Problem, now: Assignment) -> Problem:
-    return Problem(
-        sizes=problem.sizes,
-        rooms=problem.rooms,
-        opening=problem.opening,
-        costs=problem.costs,
-        conflicts=problem.conflicts,
-        now=now,
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,22 +152,44 @@ def instance(family: str, seed: int) -> Instance:
     random = Random(f"{family} {seed}")
     drawn = {**FAMILIES, **HARD}[family](random)
     smaller = [tuple(max(1, one - random.randint(0, 3)) for one in size) for size in drawn.sizes]
-    return Instance(
-        family=family,
-        seed=seed,
-        problem=_problem(drawn, drawn.sizes),
-        before=_problem(drawn, smaller),
-        least=drawn.least,
-    )
-
-
-def _problem(drawn: Drawn, sizes: Sequence[Sizes]) -> Problem:
     hosts = len(drawn.rooms)
-    return Problem(
-        sizes=(tuple(sizes),) * hosts,
+    problem = Problem(
+        sizes=(tuple(drawn.sizes),) * hosts,
         rooms=tuple(drawn.rooms),
         opening=tuple(drawn.opening) or (1,) * hosts,
-        costs=((0,) * len(sizes),) * hosts,
+        costs=((0,) * len(drawn.sizes),) * hosts,
         conflicts=drawn.conflicts,
-        now=(None,) * len(sizes),
+        now=best_fit(smaller, drawn.rooms, drawn.conflicts),
+    )
+    return Instance(family=family, seed=seed, problem=problem, least=drawn.least)
+
+
+def best_fit(
+    sizes: Sequence[Sizes], rooms: Sequence[Sizes], conflicts: frozenset[tuple[int, int]]
+) -> tuple[int | None, ...]:
+    """The largest first, each where least is left; the next host where none of those in use has room."""
+    where: list[int | None] = [None] * len(sizes)
+    free = [list(room) for room in rooms]
+    used = 0
+    for item in sorted(range(len(sizes)), key=lambda one: (-sum(map(truediv, sizes[one], rooms[0])), one)):
+        there = [host for host in range(used) if _takes(item, host, sizes, free, where, conflicts)]
+        best = min(there, key=lambda host: sum(map(truediv, free[host], rooms[host])), default=None)
+        if best is None and used < len(rooms):
+            best, used = used, used + 1
+        if best is not None:
+            where[item] = best
+            free[best] = [left - takes for left, takes in zip(free[best], sizes[item], strict=True)]
+    return tuple(where)
+
+
+def _takes(
+    item: int,
+    host: int,
+    sizes: Sequence[Sizes],
+    free: Sequence[Sequence[int]],
+    where: Sequence[int | None],
+    conflicts: frozenset[tuple[int, int]],
+) -> bool:
+    return all(takes <= left for takes, left in zip(sizes[item], free[host], strict=True)) and not any(
+        at == host and (min(item, other), max(item, other)) in conflicts for other, at in enumerate(where)
     )

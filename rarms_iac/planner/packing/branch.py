@@ -1,18 +1,24 @@
 """Branch and price: best-first, each node bounded by exact weights, split where its relaxation is undecided.
 
-The tree that is left at the end is the proof: every leaf carries weights that bound it by the value found.
+Where the root's weights alone show that nothing is better, or all that they leave was tried, they are the proof; a
+bound that took decisions is one by search.
 """
 
 import heapq
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from rarms_iac.planner.packing.columns import Effort, Relaxed, Weights, relax
 from rarms_iac.planner.packing.cover import covered
+from rarms_iac.planner.packing.nearly_free import CloseFits, close_fits
 from rarms_iac.planner.packing.nodes import Decision, On, Together, View, decided, everything, other_side, without
 from rarms_iac.planner.packing.program import Bundles, Mask, Program, charge_of, members, value_of
+from rarms_iac.planner.packing.waste import payable
 
 _HALF = 1e-4
+
+_PENALTY = 50
+"""How much dearer than the whole packing is an item that no pattern covers: weights may be that large."""
 
 SECOND_THOUGHTS = 2
 """How often a dive may take another than the largest part."""
@@ -21,27 +27,11 @@ Parts = tuple[tuple[int, Mask, float], ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Leaf:
-    """Nothing below is better: so say the weights, one an item of the whole program."""
+class Proof:
+    """Nothing is better: so say the weights, one an item."""
 
     weights: Weights
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Contradiction:
-    """Nothing is below: the decisions contradict each other."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Split:
-    """Either the decision holds or its other side does."""
-
-    decision: Decision
-    holds: "Tree"
-    fails: "Tree"
-
-
-Tree = Leaf | Contradiction | Split
+    tried: bool = False  # and all packings of the patterns that are nearly free under them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +40,7 @@ class Outcome:
 
     bundles: Bundles | None
     bound: int  # nothing costs less
-    tree: Tree | None  # proof that nothing is better; None: not proved
+    proof: Proof | None  # that nothing is better; None: not proved, or by search
 
 
 def _as_it_is(_program: Program, bundles: Bundles, _target: int) -> Bundles:
@@ -62,12 +52,13 @@ class Limits:
     """When to give up: counts, so that the same input has the same answer."""
 
     nodes: int = 400
-    certify: int = 30  # nodes for a certificate of what was proved without one
+    cover: int = 300_000  # partial packings of patterns that are nearly free: at first, and below each decision
+    cover_below: int = 20_000
     dives: int = 60
     first_dive: int = 80  # relaxations of the first, and of each later one
     dive: int = 10
     improve: Callable[[Program, Bundles, int], Bundles] = _as_it_is  # of a packing that the first dive left unproved
-    patterns: int = 7_000  # knapsacks in all
+    patterns: int = 4_000  # knapsacks in all
     effort: Effort = field(default_factory=Effort)
 
 
@@ -78,7 +69,8 @@ class _Node:
     bound: int = 0
     relaxed: Relaxed | None = None
     weights: Weights | None = None
-    split: tuple[Decision, "_Node", "_Node"] | None = None
+    tried: bool = False  # all packings that they leave
+    total: int = 0  # what they bound it by, in parts of their scale
 
 
 class Search:
@@ -93,86 +85,93 @@ class Search:
         self.pool: set[tuple[int, Mask]] = set(known or ())
         self.patterns = 0
         self.dives = 0
-        self.lowest = 0  # nothing costs less: by trying all, without weights
+        self.steps = limits.cover  # for covers that are left
+        self.close: tuple[CloseFits | None, ...] = ()  # empty: not looked at yet
 
     def run(self) -> Outcome:
         """The best packing, proved where the limits allow."""
         root = self._relaxed(_Node(decisions=(), view=everything(self.program)))
-        heap: list[tuple[int, int, int]] = []
-        waiting: dict[int, _Node] = {}
-
-        def wait(node: _Node) -> None:
-            number = len(numbers)
-            numbers.append(number)
-            waiting[number] = node
-            heapq.heappush(heap, (node.bound, -len(node.decisions), number))
-
-        numbers: list[int] = []
-        wait(root)
-        opened = 0
-        while heap and heap[0][0] < self.upper:
-            settled = self.lowest >= self.upper  # by trying all: what follows is for the certificate only
-            if (
-                opened >= (self.limits.certify if settled else self.limits.nodes)
-                or self.patterns > self.limits.patterns
-            ):
-                return Outcome(bundles=self.best, bound=max(heap[0][0], self.lowest), tree=None)
+        waiting: list[tuple[int, int, int, _Node]] = [(root.bound, 0, 0, root)]
+        opened = made = 0
+        while waiting and waiting[0][0] < self.upper:
+            node = waiting[0][3]
+            if opened >= self.limits.nodes or self.patterns > self.limits.patterns or node.relaxed is None:
+                return self._unproved(node)
             opened += 1
-            node = waiting.pop(heapq.heappop(heap)[2])
-            if node.relaxed is None:  # its knapsacks were too hard
-                return Outcome(bundles=self.best, bound=max(node.bound, self.lowest), tree=None)
-            if not settled:
+            self._dive(node)
+            if opened == 1:
+                self._relaxed(node, fully=True)
+                self._cover(node, self.limits.cover)
                 self._dive(node)
-            if opened == 1 and node.bound < self.upper and node.weights is not None:
-                better, self.lowest = covered(self.program, node.weights, node.bound, self.upper)
-                if better is not None:
-                    self._take(better)
-            if opened == 1 and self.best is not None and max(self.lowest, node.bound) < self.upper:
+            if opened == 1 and self.best is not None and node.bound < self.upper:
                 self._take(self.limits.improve(self.program, self.best, node.bound))
-            if node.bound >= self.upper:
-                wait(node)
-                continue
-            decision = self._undecided(node)
-            if decision is None:
-                return Outcome(bundles=self.best, bound=max(node.bound, self.lowest), tree=None)
-            children = tuple(
-                self._relaxed(
-                    _Node(
-                        decisions=(*node.decisions, one),
-                        view=decided(self.program, (*node.decisions, one)),
-                        bound=node.bound,
-                        weights=node.weights,
-                    )
-                )
-                for one in (decision, other_side(decision))
-            )
-            node.split = (decision, children[0], children[1])
+            heapq.heappop(waiting)
+            children = [node]
+            if node.bound < self.upper:
+                decision = self._undecided(node)
+                if decision is None:
+                    return self._unproved(node)
+                children = [self._child(node, one) for one in (decision, other_side(decision))]
             for child in children:
-                wait(child)
-        return Outcome(bundles=self.best, bound=self.upper, tree=_tree(root))
+                made += 1
+                heapq.heappush(waiting, (child.bound, -len(child.decisions), made, child))
+        return Outcome(bundles=self.best, bound=self.upper, proof=_proof(root, self.upper))
 
-    def _relaxed(self, node: _Node) -> _Node:
+    def _unproved(self, lowest: _Node) -> Outcome:
+        return Outcome(bundles=self.best, bound=lowest.bound, proof=None)
+
+    def _child(self, node: _Node, decision: Decision) -> _Node:
+        decisions = (*node.decisions, decision)
+        view = decided(self.program, decisions)
+        child = _Node(decisions=decisions, view=view, bound=node.bound, weights=node.weights, total=node.total)
+        self._relaxed(child)
+        self._cover(child, self.limits.cover_below)
+        return child
+
+    def _cover(self, node: _Node, steps: int) -> None:
+        """Try all that is below the node, if that is not too much: its weights say which patterns matter."""
+        if node.view is None or node.weights is None or node.relaxed is None:
+            return
+        if node.bound >= self.upper or self.steps <= 0:
+            return
+        view, own = node.view, node.weights
+        items = tuple(sum(own.items[item] for item in members(group)) for group in view.stands_for)
+        weights = Weights(items=items, budget=own.budget, scale=own.scale)
+        if not self.close:
+            self.close = (close_fits(self.program),)
+        close = self.close[0].below(view) if self.close[0] is not None else None
+        found = covered(view.program, weights, node.bound, self.upper, min(steps, self.steps), close)
+        self.steps -= found.steps
+        node.tried = found.lowest > node.bound
+        node.bound = found.lowest
+        if found.bundles is not None:
+            self._take(tuple((kind, view.whole(mask)) for kind, mask in found.bundles))
+
+    def _relaxed(self, node: _Node, *, fully: bool = False) -> _Node:
         """Bound the node; the integral packing that its relaxation may be is taken."""
         if node.view is None:
             node.bound = self.ceiling
+        if node.view is None or node.bound >= self.upper:
             return node
         view = node.view
-        found = self._relax(view, self.upper)
+        found = self._relax(view, self.upper, fully=fully)
         if found is None:
             return node
         node.relaxed = found
-        if found.bound >= node.bound:  # otherwise what bounds its parent bounds it too
-            node.bound = found.bound
+        node.bound = payable(self.program, max(node.bound, found.bound))
+        if node.weights is None or found.total >= node.total:  # otherwise what bounds its parent bounds it too
+            node.total = found.total
             node.weights = _spread(view, found.weights, self.program.items)
         if found.bound < self.upper:
             self._offer(tuple((kind, view.whole(mask)) for kind, mask, part in found.parts if part > 1 - _HALF))
         return node
 
-    def _relax(self, view: View, target: int) -> Relaxed | None:
+    def _relax(self, view: View, target: int, *, fully: bool = False) -> Relaxed | None:
         if view.program.items == 0:
             return None
         known = self._known(view)
-        found = relax(view.program, known, target, max(1, self.upper), self.limits.effort)
+        penalty = _PENALTY * max(1, self.upper)
+        found = relax(view.program, known, target, penalty, replace(self.limits.effort, fully=fully))
         if found is not None:
             self.patterns += found.patterns
             self.pool.update((kind, view.whole(mask)) for kind, mask, _ in found.parts)
@@ -209,10 +208,10 @@ class Search:
 
     def _dive(self, node: _Node) -> None:
         """Look for a packing below the node: fix the largest part, relax again, and so on, with few second thoughts."""
-        if self.dives >= self.limits.dives or node.view is None or node.relaxed is None:
+        if self.dives >= self.limits.dives or node.view is None or node.relaxed is None or node.bound >= self.upper:
             return
         self.dives += 1
-        steps = self.limits.first_dive if self.dives == 1 else self.limits.dive
+        steps = self.limits.first_dive if self.dives == 2 else self.limits.dive
         self._down(node.view, node.relaxed.parts, (), SECOND_THOUGHTS, steps)
 
     def _down(self, view: View, parts: Parts, fixed: Bundles, thoughts: int, steps: int) -> int:
@@ -257,10 +256,11 @@ class Search:
                     pairs[one, other] = pairs.get((one, other), 0.0) + part
         stands_for = node.view.stands_for
         pair = min(pairs, key=lambda one: (abs(pairs[one] - 0.5), one), default=None)
-        if pair is not None and _HALF < pairs[pair] < 1 - _HALF:
-            return Together(_first(stands_for[pair[0]]), _first(stands_for[pair[1]]))
         place = min(kinds, key=lambda one: (abs(kinds[one] - 0.5), one), default=None)
-        if place is not None and _HALF < kinds[place] < 1 - _HALF:
+        on = place is not None and _HALF < kinds[place] < 1 - _HALF
+        if pair is not None and _HALF < pairs[pair] < 1 - _HALF and not (on and self.program.budget is not None):
+            return Together(_first(stands_for[pair[0]]), _first(stands_for[pair[1]]))
+        if place is not None and on:
             return On(_first(stands_for[place[0]]), place[1])
         return None
 
@@ -284,11 +284,8 @@ def _spread(view: View, weights: Weights, items: int) -> Weights:
     return Weights(items=tuple(whole), budget=weights.budget, scale=weights.scale)
 
 
-def _tree(node: _Node) -> Tree | None:
-    if node.split is not None:
-        decision, one, other = node.split
-        holds, fails = _tree(one), _tree(other)
-        return None if holds is None or fails is None else Split(decision=decision, holds=holds, fails=fails)
-    if node.view is None:
-        return Contradiction()
-    return None if node.weights is None else Leaf(weights=node.weights)
+def _proof(root: _Node, value: int) -> Proof | None:
+    """What shows the value, if no decision was needed for that."""
+    if root.bound < value or root.weights is None:
+        return None
+    return Proof(weights=root.weights, tried=root.tried)

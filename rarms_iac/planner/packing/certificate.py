@@ -1,13 +1,10 @@
 """What is claimed of a packing, as plain data that `checker.check` accepts or rejects."""
 
-from collections.abc import Sequence
-
-from rarms_iac.planner.packing.branch import Contradiction, Leaf, Split, Tree
+from rarms_iac.planner.packing.branch import Proof
 from rarms_iac.planner.packing.columns import Weights
-from rarms_iac.planner.packing.exact_fills import full_dimensions
-from rarms_iac.planner.packing.nodes import On, Together, other_side
 from rarms_iac.planner.packing.program import Problem, Program, cheapest, feasible, fewest_moves
 from rarms_iac.planner.packing.solve import Impossible, Packed
+from rarms_iac.planner.packing.waste import full_dimensions
 
 Data = dict[str, object]
 
@@ -28,16 +25,16 @@ def claim_of(problem: Problem, result: Packed | Impossible) -> Data | None:
     """The claim that the result is the best, None where that was not proved."""
     first = cheapest(problem)
     if isinstance(result, Impossible):
-        return {"impossible": _proof(feasible(first), result.proof)}
+        return None if result.proof is None else {"impossible": _data(feasible(first), result.proof)}
     second = fewest_moves(problem, result.cost.value)
     proofs: Data = {}
     for name, level, program in (("cost_proof", result.cost, first), ("moves_proof", result.moves, second)):
         if level.value == 0:
             proofs[name] = None  # nothing is below nothing
-        elif level.proof is None:
+        elif level.proof is None or level.value > level.bound:
             return None
         else:
-            proofs[name] = _proof(program, level.proof)
+            proofs[name] = _data(program, level.proof)
     return {
         "hosts": list(result.hosts),
         "cost": result.cost.value,
@@ -46,32 +43,9 @@ def claim_of(problem: Problem, result: Packed | Impossible) -> Data | None:
     }
 
 
-def _proof(program: Program, tree: Tree) -> Data:
-    match tree:
-        case Leaf(weights=weights):
-            return {"weights": _weights(_lifted(program, weights))}
-        case Contradiction():
-            return {"contradiction": True}
-        case Split(decision=decision, holds=holds, fails=fails):
-            if not isinstance(decision, Together | On):
-                return _proof(program, Split(decision=other_side(decision), holds=fails, fails=holds))
-            return {
-                "split": _split(program, decision),
-                "holds": _proof(program, holds),
-                "fails": _proof(program, fails),
-            }
-
-
-def _split(program: Program, decision: Together | On) -> Sequence[object]:
-    match decision:
-        case Together(one, other):
-            return ["together", one, other]
-        case On(item, kind):
-            return ["on", item, list(program.kinds[kind].hosts)]
-
-
-def _weights(weights: Weights) -> Data:
-    return {"items": list(weights.items), "budget": weights.budget, "scale": weights.scale}
+def _data(program: Program, proof: Proof) -> Data:
+    weights = _lifted(program, proof.weights)
+    return {"items": list(weights.items), "budget": weights.budget, "scale": weights.scale, "tried": proof.tried}
 
 
 def _lifted(program: Program, weights: Weights) -> Weights:

@@ -28,12 +28,17 @@ class Weights:
     budget: int = 0  # of the budget row
     scale: int = SCALE
 
+    def total(self, budget: int | None) -> int:
+        """What they bound a packing by, in parts of the scale, where no pattern gains."""
+        return sum(self.items) + self.budget * (budget or 0)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Relaxed:
     """What the relaxation says: no packing costs less than `bound`; `parts` is the fractional packing."""
 
     bound: int
+    total: int  # the same before it is rounded up, in parts of the weights' scale
     weights: Weights
     parts: tuple[tuple[int, Mask, float], ...]  # kind, items, how much of it
     patterns: int  # knapsacks that were solved
@@ -45,6 +50,7 @@ class Effort:
 
     pattern_nodes: int = 20_000
     rounds: int = _ROUNDS
+    fully: bool = False  # until no pattern gains, even where the bound rounded up cannot rise any more
 
 
 def profits_of(program: Program, at: int, weights: Weights) -> list[int]:
@@ -79,7 +85,7 @@ class _Columns:
         for row in range(program.items, program.items + len(program.kinds)):
             self.master.add(0.0, ((row, 1.0),))  # hosts that stay empty
         if program.budget is not None:
-            self.master.add(float(penalty), ((len(right) - 1, -1.0),))
+            self.master.add(float(penalty), ((program.items + len(program.kinds), -1.0),))
 
     def add(self, kind: int, mask: Mask) -> bool:
         """Whether the pattern was new."""
@@ -133,16 +139,17 @@ def relax(
     columns = _Columns(program, penalty)
     for number, mask in known:
         columns.add(number, mask)
-    best, best_weights = 0, Weights(items=(0,) * program.items)
+    best, best_weights = 0, Weights(items=(0,) * program.items)  # in parts of the scale
     solved = 0
     for _ in range(effort.rounds):
         value = columns.master.solve()
         weights, kinds = columns.weights()
-        total = sum(weights.items) + weights.budget * (program.budget or 0)
+        total = weights.total(program.budget)
         new, exact = False, True
         for at, kind in enumerate(program.kinds):
             fixed = fixed_cost(program, at, weights)
-            enough = fixed + math.ceil(-kinds[at] * SCALE) + 1  # the linear program has patterns of so much profit
+            # The linear program has patterns of so much profit, but for what rounding an item's weight changes.
+            enough = fixed + math.ceil(-kinds[at] * SCALE) + program.items
             profits = profits_of(program, at, weights)
             pattern, complete = best_pattern(program, at, profits, effort.pattern_nodes, enough)
             solved += 1
@@ -152,10 +159,12 @@ def relax(
             total += len(kind.hosts) * min(0, fixed - (enough if pattern is None else pattern.profit))
             if pattern is not None:
                 new |= columns.add(at, pattern.items)
-        bound = -(-total // SCALE)
-        if exact and (bound > best or not any(best_weights.items)):
-            best, best_weights = max(best, bound), weights
-        # What is to be paid is whole, so a bound of the value rounded up is all there is to find.
-        if best >= target or best >= math.ceil(value - _GAIN) or not new:
+        if exact and (total > best or not any(best_weights.items)):
+            best, best_weights = max(best, total), weights
+        if best > (target - 1) * SCALE:
             break
-    return Relaxed(bound=best, weights=best_weights, parts=columns.parts(), patterns=solved)
+        # What is to be paid is whole, so a bound of the value rounded up is all there is to find.
+        if not new or (not effort.fully and -(-best // SCALE) >= math.ceil(value - _GAIN)):
+            break
+    bound = -(-best // SCALE)
+    return Relaxed(bound=bound, total=best, weights=best_weights, parts=columns.parts(), patterns=solved)

@@ -1,144 +1,248 @@
 """A packing out of the patterns that are nearly free under given weights: few are, and good packings are made of them.
 
 The weights bound all packings; what a packing costs more than the bound is the sum of what its patterns cost more than
-their weight. So a packing of a wanted cost has no pattern that alone costs more than is left.
+their weight. So a packing of a wanted cost has no pattern that alone costs more than is left. What is left is an exact
+cover: each item by one pattern, each host at most once.
 """
 
-from collections import Counter
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from itertools import chain
+from dataclasses import dataclass, replace
+from itertools import accumulate
+from operator import or_
 
-from rarms_iac.planner.packing.columns import Weights, fixed_cost, profits_of
-from rarms_iac.planner.packing.density import within
-from rarms_iac.planner.packing.exact_fills import exact_fills, full_dimensions
-from rarms_iac.planner.packing.program import Bundles, Mask, Program, charge_of, members
+from rarms_iac.planner.packing.columns import Weights
+from rarms_iac.planner.packing.nearly_free import CloseFits, Sums, nearly_free
+from rarms_iac.planner.packing.program import Bundles, Mask, Program, Sizes, charge_of, members
 
-FILLS = 40_000
-"""Exact fills that are listed at most."""
-
-LISTED = 5_000
-"""Patterns of a kind of host that are listed at most where there is room to spare."""
-
-PATTERNS = 30_000
+PATTERNS = 50_000
 """More patterns than these that are nearly free are too many."""
 
-SCANNED = 10_000_000
-"""Patterns that are looked at in all."""
+_LEVELS = 64
+"""Amounts of waste that are told apart."""
 
-_COUNTING = 8
-"""What counting costs beside looking."""
+_LISTING = 5_000
+"""Steps that listing patterns is worth."""
 
-Column = tuple[int, int, Mask, tuple[int, ...]]
-"""What it costs more than its weight, kind, items as bits, and as numbers with the kind's behind them."""
+AT_ONCE = 2
+"""Values that patterns are listed for at once: the more, the more patterns are nearly free."""
+
+_WIDE = 4_000
+"""So many patterns make a step count twice."""
+
+Column = tuple[int, int, Mask]
+"""What it costs more than its weight, kind, items: none where the host stays empty."""
 
 
-def covered(program: Program, weights: Weights, lowest: int, below: int) -> tuple[Bundles | None, int]:
-    """A packing that costs less than `below`, None where none was found; and what none can be below, by trying all.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Covered:
+    """What was found, a packing that costs less than was known or none, and what none can be below."""
+
+    bundles: Bundles | None
+    lowest: int
+    steps: int  # that it took
+
+
+def covered(
+    program: Program, weights: Weights, lowest: int, below: int, steps: int, close: CloseFits | None = None
+) -> Covered:
+    """The packing that costs least, if that is less than `below`; or a bound as high as so many steps show.
 
     Args:
         program: what is packed.
         weights: that bound it.
         lowest: a bound of it.
         below: what a packing is known to cost.
+        steps: how much is tried.
+        close: what may be wasted, where that is little.
     """
-    fills = _fills(program)
-    scanned = SCANNED
-    for value in range(lowest, below):
-        columns, idle, slack = _columns(program, weights, value, fills)
-        if columns is None:
-            return None, value
-        search = _Cover(program, columns, idle, scanned)
-        found = search.run(slack)
-        scanned = search.scanned
-        if found is not None:
-            return found, value
-        if scanned <= 0:
-            return None, value
-    return None, below
-
-
-def _fills(program: Program) -> tuple[Mask, ...] | None:
-    if program.patterns is not None:
-        return program.patterns
-    full = full_dimensions(program)
-    return exact_fills(program, full, FILLS) if full else None
-
-
-def _columns(
-    program: Program, weights: Weights, value: int, fills: Sequence[Mask] | None
-) -> tuple[list[Column] | None, tuple[int, ...], int]:
-    """The patterns that a packing of this value may have, cheapest first; what idle hosts cost, by kind; the slack."""
-    scale, kinds = weights.scale, range(len(program.kinds))
-    total = sum(weights.items) + weights.budget * (program.budget or 0)
-    fixed = [fixed_cost(program, at, weights) for at in kinds]
-    listed = None if fills is None else [(mask, members(mask)) for mask in fills]
-    lists: list[list[tuple[int, Mask]]] = []
-    rooms: list[int] = []
-    for at in kinds:
-        profits = profits_of(program, at, weights)
-        found: list[tuple[int, Mask]] | None
-        if listed is not None:
-            found = [(sum([profits[item] for item in items]), mask) for mask, items in listed]
-            found = [one for one in found if program.fits is None or program.fits(at, one[1])]
-        else:
-            found = within(program, at, profits, fixed[at] + min(0, total - value * scale), LISTED)
+    spent = 0
+    while lowest < below:
+        top = min(lowest + AT_ONCE, below)
+        found = _up_to(program, weights, lowest, top, steps - spent, close)
+        if found is None and top > lowest + 1:
+            top = lowest + 1
+            found = _up_to(program, weights, lowest, top, steps - spent, close)
         if found is None:
-            return None, (), 0
-        lists.append(found)
-        rooms.append(min(0, fixed[at] - max((profit for profit, _ in found), default=fixed[at])))
-    slack = value * scale - total - sum(len(program.kinds[at].hosts) * rooms[at] for at in kinds)
-    columns = [
-        (fixed[at] - profit - rooms[at], at, mask, (*members(mask), program.items + at))
-        for at in kinds
-        for profit, mask in lists[at]
-        if fixed[at] - profit - rooms[at] <= slack
-    ]
-    return (None if len(columns) > PATTERNS else sorted(columns)), tuple(-one for one in rooms), slack
+            return Covered(bundles=None, lowest=lowest, steps=spent + _LISTING)
+        spent += found.steps
+        if found.bundles is not None or found.lowest < top:
+            return replace(found, steps=spent)
+        lowest = top
+    return Covered(bundles=None, lowest=below, steps=spent)
+
+
+def _up_to(
+    program: Program, weights: Weights, lowest: int, below: int, steps: int, close: CloseFits | None
+) -> Covered | None:
+    """The same with patterns listed at once; None where they are too many."""
+    scale, kinds = weights.scale, range(len(program.kinds))
+    total = weights.total(program.budget)
+    slack = (below - 1) * scale - total
+    first = [nearly_free(program, at, weights, max(0, slack), close) for at in kinds]
+    if any(some is None for some in first):
+        return None
+    least = [min(0, min((one[0] for one in some or ()), default=0)) for some in first]
+    total += sum(len(program.kinds[at].hosts) * least[at] for at in kinds)
+    most = (below - 1) * scale - total
+    # Where the weights are not quite free of gains, patterns that cost more may be paid for by others.
+    lists = first if most <= slack else [nearly_free(program, at, weights, most, close) for at in kinds]
+    if any(one is None for one in lists):
+        return None
+    columns = sorted(
+        (cost - least[at], at, mask)
+        for at, some in enumerate(lists)
+        for cost, mask in some or ()
+        if cost - least[at] <= most
+    )
+    search = _Cover(program, columns[:PATTERNS], tuple(-one for one in least), steps, close)
+    sure = most if len(columns) <= PATTERNS else columns[PATTERNS][0] - 1
+    for value in range(lowest, below):
+        slack = value * scale - total
+        found = search.run(slack) if slack <= sure else None
+        if found is not None or search.steps <= 0 or slack > sure:
+            return Covered(bundles=found, lowest=value, steps=_LISTING + steps - search.steps)
+    return Covered(bundles=None, lowest=below, steps=_LISTING + steps - search.steps)
 
 
 class _Cover:
-    """Depth first: what has the fewest patterns left is decided next, be it an item or a host that must be used."""
+    """Depth first over the rows of an exact cover: each item, and each host of which there is one.
 
-    def __init__(self, program: Program, columns: list[Column], idle: tuple[int, ...], scanned: int) -> None:
-        self.program, self.columns, self.idle, self.scanned = program, columns, idle, scanned
-        self.everything = (1 << program.items) - 1
+    The row with the fewest patterns left is decided next. Sets of patterns are bits of one number, the dearest on top,
+    so a step costs a few operations on whole numbers a row, however many patterns there are.
+    """
+
+    def __init__(
+        self, program: Program, columns: Sequence[Column], idle: tuple[int, ...], steps: int, close: CloseFits | None
+    ) -> None:
+        self.program, self.idle, self.steps = program, idle, steps
+        self.single = {at for at, kind in enumerate(program.kinds) if len(kind.hosts) == 1}
+        self.several = [at for at, kind in enumerate(program.kinds) if len(kind.hosts) > 1]
+        self.columns = sorted([*columns, *((idle[at], at, 0) for at in self.single)])
+        self.costs = [column[0] for column in self.columns]
+        self.covers = [[*members(mask), program.items + at] for _, at, mask in self.columns]
+        self.of_row = _bits_of_rows(self.covers, program.items + len(program.kinds))
+        self.widest = max(map(len, self.covers), default=1)
+        self.clashing: dict[int, int] = {}
+        self.wastes = [] if close is None else _wastes(program, self.columns, close.most)
 
     def run(self, slack: int) -> Bundles | None:
         """The first packing that costs no more than the slack above the bound."""
-        return self._down(self.columns, 0, tuple(len(kind.hosts) for kind in self.program.kinds), slack, ())
+        left = tuple(len(kind.hosts) for kind in self.program.kinds)
+        rows = [*range(self.program.items), *(self.program.items + at for at in sorted(self.single))]
+        return self._down(self._within(slack), rows, left, slack, tuple(one.most for one in self.wastes), ())
+
+    def _within(self, slack: int) -> int:
+        """The patterns that cost no more."""
+        return (1 << bisect_right(self.costs, slack)) - 1
+
+    def _clashes(self, number: int) -> int:
+        """The patterns that share an item or a single host with this one."""
+        if number not in self.clashing:
+            clashing = 0
+            for row in self.covers[number]:
+                if row < self.program.items or row - self.program.items in self.single:
+                    clashing |= self.of_row[row]
+            self.clashing[number] = clashing
+        return self.clashing[number]
 
     def _down(
-        self, columns: list[Column], done: Mask, left: tuple[int, ...], slack: int, taken: Bundles
+        self, alive: int, rows: list[int], left: tuple[int, ...], slack: int, spare: Sizes, taken: Bundles
     ) -> Bundles | None:
-        program, first = self.program, self.program.items
-        if done == self.everything:
-            unused = sum(hosts * cost for hosts, cost in zip(left, self.idle, strict=True))
-            paid = program.budget is None or charge_of(program, taken) == program.budget
-            return tuple(sorted(taken)) if paid and unused <= slack else None
-        self.scanned -= _COUNTING * len(columns)
-        counts = Counter(chain.from_iterable([column[3] for column in columns]))
-        spent = sum(
-            hosts * self.idle[kind] for kind, hosts in enumerate(left) if hosts and not counts[first + kind]
-        )  # hosts that nothing can use any more
-        if spent > slack:
-            return None
-        wanted = [item for item in range(first) if not done >> item & 1]
-        wanted += [
-            first + kind
-            for kind, hosts in enumerate(left)
-            if hosts == 1 and counts[first + kind] and self.idle[kind] > slack - spent
-        ]
-        chosen = min(wanted, key=lambda one: (counts[one], one))
-        for more, kind, mask, covers in columns:
-            if chosen not in covers or more + spent > slack:
-                continue
-            self.scanned -= len(columns)
-            if self.scanned <= 0:
-                return None
-            after = tuple(hosts - (at == kind) for at, hosts in enumerate(left))
-            rest = slack - more
-            fitting = [one for one in columns if not one[2] & mask and one[0] <= rest and after[one[1]]]
-            found = self._down(fitting, done | mask, after, rest, (*taken, (kind, mask)))
+        self.steps -= 1 + alive.bit_length() // _WIDE
+        if not rows:
+            return self._whole(left, slack, taken)
+        chosen = self._tightest(alive, rows, left, slack)
+        while chosen and self.steps > 0:
+            low = chosen & -chosen
+            chosen ^= low
+            number = low.bit_length() - 1
+            more, kind, mask = self.columns[number]
+            fitting = alive & self._within(slack - more)
+            fitting ^= fitting & self._clashes(number)
+            after = tuple([hosts - (at == kind) for at, hosts in enumerate(left)])
+            if not after[kind]:
+                fitting ^= fitting & self.of_row[self.program.items + kind]
+            covers = self.covers[number]
+            rest = [row for row in rows if row not in covers]
+            unused = spare
+            if mask and self.wastes:
+                unused = tuple([most - one.of[number] for most, one in zip(spare, self.wastes, strict=True)])
+                for most, one in zip(unused, self.wastes, strict=True):
+                    fitting &= one.at_most(most)
+            found = self._down(fitting, rest, after, slack - more, unused, (*taken, (kind, mask)) if mask else taken)
             if found is not None:
                 return found
+            alive ^= low
         return None
+
+    def _tightest(self, alive: int, rows: list[int], left: tuple[int, ...], slack: int) -> int:
+        """The patterns of the row that has the fewest; none where a row has none, or all together cost too much."""
+        fewest, chosen, total = len(self.columns) + 1, 0, 0
+        slack -= self._wasted(alive, left)
+        for row in rows:
+            there = alive & self.of_row[row]
+            if not there:
+                return 0
+            total += self.costs[(there & -there).bit_length() - 1]
+            count = there.bit_count()
+            if count < fewest:
+                fewest, chosen = count, there
+        return chosen if total <= slack * self.widest else 0
+
+    def _wasted(self, alive: int, left: tuple[int, ...]) -> int:
+        """What hosts cost that nothing can use any more."""
+        first = self.program.items
+        return sum([left[at] * self.idle[at] for at in self.several if not alive & self.of_row[first + at]])
+
+    def _whole(self, left: tuple[int, ...], slack: int, taken: Bundles) -> Bundles | None:
+        """What was taken, if hosts that stay empty and the budget row allow."""
+        unused = sum(left[at] * self.idle[at] for at in self.several)
+        paid = self.program.budget is None or charge_of(self.program, taken) == self.program.budget
+        return tuple(sorted(taken)) if paid and unused <= slack else None
+
+
+def _bits_of_rows(covers: Sequence[Sequence[int]], rows: int) -> list[int]:
+    """By row: the columns that cover it, a bit each."""
+    bits = [bytearray(len(covers) // 8 + 1) for _ in range(rows)]
+    for number, some in enumerate(covers):
+        at, bit = number >> 3, 1 << (number & 7)
+        for row in some:
+            bits[row][at] |= bit
+    return [int.from_bytes(one, "little") for one in bits]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Waste:
+    """In one dimension: what may be wasted in all, and what each column wastes."""
+
+    most: int
+    of: Sequence[int]
+    levels: Sequence[int]
+    masks: Sequence[int]  # by level: the columns that waste no more
+
+    def at_most(self, much: int) -> int:
+        """The columns that waste no more, and maybe a few more."""
+        return self.masks[min(bisect_left(self.levels, much), len(self.masks) - 1)] if much >= 0 else 0
+
+
+def _wastes(program: Program, columns: Sequence[Column], most: Sizes) -> list[_Waste]:
+    """By dimension in which little may be wasted."""
+    found = []
+    for d, left in enumerate(most):
+        sums = {kind.sizes: Sums([0 if size is None else size[d] for size in kind.sizes]) for kind in program.kinds}
+        of = [
+            program.kinds[at].room[d] - sums[program.kinds[at].sizes].of(mask) if mask else 0 for _, at, mask in columns
+        ]
+        if max(of, default=0) == 0:
+            continue
+        found.append(_amounts(of, left))
+    return found
+
+
+def _amounts(of: Sequence[int], most: int) -> _Waste:
+    values = sorted({min(one, most + 1) for one in of})
+    levels = values[:: -(-len(values) // _LEVELS)]
+    levels = levels if levels[-1] == values[-1] else [*levels, values[-1]]
+    by_level = _bits_of_rows([[bisect_left(levels, min(one, most + 1))] for one in of], len(levels))
+    return _Waste(most=most, of=of, levels=levels, masks=list(accumulate(by_level, or_)))

@@ -77,8 +77,13 @@ def by_density(
     return Pattern(profit=best, items=chosen) if chosen else None, left > 0
 
 
-def within(program: Program, at: int, profits: Sequence[int], least: int, most: int) -> list[tuple[int, Mask]] | None:
-    """Every set for a host of kind `at` with so much profit at least, and its profit; None where they are too many."""
+def within(
+    program: Program, at: int, profits: Sequence[int], least: int, most: int, spare: Sizes | None = None
+) -> list[tuple[int, Mask]] | None:
+    """Every set for a host of kind `at` with so much profit at least, and its profit; None where they are too many.
+
+    Where it is known what may be spared, only sets that leave no more.
+    """
     kind = program.kinds[at]
     size_of = {
         item: size
@@ -94,7 +99,13 @@ def within(program: Program, at: int, profits: Sequence[int], least: int, most: 
         totals.append(totals[-1] + gain)
     count, conflicts, fits = len(ordered), program.conflicts, program.fits
     found: list[tuple[int, Mask]] = []
-    left = most * 4
+    left = most * 6
+    dimensions = [] if spare is None else [d for d, unused in enumerate(spare) if unused < kind.room[d]]
+    to_come = [[0] * (count + 1) for _ in dimensions]  # by number: what items from that one on can fill
+    for fill, d in zip(to_come, dimensions, strict=True):
+        for number in reversed(range(count)):
+            fill[number] = fill[number + 1] + size_of[ordered[number]][d]
+    reaches = [(d, spare[d] if spare is not None else 0, fill) for d, fill in zip(dimensions, to_come, strict=True)]
 
     def down(number: int, free: Sizes, space: int, profit: int, items: Mask, banned: Mask) -> None:
         nonlocal left
@@ -104,7 +115,7 @@ def within(program: Program, at: int, profits: Sequence[int], least: int, most: 
             reach = totals[full] - totals[number]
             if full < count:
                 reach += (target - sums[full]) * gains[full] // ones[full]
-            if profit + reach < least:
+            if profit + reach < least or any(free[d] - fill[number] > unused for d, unused, fill in reaches):
                 return
             left -= 1
             item = ordered[number]
@@ -113,7 +124,7 @@ def within(program: Program, at: int, profits: Sequence[int], least: int, most: 
             with_it = items | 1 << item
             if min(after) >= 0 and not banned >> item & 1 and (fits is None or fits(at, with_it)):
                 gained = profit + profits[item]
-                if gained >= least:
+                if gained >= least and all(after[d] <= unused for d, unused, _ in reaches):
                     found.append((gained, with_it))
                 down(number + 1, after, space - ones[number], gained, with_it, banned | conflicts[item])
             number += 1

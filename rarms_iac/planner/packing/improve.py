@@ -6,7 +6,6 @@ from itertools import combinations
 
 from rarms_iac.planner.packing.branch import Limits, Search
 from rarms_iac.planner.packing.columns import Effort
-from rarms_iac.planner.packing.exact_fills import without_waste
 from rarms_iac.planner.packing.nodes import everything, without
 from rarms_iac.planner.packing.program import (
     Bundles,
@@ -16,6 +15,7 @@ from rarms_iac.planner.packing.program import (
     pattern_cost,
     value_of,
 )
+from rarms_iac.planner.packing.waste import without_waste
 
 TOGETHER = (3, 4, 5)
 """Hosts that are packed anew at once: few first, more where that helps no further."""
@@ -24,7 +24,16 @@ TRIES = 80
 PATTERNS = 4_000
 """Knapsacks in all, after which nothing more is tried."""
 
-_SMALL = Limits(nodes=6, dives=3, first_dive=12, dive=6, patterns=600, effort=Effort(pattern_nodes=20_000))
+_SMALL = Limits(
+    cover=8_000,
+    cover_below=400,
+    nodes=6,
+    dives=3,
+    first_dive=12,
+    dive=6,
+    patterns=600,
+    effort=Effort(pattern_nodes=20_000),
+)
 
 
 def improved(program: Program, bundles: Bundles, target: int, tries: int = TRIES) -> Bundles:

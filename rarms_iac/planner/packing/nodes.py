@@ -1,6 +1,6 @@
 """Decisions that split a packing's search in two, and the smaller program that they leave."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from rarms_iac.planner.packing.program import Kind, Mask, Program, Sizes, members
@@ -79,13 +79,22 @@ class View:
                 mask &= ~items
         return found if not mask else None
 
-    def inside(self, mask: Mask) -> Mask:
-        """Those of our items that these contain."""
-        found = 0
-        for at, items in enumerate(self.stands_for):
-            if not items & ~mask:
-                found |= 1 << at
-        return found
+    def those(self, masks: Iterable[Mask]) -> Iterator[Mask]:
+        """Of sets of the whole program's items those that are possible here, as ours."""
+        merged = [(1 << at, group) for at, group in enumerate(self.stands_for)]
+        moved = [(bit, group) for bit, group in merged if bit != group]
+        keep = sum(group for bit, group in merged if bit == group)
+        clashes = [(1 << at, against) for at, against in enumerate(self.program.conflicts) if against]
+        for mask in masks:
+            ours = mask & keep
+            for bit, group in moved:
+                if mask & group == group:
+                    ours |= bit
+                elif mask & group:
+                    break
+            else:
+                if not any(ours & bit and ours & against for bit, against in clashes):
+                    yield ours
 
 
 def everything(program: Program) -> View:

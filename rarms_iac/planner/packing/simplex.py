@@ -1,15 +1,26 @@
 """A small linear program that grows by columns: minimise cost, every row met with equality.
 
 Floating point, and never believed: what its duals say is made whole numbers and bounded exactly (`columns.py`).
-The basis is kept as its inverse, which suits some dozens of rows and thousands of sparse columns.
+The basis is kept as its inverse, by columns, which suits some dozens of rows and thousands of sparse columns.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from operator import mul
 
 TOLERANCE = 1e-9
-_SWITCH = 40
+_STUCK = 15
+"""Steps without gain after which right-hand sides become slightly unequal."""
+
+_SWITCH = 60
 """Steps without gain after which the first eligible column enters instead of the best: that cannot cycle."""
+
+_CANDIDATES = 12
+"""Columns of one look at all of them that are tried before the next."""
+
+_GAINS = -1e-7
+
+_NUDGE = 1e-7
 
 Entries = tuple[tuple[int, float], ...]
 """Row and coefficient of a sparse column."""
@@ -24,13 +35,14 @@ class Master:
     costs: list[float] = field(default_factory=list)
     entries: list[Entries] = field(default_factory=list)
     basis: list[int] = field(default_factory=list)  # by row: a column, or -1 - row where the row is left unmet
-    inverse: list[list[float]] = field(default_factory=list)
+    inverse: list[list[float]] = field(default_factory=list)  # of the basis, by column
     values: list[float] = field(default_factory=list)  # by row, of its basic column
+    prices: list[float] = field(default_factory=list)  # the duals, kept while pivoting
 
     def __post_init__(self) -> None:
         rows = len(self.right)
         self.basis = [-1 - row for row in range(rows)]
-        self.inverse = [[float(row == column) for column in range(rows)] for row in range(rows)]
+        self.inverse = [[float(row == column) for row in range(rows)] for column in range(rows)]
         self.values = list(self.right)
 
     def add(self, cost: float, entries: Entries) -> int:
@@ -44,41 +56,58 @@ class Master:
 
     def duals(self) -> list[float]:
         """By row: what one unit more of its right-hand side would cost."""
-        found = [0.0] * len(self.right)
-        for row, column in enumerate(self.basis):
-            cost = self._cost(column)
-            if cost:
-                found = [one + cost * other for one, other in zip(found, self.inverse[row], strict=True)]
-        return found
+        costs = list(map(self._cost, self.basis))
+        return [sum(map(mul, costs, line)) for line in self.inverse]
 
     def solve(self, limit: int = 20_000) -> float:
         """Pivot until no column gains, and give the value; a limit of pivots ends it earlier."""
         stalled = 0
+        self.prices = self.duals()
+        candidates: list[int] = []
         for _ in range(limit):
-            duals = self.duals()
-            entering = self._entering(duals, first=stalled > _SWITCH)
+            entering = None if stalled > _SWITCH else self._best(candidates)
+            if entering is None:
+                self.prices = self.duals()  # what was added up on the way is not trusted for long
+                candidates = self._gaining(first=stalled > _SWITCH)
+                entering = self._best(candidates)
             if entering is None:
                 break
-            gained = self._pivot(entering)
-            stalled = 0 if gained else stalled + 1
-        return sum(self._cost(column) * value for column, value in zip(self.basis, self.values, strict=True))
+            stalled = 0 if self._pivot(entering) else stalled + 1
+            if stalled == _STUCK:
+                self._nudge()
+        return float(sum(map(mul, map(self._cost, self.basis), self.values)))
 
-    def _entering(self, duals: Sequence[float], *, first: bool) -> int | None:
-        best, chosen = -1e-7, None
+    def _nudge(self) -> None:
+        """Make right-hand sides slightly unequal, so that steps gain again; duals do not suffer from it."""
+        self.values = [value + _NUDGE * (1 + row * 7 % 11) for row, value in enumerate(self.values)]
+
+    def _reduced(self, column: int) -> float:
+        reduced = self.costs[column]
+        for row, coefficient in self.entries[column]:
+            reduced -= self.prices[row] * coefficient
+        return reduced
+
+    def _best(self, candidates: Sequence[int]) -> int | None:
+        """The candidate that gains most, None where none does."""
+        gain, column = min(((self._reduced(one), one) for one in candidates), default=(0.0, 0))
+        return column if gain < _GAINS else None
+
+    def _gaining(self, *, first: bool) -> list[int]:
+        """The columns that gain most, or only the first that gains."""
+        prices, found = self.prices, []
         for column, (cost, entries) in enumerate(zip(self.costs, self.entries, strict=True)):
             reduced = cost
             for row, coefficient in entries:
-                reduced -= duals[row] * coefficient
-            if reduced < best:
-                best, chosen = reduced, column
+                reduced -= prices[row] * coefficient
+            if reduced < _GAINS:
+                found.append((reduced, column))
                 if first:
                     break
-        return chosen
+        return [column for _, column in sorted(found)[:_CANDIDATES]]
 
     def _pivot(self, column: int) -> bool:
         """Bring the column in; whether the value fell."""
-        entries = self.entries[column]
-        direction = [sum(line[row] * coefficient for row, coefficient in entries) for line in self.inverse]
+        direction = self._direction(self.entries[column])
         leaving, step = -1, float("inf")
         for row, steep in enumerate(direction):
             if steep > TOLERANCE:
@@ -86,16 +115,24 @@ class Master:
                 if ratio < step - 1e-12 or (ratio <= step + 1e-12 and steep > direction[leaving]):
                     leaving, step = row, min(step, ratio)
         assert leaving >= 0, "costs are bounded below, so something must leave"
-        pivot = direction[leaving]
-        line = [one / pivot for one in self.inverse[leaving]]
-        self.inverse[leaving] = line
-        for row, steep in enumerate(direction):
-            if row != leaving and abs(steep) > 1e-12:
-                self.inverse[row] = [one - steep * other for one, other in zip(self.inverse[row], line, strict=True)]
-                self.values[row] -= steep * step
+        gain, pivot = self._reduced(column), direction[leaving]
+        direction[leaving] = pivot - 1.0  # so that the row itself is divided by the pivot
+        for number, line in enumerate(self.inverse):
+            if line[leaving]:
+                part = line[leaving] / pivot
+                self.inverse[number] = [one - part * steep for one, steep in zip(line, direction, strict=True)]
+                self.prices[number] += gain * part
+        self.values = [one - step * steep for one, steep in zip(self.values, direction, strict=True)]
         self.values[leaving] = step
         self.basis[leaving] = column
         return step > TOLERANCE
+
+    def _direction(self, entries: Entries) -> list[float]:
+        lines = [
+            self.inverse[row] if coefficient == 1.0 else [coefficient * one for one in self.inverse[row]]
+            for row, coefficient in entries
+        ]
+        return list(map(sum, zip(*lines, strict=True)))
 
     def solution(self) -> dict[int, float]:
         """The columns that are used, with how much."""

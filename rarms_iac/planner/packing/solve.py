@@ -2,9 +2,8 @@
 
 from dataclasses import dataclass, field
 
-from rarms_iac.planner.packing.branch import Leaf, Limits, Outcome, Search, Tree
+from rarms_iac.planner.packing.branch import Limits, Outcome, Proof, Search
 from rarms_iac.planner.packing.columns import Weights
-from rarms_iac.planner.packing.exact_fills import without_waste
 from rarms_iac.planner.packing.heuristics import quick_packing
 from rarms_iac.planner.packing.improve import improved
 from rarms_iac.planner.packing.program import (
@@ -19,6 +18,7 @@ from rarms_iac.planner.packing.program import (
     members,
     value_of,
 )
+from rarms_iac.planner.packing.waste import without_waste
 
 TRIES = 60
 """Greedy packings that are tried before anything is proved."""
@@ -30,7 +30,7 @@ class Level:
 
     value: int
     bound: int
-    proof: Tree | None
+    proof: Proof | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +47,7 @@ class Packed:
 class Impossible:
     """There is no packing; the proof is of a program without costs, bounded above nothing."""
 
-    proof: Tree
+    proof: Proof | None  # None: by search
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,10 +75,10 @@ def solve(problem: Problem, settings: Settings | None = None) -> Result:
     if start is None:
         answer = Search(feasible(first), None, how.limits, ceiling=1).run()
         if answer.bundles is None:
-            return GaveUp() if answer.tree is None else Impossible(proof=answer.tree)
+            return Impossible(proof=answer.proof) if answer.bound else GaveUp()
         start = answer.bundles
     if value_of(first, start) == sum(least):  # each item where it costs least: nothing to search
-        value, proof = sum(least), Leaf(weights=Weights(items=least, scale=1))
+        value, proof = sum(least), Proof(weights=Weights(items=least, scale=1))
         return _with_moves(problem, first, start, Level(value=value, bound=value, proof=proof), how)
     cheapest_of_all = Search(first, start, how.limits, ceiling=_ceiling(first)).run()
     assert cheapest_of_all.bundles is not None
@@ -108,7 +108,7 @@ def _with_moves(problem: Problem, first: Program, bundles: Bundles, cost: Level,
 
 def _level(program: Program, outcome: Outcome) -> Level:
     assert outcome.bundles is not None
-    return Level(value=value_of(program, outcome.bundles), bound=outcome.bound, proof=outcome.tree)
+    return Level(value=value_of(program, outcome.bundles), bound=outcome.bound, proof=outcome.proof)
 
 
 def _least(program: Program) -> tuple[int, ...]:

@@ -5,9 +5,8 @@ Whether a damaged proof still shows something is judged by trying every set of i
 
 import ast
 import copy
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from fractions import Fraction
-from functools import partial
 from itertools import chain, combinations
 from math import ceil
 from pathlib import Path
@@ -33,7 +32,7 @@ def test_it_is_small_and_imports_nothing_of_the_planner() -> None:
     imported = {one.module for one in ast.walk(ast.parse(text)) if isinstance(one, ast.ImportFrom)}
 
     assert len(text.splitlines()) <= 150
-    assert imported == {"collections.abc", "typing"}
+    assert imported == {"bisect", "collections.abc", "typing"}
 
 
 def test_damaged_certificates_and_claims_are_rejected() -> None:
@@ -68,6 +67,7 @@ def damage(problem: Problem, claim: Claim, best: Packed | None, random: Random) 
         yield from worse_packings(problem, claim, best)
         yield "impossible, and it is not", {"impossible": claim["cost_proof"] or a_leaf(problem, random)}
         yield "impossible, with any weights", {"impossible": a_leaf(problem, random)}
+        yield "impossible, with all tried", {"impossible": {**a_leaf(problem, random), "tried": True}}
     yield from torn(claim, random)
     yield from weakened(problem, claim, random)
 
@@ -85,7 +85,7 @@ def empty_proofs(claim: Claim) -> Claim:
 
 def a_leaf(problem: Problem, random: Random) -> Claim:
     items = [random.randint(-3, 3) for _ in range(problem.items)]
-    return {"weights": {"items": items, "budget": random.randint(-2, 2), "scale": 1}}
+    return {"items": items, "budget": random.randint(-2, 2), "scale": 1, "tried": False}
 
 
 def false_values(claim: Claim) -> Iterator[tuple[str, Claim]]:
@@ -120,18 +120,10 @@ def worse_packings(problem: Problem, claim: Claim, best: Packed) -> Iterator[tup
     """Packings that fit and are not the best: whatever their proof is, it is none."""
     worse = [one for one in every_packing(problem) if one[0] > (best.cost.value, best.moves.value)]
     for (cost, moves), where in worse[:: 1 + len(worse) // 4]:
-        proof = claim["cost_proof"] or claim["moves_proof"] or {"contradiction": True}
+        proof = claim["cost_proof"] or claim["moves_proof"] or a_leaf(problem, Random(0))
         told = {"hosts": list(where), "cost": cost, "moves": moves}
         yield "a worse packing", {**claim, **told}
         yield "a worse packing with some proof", {**told, "cost_proof": proof, "moves_proof": proof}
-
-
-def leaves(node: Any) -> Iterator[Any]:
-    if "split" in node:
-        yield from leaves(node["holds"])
-        yield from leaves(node["fails"])
-    else:
-        yield node
 
 
 def proofs(claim: Claim) -> list[str]:
@@ -144,50 +136,59 @@ def torn(claim: Claim, random: Random) -> Iterator[tuple[str, Claim]]:
         yield "no proof", {**claim, name: None}
         yield "a proof that is a word", {**claim, name: "proved"}
         yield "a proof that says nothing", {**claim, name: {}}
-        yield "a contradiction that is none", {**claim, name: {"contradiction": True}}
-        weighted = [at for at, leaf in enumerate(leaves(claim[name])) if "weights" in leaf]
-        if not weighted:
-            continue
-        chosen = random.choice(weighted)
-
-        def with_leaf(change: Callable[[Any], None], name: str = name, chosen: int = chosen) -> Claim:
-            again = copy.deepcopy(claim)
-            change(list(leaves(again[name]))[chosen])
-            return again
-
-        yield "a leaf without weights", with_leaf(lambda leaf: leaf.pop("weights"))
         for word in ("items", "budget", "scale"):
-            yield f"weights without {word}", with_leaf(partial(without_weight, word))
-        yield "a weight less", with_leaf(lambda leaf: leaf["weights"]["items"].pop())
-        yield "a weight more", with_leaf(lambda leaf: leaf["weights"]["items"].append(10**9))
-        yield "a weight in parts", with_leaf(lambda leaf: leaf["weights"]["items"].__setitem__(0, 0.5))
-        yield "a scale of nothing", with_leaf(lambda leaf: leaf["weights"].update(scale=0))
-        yield "a scale below nothing", with_leaf(lambda leaf: leaf["weights"].update(scale=-1))
-        if "split" in claim[name]:
-            wrong = copy.deepcopy(claim)
-            wrong[name]["split"][0] = "perhaps"
-            yield "a split of another kind", wrong
-            yield "a side missing", {**claim, name: {k: v for k, v in claim[name].items() if k != "fails"}}
+            rest = {key: one for key, one in claim[name].items() if key != word}
+            yield f"weights without {word}", {**claim, name: rest}
+        at = random.randrange(len(claim[name]["items"]))
 
+        def with_items(items: list[Any], name: str = name) -> Claim:
+            return {**claim, name: {**claim[name], "items": items}}
 
-def without_weight(word: str, leaf: Any) -> None:
-    leaf["weights"].pop(word)
+        items = claim[name]["items"]
+        yield "a weight less", with_items(items[:-1])
+        yield "a weight more", with_items([*items, 10**9])
+        yield "a weight in parts", with_items([*items[:at], 0.5, *items[at + 1 :]])
+        yield "a weight that is a word", with_items([*items[:at], "1", *items[at + 1 :]])
+        for scale in (0, -1, None, 1.0):
+            yield f"a scale of {scale}", {**claim, name: {**claim[name], "scale": scale}}
+        if claim[name]["tried"]:
+            for tried in (False, None, 1, "true"):
+                yield "all tried, and it does not say so", {**claim, name: {**claim[name], "tried": tried}}
 
 
 def weakened(problem: Problem, claim: Claim, random: Random) -> Iterator[tuple[str, Claim]]:
-    """Other weights in a proof of one leaf, where they show nothing any more."""
+    """Other weights where nothing but weights shows the claim, so that they show nothing any more."""
     for name in proofs(claim):
-        leaf = claim[name]
-        if "weights" not in leaf:
-            continue
         for _ in range(4):
-            weights = copy.deepcopy(leaf["weights"])
+            weights = copy.deepcopy(claim[name])
+            weights["tried"] = False
             for at in random.sample(range(problem.items), random.randint(1, problem.items)):
                 weights["items"][at] += random.choice((-1, 1)) * random.randint(1, 3 * weights["scale"])
             weights["scale"] *= random.choice((1, 1, 2))
-            value = 1 if name == "impossible" else claim[name.removesuffix("_proof")]
+            values = {"impossible": 1, "moves_proof": claim.get("moves", 0)}
+            value = values[name] if name in values else least_price(problem, claim)
             if bound(problem, claim, name, weights) < value:
-                yield f"other weights in {name}", {**claim, name: {"weights": weights}}
+                yield f"other weights in {name}", {**claim, name: weights}
+
+
+def least_price(problem: Problem, claim: Claim) -> int:
+    """The cost that weights must show: less cannot be where no hosts of such a price have room for everything."""
+    value = int(claim.get("cost", 0))
+    if any(map(any, problem.costs)):
+        return value
+    hosts = range(len(problem.rooms))
+    some = list(chain.from_iterable(combinations(hosts, count) for count in range(len(hosts) + 1)))
+
+    def room_for(dimension: int, price: int) -> bool:
+        taken = 0
+        for item in range(problem.items):
+            taken += min(size[dimension] for row in problem.sizes if (size := row[item]) is not None)
+        paid = (one for one in some if sum(problem.opening[host] for host in one) == price)
+        return any(sum(problem.rooms[host][dimension] for host in one) >= taken for one in paid)
+
+    while value and not all(room_for(d, value - 1) for d in range(len(problem.rooms[0]))):
+        value -= 1
+    return value
 
 
 def bound(problem: Problem, claim: Claim, name: str, weights: Any) -> int:
