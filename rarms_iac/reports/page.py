@@ -18,6 +18,9 @@ from rarms_iac.statistics.curve import least_reserve
 RESERVES = (0, 20, 40, 60, 80, 100)
 """Labels of the lower axis."""
 
+SEEN = 0.001
+"""Of a plot's height: a line that is off by less looks the same, a third of a pixel at most."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tick:
@@ -160,7 +163,7 @@ def plot_of(curve: Shown, measurement: Measurement, name: str) -> Plot:
         reserve=reserve,
         ticks=tuple(Tick(at=_y(scale, float(one)), text=digits(float(one))) for one in scale.ticks()),
         band=_band(rows, scale),
-        curve=_path((row.reserve, scale.height(row.value)) for row in rows),
+        curve=_path([(row.reserve, scale.height(row.value)) for row in rows]),
         dots=tuple(_dots(curve, scale)),
         of=curve,
         scale=scale,
@@ -197,17 +200,33 @@ def _number(value: float) -> str:
     return f"{value:.2f}".rstrip("0").rstrip(".")
 
 
-def _path(points: Iterator[tuple[float, float]]) -> str:
+def _path(points: Sequence[tuple[float, float]]) -> str:
     """Straight lines through points whose height is 0 at the bottom and 1 at the top."""
-    return "M" + "L".join(f"{_number(x)} {_number(100 - 100 * height)}" for x, height in points)
+    return "M" + "L".join(f"{_number(x)} {_number(100 - 100 * height)}" for x, height in corners(points))
+
+
+def corners(points: Sequence[tuple[float, float]]) -> Sequence[tuple[float, float]]:
+    """The fewest of the points whose straight lines pass all others within `SEEN` of a plot's height.
+
+    Points go from left to right and have heights from 0 to 1 (halving at the farthest, Douglas and Peucker 1973).
+    """
+    if len(points) < 3:
+        return points
+    (left, start), (right, end) = points[0], points[-1]
+    slope = (end - start) / (right - left)
+    off = [abs(height - start - slope * (x - left)) for x, height in points]
+    farthest = max(range(len(points)), key=off.__getitem__)
+    if off[farthest] < SEEN:
+        return (points[0], points[-1])
+    return (*corners(points[: farthest + 1])[:-1], *corners(points[farthest:]))
 
 
 def _band(rows: Sequence[Row], scale: Scale) -> str:
     if not rows:
         return ""
-    there = [(row.reserve, scale.height(row.high)) for row in rows]
-    back = [(row.reserve, scale.height(row.low)) for row in reversed(rows)]
-    return _path(iter([*there, *back])) + "Z"
+    above = _path([(row.reserve, scale.height(row.high)) for row in rows])
+    below = [(row.reserve, scale.height(row.low)) for row in rows]
+    return f"{above}L{_path(below[::-1])[1:]}Z"
 
 
 def _dots(curve: Shown, scale: Scale) -> Iterator[Dot]:

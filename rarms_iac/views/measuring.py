@@ -48,8 +48,9 @@ class MeasuringProgress:
         """How many samples there are, what they come to, and how long it may yet take."""
         if self._lively:
             values = brief(shown_of(experiment.members, seen), several=len(experiment.members) > 1)
-            says = f"  {reserve:>3} %  {samples_of(seen)}, {values}"
-            self._write(WRITE_OVER + fitting(says + self._left(experiment, seen), self._width))
+            left = self._left(experiment, seen)
+            says = fitting(f"  {reserve:>3} %  {samples_of(seen)}, {values}", self._width - len(left))
+            self._write(WRITE_OVER + fitting(says + left, self._width))
 
     def setting_ended(self, experiment: Experiment, setting: Setting) -> None:
         """What was measured there."""

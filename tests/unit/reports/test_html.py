@@ -6,11 +6,16 @@ import re
 from base64 import b64encode
 from dataclasses import replace
 from html.parser import HTMLParser
+from itertools import pairwise
+
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rarms_iac.model.indexes import find_index
 from rarms_iac.reports.building import report_of
 from rarms_iac.reports.html import as_html
 from rarms_iac.reports.model import Proof
+from rarms_iac.reports.page import SEEN, corners
 from tests.measured_robot import a_robot, the_logs
 
 SYSTEM = a_robot()
@@ -108,6 +113,32 @@ def test_lone_surrogates_do_not_stop_the_page() -> None:
 def test_the_page_is_small_and_the_same_each_time() -> None:
     assert len(PAGE.encode()) < 200_000
     assert as_html(report_of(SYSTEM, the_logs(SYSTEM))).decode() == PAGE
+
+
+def test_a_page_of_sixty_components_is_smaller_than_a_megabyte() -> None:
+    page = as_html(replace(REPORT, measurements=REPORT.measurements * 20))
+
+    assert len(REPORT.measurements) == 3
+    assert len(page) < 1_000_000
+
+
+def test_a_line_is_drawn_by_its_corners() -> None:
+    straight = [(float(at), at / 100) for at in range(1, 51)]
+    bent = [*straight, *((float(at), 0.5) for at in range(51, 101))]
+
+    assert corners(straight) == (straight[0], straight[-1])
+    assert corners(bent) == (bent[0], bent[49], bent[-1])
+
+
+@given(st.lists(st.floats(0, 1), min_size=1, max_size=100))
+def test_no_point_lies_visibly_beside_the_line_through_the_corners(heights: list[float]) -> None:
+    points = [(float(at), height) for at, height in enumerate(heights, 1)]
+
+    kept = corners(points)
+
+    for (left, start), (right, end) in pairwise(kept):
+        for x, height in points[int(left) - 1 : int(right)]:
+            assert abs(start + (end - start) * (x - left) / (right - left) - height) <= SEEN
 
 
 def test_proofs_are_a_table_of_their_own() -> None:

@@ -26,11 +26,11 @@ def a_series(count: int) -> Series:
     return Series(component="vision", samples=samples, elapsed_ms=100.0 * count)
 
 
-def told(*, lively: bool) -> str:
+def told(*, lively: bool, width: int = 100) -> str:
     """What is written about one setting that is looked at once, four seconds after it began."""
     written: list[str] = []
     times = iter([0.0, 4.0, 8.0])
-    progress = MeasuringProgress(written.append, lambda: next(times), lively=lively, width=100)
+    progress = MeasuringProgress(written.append, lambda: next(times), lively=lively, width=width)
     progress.experiment_started(EXPERIMENT, ())
     progress.setting_started(EXPERIMENT, 62, 1)
     progress.looked(EXPERIMENT, 62, {"vision": a_series(50)})
@@ -54,6 +54,12 @@ def test_a_terminal_sees_the_running_setting_and_how_long_it_may_take() -> None:
     assert lines[1] == "   62 %  ..."
     assert lines[2] == "   62 %  50 samples, mean 98 ms, at most 12 s left"
     assert lines[3].startswith("   62 %  100 samples")
+
+
+def test_a_narrow_terminal_sees_the_time_left_before_the_rest() -> None:
+    line = told(lively=True, width=38).split(WRITE_OVER)[2]
+
+    assert line == "   62 %  50 sample, at most 12 s left"
 
 
 def test_of_several_components_each_value_says_whose_it_is() -> None:
