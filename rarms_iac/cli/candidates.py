@@ -1,6 +1,6 @@
 """The candidate graph of a manifest, with what the data logs of compounds say; nothing is measured."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rarms_iac.cli.codes import ExitCode
@@ -10,8 +10,9 @@ from rarms_iac.cli.problems import Halted
 from rarms_iac.experiments.setup import interference_of
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.system import Host, PartitionWish, System
-from rarms_iac.planner.combining.candidates import Candidates, Mask, candidates_of, informed
-from rarms_iac.planner.combining.guiding import guide_of
+from rarms_iac.planner.combining.candidates import Candidates, Mask, candidates_of, informed, named
+from rarms_iac.planner.combining.guiding import Guide, guide_of
+from rarms_iac.planner.combining.nodes import Node, nodes_of
 from rarms_iac.planner.combining.values import WHOLE, Asked, Coi, Members
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.layout import plan_layout
@@ -28,12 +29,43 @@ class Drawn:
     predicted: Mapping[Mask, int]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Nodes:
+    """A part of the graph as nodes."""
+
+    nodes: tuple[Node, ...]
+    left_out: int
+
+
 def candidates_in(measured: Measurements, opened: Opened) -> Drawn:
     """Every compound of the partitions that rest on data logs, on the first host by name that all of them may run on.
 
     Raises:
         Halted: a reservation is not known, or no host may have them all (4).
     """
+    known, guide = _known(measured, opened)
+    return Drawn(candidates=known, predicted=_predicted(guide, known.by_mask))
+
+
+def nodes_to_draw(measured: Measurements, opened: Opened, few: Callable[[Sequence[Node]], Sequence[Node]]) -> Nodes:
+    """The same as nodes, those that `few` chooses, and how many it leaves out; only what is drawn is predicted.
+
+    Raises:
+        Halted: as `candidates_in`.
+    """
+    known, guide = _known(measured, opened)
+    everything = nodes_of(known, {})
+    chosen = {one.name for one in few(everything)}
+    masks = [mask for mask, one in known.by_mask.items() if named(one.coi.members) in chosen]
+    told = nodes_of(known, _predicted(guide, masks))
+    return Nodes(nodes=tuple(one for one in told if one.name in chosen), left_out=len(everything) - len(chosen))
+
+
+def _predicted(guide: Guide, masks: Iterable[Mask]) -> Mapping[Mask, int]:
+    return {mask: told for mask in masks if (told := guide.predicted(mask)) is not None}
+
+
+def _known(measured: Measurements, opened: Opened) -> tuple[Candidates, Guide]:
     system = measured.system
     reservations = measured_reservations(measured, {})
     problem = problem_of(system, reservations, {}, may_move=False)
@@ -57,9 +89,7 @@ def candidates_in(measured: Measurements, opened: Opened) -> Drawn:
     candidates = candidates_of(cois, lambda names: _may_share(system, names), most=WHOLE)
     compounds = [one.coi.members for one in candidates.by_mask.values()]
     known = informed(candidates, [asked for names in compounds for asked in _answers(measured, host, names)])
-    guide = guide_of(known, predictor_of(alone_in(groups, reservations, host)))
-    predicted = {mask: told for mask in known.by_mask if (told := guide.predicted(mask)) is not None}
-    return Drawn(candidates=known, predicted=predicted)
+    return known, guide_of(known, predictor_of(alone_in(groups, reservations, host)))
 
 
 def _may_share(system: System, names: Members) -> bool:

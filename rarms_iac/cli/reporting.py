@@ -4,10 +4,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.cli.candidates import candidates_in
+from rarms_iac.cli.candidates import nodes_to_draw
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.datalogs import (
-    Measurements,
     bench_now,
     compared,
     is_here,
@@ -16,7 +15,7 @@ from rarms_iac.cli.datalogs import (
     subject_of,
 )
 from rarms_iac.cli.experiments import refuse_unknown
-from rarms_iac.cli.manifests import Opened, system_of
+from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.options import ManifestOptions
 from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.standing import standings_of
@@ -31,7 +30,6 @@ from rarms_iac.experiments.setup import interference_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.system import Host, System
-from rarms_iac.planner.combining.nodes import nodes_of
 from rarms_iac.planner.findings import UNREADABLE
 from rarms_iac.reports.building import Logged, report_of
 from rarms_iac.reports.candidate_drawing import few_enough
@@ -56,22 +54,22 @@ def reported(source: ManifestOptions, components: tuple[str, ...] = ()) -> Repor
     report = replace(
         report_of(system, logs, tuple(_proofs(system, folder, components)), standings_of(system, opened, source)),
         tunings=tuple(tunings_of(system, folder)),
-        combining=_combining(measurements_of(system, opened.loaded.folder, source), opened),
     )
     if not report.measurements:
         raise Halted(ExitCode.NO, [_nothing(components)])
     return report
 
 
-def _combining(measured: Measurements, opened: Opened) -> Combining | None:
-    """What could share a partition; None where there is nothing to combine, or it cannot be told yet."""
+def combining_of(source: ManifestOptions) -> Combining | None:
+    """What could share a partition, for the page; None where there is nothing to combine, or it cannot be told yet."""
+    system, opened = system_of(source)
     try:
-        drawn = candidates_in(measured, opened)
+        drawn = nodes_to_draw(measurements_of(system, opened.loaded.folder, source), opened, few_enough)
     except Halted:
         return None
-    nodes = nodes_of(drawn.candidates, drawn.predicted)
-    shown = few_enough(nodes)
-    return Combining(nodes=shown, left_out=len(nodes) - len(shown)) if any(one.parts for one in shown) else None
+    if not any(one.parts for one in drawn.nodes):
+        return None
+    return Combining(nodes=drawn.nodes, left_out=drawn.left_out)
 
 
 def _nothing(components: tuple[str, ...]) -> Diagnostic:
