@@ -1,290 +1,221 @@
-"""Combining pairs: how many settings the default strategy asks for, beside measuring all pairs.
+"""Combining: how many settings the default strategy asks for, beside measuring all pairs, and how often it is right.
 
-`python -m benchmarks.combining [INSTANCES] [LARGEST]` takes so many instances a model (36 unless said; the goals are
-stated for 400 and more), spread evenly over n = 4 to LARGEST components (12), and a few of the simulated host itself.
-Seeds are fixed. Pairs only, as the baselines: all pairs by the paper's walk (10, 20, ... %), and all pairs by
-bisection of 1 to 100 %. What the components need alone is known to all of them. No noise: the oracle says the truth.
+`python -m benchmarks.combining [INSTANCES] [MODEL ...]` takes so many instances a model (36 unless said; the goals are
+stated for 400 and more), spread evenly over n = 4 to 12 components. Seeds are fixed. Pairs only, beside two simple
+ways: all pairs by the paper's walk (10, 20, ... %), and all pairs by halving 1 to 100 %. What each component needs
+alone is known to all of them. Models: `combining_models` and `combining_host`. Some of the instances (`WAYS`) are run
+with noise, at a probability, or with the reservation first, and an eighth as many, of 4 to 8 components, with
+compounds of three.
 
-Not here: a prediction that guides the questions, noise, and the strategy with compounds of three.
+Where a model makes a pair need less than one of its two alone, the assumption of the proof is wrong. These instances
+are counted apart, with those of them in which an answer showed it.
 """
 
-import random
+import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
+import time
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from functools import cache
-from itertools import combinations
-from math import ceil, floor
-from statistics import median
+from itertools import groupby
+from statistics import median, quantiles
 
-from benchmarks.combining_host import needs
+from benchmarks.combining_cases import MODELS, instance
+from benchmarks.combining_runs import NOISE, REPEATS, Greedy, Result, Way, greedy, run
 from benchmarks.timing import Figure, report
 from rarms_iac.model.system import Minimise
-from rarms_iac.planner.combining.layouts import Objective
-from rarms_iac.planner.combining.paper import Asking, tune_performance_to_use_less_resource
-from rarms_iac.planner.combining.questions import Best, search, tuning_of
-from rarms_iac.planner.combining.values import Coi, Members, total
 
 INSTANCES = 36
-SMALLEST, LARGEST = 4, 12
-NEVER = 101
-HOST_LARGEST, HOST_SHARE = 6, 3  # of the simulated host itself: small ones, and one in three
-GOALS = {"edf": 0.35, "fair": 0.45, "mixing": 0.35, "host": 0.35}
+SIZES = range(4, 13)
+SIZES_OF_THREE = range(4, 9)
+PROOF = {"edf": 0.35, "fair": 0.45, "mixing": 0.35, "host": 0.35}
+PREDICTED = 0.20
+CONTENT = 0.95
 
-Need = Callable[[tuple[int, ...]], int]
-"""What components, by number, need together: a CR, or NEVER."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Instance:
-    """Components with what each needs, what each pair needs, and what there is."""
-
-    model: str
-    cois: tuple[Coi, ...]
-    pairs: Mapping[Members, int]
-    capacity: int
-
-    def worse(self, members: Members, reserve: int) -> frozenset[str]:
-        """The truth, as a `PerformanceOracle`; of more than two it is not asked."""
-        return frozenset() if reserve >= self.pairs[members] else frozenset(members)
+RESERVATION = Minimise.RESERVATION
+PROVED, GUIDED = Way(), Way(predicts=True)
+AT_A_PROBABILITY = Way(predicts=True, probability=CONTENT)
+NOISY = Way(predicts=True, noisy=True)
+WAYS = {  # with the part of the instances that are run so
+    "proof": (PROVED, 1),
+    "prediction": (GUIDED, 1),
+    "probability": (AT_A_PROBABILITY, 4),
+    "noise": (NOISY, 2),
+    "reservation first, proof": (Way(minimise=RESERVATION), 6),
+    "reservation first, prediction": (Way(minimise=RESERVATION, predicts=True), 6),
+    "reservation first, probability": (Way(minimise=RESERVATION, predicts=True, probability=CONTENT), 8),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Result:
-    """How it went on one instance."""
+class Done:
+    """Everything that was run on one instance."""
 
     model: str
-    components: int
-    asked: int
-    walked: int
-    halved: int
-    optimal: bool
-    proved: bool
-    greedy: str  # of the paper, repeated over pairs: optimal, fits, or fails
-    greedy_asked: int
-
-    @property
-    def of_the_walk(self) -> float:
-        return self.asked / self.walked
-
-    @property
-    def of_halving(self) -> float:
-        return self.asked / self.halved
+    results: dict[str, Result]
+    greedy: Greedy | None  # None: with compounds of three
 
 
-def edf(chance: random.Random, components: int) -> Need:
-    """Sporadic tasks with deadlines, run by earliest deadline: the least rate above the demand bound."""
-    tasks = []
-    for _ in range(components):
-        period = chance.choice((20, 25, 40, 50, 80, 100, 200))
-        tasks.append((period * chance.uniform(0.06, 0.30), period, period * chance.uniform(0.4, 1.0)))
-
-    def need(which: tuple[int, ...]) -> int:
-        mine = [tasks[one] for one in which]
-        rate = sum(work / period for work, period, _ in mine)
-        for at in sorted({deadline + k * period for _, period, deadline in mine for k in range(800 // period)}):
-            demand = sum((floor((at - d) / p) + 1) * w for w, p, d in mine if at >= d)
-            rate = max(rate, demand / at)
-        return min(NEVER, ceil(round(100 * rate, 9)))
-
-    return need
+def done(model: str, components: int, seed: int) -> Done:
+    """Pairs."""
+    case = instance(model, components, seed)
+    results = {name: run(case, way) for name, (way, part) in WAYS.items() if seed % part == 0}
+    return Done(model=model, results=results, greedy=greedy(case))
 
 
-def fair(chance: random.Random, components: int) -> Need:
-    """Closed loops that compute and then wait; who computes at once shares evenly, and each has a mean response."""
-    loops = []
-    for _ in range(components):
-        work = chance.uniform(5, 40)
-        waits = work * chance.choice((0.2, 0.5, 1.0, 2.0, 4.0))
-        loops.append((work, waits, waits + work / chance.uniform(0.08, 0.45)))
-
-    def meets(which: tuple[int, ...], reserve: int) -> bool:
-        share = reserve / 100
-        found = [loops[one][1] + loops[one][0] / share for one in which]
-        for _ in range(40):
-            busy = [1 - loops[one][1] / seen for one, seen in zip(which, found, strict=True)]
-            found = [loops[one][1] + loops[one][0] / share * (1 + sum(busy) - busy[at]) for at, one in enumerate(which)]
-        return all(seen <= loops[one][2] * (1 + 1e-9) for one, seen in zip(which, found, strict=True))
-
-    def need(which: tuple[int, ...]) -> int:
-        low, high = 1, NEVER
-        while low < high:
-            middle = (low + high) // 2
-            low, high = (low, middle) if meets(which, middle) else (middle + 1, high)
-        return low
-
-    return need
-
-
-def mixing(chance: random.Random, components: int) -> Need:
-    """Anything from what the needier needs to a fifth more than the sum, evenly."""
-    alone = [chance.randint(8, 45) for _ in range(components)]
-    share = {pair: chance.random() for pair in combinations(range(components), 2)}
-
-    def need(which: tuple[int, ...]) -> int:
-        mine = [alone[one] for one in which]
-        if len(which) == 1:
-            return mine[0]
-        return min(NEVER, max(mine) + int(1.2 * share[which[0], which[1]] * min(mine)))
-
-    return need
-
-
-MODELS: Mapping[str, Callable[[random.Random, int], Need]] = {"edf": edf, "fair": fair, "mixing": mixing, "host": needs}
-
-
-@cache
-def instance(model: str, components: int, seed: int) -> Instance:
-    """One that has something to tune: the sum is more than there is."""
-    chance = random.Random(f"combining/{model}/{components}/{seed}")
-    need = cache(MODELS[model](chance, components))
-    levels = chance.sample(range(1, 100), components)
-    cois = tuple(
-        Coi(name=f"c{at:02}", members=(f"c{at:02}",), criticality=levels[at], processors=1, reserve=need((at,)))
-        for at in range(components)
-    )
-    pairs: dict[Members, int] = {
-        (cois[one].name, cois[other].name): need((one, other)) for one, other in combinations(range(components), 2)
-    }
-    capacity = max(1, int(total(cois) * chance.uniform(0.75, 0.97)))
-    return Instance(model=model, cois=cois, pairs=pairs, capacity=capacity)
-
-
-def walked(least: int) -> int:
-    """Settings of the paper's walk: up to the first that passes, all ten where none does."""
-    return min(10, ceil(least / 10))
-
-
-def halved(least: int) -> int:
-    """Settings of halving 1 to 100 %, and the answer that there is none."""
-    low, high, settings = 1, NEVER, 0
-    while low < high:
-        middle = (low + high) // 2
-        low, high = (low, middle) if least <= middle else (middle + 1, high)
-        settings += 1
-    return settings
-
-
-def best_value(case: Instance, minimise: Minimise) -> object:
-    """The value of the best layout of pairs, by looking at all of them; None: none fits."""
-    order = sorted(case.cois, key=lambda one: -one.criticality)
-    number = {one.name: at for at, one in enumerate(order)}
-    gain = {
-        tuple(sorted((number[one], number[other]))): order[number[one]].cost + order[number[other]].cost - least
-        for (one, other), least in case.pairs.items()
-        if least < NEVER
-    }
-
-    @cache
-    def most_saved(left: int) -> int:
-        """The most that pairs of just these save; far below 0 where they cannot all be paired."""
-        if not left:
-            return 0
-        first = left.bit_length() - 1
-        rest = left ^ (1 << first)
-        found = -NEVER * NEVER
-        for other in range(first):
-            saved = gain.get((other, first), 0)
-            if rest >> other & 1 and saved > 0:
-                found = max(found, saved + most_saved(rest ^ (1 << other)))
-        return found
-
-    values = []
-    for left in range(1 << len(order)):
-        reserved = total(order) - most_saved(left)
-        if reserved <= case.capacity:
-            shared = tuple(order[at].criticality for at in range(len(order)) if left >> at & 1)
-            values.append((shared, reserved) if minimise is Minimise.COMBINING else (reserved, shared))
-    return min(values, default=None)
-
-
-def value_of(case: Instance, cois: Sequence[Coi], minimise: Minimise) -> object:
-    """The same of a layout that was found."""
-    by_name = {one.name: one.criticality for one in case.cois}
-    shared = tuple(
-        sorted((by_name[name] for one in cois if len(one.members) > 1 for name in one.members), reverse=True)
-    )
-    return (shared, total(cois)) if minimise is Minimise.COMBINING else (total(cois), shared)
-
-
-def result(case: Instance, minimise: Minimise) -> Result:
-    """The default strategy on one instance, beside everything else."""
-    objective = Objective(
-        capacity=case.capacity,
-        fits=lambda layout: total(layout) <= case.capacity,
-        minimise=minimise,
-        criticalities={one.name: one.criticality for one in case.cois},
-    )
-    tuning = tuning_of(case.cois, objective, lambda _members: True, largest=2)
-    found, trail = search(tuning, Asking(oracle=case))
-    best = best_value(case, minimise)
-    reached = value_of(case, found.cois, minimise) if isinstance(found, Best) else None
-    paper = _greedy(case)
-    greedy = "fits" if total(paper[0]) <= case.capacity else "fails"
-    return Result(
-        model=case.model,
-        components=len(case.cois),
-        asked=len(trail),
-        walked=sum(map(walked, case.pairs.values())),
-        halved=sum(map(halved, case.pairs.values())),
-        optimal=reached == best,
-        proved=not found.breaks,
-        greedy="optimal" if greedy == "fits" and value_of(case, paper[0], minimise) == best else greedy,
-        greedy_asked=paper[1],
-    )
-
-
-def _greedy(case: Instance) -> tuple[tuple[Coi, ...], int]:
-    """The paper's procedure until it fits; what is combined is not combined again, as only pairs are known."""
-    cois, asked = case.cois, 0
-    while total(cois) > case.capacity:
-        free = tuple(one for one in cois if len(one.members) == 1)
-        rest = total(cois) - total(free)
-        done = tune_performance_to_use_less_resource(free, max(0, case.capacity - rest), Asking(oracle=case))
-        asked += len(done.trail)
-        if not done.combinations:
-            break
-        cois = (*done.cois, *(one for one in cois if len(one.members) > 1))
-    return cois, asked
+def of_three(model: str, components: int, seed: int) -> Done:
+    """Compounds of two and three, beside all sets that the highest CR of a member does not rule out."""
+    case = instance(model, components, seed, 3)
+    return Done(model=model, results={"proof": run(case, PROVED), "prediction": run(case, GUIDED)}, greedy=None)
 
 
 def main(words: Sequence[str]) -> int:
+    begun = time.process_time()
     instances = int(words[0]) if words else INSTANCES
-    largest = int(words[1]) if len(words) > 1 else LARGEST
-    sizes = range(SMALLEST, largest + 1)
+    models = [one for one in MODELS if one in words[1:] or not words[1:]]
     figures: list[Figure] = []
-    for minimise in Minimise:
-        for model in MODELS:
-            most = HOST_LARGEST if model == "host" else largest
-            share = HOST_SHARE if model == "host" else 1
-            chosen = [size for size in sizes if size <= most]
-            cases = [(size, seed) for seed in range(-(-instances // len(sizes) // share)) for size in chosen]
-            done = [result(instance(model, size, seed), minimise) for size, seed in cases]
-            figures += _figures(minimise, model, done)
+    with ProcessPoolExecutor(max_workers=min(2, os.cpu_count() or 1)) as workers:
+        cases = [
+            (model, size, seed) for model in models for seed in range(-(-instances // len(SIZES))) for size in SIZES
+        ]
+        threes = [
+            (model, size, seed)
+            for model in models
+            if model != "host"
+            for seed in range(-(-instances // 8 // len(SIZES_OF_THREE)))
+            for size in SIZES_OF_THREE
+        ]
+        pairs = workers.map(done, *zip(*cases, strict=True), chunksize=4)
+        for model, group in groupby(pairs, key=lambda one: one.model):
+            figures += _model(model, list(group))
+            sys.stdout.flush()
+        if threes:
+            for model, group in groupby(workers.map(of_three, *zip(*threes, strict=True)), key=lambda one: one.model):
+                figures += _of_three(model, list(group))
+    children = os.times()
+    print(f"processor time: {time.process_time() - begun + children.children_user + children.children_system:.0f} s")
     return report(figures)
 
 
-def _figures(minimise: Minimise, model: str, done: Sequence[Result]) -> list[Figure]:
-    ratios = [one.of_the_walk for one in done]
-    few = [one for one in done if one.components == SMALLEST]
+def _model(model: str, all_of_it: Sequence[Done]) -> Iterable[Figure]:
+    print(f"\n{model}: {len(all_of_it)} instances, of which {_some(all_of_it, 'proof', 'fits')} can be made to fit")
+    for name in WAYS:
+        results = [one.results[name] for one in all_of_it if name in one.results]
+        _print_settings(name, results)
+        if name == "prediction":
+            _print_misses(results)
+    _print_greedy([one.greedy for one in all_of_it if one.greedy is not None])
+    for way in ("proof", "prediction", "reservation first, proof", "reservation first, prediction"):
+        results = [one.results[way] for one in all_of_it if way in one.results]
+        most = PREDICTED if way == "prediction" else PROOF[model]
+        yield Figure(name=f"{model}, {way}: median of the walk", value=_median(results), at_most=most)
+        yield from _right(f"{model}, {way}", results, with_limit=way == "prediction")
+    yield from _stopped(model, all_of_it)
+    yield from _with_noise(model, [one.results["noise"] for one in all_of_it if "noise" in one.results])
+
+
+def _some(all_of_it: Sequence[Done], name: str, what: str) -> int:
+    return sum(bool(getattr(one.results[name], what)) for one in all_of_it)
+
+
+def _median(results: Sequence[Result]) -> float:
+    return median(one.of_the_walk for one in results)
+
+
+def _print_settings(name: str, results: Sequence[Result]) -> None:
+    few = [one for one in results if one.components == min(SIZES)]
+    ratios = [one.of_the_walk for one in results]
     print(
-        f"{minimise.value} first, {model}: {len(done)} instances, "
-        f"settings {sum(one.asked for one in done)} (all pairs by the walk {sum(one.walked for one in done)}, "
-        f"by halving {sum(one.halved for one in done)}); of the walk: worst {max(ratios):.2f}; "
-        f"of halving: median {median(one.of_halving for one in done):.2f}; "
-        f"n = 4: median {median(one.of_the_walk for one in few):.2f} of the walk"
+        f"  {name}: {len(results)} instances, {sum(one.asked for one in results)} settings (walk "
+        f"{sum(one.walked for one in results)}, halving {sum(one.halved for one in results)}); of the walk: median "
+        f"{median(ratios):.2f}, worst {max(ratios):.2f}; of halving: median "
+        f"{median(one.of_halving for one in results):.2f}; n = 4: median {_median(few):.2f} of the walk"
     )
-    counted = {kind: sum(one.greedy == kind for one in done) for kind in ("optimal", "fits", "fails")}
+
+
+def _print_misses(results: Sequence[Result]) -> None:
+    misses = [miss for one in results for miss in one.misses]
+    errors = [abs(one.predicted - one.need) for one in misses]
+    inside = sum(one.low <= one.need <= one.high for one in misses)
+    bias = sum(one.predicted - one.need for one in misses) / len(misses)
     print(
-        f"  the paper's greedy: {counted['optimal']} optimal, {counted['fits']} that fit otherwise or use another "
-        f"reservation, {counted['fails']} that do not fit, in {sum(one.greedy_asked for one in done)} settings"
+        f"    of {len(misses)} compounds that it was not fitted to, what was predicted is off by {median(errors):.1f} "
+        f"% CR in the median, {quantiles(errors, n=10)[-1]:.1f} % in one of ten or more ({bias:+.1f} % on average); "
+        f"{100 * inside / len(misses):.0f} % lie in the 80 % that it expected"
     )
-    name = f"{minimise.value} first, {model}"
-    missed = sum(not (one.optimal and one.proved) for one in done)
-    return [
-        Figure(name=f"{name}: median of the walk", value=median(ratios), at_most=GOALS[model]),
-        Figure(name=f"{name}: not optimal or not proved", value=missed, unit="", at_most=0),
-    ]
+
+
+def _print_greedy(results: Sequence[Greedy]) -> None:
+    counted = {kind: sum(one.ends == kind for one in results) for kind in ("optimal", "fits", "fails")}
+    print(
+        f"  the paper's greedy: {counted['optimal']} optimal, {counted['fits']} fit otherwise or with another "
+        f"reservation, {counted['fails']} do not fit, in {sum(one.asked for one in results)} settings"
+    )
+
+
+def _right(name: str, results: Sequence[Result], *, with_limit: bool = False) -> Iterable[Figure]:
+    """Where the assumption holds the end is the best there is; where it does not, that is said or counted."""
+    sound = [one for one in results if not one.breaks]
+    missed = sum(not one.optimal for one in sound)
+    yield Figure(name=f"{name}: not the best, of {len(sound)}", value=missed, unit="", at_most=0)
+    wrong = [one for one in results if one.breaks]
+    if wrong:
+        silent = sum(not one.optimal and not one.told for one in wrong)
+        print(
+            f"  {name}: the assumption is wrong in {len(wrong)} more; an answer showed it in "
+            f"{sum(one.told for one in wrong)}, where nothing was claimed; {silent} were called proved and are not "
+            "the best"
+        )
+    if with_limit:
+        part = sum(not one.optimal for one in results) / len(results)
+        yield Figure(name=f"{name}: not the best, of all", value=100 * part, unit="%", at_most=5)
+        yield Figure(name=f"{name}: the same, upper limit", value=100 * _upper(part, len(results)), unit="%", at_most=7)
+
+
+def _upper(part: float, number: int) -> float:
+    """The upper limit of a proportion with 97.5 % (E. Wilson, 1927)."""
+    z = 1.96
+    middle = part + z * z / 2 / number
+    wide = z * (part * (1 - part) / number + z * z / 4 / number**2) ** 0.5
+    return float((middle + wide) / (1 + z * z / number))
+
+
+def _stopped(model: str, all_of_it: Sequence[Done]) -> Iterable[Figure]:
+    names = ("probability", "reservation first, probability")
+    ended = [one.results[name] for one in all_of_it for name in names if name in one.results]
+    short = [one for one in ended if one.stopped]
+    wrong = sum(not one.optimal for one in short)
+    at = f"at {100 * CONTENT:.0f} %"
+    print(f"  {at}: {len(short)} of {len(ended)} ended short of the proof, {wrong} of them not with the best")
+    if short:
+        yield Figure(name=f"{model}, {at}: not the best", value=100 * wrong / len(short), unit="%", at_most=5)
+
+
+def _with_noise(model: str, results: Sequence[Result]) -> Iterable[Figure]:
+    held, wrong = sum(one.held for one in results), sum(one.wrong for one in results)
+    far, far_from_truth = (sum(not near for near in nears) for nears in _nears(results))
+    told = sum(one.told for one in results)
+    print(
+        f"  noise of {NOISE} % CR, {REPEATS} of {REPEATS} repeats: {held} reservations are said to hold, {wrong} do "
+        f"not; against what no noise would give {far_from_truth} of {len(results)} are another layout or further off; "
+        f"{told} times answers contradicted each other, and nothing was claimed"
+    )
+    name = f"{model}, noise"
+    yield Figure(name=f"{name}: another layout", value=100 * far / len(results), unit="%", at_most=10)
+    yield Figure(name=f"{name}: do not hold", value=100 * wrong / max(1, held), unit="%", at_most=1)
+
+
+def _nears(results: Sequence[Result]) -> tuple[list[bool], list[bool]]:
+    return [one.near for one in results], [one.near_the_truth for one in results]
+
+
+def _of_three(model: str, all_of_it: Sequence[Done]) -> Iterable[Figure]:
+    print(f"\n{model}, compounds of two and three, {min(SIZES_OF_THREE)} to {max(SIZES_OF_THREE)} components:")
+    for name in ("proof", "prediction"):
+        results = [one.results[name] for one in all_of_it]
+        _print_settings(name, results)
+        yield Figure(name=f"{model} up to three, {name}: median of the walk", value=_median(results))
+        yield from _right(f"{model} up to three, {name}", results)
 
 
 if __name__ == "__main__":

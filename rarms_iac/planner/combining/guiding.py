@@ -16,7 +16,7 @@ from rarms_iac.planner.prediction.members import Predictor
 BEYOND = 0.2
 """What a bound that rises beyond what this layout can bear is worth: it may rule out others."""
 
-BETTER = 10
+BETTER = 5
 """Worlds with a better layout among those that are looked at, where the probability asked for is just reached."""
 
 
@@ -101,7 +101,8 @@ def doubt_of(guide: Guide, layouts: Layouts, than: Value, probability: float) ->
 
     Hosts are not looked at, so some of these may fit nowhere: the doubt is rather too large.
     """
-    sets = tuple(takewhile(lambda one: one.value[0] <= than[0], layouts.ranked()))
+    ranked = takewhile(lambda one: one.value[0] <= than[0], layouts.ranked())
+    sets = tuple(one for one in ranked if one.value < than)
     number = ceil(BETTER / (1.0 - probability))
     found = []
     for looked_at, world in enumerate(worlds(layouts, guide.outlook, guide.belief, number), start=1):

@@ -64,6 +64,7 @@ class Layouts:
     _costs: dict[Mask, int] = field(init=False)
     _by_top: dict[int, list[Mask]] = field(init=False)
     _least: dict[Mask, tuple[int, int]] = field(init=False)
+    _within: dict[Mask, list[Mask]] = field(init=False)
     _alone: list[int] = field(init=False)
     _weights: list[int] = field(init=False)
 
@@ -74,6 +75,7 @@ class Layouts:
         for mask in self._costs:
             self._by_top.setdefault(mask.bit_length(), []).append(mask)
         self._least = {0: (0, 0)}
+        self._within = {}
         self._alone = [one.cost for one in known.cois]
         self._weights = _weights(known.cois, self.objective.criticalities)
 
@@ -173,6 +175,12 @@ class Layouts:
 
     def blocks(self, mask: Mask) -> list[Mask]:
         """Compounds within the set that hold its most critical member."""
+        found = self._within.get(mask)
+        if found is None:
+            found = self._within[mask] = self._found_within(mask)
+        return found
+
+    def _found_within(self, mask: Mask) -> list[Mask]:
         top = mask.bit_length()
         listed = self._by_top.get(top, [])
         others = mask ^ (1 << (top - 1))

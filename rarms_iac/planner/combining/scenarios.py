@@ -45,24 +45,17 @@ class World:
             self._least[mask] = found
         return found
 
-    def better(self, sets: Iterable[Shared], than: Value | None) -> tuple[Mask, ...] | None:
-        """The compounds of the best layout that has room here, if it is better than that one; hosts are not looked at.
+    def better(self, sets: Iterable[Shared], than: Value) -> tuple[Mask, ...] | None:
+        """The compounds of a layout that has room here and is better than that one; None: none is.
 
-        NOTE: so it may be one that fits no host, and another layout seems better rather than none.
+        NOTE: hosts are not looked at. So it may fit none, and another layout seems better rather than none.
         """
-        best, value = None, than
         for one in sets:
-            if value is not None and one.value[0] > value[0]:
-                break
-            if value is not None and one.value >= value:
-                continue
             cost, compounds = self.least(one.mask)
-            if one.rest + cost > self.layouts.objective.capacity:
-                continue
-            here = self.layouts.value_of(one.mask, one.rest + cost, compounds)
-            if value is None or here < value:
-                best, value = one.mask, here
-        return None if best is None else tuple(self._blocks_of(best))
+            fits = one.rest + cost <= self.layouts.objective.capacity
+            if fits and self.layouts.value_of(one.mask, one.rest + cost, compounds) < than:
+                return tuple(self._blocks_of(one.mask))
+        return None
 
     def _blocks_of(self, shared: Mask) -> Iterator[Mask]:
         while shared:

@@ -19,17 +19,22 @@ from rarms_iac.planner.prediction.periodic import (
 from rarms_iac.planner.prediction.sharing import WHOLE, Demand, demand_of, least_shared
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, ReservationSource
 
-WAYS = ("processor sharing", "periodic resource, earliest deadline first", "periodic resource, fixed priorities")
+WAYS = (
+    "processor sharing",
+    "periodic resource of 1 ms, earliest deadline first",
+    "periodic resource of 10 ms, earliest deadline first",
+    "periodic resource of 10 ms, fixed priorities",
+)
 """The ways to predict, in the order of what they say."""
 
 Said = tuple[float | None, ...]
 """What each way says a compound needs: a CR, not rounded; None: it cannot say."""
 
-TICKS = 10
+TICKS = 100
 """In a millisecond."""
 
-WINDOW = 100
-"""Ticks: a partition is taken for a periodic resource of this period, about a turn of a hypervisor (10 ms)."""
+EVENLY, IN_TURNS = 1 * TICKS, 10 * TICKS
+"""Periods of the resource that a partition is taken for: time that comes all along, or in turns of a hypervisor."""
 
 MOST = 90
 """Per cent: a threshold of at least this percentile of the response time is taken for a deadline."""
@@ -42,6 +47,16 @@ class Alone:
     demand: Demand
     task: Task | None  # ticks; None: its jobs have no period or no deadline
     processors: int  # of the partition that it was measured in
+
+    def fitted(self, window: int, meets: Meets) -> Task | None:
+        """Its task with so much work that alone it needs what it was measured to need; None: it has none."""
+        if self.task is None:
+            return None
+        budget = least_budget([self.task], window, meets)
+        if budget is None:
+            return None
+        part = self.demand.enough * window / (WHOLE * budget)
+        return replace(self.task, work=max(1, round(self.task.work * part)))
 
 
 def alone_in(groups: Iterable[Group], reservations: ReservationSource, host: Host) -> Mapping[str, Alone]:
@@ -105,19 +120,19 @@ def said_of(members: Sequence[Alone], processors: int) -> Said:
     """
     if any(one.processors != processors for one in members):
         return (None,) * len(WAYS)
-    tasks = [one.task for one in members if one.task is not None]
-    if len(tasks) < len(members):
-        tasks = []
     return (
         least_shared([one.demand for one in members], processors),
-        _periodic(tasks, meets_by_deadline),
-        _periodic(tasks, _by_deadline_length),
+        _periodic(members, EVENLY, meets_by_deadline),
+        _periodic(members, IN_TURNS, meets_by_deadline),
+        _periodic(members, IN_TURNS, _by_deadline_length),
     )
 
 
-def _periodic(tasks: Sequence[Task], meets: Meets) -> float | None:
-    budget = least_budget(tasks, WINDOW, meets) if tasks else None
-    return None if budget is None else budget * WHOLE / WINDOW
+def _periodic(members: Sequence[Alone], window: int, meets: Meets) -> float | None:
+    tasks = [one.fitted(window, meets) for one in members]
+    known = [one for one in tasks if one is not None]
+    budget = least_budget(known, window, meets) if len(known) == len(tasks) else None
+    return None if budget is None else budget * WHOLE / window
 
 
 def _by_deadline_length(tasks: Sequence[Task], resource: Resource) -> bool:

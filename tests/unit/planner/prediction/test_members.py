@@ -13,6 +13,7 @@ from rarms_iac.planner.prediction.members import (
     said_of,
     task_of,
 )
+from rarms_iac.planner.prediction.periodic import least_budget, meets_by_deadline
 from rarms_iac.planner.prediction.sharing import Demand
 
 CAMERA = Alone(
@@ -28,12 +29,14 @@ LASER = Alone(
 
 
 def test_each_way_says_at_least_what_the_neediest_needs_or_the_rate_takes() -> None:
-    sharing, by_deadline, by_priority = said_of([CAMERA, LASER], 1)
+    sharing, evenly, by_deadline, by_priority = said_of([CAMERA, LASER], 1)
 
     assert sharing is not None
     assert by_deadline is not None
     assert by_priority is not None
     assert 30 <= sharing <= 55
+    assert evenly is not None
+    assert 20 <= evenly <= 100
     assert 20 <= by_deadline <= by_priority <= 100, "no fixed priorities do with less than earliest deadline first"
 
 
@@ -41,7 +44,16 @@ def test_without_deadlines_only_sharing_says_something() -> None:
     sharing, *others = said_of([CAMERA, replace(LASER, task=None)], 1)
 
     assert sharing is not None
-    assert others == [None, None]
+    assert others == [None, None, None]
+
+
+def test_a_task_is_fitted_to_what_it_needs_alone() -> None:
+    fitted = CAMERA.fitted(100, meets_by_deadline)
+
+    assert CAMERA.task is not None
+    assert fitted is not None
+    assert fitted.work > CAMERA.task.work, "30 % were measured to be needed, more than its work takes"
+    assert least_budget([fitted], 100, meets_by_deadline) == pytest.approx(30, abs=1)
 
 
 def test_what_was_measured_on_other_processors_predicts_nothing() -> None:
@@ -65,9 +77,9 @@ def test_what_is_expected_lies_from_the_neediest_upwards() -> None:
 
 
 def test_a_task_is_rounded_to_the_safe_side() -> None:
-    task = task_of(1.01, 9.99, 5.55)
+    task = task_of(1.015, 9.999, 5.559)
 
-    assert (task.work, task.period, task.deadline) == (11, 99, 55)
+    assert (task.work, task.period, task.deadline) == (102, 999, 555)
 
 
 @pytest.mark.parametrize("work", [0.0, 1e-9])
