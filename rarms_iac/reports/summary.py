@@ -53,28 +53,32 @@ def summary_of(report: Report) -> tuple[Level, ...]:
 
 def _level(measurement: Measurement, one: Shown) -> Level:
     assert one.threshold is not None
-    least = one.least
-    point = None if least is None else one.curve.value_at(least.reserve)
+    reserve = reserved_for(measurement, one)
+    point = None if reserve is None else one.curve.value_at(reserve)
     return Level(
         component=one.component,
         index=one.index.name,
         level=show_threshold(one.index, one.threshold),
         shows="" if point is None else shown(point.value, one.index.unit),
-        reserve="none is enough" if least is None else show_percent(least.reserve),
-        bandwidth="" if least is None else show_processors(guaranteed(least.reserve, measurement.processors)),
-        verdict=verdict_of(one),
+        reserve="none is enough" if reserve is None else show_percent(reserve),
+        bandwidth="" if reserve is None else show_processors(guaranteed(reserve, measurement.processors)),
+        verdict=verdict_of(one, reserve),
     )
 
 
-def verdict_of(one: Shown) -> str:
-    """What is known of the APT at the reserve, in words."""
-    least = one.least
-    if least is None:
+def reserved_for(measurement: Measurement, one: Shown) -> int | None:
+    """What the index's partition gets; where no reserve is enough for all of its indexes, what this one asks for."""
+    if one.least is None:
+        return None
+    return one.least.reserve if measurement.reserve is None else measurement.reserve
+
+
+def verdict_of(one: Shown, reserve: int | None) -> str:
+    """What is known of the APT at this reserve, in words."""
+    if reserve is None:
         return "not achieved at any reserve that was measured"
-    if least.interpolated:
-        return "interpolated: not itself measured"
-    told = [point for point in one.points if point.reserve == least.reserve]
-    return f"measured: {told[-1].verdict}{error_text(told[-1])}" if told else "measured"
+    told = [point for point in one.points if point.reserve == reserve]
+    return f"measured: {told[-1].verdict}{error_text(told[-1])}" if told else "interpolated: not itself measured"
 
 
 def error_text(point: Point) -> str:

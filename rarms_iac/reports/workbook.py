@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.reports.model import Measurement, Report, Shown
 from rarms_iac.reports.scale import UNIT_TEXT
-from rarms_iac.reports.summary import fits_of, verdict_of
+from rarms_iac.reports.summary import fits_of, reserved_for, verdict_of
 from rarms_iac.reports.tables import Cell, Rows, finite, sample_rows, setting_rows, trail_rows
 
 if TYPE_CHECKING:
@@ -108,8 +108,9 @@ def _levels(report: Report) -> Iterator[Sequence[Cell]]:
 
 def _level(one: Measurement, index: Shown) -> Sequence[Cell]:
     assert index.threshold is not None
-    least = index.least
-    point = None if least is None else index.curve.value_at(least.reserve)
+    reserve = reserved_for(one, index)
+    point = None if reserve is None else index.curve.value_at(reserve)
+    measured = {each.reserve for each in index.points}
     return (
         index.component,
         index.index.name,
@@ -117,10 +118,10 @@ def _level(one: Measurement, index: Shown) -> Sequence[Cell]:
         float(index.threshold.value),
         UNIT_TEXT[index.index.unit],
         None if point is None else finite(point.value),
-        None if least is None else least.reserve,
-        None if least is None else float(guaranteed(least.reserve, one.processors)),
-        "" if least is None else "yes" if least.interpolated else "no",
-        verdict_of(index),
+        reserve,
+        None if reserve is None else float(guaranteed(reserve, one.processors)),
+        "" if reserve is None else "no" if reserve in measured else "yes",
+        verdict_of(index, reserve),
     )
 
 

@@ -35,6 +35,21 @@ def test_a_measurement_says_what_the_planner_takes() -> None:
         assert next(shown for shown in report.measurements if shown.name == name).least == wanted is not None
 
 
+def test_members_of_a_partition_are_shown_with_what_their_partition_gets() -> None:
+    """One would be content with less; what is reserved is what the other needs."""
+    slow, quick = measured("slow", 100), measured("quick", 400)
+    system = a_system(components=[slow, quick], partitions=[a_partition("slow", components=["quick", "slow"])])
+    settings = [
+        a_setting(reserve, a_series("quick", [each] * 60), a_series("slow", [each] * 60))
+        for reserve, each in ((20, 300.0), (60, 90.0))
+    ]
+    logged = Logged(path="x", log=a_log(settings, a_subject(quick, slow)))
+
+    rows = summary_of(report_of(system, [logged]))
+
+    assert [(one.component, one.reserve) for one in rows] == [("quick", "60 %"), ("slow", "60 %")]
+
+
 def test_the_total_is_of_measured_and_fixed_components_in_processors() -> None:
     system = a_robot()
 
