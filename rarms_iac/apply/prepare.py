@@ -92,7 +92,7 @@ def prepare(request: Request, observed: Mapping[str, State]) -> Prepared:
     kept, accepted = request.judge(in_order(found))
     if has_errors(kept):
         return Prepared(plan=None, findings=kept, accepted=accepted)
-    bare = _plan(request, tuple(part.plan for part in parts), kept, accepted)
+    bare = _plan(request, tuple(part.plan for part in parts), wishes.layout, kept, accepted)
     plan, wrong = with_scripts(bare, {part.plan.host.name: part.guests for part in parts})
     return Prepared(plan=None if wrong else plan, findings=in_order((*kept, *wrong)), accepted=accepted)
 
@@ -108,7 +108,11 @@ def _wanted(request: Request, observed: Mapping[str, State]) -> Wanted:
 
 
 def _plan(
-    request: Request, hosts: tuple[HostPlan, ...], kept: tuple[Diagnostic, ...], accepted: tuple[Diagnostic, ...]
+    request: Request,
+    hosts: tuple[HostPlan, ...],
+    layout: Layout | None,
+    kept: tuple[Diagnostic, ...],
+    accepted: tuple[Diagnostic, ...],
 ) -> Plan:
     return identified(
         Plan(
@@ -123,6 +127,7 @@ def _plan(
             hosts=hosts,
             findings=kept,
             accepted=accepted,
+            placement=None if layout is None else layout.placement,
         )
     )
 

@@ -184,7 +184,7 @@ def _on_host(layout: Layout, found: _Found) -> shown.OnHost:
         if one.host == found.host.name and one.name != found.placed.name
     )
     kept = LogicalProcessors(Fraction(capacity.logical_processors) - capacity.processors)
-    return shown.OnHost(capacity=capacity.processors, kept=kept, beside=tuple(others))
+    return shown.OnHost(capacity=capacity.processors, kept=kept, beside=tuple(others), placement=layout.placement)
 
 
 def _misfit(planning: Planning) -> Iterator[str]:

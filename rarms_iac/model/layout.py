@@ -1,9 +1,7 @@
 """What the planner answers: a Layout, or why there is none (DESIGN section 3)."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
 
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.model.system import StartMode
@@ -54,7 +52,9 @@ class Placement:
     moves: int
     moves_bound: int
     avoided: int  # moves that packing anew would have made beside those
-    certificate: Mapping[str, Any] | None  # what was packed and the claim, as their checker accepted it
+    certificate: (
+        str  # JSON of what was packed and what is claimed, as the checker accepted it; empty: none, or too long
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

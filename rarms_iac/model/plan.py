@@ -7,6 +7,7 @@ from typing import Literal
 
 from rarms_iac.model.changes import Address, Change
 from rarms_iac.model.diagnostics import Diagnostic, Place
+from rarms_iac.model.layout import Placement
 from rarms_iac.model.operations import Operation
 from rarms_iac.model.state import HostFacts
 from rarms_iac.model.system import Disruption, Host
@@ -148,6 +149,7 @@ class Plan:
     hosts: tuple[HostPlan, ...]  # by name
     findings: tuple[Diagnostic, ...]  # warnings and notes that the reviewer should see
     accepted: tuple[Diagnostic, ...]
+    placement: Placement | None = None  # how good the choice of hosts is; None where there was nothing to choose
     format_version: Literal["rarms-plan/1"] = "rarms-plan/1"
 
     @property

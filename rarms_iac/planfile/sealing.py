@@ -53,7 +53,10 @@ def identified(plan: Plan) -> Plan:
 def plan_id(plan: Plan) -> str:
     """12 hex digits of what the plan says, scripts left out."""
     bare = replace(plan, id="", hosts=tuple(replace(host, scripts={}) for host in plan.hosts))
-    return short(digest(bare))
+    document = cast("dict[str, Json]", encode(bare))
+    if bare.placement is None:  # a plan that chose nothing says nothing of it
+        del document["placement"]
+    return short(digest(document))
 
 
 def write_plan(plan: Plan) -> bytes:

@@ -4,11 +4,11 @@ Up to 30 partitions are packed exactly. Larger problems take the first host that
 bound that may be.
 """
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from math import gcd
-from typing import Any
 
 from rarms_iac.model.capacity import WHOLE, fits
 from rarms_iac.model.layout import Placement
@@ -20,6 +20,9 @@ from rarms_iac.planner.packing.solve import Impossible, Packed, solve
 
 EXACT_UP_TO = 30
 """Partitions that the exact search takes on."""
+
+CERTIFICATE_UP_TO = 200_000
+"""Characters of a certificate that a plan holds: 30 partitions on 50 hosts need no more."""
 
 NODES = 4_000
 """Placements tried for the first by name of the best ones, before another of them is taken: a count, never a time."""
@@ -80,7 +83,7 @@ def placement_of(found: Found) -> Placement | None:
     )
 
 
-def _verdict(found: Found) -> tuple[Verdict, Mapping[str, Any] | None]:
+def _verdict(found: Found) -> tuple[Verdict, str]:
     """What may be said of the placement, and the certificate where there is one: what was packed, and the claim."""
     if found.problem is not None and found.result is not None:
         claim = claim_of(found.problem, found.result)
@@ -89,9 +92,10 @@ def _verdict(found: Found) -> tuple[Verdict, Mapping[str, Any] | None]:
             try:
                 check(data, claim)
             except Wrong:
-                return Verdict.SEARCHED, None
-            return Verdict.OPTIMAL, {"problem": data, "claim": claim}
-    return (Verdict.SEARCHED if found.proven else Verdict.WITHIN), None
+                return Verdict.SEARCHED, ""
+            text = json.dumps({"problem": data, "claim": claim}, separators=(",", ":"))
+            return Verdict.OPTIMAL, text if len(text) <= CERTIFICATE_UP_TO else ""
+    return (Verdict.SEARCHED if found.proven else Verdict.WITHIN), ""
 
 
 def _exactly(items: Sequence[Item], bins: Sequence[Bin]) -> Found:

@@ -13,6 +13,7 @@ from rarms_iac.views.attributes import Attribute, attributes_of
 from rarms_iac.views.diagnostics.layout import columns, visible, wrap
 from rarms_iac.views.diagnostics.source import Sources
 from rarms_iac.views.diagnostics.text import as_text, counted
+from rarms_iac.views.placement import placement_says
 from rarms_iac.views.threads import threads_lines
 from rarms_iac.views.totals import totals_lines
 
@@ -35,6 +36,8 @@ def plan_text(plan: Plan, *, sources: Sources | None = None, steps: bool = False
         lines += ["", *_host(part, plan, width, steps=steps)]
     if told:
         lines += _as_wanted([part.host.name for part in plan.hosts if part not in told], width)
+    if told and plan.placement is not None:
+        lines += ["", *wrap(placement_says(plan.placement), min(width, WIDTH), "")]
     if plan.findings:
         lines += ["", *_findings(plan.findings, sources or {}, min(width, WIDTH))]
     if plan.accepted:

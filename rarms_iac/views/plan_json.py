@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Literal, assert_never
+from typing import Literal, assert_never, cast
 
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Resource, Update
+from rarms_iac.model.layout import Placement
 from rarms_iac.model.plan import HostPlan, Plan, Step, ThreadClass, Totals
 from rarms_iac.model.state import Partition, Responsiveness, TaskClass
 from rarms_iac.views.as_json import as_json
@@ -15,6 +16,7 @@ from rarms_iac.views.output.plan import (
     CountsOutput,
     HeldBackOutput,
     HostOutput,
+    PlacementOutput,
     PlanOutput,
     StepOutput,
     ThreadsOutput,
@@ -55,6 +57,19 @@ def plan_output(plan: Plan) -> PlanOutput:
         hosts=tuple(map(_host, plan.hosts)),
         findings=plan.findings,
         accepted=plan.accepted,
+        placement=None if plan.placement is None else _placement(plan.placement),
+    )
+
+
+def _placement(one: Placement) -> PlacementOutput:
+    return PlacementOutput(
+        verdict=cast("Literal['optimal', 'proved by search, not certified', 'within the bound']", one.verdict),
+        reserved=one.reserved,
+        reserved_bound=one.reserved_bound,
+        moves=one.moves,
+        moves_bound=one.moves_bound,
+        moves_avoided=one.avoided,
+        certificate=one.certificate,
     )
 
 

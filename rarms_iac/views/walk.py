@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from rarms_iac.model.indexes import find_index
-from rarms_iac.model.layout import PlacedPartition
+from rarms_iac.model.layout import PlacedPartition, Placement
 from rarms_iac.model.quantities import (
     LogicalProcessors,
     guaranteed,
@@ -22,6 +22,7 @@ from rarms_iac.statistics.told_errors import wrong
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap
 from rarms_iac.views.output.choosing import WalkOutput, WalkStepOutput
+from rarms_iac.views.placement import placement_says
 
 WIDTH = 80
 _MARGIN = "  "
@@ -63,6 +64,7 @@ class OnHost:
     capacity: LogicalProcessors
     kept: LogicalProcessors
     beside: tuple[tuple[str, LogicalProcessors], ...]  # other partitions there, by name
+    placement: Placement | None = None  # how good the choice of hosts is, where there was one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -293,6 +295,8 @@ def _host(walk: Walk) -> Iterator[str]:
         yield f"kept for the host: {share(walk.on_host.kept)}"
     taken = walk.placed.reserved + sum((amount for _, amount in walk.on_host.beside), Fraction(0))
     yield f"left over: {share(walk.on_host.capacity - taken)}"
+    if walk.on_host.placement is not None:
+        yield placement_says(walk.on_host.placement)
 
 
 def _leftover(walk: Walk) -> Iterator[str]:

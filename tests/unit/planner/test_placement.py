@@ -1,5 +1,7 @@
 """What a plan says of its choice of hosts: optimal by certificate only, moves that were avoided, and gaps."""
 
+import json
+
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner.layout import Planning, plan_layout
@@ -37,8 +39,8 @@ def test_a_layout_that_runs_and_fits_stays_and_its_certificate_is_accepted() -> 
     assert answer.placement is not None
     assert (answer.placement.verdict, answer.placement.moves) == ("optimal", 0)
     assert answer.placement.avoided > 0
-    assert answer.placement.certificate is not None
-    check(answer.placement.certificate["problem"], answer.placement.certificate["claim"])
+    certificate = json.loads(answer.placement.certificate)
+    check(certificate["problem"], certificate["claim"])
 
 
 def test_moves_that_were_avoided_are_told() -> None:
