@@ -53,7 +53,7 @@ class AskingConsent:
             terminal.flush()
             saves = show_processors(Fraction(gain, 100))
             takes = "one setting" if settings == 1 else f"{settings} settings"
-            terminal.status(f"Try {_together(members)}? At most {takes}; saves at most {saves}. [y/N] ")
+            terminal.status(f"Try {_together(members)}? About {takes}, or fewer; saves at most {saves}. [y/N] ")
             self._said[members] = sys.stdin.readline().strip().lower() in {"y", "yes"}
         return self._said[members]
 

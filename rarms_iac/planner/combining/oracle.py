@@ -31,7 +31,8 @@ class Consent(Protocol):
     def allows(self, members: Members, *, settings: int, gain: int) -> bool:
         """Whether it may be tried.
 
-        It takes at most so many settings; at most so much, in per cent of one logical processor, is gained.
+        It takes about so many settings, fewer where it is soon out; at most so much, in per cent of one logical
+        processor, is gained.
         """
         ...
 

@@ -219,6 +219,26 @@ def test_explain_says_with_whom_it_would_save_something_as_predicted(here: Path)
     assert "sharing with video" not in after, "it was measured"
 
 
+def test_asked_first_it_measures_only_what_was_said_yes_to(here: Path) -> None:
+    no = rarms("tune", "--interactive", "--samples", "60", stdin="\n" * 9, at_a_terminal=True)
+    assert (no.code, "RARMS305" in no.err) == (4, True)
+    assert "Try paths and video? About " in no.err
+    assert "saves at most " in no.err
+    assert not (here / "measurements" / "onboard" / "paths+video").exists()
+
+    yes = rarms("tune", "--interactive", "--samples", "60", "--json", stdin="y\n" * 9, at_a_terminal=True)
+    assert yes.code == 0, yes.err
+    assert yes.err.count("Try paths and video?") == 1, "once for each combination"
+    assert json.loads(yes.out)["ending"] == "successful"
+
+
+def test_without_a_terminal_nobody_can_be_asked(here: Path) -> None:
+    ran = rarms("tune", "--interactive")
+
+    assert ran.code == 64
+    assert "--interactive" in ran.err
+
+
 def test_repeating_belongs_to_the_papers_procedure(here: Path) -> None:
     ran = rarms("tune", "--repeat")
 
