@@ -52,6 +52,7 @@ class Wanted:
     layout: Layout | None
     hosts: Mapping[str, HostWish]
     findings: tuple[Diagnostic, ...]
+    certificate: str = ""  # that no layout exists, where there is one
 
 
 def wanted(
@@ -70,7 +71,7 @@ def wanted(
         namesakes = tuple(map(_told_first, _namesakes(system, observed, places)))
         lacking = map(_behind_a_namesake, planning.findings) if namesakes else planning.findings
         told = (*namesakes, *lacking)
-        return Wanted(layout=None, hosts={}, findings=told)
+        return Wanted(layout=None, hosts={}, findings=told, certificate=planning.answer.certificate)
     hosts: dict[str, HostWish] = {}
     found = planning.findings
     for name, state in sorted(observed.items()):

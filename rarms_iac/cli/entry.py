@@ -47,7 +47,7 @@ def guarded(
         return ExitCode.USAGE
     except Halted as halted:
         _trace(terminal)
-        return _tell(session, halted.code, halted.diagnostics, halted.sources)
+        return _tell(session, halted.code, halted.diagnostics, halted.sources, halted.certificate)
     except (Interrupted, KeyboardInterrupt) as interrupt:
         code = interrupt.code if isinstance(interrupt, Interrupted) else ExitCode.INTERRUPTED
         terminal.talk("\n" + _wrapped(f"rarms was {code.name.lower()}. {GO_ON}", terminal.width))
@@ -91,22 +91,26 @@ def _wrapped(text: str, width: int) -> str:
 
 
 def _tell(
-    session: Session, code: ExitCode, diagnostics: Sequence[Diagnostic], sources: "Sources | None" = None
+    session: Session,
+    code: ExitCode,
+    diagnostics: Sequence[Diagnostic],
+    sources: "Sources | None" = None,
+    certificate: str = "",
 ) -> ExitCode:
     from rarms_iac.cli.telling import tell
 
     tell(session.terminal, diagnostics, sources)
-    _tell_programs(session, diagnostics)
+    _tell_programs(session, diagnostics, certificate)
     return code
 
 
-def _tell_programs(session: Session, diagnostics: Sequence[Diagnostic]) -> None:
+def _tell_programs(session: Session, diagnostics: Sequence[Diagnostic], certificate: str = "") -> None:
     """Why there is no answer, for who asked for one in JSON; an answer that is there already stays the only one."""
     if session.as_json and not session.terminal.answered:
         from rarms_iac.model.diagnostics import in_order
-        from rarms_iac.views.diagnostics import OutputFormat, render
+        from rarms_iac.views.diagnostics.as_json import as_json
 
-        session.terminal.data(render(OutputFormat.JSON, in_order(tuple(diagnostics)), {}))
+        session.terminal.data(as_json(in_order(tuple(diagnostics)), certificate=certificate))
 
 
 def _trace(terminal: Terminal) -> None:

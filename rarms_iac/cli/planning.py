@@ -45,7 +45,8 @@ def make_plan(hosts: Hosts, wish: Wish) -> Plan:
     states = observed(hosts)
     prepared = prepare(request_of(hosts, wish, states), states)
     if prepared.plan is None:
-        raise Halted(code_of_errors(prepared.findings), prepared.findings, hosts.opened.loaded.sources)
+        code, sources = code_of_errors(prepared.findings), hosts.opened.loaded.sources
+        raise Halted(code, prepared.findings, sources, certificate=prepared.certificate)
     return prepared.plan
 
 

@@ -19,11 +19,19 @@ BUG = Finding(code="RARMS199", severity=Severity.ERROR, summary="This is a bug i
 class Halted(Exception):
     """The command ends here, for these reasons and with this exit code."""
 
-    def __init__(self, code: ExitCode, diagnostics: Sequence[Diagnostic], sources: Sources | None = None) -> None:
+    def __init__(
+        self,
+        code: ExitCode,
+        diagnostics: Sequence[Diagnostic],
+        sources: Sources | None = None,
+        *,
+        certificate: str = "",
+    ) -> None:
         super().__init__("; ".join(one.summary for one in diagnostics))
         self.code = code
         self.diagnostics = tuple(diagnostics)
         self.sources = sources or {}
+        self.certificate = certificate  # that no layout exists, for programs
 
 
 def bug(error: BaseException) -> Diagnostic:

@@ -6,7 +6,7 @@ bound that may be.
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import gcd
 
@@ -88,14 +88,34 @@ def _verdict(found: Found) -> tuple[Verdict, str]:
     if found.problem is not None and found.result is not None:
         claim = claim_of(found.problem, found.result)
         if claim is not None:
-            data = problem_data(found.problem)
-            try:
-                check(data, claim)
-            except Wrong:
-                return Verdict.SEARCHED, ""
-            text = json.dumps({"problem": data, "claim": claim}, separators=(",", ":"))
-            return Verdict.OPTIMAL, text if len(text) <= CERTIFICATE_UP_TO else ""
+            certificate = _checked(found.problem, claim)
+            return (Verdict.OPTIMAL if certificate else Verdict.SEARCHED), certificate
     return (Verdict.SEARCHED if found.proven else Verdict.WITHIN), ""
+
+
+def certified_impossible(items: Sequence[Item], bins: Sequence[Bin]) -> str:
+    """JSON of a certificate that there is no placement, as the checker accepted it; empty where there is none.
+
+    What virtual processors need beyond their sum is not in it: what fails for that alone has no certificate.
+    """
+    if not bins or not 0 < len(items) <= EXACT_UP_TO or any(not one.claims for one in items):
+        return ""
+    ordered, hosts = sorted(items, key=lambda one: one.name), sorted(bins, key=lambda one: one.name)
+    problem = replace(problem_of(ordered, hosts), fits=None)
+    result = solve(problem)
+    claim = claim_of(problem, result) if isinstance(result, Impossible) else None
+    return "" if claim is None else _checked(problem, claim)
+
+
+def _checked(problem: Problem, claim: Mapping[str, object]) -> str:
+    """The certificate as JSON; empty where the checker does not accept it, or it is too long for a plan."""
+    data = problem_data(problem)
+    try:
+        check(data, claim)
+    except Wrong:
+        return ""
+    text = json.dumps({"problem": data, "claim": claim}, separators=(",", ":"))
+    return text if len(text) <= CERTIFICATE_UP_TO else ""
 
 
 def _exactly(items: Sequence[Item], bins: Sequence[Bin]) -> Found:

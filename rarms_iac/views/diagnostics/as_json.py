@@ -9,9 +9,13 @@ from rarms_iac.model.diagnostics import Diagnostic, Place, Severity
 FORMAT_VERSION = "rarms-output/1"
 
 
-def as_json(diagnostics: Sequence[Diagnostic], *, accepted: Sequence[Diagnostic] = ()) -> str:
-    """The document as text: ASCII, so that no encoding on the way can harm it; ends with a line end."""
-    return json.dumps(findings_document(diagnostics, accepted=accepted), indent=2) + "\n"
+def as_json(diagnostics: Sequence[Diagnostic], *, accepted: Sequence[Diagnostic] = (), certificate: str = "") -> str:
+    """The document as text: ASCII, so that no encoding on the way can harm it; ends with a line end.
+
+    `certificate`: JSON text that shows that no layout exists; empty where there is none.
+    """
+    document = {**findings_document(diagnostics, accepted=accepted), "certificate": certificate}
+    return json.dumps(document, indent=2) + "\n"
 
 
 def findings_document(diagnostics: Sequence[Diagnostic], *, accepted: Sequence[Diagnostic] = ()) -> dict[str, Any]:

@@ -57,3 +57,23 @@ def test_plan_show_and_explain_say_that_it_is_certified(fleet: Path) -> None:
 
     for answer in (planned, shown, explained):
         assert CERTIFIED in " ".join(answer.out.split()), answer.err
+
+
+@pytest.mark.parametrize("more", [60, 25], ids=["more than there is", "no way to lay them out"])
+def test_what_does_not_fit_is_certified_in_the_json_of_the_refusal(fleet: Path, more: int) -> None:
+    """Of 60, 50, 40, 30 and 20 % on two hosts, 60 more are too much; on three hosts nothing takes 55 % four times."""
+    text = (fleet / "rarms.yaml").read_text(encoding="utf-8")
+    if more == 60:
+        text = text.replace(HOST.format(name="three"), "") + COMPONENT.format(name="f", reserve=more)
+    else:
+        for share in (60, 50, 40, 30):
+            text = text.replace(f"reserve: {share} %", "reserve: 55 %")
+    (fleet / "rarms.yaml").write_text(text, encoding="utf-8", newline="\n")
+
+    answer = rarms("plan", "--json", "-f", str(fleet))
+
+    assert answer.code == 4
+    check(answer.out)
+    certificate = json.loads(json.loads(answer.out)["certificate"])
+    assert set(certificate["claim"]) == {"impossible"}
+    check_certificate(certificate["problem"], certificate["claim"])
