@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rarms_iac.planner.packing.columns import Effort, relax
+from rarms_iac.planner.packing.fullest import fullest
 from rarms_iac.planner.packing.heuristics import quick_packing
 from rarms_iac.planner.packing.program import Problem, Sizes, assignment_of, cheapest
 from rarms_iac.planner.packing.solve import Packed, solve
@@ -17,6 +18,7 @@ RELAXED_UP_TO = 60
 """Items up to which the relaxation by patterns is solved."""
 
 _TRIES = 40
+_FILLING = 20_000
 _EFFORT = Effort(pattern_nodes=5_000, rounds=200)
 
 
@@ -61,10 +63,15 @@ def pack_sizes(sizes: Sequence[int | Sequence[int]], capacity: int | Sequence[in
         found = solve(_problem(items, room, len(start)))
         assert isinstance(found, Packed), "so many bins are enough"
         return _told(found.hosts, max(bound, found.cost.bound))
-    if len(items) <= RELAXED_UP_TO:
+    where = assignment_of(cheapest(problem), start)
+    if len(room) == 1:
+        column = [size[0] for size in items]
+        filled = fullest(column, room[0], max(4, _FILLING // len(items)), bound)
+        where = filled if filled is not None and max(filled) + 1 < len(start) else where
+    if len(items) <= RELAXED_UP_TO and len(set(where)) > bound:
         relaxed = relax(cheapest(_problem(items, room, len(start))), start, len(start), len(start), _EFFORT)
         bound = max(bound, relaxed.bound if relaxed is not None else 0)
-    return _told(assignment_of(cheapest(problem), start), bound)
+    return _told(where, bound)
 
 
 def _sizes(one: int | Sequence[int]) -> Sizes:

@@ -1,5 +1,7 @@
 """Sizes into equal bins: exact up to 30 items, with a gap beyond."""
 
+from itertools import pairwise
+from pathlib import Path
 from random import Random
 
 import pytest
@@ -62,3 +64,29 @@ def test_nothing_takes_no_bins_and_what_does_not_fit_is_told() -> None:
     assert pack_sizes([], 10).used == 0
     with pytest.raises(ValueError, match="item 1 of size"):
         pack_sizes([3, 11], 10)
+
+
+def test_the_example_of_the_page_runs() -> None:
+    page = (Path(__file__).parents[4] / "docs" / "packing.md").read_text(encoding="utf-8")
+    example = page.split("```python\n")[1].split("```")[0]
+    told: dict[str, object] = {}
+
+    exec(example, told)
+
+    assert isinstance(told["packed"], PackedSizes)
+    assert isinstance(told["vectors"], PackedSizes)
+
+
+def test_bins_that_must_be_full_are_filled() -> None:
+    """Hundred bins of a thousand, cut into four parts each."""
+    random = Random(4)
+    sizes = []
+    for _ in range(100):
+        cuts = [0, *sorted(random.sample(range(1, 1000), 3)), 1000]
+        sizes += [high - low for low, high in pairwise(cuts)]
+
+    packed = pack_sizes(sizes, 1000)
+
+    assert fits(packed, sizes, 1000)
+    assert packed.bound == 100
+    assert packed.gap <= 1
