@@ -120,7 +120,9 @@ class VirtualProcessor(Owner):
             self.used -= net / self.weight  # what its reserve gains meanwhile is used up at once
             return
         self.claim += net
-        if -INSTANT < self.claim < INSTANT:
+        if self.claim <= -INSTANT:  # used up on the way: the rest was left over, and is no debt
+            self.used -= self.claim / self.weight
+        if self.claim < INSTANT:
             self.claim = 0.0
 
     def refill(self, window: int, length: float) -> None:
