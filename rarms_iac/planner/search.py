@@ -9,14 +9,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import gcd
+from typing import TYPE_CHECKING
 
 from rarms_iac.model.capacity import WHOLE, fits
 from rarms_iac.model.layout import Placement
 from rarms_iac.planner.first_fit import Bin, Item, all_fit, cost, first_fit, free_in
-from rarms_iac.planner.packing.certificate import claim_of, problem_data
-from rarms_iac.planner.packing.checker import Wrong, check
 from rarms_iac.planner.packing.program import Problem, Sizes
-from rarms_iac.planner.packing.solve import Impossible, Packed, solve
+
+if TYPE_CHECKING:  # the search is imported where there is something to search
+    from rarms_iac.planner.packing.solve import Impossible, Packed
 
 EXACT_UP_TO = 30
 """Partitions that the exact search takes on."""
@@ -47,7 +48,7 @@ class Found:
     bound: tuple[int, int] = (0, 0)  # no placement has less
     avoided: int = 0  # moves that packing anew would have made beside those that are made
     problem: Problem | None = None  # where something was to be chosen exactly
-    result: Packed | Impossible | None = None
+    result: "Packed | Impossible | None" = None
 
 
 def place(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
@@ -86,6 +87,8 @@ def placement_of(found: Found) -> Placement | None:
 def _verdict(found: Found) -> tuple[Verdict, str]:
     """What may be said of the placement, and the certificate where there is one: what was packed, and the claim."""
     if found.problem is not None and found.result is not None:
+        from rarms_iac.planner.packing.certificate import claim_of
+
         claim = claim_of(found.problem, found.result)
         if claim is not None:
             certificate = _checked(found.problem, claim)
@@ -100,6 +103,9 @@ def certified_impossible(items: Sequence[Item], bins: Sequence[Bin]) -> str:
     """
     if not bins or not 0 < len(items) <= EXACT_UP_TO or any(not one.claims for one in items):
         return ""
+    from rarms_iac.planner.packing.certificate import claim_of
+    from rarms_iac.planner.packing.solve import Impossible, solve
+
     ordered, hosts = sorted(items, key=lambda one: one.name), sorted(bins, key=lambda one: one.name)
     problem = replace(problem_of(ordered, hosts), fits=None)
     result = solve(problem)
@@ -109,6 +115,9 @@ def certified_impossible(items: Sequence[Item], bins: Sequence[Bin]) -> str:
 
 def _checked(problem: Problem, claim: Mapping[str, object]) -> str:
     """The certificate as JSON; empty where the checker does not accept it, or it is too long for a plan."""
+    from rarms_iac.planner.packing.certificate import problem_data
+    from rarms_iac.planner.packing.checker import Wrong, check
+
     data = problem_data(problem)
     try:
         check(data, claim)
@@ -119,6 +128,8 @@ def _checked(problem: Problem, claim: Mapping[str, object]) -> str:
 
 
 def _exactly(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
+    from rarms_iac.planner.packing.solve import Impossible, Packed, solve
+
     problem = problem_of(items, bins)
     result = solve(problem)
     if not isinstance(result, Packed):
