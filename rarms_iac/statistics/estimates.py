@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import ceil, exp, inf, log, sqrt
 
 from rarms_iac.model.indexes import percentile_of
-from rarms_iac.model.measurement import Series
+from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.system import Run
 from rarms_iac.statistics import values
 from rarms_iac.statistics.correlation import effective_samples
@@ -19,6 +19,8 @@ USUAL_ERROR = 0.05
 
 SAFE_SIDE = USUAL_ERROR / 2
 """The probability that its safe side is wrong: what a setting passes by, and a reservation rests on."""
+
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,12 +55,19 @@ def estimate(index: str, series: Series, run: Run, *, error: float = USUAL_ERROR
 
 
 def mean_estimate(numbers: Sequence[float], error: float) -> Estimate | NoEstimate:
-    """The mean of numbers of any unit, by Student's t over as many samples as they are worth."""
+    """The mean of numbers of any unit, by Student's t over as many samples as they are worth.
+
+    Of numbers all alike a share may yet be others (`_unseen_share`), taken to be away by the mean itself at most.
+    """
     count = len(numbers)
     if count < 2:
         return NoEstimate(why=f"{count} jobs answered; a mean with bounds needs two")
     mean, worth = sum(numbers) / count, effective_samples(numbers)
-    half = _half_width(_deviation(numbers, mean), worth, error)
+    half = (
+        abs(mean) * _unseen_share(worth, error)
+        if _alike(numbers)
+        else _half_width(_deviation(numbers, mean), worth, error)
+    )
     return Estimate(
         value=mean, lower=mean - half, upper=mean + half, error=error, samples=count, effective_samples=worth
     )
@@ -78,6 +87,17 @@ def share_estimate(ones: Sequence[float], error: float) -> Estimate | NoEstimate
         samples=len(ones),
         effective_samples=worth,
     )
+
+
+def _alike(numbers: Sequence[float]) -> bool:
+    """Whether they show no spread to state an error by (but for what a computed time is rounded by)."""
+    least, greatest = min(numbers), max(numbers)
+    return greatest - least <= _ROUNDING * max(abs(least), abs(greatest))
+
+
+def _unseen_share(worth: float, error: float) -> float:
+    """The share of jobs that may be of a kind of which samples worth so many show none, but for half the error."""
+    return 1.0 - exp(log(error / 2) / worth)
 
 
 def _percentile(times: Sequence[float], share: float, error: float) -> Estimate | NoEstimate:
@@ -164,7 +184,11 @@ def _extreme(times: Sequence[float], error: float, *, longest: bool) -> Estimate
 
 
 def _jitter(series: Series, _run: Run, error: float) -> Estimate | NoEstimate:
-    """The standard deviation; its bounds from the spread of the squared deviations, whatever the distribution."""
+    """The standard deviation; its bounds from the spread of the squared deviations, whatever the distribution.
+
+    Above on the logarithm's scale, d log(s) = d(s^2) / (2 s^2), below on that of squares: each is the wider one there,
+    and where a few rare jobs make all of the spread, their number is as uncertain.
+    """
     times = values.response_times(series.samples)
     if len(times) < 3:
         return NoEstimate(why=f"{len(times)} jobs answered; jitter with bounds needs three")
@@ -172,40 +196,58 @@ def _jitter(series: Series, _run: Run, error: float) -> Estimate | NoEstimate:
     squares = [(time - mean) ** 2 for time in times]
     variance = sum(squares) / (len(times) - 1)
     worth = min(effective_samples(times), effective_samples(squares))
-    if variance == 0.0:
-        return Estimate(value=0.0, lower=0.0, upper=0.0, error=error, samples=len(times), effective_samples=worth)
-    # On the logarithm's scale, where the estimate is nearly symmetric: d log(s) = d(s^2) / (2 s^2).
-    half = _half_width(_deviation(squares, variance), worth, error) / (2.0 * variance)
-    middle = log(variance) / 2
+    if _alike(times):
+        unseen = _unseen_share(worth, error)
+        lower, upper = 0.0, mean * sqrt(unseen * (1.0 - unseen)) if unseen < 0.5 else mean / 2
+    else:
+        half = _half_width(_deviation(squares, variance), worth, error)
+        lower, upper = sqrt(max(0.0, variance - half)), sqrt(variance) * exp(half / (2.0 * variance))
     return Estimate(
-        value=exp(middle),
-        lower=exp(middle - half),
-        upper=exp(middle + half),
-        error=error,
-        samples=len(times),
-        effective_samples=worth,
+        value=sqrt(variance), lower=lower, upper=upper, error=error, samples=len(times), effective_samples=worth
     )
 
 
 def _throughput(series: Series, _run: Run, error: float) -> Estimate | NoEstimate:
-    """Successes over elapsed time, as a ratio of means: what each job gave against the time until it was over."""
-    if len(series.samples) < 2 or series.elapsed_ms <= 0.0:
-        return NoEstimate(why=f"{len(series.samples)} jobs ended; a throughput with bounds needs two")
-    jobs = sorted(zip(values.ends_ms(series.samples), values.gains(series.samples), strict=True))
-    gains = [gain for _, gain in jobs]
-    rate = sum(gains) / series.elapsed_ms
-    times = [later - sooner for (sooner, _), (later, _) in zip([(0.0, 0.0), *jobs], jobs, strict=False)]
-    residuals = [gain - rate * time for gain, time in zip(gains, times, strict=True)]
-    worth = effective_samples(residuals)
-    half = _half_width(_deviation(residuals, 0.0), worth, error) * len(jobs) / series.elapsed_ms
+    """Successes over elapsed time: the share of successes, times the rate at which jobs would count if all succeeded.
+
+    Either bound is wrong with half of the error (union bound). Together in one spread they would be known too well:
+    where all of 40 jobs succeeded, it tells nothing of the one in ten that fails.
+    """
+    count = len(series.samples)
+    if count < 2 or series.elapsed_ms <= 0.0:
+        return NoEstimate(why=f"{count} jobs ended; a throughput with bounds needs two")
+    jobs = sorted(series.samples, key=values.end_ms)
+    share = share_estimate(values.successes(jobs), error / 2)
+    if isinstance(share, NoEstimate):
+        return share
+    rate, half, worth = _rate_of_successes(jobs, series.elapsed_ms, error / 2)
     return Estimate(
-        value=1000 * rate,
-        lower=max(0.0, 1000 * (rate - half)),
-        upper=1000 * (rate + half),
+        value=10 * share.value * rate,
+        lower=10 * share.lower * max(0.0, rate - half),
+        upper=10 * share.upper * (rate + half),
         error=error,
-        samples=len(jobs),
-        effective_samples=worth,
+        samples=count,
+        effective_samples=min(worth, share.effective_samples),
     )
+
+
+def _rate_of_successes(jobs: Sequence[Sample], elapsed_ms: float, error: float) -> tuple[float, float, float]:
+    """What a success counts over the time a job takes, a ms; how far the truth may be from it; what the jobs are worth.
+
+    A ratio of means: its spread is that of (what a success counts beyond its mean - rate * a job's time).
+    """
+    succeeded = [job for job in jobs if job.successful] or jobs
+    counts = sum(job.count for job in succeeded) / len(succeeded)
+    weight = len(jobs) / len(succeeded)
+    rate = counts * len(jobs) / elapsed_ms
+    ends = [values.end_ms(job) for job in jobs]
+    times = [later - sooner for sooner, later in zip([0.0, *ends], ends, strict=False)]
+    residuals = [
+        (weight * (job.count - counts) if job.successful else 0.0) - rate * time
+        for job, time in zip(jobs, times, strict=True)
+    ]
+    mean, worth = sum(residuals) / len(jobs), effective_samples(residuals)
+    return rate, _half_width(_deviation(residuals, mean), worth, error) * len(jobs) / elapsed_ms, worth
 
 
 def _deviation(numbers: Sequence[float], mean: float) -> float:

@@ -22,14 +22,9 @@ def misses(samples: Sequence[Sample], run: Run) -> list[float]:
     return [1.0 if sample.response_ms is None or sample.response_ms > deadline else 0.0 for sample in samples]
 
 
-def gains(samples: Sequence[Sample]) -> list[float]:
-    """What each job adds to the throughput: its count where it succeeded, otherwise 0."""
-    return [sample.count if sample.successful else 0.0 for sample in samples]
-
-
-def ends_ms(samples: Sequence[Sample]) -> list[float]:
-    """When each job was over, in ms since the setting began; without an answer, when it began."""
-    return [sample.began_ms + (sample.response_ms or 0.0) for sample in samples]
+def end_ms(sample: Sample) -> float:
+    """When the job was over, in ms since the setting began; without an answer, when it began."""
+    return sample.began_ms + (sample.response_ms or 0.0)
 
 
 def failed(series: Series) -> int:

@@ -47,7 +47,7 @@ def test_members_of_a_partition_are_shown_with_what_their_partition_gets() -> No
 
     rows = summary_of(report_of(system, [logged]))
 
-    assert [(one.component, one.reserve) for one in rows] == [("quick", "59 %"), ("slow", "59 %")]
+    assert [(one.component, one.reserve) for one in rows] == [("quick", "60 %"), ("slow", "60 %")]
 
 
 def test_the_total_is_of_measured_and_fixed_components_in_processors() -> None:

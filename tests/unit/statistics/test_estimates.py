@@ -78,3 +78,45 @@ def test_a_maximum_says_which_share_of_jobs_may_be_longer() -> None:
 
     assert longest.beyond is not None
     assert 0.9 < longest.beyond < 1.3  # the rule of three: about 3 / 299
+
+
+def test_a_throughput_of_which_no_job_failed_yet_leaves_room_for_those_that_do() -> None:
+    jobs = found("throughput", a_series([100.0] * 40), error=0.02)
+
+    assert jobs.value == pytest.approx(10.0)
+    assert jobs.lower == pytest.approx(10.0 * 0.005 ** (1 / 40), rel=0.15)
+    assert jobs.lower < 9.0, "one in ten may fail: 40 successes would be no wonder"
+
+
+def test_a_throughput_far_above_its_threshold_is_known_at_the_first_look() -> None:
+    assert found("throughput", a_series(noisy(1, 32.0, count=40)), error=0.0006).lower > 24.0
+
+
+def test_a_throughput_of_jobs_that_all_fail_is_none_with_an_upper_bound() -> None:
+    none = found("throughput", a_series(noisy(1, 100.0, count=40), successful=False))
+
+    assert (none.value, none.lower) == (0.0, 0.0)
+    assert 0.5 < none.upper < 2.0
+
+
+def test_counts_weigh_in_a_throughput() -> None:
+    series = a_series(noisy(1, 100.0))
+    frames = replace(series, samples=tuple(replace(sample, count=3.0) for sample in series.samples))
+
+    assert found("throughput", frames).lower == pytest.approx(3 * found("throughput", series).lower)
+
+
+@pytest.mark.parametrize(
+    ("index", "upper"), [("mean_response_time", 100 * 1.0881), ("jitter", 100 * (0.0881 * 0.9119) ** 0.5)]
+)
+def test_times_all_alike_may_yet_be_joined_by_others(index: str, upper: float) -> None:
+    """Of 40 jobs none was like that: 1 - 0.025 ** (1 / 40) of them may be, by up to their mean."""
+    assert found(index, a_series([100.0] * 40)).upper == pytest.approx(upper, rel=0.001)
+
+
+def test_a_few_rare_jobs_that_make_all_of_the_jitter_leave_it_uncertain() -> None:
+    """Their number is Poisson's: one seen may be 5.6, or hardly any."""
+    rare = found("jitter", a_series([*[100.0] * 199, 200.0, *[100.0] * 200]))
+
+    assert rare.lower == 0.0
+    assert rare.upper > 2.3 * rare.value
