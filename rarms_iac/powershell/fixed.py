@@ -1,6 +1,7 @@
-"""What of a script is fixed: the runtime, which every script carries, and parts, which serve some kinds of step.
+"""What of a script is fixed: the runtime, which every script carries, and parts, which do single things for it.
 
-A script carries the parts whose functions its steps call, and those that these need (docs/decisions/0010).
+A script carries the parts whose functions the runtime or its steps call, and those that these need
+(docs/decisions/0010).
 """
 
 import re
@@ -13,7 +14,7 @@ from rarms_iac.powershell.tokens import TokenKind, tokens
 RUNTIME_BEGIN = "# --- runtime:"
 RUNTIME_END = "# --- end of the runtime"
 
-PARTS = ("host", "guest", "machines", "capacity", "stop", "disks", "tasks", "unseen")
+PARTS = ("lock", "journal", "host", "guest", "machines", "capacity", "stop", "disks", "tasks", "unseen")
 """Their names, in the order in which a script carries them."""
 
 _FUNCTION = re.compile(r"^function ([A-Za-z-]+) \{$", re.MULTILINE)
@@ -42,13 +43,13 @@ def part_text(name: str) -> str:
 
 
 def parts_for(steps: str) -> tuple[str, ...]:
-    """The names of the parts that these steps need, in their order.
+    """The names of the parts that the runtime and these steps need, in their order.
 
     Raises:
         NotTokens: the text ends inside a string.
     """
     needed: set[str] = set()
-    waiting = _called(steps)
+    waiting = _called(runtime()) | _called(steps)
     while waiting:
         name = waiting.pop()
         if name not in needed:

@@ -234,7 +234,7 @@ def _header(
         "Application": f"{plan.application}, host {host_plan.host.name}: {where}",
         "Plan": f"{plan.id}, manifest {plan.manifest_digest[:12]}, rarms {plan.rarms_version}",
         "Steps": str(len(steps)),
-        "Parts": f"{', '.join(parts)}: what these steps need beside the runtime",
+        "Parts": f"{', '.join(parts)}: what the runtime and these steps call",
     }
     lost = sorted({one.step.undo.says for one in steps if one.step.undo.level is not UndoLevel.FULL})
     return [f"{name:<12} {remark(text)}" for name, text in lines.items()] + [

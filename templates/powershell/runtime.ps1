@@ -1,5 +1,5 @@
 # --- runtime: the same bytes in every script --------------------------------------------------
-# Read from the top: what a run does, what a step does, how readings are compared, and what serves all that.
+# Read from the top: what a run does, what a step does, how readings are compared, how it is told.
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
 param(
     # One JSON object a line on standard output, for a program to read.
@@ -13,20 +13,13 @@ param(
 Set-StrictMode -Version 3.0
 $ErrorActionPreference = 'Stop'
 
-# A service or a logon may come without the variable; Windows knows the folder all the same.
-$common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
-$script:Folder = Join-Path -Path $common -ChildPath 'rarms'
-$script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
-$script:Operator = '{0}@{1}, process {2}' -f [Environment]::UserName, [Environment]::MachineName, $PID
 $script:Cmdlet = $PSCmdlet
-$script:Mutex = $null
 $script:Definition = @{ Plan = ''; Total = 0 }
 $script:Steps = @()
 $script:Whole = @{ Address = 'host'; Number = 0 }       # stands for a step where an event is about none
 $script:Started = $null         # the journal's first record: which run was the last one here
 $script:Closing = ''            # how it was closed: done or abandoned
 $script:Recorded = @{}          # by number of a step, what the journal says of it: begun, changed or unchanged
-$script:Sound = [long] 0        # bytes of the journal that are whole records
 $script:Serials = @{}           # by application: how many runs there were
 $script:Touched = @{}           # of an undo: numbers of the apply's steps that may have changed something
 $script:Skipped = @{}           # addresses of steps that -WhatIf or a declined -Confirm left out
@@ -252,137 +245,5 @@ function ConvertTo-AsciiJson {
     param($Value)
     $text = ConvertTo-Json -InputObject $Value -Depth 20 -Compress
     [regex]::Replace($text, '[^\x20-\x7e]', { '\u{0:x4}' -f [int] [char] $args[0].Value })
-}
-
-# The journal: a line of JSON for each record, sealed by the length and checksum of what stands before them ---
-
-function Read-Journal {
-    # What the last run here did, by the whole records. A torn last one is dropped; a damaged earlier one is an error.
-    if (-not (Test-Path -LiteralPath $script:Journal)) { return }
-    Assert-Owner -Path $script:Folder
-    Assert-Owner -Path $script:Journal
-    $torn = $false
-    foreach ($line in @([System.IO.File]::ReadAllText($script:Journal) -split '(?<=\n)')) {
-        if ($torn -and $line) { throw ($script:Journal + ' is damaged: see what the last run did, then remove it') }
-        $text = $line -creplace ',"length":[0-9]+,"checksum":"[0-9a-f]{64}"\}\n$', '}'
-        $torn = (Get-Sealed -Text $text) -cne $line
-        if ($torn) { continue }
-        $script:Sound += $line.Length
-        $record = ConvertFrom-Json -InputObject $text
-        if ($record.kind -ceq 'run_closed') { $script:Closing = $record.closing }
-        elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
-        else {
-            $script:Started = $record
-            foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
-            foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
-        }
-    }
-}
-
-function Get-Sealed {
-    param([string] $Text)
-    $digest = Get-Sha256 -Data ([System.Text.Encoding]::ASCII.GetBytes($Text))
-    '{0},"length":{1},"checksum":"{2}"}}{3}' -f ($Text -creplace '\}$', ''), $Text.Length, $digest, [char] 10
-}
-
-function Get-Sha256 {
-    param([byte[]] $Data)
-    $hash = [System.Security.Cryptography.SHA256]::Create()
-    ([System.BitConverter]::ToString($hash.ComputeHash($Data)) -replace '-', '').ToLowerInvariant()
-}
-
-function Add-Record {
-    # It is on the disk when this returns. A torn end is cut off first.
-    param([System.Collections.IDictionary] $Record, [string] $Path = $script:Journal)
-    if ($WhatIfPreference) { return }
-    [byte[]] $data = [System.Text.Encoding]::ASCII.GetBytes((Get-Sealed -Text (ConvertTo-AsciiJson -Value $Record)))
-    $mode = [System.IO.FileMode]::OpenOrCreate
-    $stream = [System.IO.FileStream]::new($Path, $mode, [System.IO.FileAccess]::Write)
-    try {
-        $stream.SetLength($script:Sound)
-        $stream.Position = $script:Sound
-        $stream.Write($data, 0, $data.Length)
-        $stream.Flush($true)
-    } finally {
-        $stream.Dispose()
-    }
-    $script:Sound += $data.Length
-}
-
-function Write-FirstRecord {
-    # Starts the run in one write: uses the plan, raises the serial, and holds the run whole.
-    if ($WhatIfPreference) { return }
-    $plan = $script:Definition
-    $undo = ''
-    if ($plan.Undo) {
-        # It must lie beside this one, as it was made.
-        $path = Join-Path -Path $PSScriptRoot -ChildPath $plan.Undo
-        $data = [System.IO.File]::ReadAllBytes($path)
-        if ((Get-Sha256 -Data $data) -cne $plan.UndoDigest) { throw ('{0} was edited' -f $path) }
-        $undo = [System.Text.Encoding]::ASCII.GetString($data)
-    }
-    $script:Serials[$plan.Application] = [long] $script:Serials[$plan.Application] + 1
-    $fresh = $script:Journal + '.new'
-    $script:Sound = [long] 0
-    Add-Record -Path $fresh -Record ([ordered] @{
-        run = $plan.Run; plan = $plan.Plan; application = $plan.Application; started_by = $script:Operator
-        script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
-        serials = $script:Serials; touched = @($script:Touched.Keys | Sort-Object); kind = 'run_started'
-    })
-    Protect-Path -Path $fresh -Descriptor 'O:BAG:SYD:P(A;;FA;;;BA)(A;;FA;;;SY)'
-    $old = $script:Journal + '.old'
-    if (Test-Path -LiteralPath $script:Journal) { [System.IO.File]::Replace($fresh, $script:Journal, $old) }
-    else { [System.IO.File]::Move($fresh, $script:Journal) }
-}
-
-# The lock ---------------------------------------------------------------------------------------
-
-function Enter-Host {
-    # One run at a time on this computer. Windows hands over what a dead process held.
-    $path = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
-    $owner = if (Test-Path -LiteralPath $path) { [System.IO.File]::ReadAllText($path) } else { 'somebody' }
-    $held = $false
-    try {
-        $mutex = [System.Threading.Mutex]::new($false, 'Global\rarms')
-        $held = $mutex.WaitOne(1000 * $LockTimeout)
-    } catch [System.Threading.AbandonedMutexException] {
-        $held = $true
-        Write-RunEvent -Kind 'lock' -Status 'taken over' -Detail ('it was held by ' + $owner)
-    } catch [System.UnauthorizedAccessException] {
-        # Made by an account that lets nobody else open it, so it is alive.
-        Write-Verbose -Message $_.Exception.Message
-    }
-    if (-not $held) { Exit-Refused -Kind 'lock' -Detail ('it is held by ' + $owner) }
-    $script:Mutex = $mutex
-    if ($WhatIfPreference) { return }
-    # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to everybody.
-    if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
-    else { [void] [System.IO.Directory]::CreateDirectory($script:Folder) }
-    Protect-Path -Path $script:Folder -Descriptor 'O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)'
-    [System.IO.File]::WriteAllText($path, $script:Operator)
-}
-
-function Exit-Host {
-    if ($null -ne $script:Mutex) { $script:Mutex.ReleaseMutex() }
-}
-
-function Protect-Path {
-    # The owner is said, not left to the account: what a policy or an ssh logon makes of new files differs.
-    param([string] $Path, [string] $Descriptor)
-    if ($env:OS -cne 'Windows_NT') { return }
-    # -Confirm asks for steps, not for what rarms keeps for itself.
-    $ConfirmPreference = 'None'
-    $acl = Get-Acl -LiteralPath $Path
-    $acl.SetSecurityDescriptorSddlForm($Descriptor)
-    Set-Acl -LiteralPath $Path -AclObject $acl
-}
-
-function Assert-Owner {
-    # A journal or folder that somebody planted must not tell an administrator what to do.
-    param([string] $Path)
-    if ($env:OS -cne 'Windows_NT') { return }
-    $owner = (Get-Acl -LiteralPath $Path).GetOwner([System.Security.Principal.SecurityIdentifier]).Value
-    if (@('S-1-5-32-544', 'S-1-5-18') -ccontains $owner) { return }
-    throw ('{0} belongs to {1}, not to Administrators or SYSTEM: look at it, then remove it' -f $Path, $owner)
 }
 # --- end of the runtime ---------------------------------------------------------------------

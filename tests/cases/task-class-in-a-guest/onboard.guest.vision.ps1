@@ -5,10 +5,10 @@
 # Application  robot, host onboard: the guest of partition vision
 # Plan         4108cc7bdc16, manifest 7785495c2f80, rarms 0.1.0
 # Steps        1
-# Parts        guest, tasks, unseen: what these steps need beside the runtime
+# Parts        lock, journal, guest, tasks, unseen: what the runtime and these steps call
 # Not undone   what an earlier plan of rarms wrote into the class: it goes back to what was there before rarms
 # --- runtime: the same bytes in every script --------------------------------------------------
-# Read from the top: what a run does, what a step does, how readings are compared, and what serves all that.
+# Read from the top: what a run does, what a step does, how readings are compared, how it is told.
 [CmdletBinding(SupportsShouldProcess, ConfirmImpact = 'Medium')]
 param(
     # One JSON object a line on standard output, for a program to read.
@@ -22,20 +22,13 @@ param(
 Set-StrictMode -Version 3.0
 $ErrorActionPreference = 'Stop'
 
-# A service or a logon may come without the variable; Windows knows the folder all the same.
-$common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
-$script:Folder = Join-Path -Path $common -ChildPath 'rarms'
-$script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
-$script:Operator = '{0}@{1}, process {2}' -f [Environment]::UserName, [Environment]::MachineName, $PID
 $script:Cmdlet = $PSCmdlet
-$script:Mutex = $null
 $script:Definition = @{ Plan = ''; Total = 0 }
 $script:Steps = @()
 $script:Whole = @{ Address = 'host'; Number = 0 }       # stands for a step where an event is about none
 $script:Started = $null         # the journal's first record: which run was the last one here
 $script:Closing = ''            # how it was closed: done or abandoned
 $script:Recorded = @{}          # by number of a step, what the journal says of it: begun, changed or unchanged
-$script:Sound = [long] 0        # bytes of the journal that are whole records
 $script:Serials = @{}           # by application: how many runs there were
 $script:Touched = @{}           # of an undo: numbers of the apply's steps that may have changed something
 $script:Skipped = @{}           # addresses of steps that -WhatIf or a declined -Confirm left out
@@ -262,8 +255,70 @@ function ConvertTo-AsciiJson {
     $text = ConvertTo-Json -InputObject $Value -Depth 20 -Compress
     [regex]::Replace($text, '[^\x20-\x7e]', { '\u{0:x4}' -f [int] [char] $args[0].Value })
 }
+# --- end of the runtime ---------------------------------------------------------------------
+# --- part lock: the same bytes in every script that carries it ---------------------------------
+# One run at a time on this computer, in a folder that only Administrators and SYSTEM may write to.
 
-# The journal: a line of JSON for each record, sealed by the length and checksum of what stands before them ---
+# A service or a logon may come without the variable; Windows knows the folder all the same.
+$common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
+$script:Folder = Join-Path -Path $common -ChildPath 'rarms'
+$script:Operator = '{0}@{1}, process {2}' -f [Environment]::UserName, [Environment]::MachineName, $PID
+$script:Mutex = $null
+
+function Enter-Host {
+    # One run at a time on this computer. Windows hands over what a dead process held.
+    $path = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
+    $owner = if (Test-Path -LiteralPath $path) { [System.IO.File]::ReadAllText($path) } else { 'somebody' }
+    $held = $false
+    try {
+        $mutex = [System.Threading.Mutex]::new($false, 'Global\rarms')
+        $held = $mutex.WaitOne(1000 * $LockTimeout)
+    } catch [System.Threading.AbandonedMutexException] {
+        $held = $true
+        Write-RunEvent -Kind 'lock' -Status 'taken over' -Detail ('it was held by ' + $owner)
+    } catch [System.UnauthorizedAccessException] {
+        # Made by an account that lets nobody else open it, so it is alive.
+        Write-Verbose -Message $_.Exception.Message
+    }
+    if (-not $held) { Exit-Refused -Kind 'lock' -Detail ('it is held by ' + $owner) }
+    $script:Mutex = $mutex
+    if ($WhatIfPreference) { return }
+    # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to everybody.
+    if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
+    else { [void] [System.IO.Directory]::CreateDirectory($script:Folder) }
+    Protect-Path -Path $script:Folder -Descriptor 'O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)'
+    [System.IO.File]::WriteAllText($path, $script:Operator)
+}
+
+function Exit-Host {
+    if ($null -ne $script:Mutex) { $script:Mutex.ReleaseMutex() }
+}
+
+function Protect-Path {
+    # The owner is said, not left to the account: what a policy or an ssh logon makes of new files differs.
+    param([string] $Path, [string] $Descriptor)
+    if ($env:OS -cne 'Windows_NT') { return }
+    # -Confirm asks for steps, not for what rarms keeps for itself.
+    $ConfirmPreference = 'None'
+    $acl = Get-Acl -LiteralPath $Path
+    $acl.SetSecurityDescriptorSddlForm($Descriptor)
+    Set-Acl -LiteralPath $Path -AclObject $acl
+}
+
+function Assert-Owner {
+    # A journal or folder that somebody planted must not tell an administrator what to do.
+    param([string] $Path)
+    if ($env:OS -cne 'Windows_NT') { return }
+    $owner = (Get-Acl -LiteralPath $Path).GetOwner([System.Security.Principal.SecurityIdentifier]).Value
+    if (@('S-1-5-32-544', 'S-1-5-18') -ccontains $owner) { return }
+    throw ('{0} belongs to {1}, not to Administrators or SYSTEM: look at it, then remove it' -f $Path, $owner)
+}
+# --- end of the part lock ----------------------------------------------------------------------
+# --- part journal: the same bytes in every script that carries it ------------------------------
+# What a run did, kept on this computer: a line of JSON for each record, sealed by its length and a checksum.
+
+$script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
+$script:Sound = [long] 0        # bytes of the journal that are whole records
 
 function Read-Journal {
     # What the last run here did, by the whole records. A torn last one is dropped; a damaged earlier one is an error.
@@ -343,58 +398,7 @@ function Write-FirstRecord {
     if (Test-Path -LiteralPath $script:Journal) { [System.IO.File]::Replace($fresh, $script:Journal, $old) }
     else { [System.IO.File]::Move($fresh, $script:Journal) }
 }
-
-# The lock ---------------------------------------------------------------------------------------
-
-function Enter-Host {
-    # One run at a time on this computer. Windows hands over what a dead process held.
-    $path = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
-    $owner = if (Test-Path -LiteralPath $path) { [System.IO.File]::ReadAllText($path) } else { 'somebody' }
-    $held = $false
-    try {
-        $mutex = [System.Threading.Mutex]::new($false, 'Global\rarms')
-        $held = $mutex.WaitOne(1000 * $LockTimeout)
-    } catch [System.Threading.AbandonedMutexException] {
-        $held = $true
-        Write-RunEvent -Kind 'lock' -Status 'taken over' -Detail ('it was held by ' + $owner)
-    } catch [System.UnauthorizedAccessException] {
-        # Made by an account that lets nobody else open it, so it is alive.
-        Write-Verbose -Message $_.Exception.Message
-    }
-    if (-not $held) { Exit-Refused -Kind 'lock' -Detail ('it is held by ' + $owner) }
-    $script:Mutex = $mutex
-    if ($WhatIfPreference) { return }
-    # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to everybody.
-    if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
-    else { [void] [System.IO.Directory]::CreateDirectory($script:Folder) }
-    Protect-Path -Path $script:Folder -Descriptor 'O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)'
-    [System.IO.File]::WriteAllText($path, $script:Operator)
-}
-
-function Exit-Host {
-    if ($null -ne $script:Mutex) { $script:Mutex.ReleaseMutex() }
-}
-
-function Protect-Path {
-    # The owner is said, not left to the account: what a policy or an ssh logon makes of new files differs.
-    param([string] $Path, [string] $Descriptor)
-    if ($env:OS -cne 'Windows_NT') { return }
-    # -Confirm asks for steps, not for what rarms keeps for itself.
-    $ConfirmPreference = 'None'
-    $acl = Get-Acl -LiteralPath $Path
-    $acl.SetSecurityDescriptorSddlForm($Descriptor)
-    Set-Acl -LiteralPath $Path -AclObject $acl
-}
-
-function Assert-Owner {
-    # A journal or folder that somebody planted must not tell an administrator what to do.
-    param([string] $Path)
-    if ($env:OS -cne 'Windows_NT') { return }
-    $owner = (Get-Acl -LiteralPath $Path).GetOwner([System.Security.Principal.SecurityIdentifier]).Value
-    if (@('S-1-5-32-544', 'S-1-5-18') -ccontains $owner) { return }
-    throw ('{0} belongs to {1}, not to Administrators or SYSTEM: look at it, then remove it' -f $Path, $owner)
-}
-# --- end of the runtime ---------------------------------------------------------------------
+# --- end of the part journal -------------------------------------------------------------------
 # --- part guest: the same bytes in every script that carries it --------------------------------
 # Where the script of a guest may run.
 
@@ -570,7 +574,7 @@ try {
         Serial = 0
         Total = 1
         Undo = 'onboard.guest.vision.undo.ps1'
-        UndoDigest = '603e42ab45ac4b6341a493559f48bc2bf7f4c716d0e1c7770bfd47d7181f7251'
+        UndoDigest = 'ad3710c42c3c7a7c9dc6ecc0ef6af83b3f98a2a6e92a7e99f46abe746e76bb7d'
         Guest = $true
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -1,0 +1,85 @@
+# --- part journal: the same bytes in every script that carries it ------------------------------
+# What a run did, kept on this computer: a line of JSON for each record, sealed by its length and a checksum.
+
+$script:Journal = Join-Path -Path $script:Folder -ChildPath 'journal.jsonl'
+$script:Sound = [long] 0        # bytes of the journal that are whole records
+
+function Read-Journal {
+    # What the last run here did, by the whole records. A torn last one is dropped; a damaged earlier one is an error.
+    if (-not (Test-Path -LiteralPath $script:Journal)) { return }
+    Assert-Owner -Path $script:Folder
+    Assert-Owner -Path $script:Journal
+    $torn = $false
+    foreach ($line in @([System.IO.File]::ReadAllText($script:Journal) -split '(?<=\n)')) {
+        if ($torn -and $line) { throw ($script:Journal + ' is damaged: see what the last run did, then remove it') }
+        $text = $line -creplace ',"length":[0-9]+,"checksum":"[0-9a-f]{64}"\}\n$', '}'
+        $torn = (Get-Sealed -Text $text) -cne $line
+        if ($torn) { continue }
+        $script:Sound += $line.Length
+        $record = ConvertFrom-Json -InputObject $text
+        if ($record.kind -ceq 'run_closed') { $script:Closing = $record.closing }
+        elseif ($record.kind -ceq 'step_recorded') { $script:Recorded[[string] $record.number] = $record.status }
+        else {
+            $script:Started = $record
+            foreach ($number in @($record.touched)) { $script:Touched[[string] $number] = $true }
+            foreach ($one in $record.serials.PSObject.Properties) { $script:Serials[$one.Name] = [long] $one.Value }
+        }
+    }
+}
+
+function Get-Sealed {
+    param([string] $Text)
+    $digest = Get-Sha256 -Data ([System.Text.Encoding]::ASCII.GetBytes($Text))
+    '{0},"length":{1},"checksum":"{2}"}}{3}' -f ($Text -creplace '\}$', ''), $Text.Length, $digest, [char] 10
+}
+
+function Get-Sha256 {
+    param([byte[]] $Data)
+    $hash = [System.Security.Cryptography.SHA256]::Create()
+    ([System.BitConverter]::ToString($hash.ComputeHash($Data)) -replace '-', '').ToLowerInvariant()
+}
+
+function Add-Record {
+    # It is on the disk when this returns. A torn end is cut off first.
+    param([System.Collections.IDictionary] $Record, [string] $Path = $script:Journal)
+    if ($WhatIfPreference) { return }
+    [byte[]] $data = [System.Text.Encoding]::ASCII.GetBytes((Get-Sealed -Text (ConvertTo-AsciiJson -Value $Record)))
+    $mode = [System.IO.FileMode]::OpenOrCreate
+    $stream = [System.IO.FileStream]::new($Path, $mode, [System.IO.FileAccess]::Write)
+    try {
+        $stream.SetLength($script:Sound)
+        $stream.Position = $script:Sound
+        $stream.Write($data, 0, $data.Length)
+        $stream.Flush($true)
+    } finally {
+        $stream.Dispose()
+    }
+    $script:Sound += $data.Length
+}
+
+function Write-FirstRecord {
+    # Starts the run in one write: uses the plan, raises the serial, and holds the run whole.
+    if ($WhatIfPreference) { return }
+    $plan = $script:Definition
+    $undo = ''
+    if ($plan.Undo) {
+        # It must lie beside this one, as it was made.
+        $path = Join-Path -Path $PSScriptRoot -ChildPath $plan.Undo
+        $data = [System.IO.File]::ReadAllBytes($path)
+        if ((Get-Sha256 -Data $data) -cne $plan.UndoDigest) { throw ('{0} was edited' -f $path) }
+        $undo = [System.Text.Encoding]::ASCII.GetString($data)
+    }
+    $script:Serials[$plan.Application] = [long] $script:Serials[$plan.Application] + 1
+    $fresh = $script:Journal + '.new'
+    $script:Sound = [long] 0
+    Add-Record -Path $fresh -Record ([ordered] @{
+        run = $plan.Run; plan = $plan.Plan; application = $plan.Application; started_by = $script:Operator
+        script = [System.IO.File]::ReadAllText($PSCommandPath); undo = $undo
+        serials = $script:Serials; touched = @($script:Touched.Keys | Sort-Object); kind = 'run_started'
+    })
+    Protect-Path -Path $fresh -Descriptor 'O:BAG:SYD:P(A;;FA;;;BA)(A;;FA;;;SY)'
+    $old = $script:Journal + '.old'
+    if (Test-Path -LiteralPath $script:Journal) { [System.IO.File]::Replace($fresh, $script:Journal, $old) }
+    else { [System.IO.File]::Move($fresh, $script:Journal) }
+}
+# --- end of the part journal -------------------------------------------------------------------

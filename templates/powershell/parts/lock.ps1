@@ -1,0 +1,58 @@
+# --- part lock: the same bytes in every script that carries it ---------------------------------
+# One run at a time on this computer, in a folder that only Administrators and SYSTEM may write to.
+
+# A service or a logon may come without the variable; Windows knows the folder all the same.
+$common = if ($env:ProgramData) { $env:ProgramData } else { [Environment]::GetFolderPath('CommonApplicationData') }
+$script:Folder = Join-Path -Path $common -ChildPath 'rarms'
+$script:Operator = '{0}@{1}, process {2}' -f [Environment]::UserName, [Environment]::MachineName, $PID
+$script:Mutex = $null
+
+function Enter-Host {
+    # One run at a time on this computer. Windows hands over what a dead process held.
+    $path = Join-Path -Path $script:Folder -ChildPath 'owner.txt'
+    $owner = if (Test-Path -LiteralPath $path) { [System.IO.File]::ReadAllText($path) } else { 'somebody' }
+    $held = $false
+    try {
+        $mutex = [System.Threading.Mutex]::new($false, 'Global\rarms')
+        $held = $mutex.WaitOne(1000 * $LockTimeout)
+    } catch [System.Threading.AbandonedMutexException] {
+        $held = $true
+        Write-RunEvent -Kind 'lock' -Status 'taken over' -Detail ('it was held by ' + $owner)
+    } catch [System.UnauthorizedAccessException] {
+        # Made by an account that lets nobody else open it, so it is alive.
+        Write-Verbose -Message $_.Exception.Message
+    }
+    if (-not $held) { Exit-Refused -Kind 'lock' -Detail ('it is held by ' + $owner) }
+    $script:Mutex = $mutex
+    if ($WhatIfPreference) { return }
+    # Only Administrators and SYSTEM may write what a later run trusts; a killed run may have left it open to everybody.
+    if (Test-Path -LiteralPath $script:Folder) { Assert-Owner -Path $script:Folder }
+    else { [void] [System.IO.Directory]::CreateDirectory($script:Folder) }
+    Protect-Path -Path $script:Folder -Descriptor 'O:BAG:SYD:P(A;OICI;FA;;;BA)(A;OICI;FA;;;SY)'
+    [System.IO.File]::WriteAllText($path, $script:Operator)
+}
+
+function Exit-Host {
+    if ($null -ne $script:Mutex) { $script:Mutex.ReleaseMutex() }
+}
+
+function Protect-Path {
+    # The owner is said, not left to the account: what a policy or an ssh logon makes of new files differs.
+    param([string] $Path, [string] $Descriptor)
+    if ($env:OS -cne 'Windows_NT') { return }
+    # -Confirm asks for steps, not for what rarms keeps for itself.
+    $ConfirmPreference = 'None'
+    $acl = Get-Acl -LiteralPath $Path
+    $acl.SetSecurityDescriptorSddlForm($Descriptor)
+    Set-Acl -LiteralPath $Path -AclObject $acl
+}
+
+function Assert-Owner {
+    # A journal or folder that somebody planted must not tell an administrator what to do.
+    param([string] $Path)
+    if ($env:OS -cne 'Windows_NT') { return }
+    $owner = (Get-Acl -LiteralPath $Path).GetOwner([System.Security.Principal.SecurityIdentifier]).Value
+    if (@('S-1-5-32-544', 'S-1-5-18') -ccontains $owner) { return }
+    throw ('{0} belongs to {1}, not to Administrators or SYSTEM: look at it, then remove it' -f $Path, $owner)
+}
+# --- end of the part lock ----------------------------------------------------------------------
