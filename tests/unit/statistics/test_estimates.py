@@ -120,3 +120,9 @@ def test_a_few_rare_jobs_that_make_all_of_the_jitter_leave_it_uncertain() -> Non
 
     assert rare.lower == 0.0
     assert rare.upper > 2.3 * rare.value
+
+
+def test_a_mean_has_more_room_on_the_side_of_its_longer_tail() -> None:
+    rare = found("mean_response_time", a_series([*[100.0] * 30, 200.0, *[100.0] * 30]))
+
+    assert rare.upper - rare.value > 1.5 * (rare.value - rare.lower)
