@@ -105,7 +105,7 @@ def _measured(
         should_stop=session.interrupts.should_stop,
         others=tuple(_going_on(hosts, seen.running)),
     )
-    ended = measure(experiment, strategy or _strategy(hosts, experiment, options, seen.top), book, around)
+    ended = measure(experiment, strategy or _strategy(hosts, experiment, options, seen), book, around)
     if ended.new and seen.running:
         tell(terminal, [_busy_warning(experiment, seen.running)])
     return Measured(
@@ -144,7 +144,7 @@ def refuse_what_cannot_run(hosts: Hosts, experiment: Experiment, bench: Measurin
     _refuse(experiment, options, seen.room, seen.top, seen.running)
 
 
-def _strategy(hosts: Hosts, experiment: Experiment, options: MeasureOptions, top: int) -> Strategy:
+def _strategy(hosts: Hosts, experiment: Experiment, options: MeasureOptions, seen: _Seen) -> Strategy:
     """What the options ask for.
 
     Raises:
@@ -163,11 +163,13 @@ def _strategy(hosts: Hosts, experiment: Experiment, options: MeasureOptions, top
                 hosts.opened.loaded.sources,
             )
     goal = goal_of(experiment)
-    verifying = Verifying(goal=goal, most=top)
+    # Where something is in the way it is refused, by name, before anything runs: that says more than a lack of room.
+    refused = bool(seen.running) and not options.on_busy_host
+    verifying = Verifying(goal=goal, most=100 if refused else seen.top)
     if options.verify:
         return verifying
     to_the_letter = options.strategy == PAPER
-    search = Searching(goal=goal, next_step=STRATEGIES[options.strategy], most=top, only_its_own=to_the_letter)
+    search = Searching(goal=goal, next_step=STRATEGIES[options.strategy], most=seen.top, only_its_own=to_the_letter)
     return search if to_the_letter else Agreeing(search=search, verifying=verifying)
 
 

@@ -28,7 +28,7 @@ class Unsteady:
 
 
 def steady_part(numbers: Sequence[float]) -> Steady | Unsteady:
-    """Where the numbers, in order, begin to be steady."""
+    """Where the numbers, response times in ms in order, begin to be steady."""
     first = 0
     while True:
         rest = numbers[first:]
@@ -49,7 +49,8 @@ class _Change:
     after: float
 
     def says(self, count: int) -> str:
-        return f"its level still changed within {count} samples, from {self.before:.4g} to {self.after:.4g}"
+        levels = f"from {self.before:.4g} ms to {self.after:.4g} ms"
+        return f"its response times still changed within {count} samples, {levels}"
 
 
 def _change(numbers: Sequence[float]) -> _Change | None:

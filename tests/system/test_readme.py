@@ -4,8 +4,6 @@ import re
 from contextlib import chdir
 from pathlib import Path
 
-from tests.builders_measured import a_setting
-from tests.measuring import leave_log, leave_logs, steady
 from tests.unit.cli.running import rarms
 
 ROOT = Path(__file__).parents[2]
@@ -15,14 +13,6 @@ FINDINGS = re.compile(
 )  # what a plan also tells, behind the totals
 
 
-def as_measured(folder: Path) -> None:
-    """Data logs from which follows what `rarms measure` finds."""
-    leave_logs(folder, {"face-detection": 64, "speech-recognition": 17, "path-planning": 8, "video-streaming": 8})
-    means = {45: 140.0, 62: 105.0, 64: 97.7}
-    settings = [a_setting(reserve, steady("face-detection", mean)) for reserve, mean in means.items()]
-    leave_log(folder, ["face-detection"], settings)
-
-
 def test_the_plan_in_the_readme_is_what_rarms_prints(tmp_path: Path) -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     (shown,) = re.findall(r"\$ rarms plan\n(.*?)```", readme, re.DOTALL)
@@ -30,10 +20,10 @@ def test_the_plan_in_the_readme_is_what_rarms_prints(tmp_path: Path) -> None:
 
     with chdir(tmp_path):
         Path("rarms.yaml").write_text(robot, encoding="utf-8", newline="\n")
-        as_measured(tmp_path)
+        measured = rarms("measure")
         applied = rarms("apply", "--auto-approve")
         selected = rarms("select", "face-detection", "--at", "120 ms")
         planned = rarms("plan")
 
-    assert (applied.code, selected.code, planned.code) == (0, 0, 2)
+    assert (measured.code, applied.code, selected.code, planned.code) == (0, 0, 0, 2)
     assert PLAN.sub("plan", FINDINGS.sub("", planned.out)) == PLAN.sub("plan", shown)

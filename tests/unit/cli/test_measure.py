@@ -307,6 +307,18 @@ def test_verifying_measures_what_lies_between_two_settings(here: Path) -> None:
     assert measured("--verify")["new_settings"] == 0
 
 
+def test_verifying_on_a_full_host_names_what_runs_there_and_not_the_lack_of_room(here: Path) -> None:
+    write(here, MANIFEST.replace("at_most: 50 ms", "at_most: 42 ms"))
+    measured("--from", "30%", "--to", "90%", "--step", "60%")
+    applied = rarms("apply", "--auto-approve")
+
+    refused = rarms("measure", "--verify")
+
+    assert (applied.code, refused.code) == (0, 3), applied.err + refused.err
+    assert "RARMS115" in refused.err
+    assert "RARMS111" not in refused.err
+
+
 def test_several_components_are_measured_together_in_one_partition(here: Path) -> None:
     two = MANIFEST.replace(
         "  vision:",

@@ -33,4 +33,4 @@ def test_what_is_on_the_right_side_and_not_for_sure_is_told_of_as_well() -> None
 def test_a_series_without_a_steady_state_is_told_as_such() -> None:
     says = " ".join(told([40.0 + number for number in range(100)]))
 
-    assert "cannot be told: its level still changed within 100 samples" in says
+    assert "cannot be told: its response times still changed within 100 samples" in says
