@@ -37,7 +37,7 @@ def command(
 
     Shows the reservation that follows from what was measured, and what is left on the host. Comments of the manifest
     stay; what an overlay says is changed there. Exit code 4, and nothing is written, where no measured reservation
-    meets the level.
+    meets the level; a reserve that the manifest fixes is not looked up.
     """
     if source.manifest == STANDARD_INPUT and not dry_run:
         raise click.UsageError("Standard input cannot be changed: name a file.", click.get_current_context())
