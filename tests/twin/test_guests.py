@@ -170,3 +170,15 @@ def test_an_undo_that_was_killed_anywhere_is_finished_by_the_next() -> None:
         ran = run(guest, UNDO)
 
         assert (ran.code, classes(guest)) == (0, before), f"kill_after {number}\n{ran.says}"
+
+
+def test_a_powershell_of_32_bits_is_refused_because_it_sees_another_registry() -> None:
+    guest = a_guest()
+    guest.bits = 32
+    before = classes(guest)
+
+    ran = run(guest, SCRIPT)
+
+    assert ran.code == 3, ran.says
+    assert "32 bits" in ran.says
+    assert classes(guest) == before

@@ -423,12 +423,35 @@ def test_a_declined_step_leaves_out_what_builds_on_it() -> None:
 
     ran = run(host, apply_script(prepared.plan), declined=frozenset({"partition/planning"}))
 
-    assert ran.code == 0, ran.says
+    assert ran.code == 1, ran.says
+    assert ran.status_of("host") == ["stopped"]
     assert set(ran.status_of("partition/planning")) == {"skipped"}
     assert set(ran.status_of("partition/planning/disk")) == {"skipped"}
     assert ran.status_of("task/Localization")[-1] == "changed"
     assert again(host, prepared).code == 0
     assert "planning" in {vm.name for vm in host.vms.values() if not vm.id.startswith("ffff")}
+
+
+@pytest.mark.parametrize("way", ["what_if", "declined"])
+def test_an_unfinished_run_stays_open_where_closing_it_is_not_wanted(way: str) -> None:
+    prepared = fresh()
+    host = prepared.copy(kill_after=20)
+    apply(host, prepared.plan)
+    host = host.copy(mutex="abandoned")
+    before = seen(host)
+
+    left = run(
+        host,
+        apply_script(prepared.plan),
+        abandon=True,
+        what_if=way == "what_if",
+        declined=frozenset({"host"} if way == "declined" else ()),
+    )
+    closed = run(host, apply_script(prepared.plan), abandon=True)
+
+    assert (left.code, left.status_of("host")[-1]) == (0, "skipped"), left.says
+    assert (closed.code, closed.status_of("host")[-1]) == (0, "abandoned"), closed.says
+    assert seen(host) == before
 
 
 def test_the_undo_script_must_lie_beside_and_be_unedited() -> None:

@@ -91,7 +91,7 @@ _READING_TYPES = words(
 )
 _ONLY_READING_TYPES = words(
     """
-    byte IntPtr scriptblock System.Security.Principal.WindowsBuiltInRole System.Security.Principal.WindowsIdentity
+    byte scriptblock System.Security.Principal.WindowsBuiltInRole System.Security.Principal.WindowsIdentity
     System.Security.Principal.WindowsPrincipal
     """
 )
@@ -128,7 +128,7 @@ _CHANGING_MEMBERS = _HYPERV_MEMBERS | words(
     GetValue GetValueKind GetValueNames Guard Guest Keys Length LogicalProcessors Lost MachineName Memory
     Message Move Needs Number OpenOrCreate Ordinal Out PSChildName PSObject Percent Plan Position Processors
     Properties Read ReadAllBytes ReadAllText ReleaseMutex Replace Run Serial Set SetLength
-    SetSecurityDescriptorSddlForm ShouldProcess Sort Step Substring ToLowerInvariant ToString Total Undo
+    SetSecurityDescriptorSddlForm ShouldProcess Size Sort Step Substring ToLowerInvariant ToString Total Undo
     UndoDigest Undoes UserName UtcNow Value WaitOne Write WriteAllText WriteLine closing data kind new number
     plan record run serials set status touched
     """

@@ -68,7 +68,9 @@ function Clear-TaskValue {
 
 function Clear-TaskClass {
     param([string] $Task)
-    Clear-Key -Path (Get-TaskPath -Task $Task)
+    $path = Get-TaskPath -Task $Task
+    if ($path -ceq $script:ProfileRoot) { throw 'the profile itself is no task class, and is never removed' }
+    Clear-Key -Path $path
 }
 
 function Write-TaskRecord {

@@ -50,8 +50,12 @@ function Open-Run {
     $same = $null -ne $last -and $last.plan -ceq $Definition.Plan
     if ($Abandon) {
         if ($open -and -not $same) { Exit-Refused -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
-        if ($open) { Add-Record -Record ([ordered] @{ closing = 'abandoned'; kind = 'run_closed' }) }
-        $status = if ($open) { 'abandoned' } else { 'unchanged' }
+        $status = 'unchanged'
+        if ($open -and -not $script:Cmdlet.ShouldProcess('host', 'close the unfinished run')) { $status = 'skipped' }
+        elseif ($open) {
+            Add-Record -Record ([ordered] @{ closing = 'abandoned'; kind = 'run_closed' })
+            $status = 'abandoned'
+        }
         Write-RunEvent -Kind 'run' -Status $status
         exit 0
     }
@@ -82,7 +86,11 @@ function Complete-Run {
     foreach ($one in Find-Moved) { Exit-Refused -Step $one.Step -Detail $one.Detail }
     if ($null -eq $script:Started) { Write-FirstRecord }
     foreach ($step in $script:Steps) { Invoke-Step -Step $step }
-    if ($script:Skipped.Count) { return }
+    if ($script:Skipped.Count) {
+        if ($WhatIfPreference) { return }
+        Write-RunEvent -Kind 'run' -Status 'stopped' -Detail 'steps were left out; run it again to do them, or -Abandon'
+        exit 1
+    }
     if ($script:Closing -cne 'done') {
         foreach ($one in Find-Moved) { throw ($one.Step.Address + ' ' + $one.Detail) }
         Add-Record -Record ([ordered] @{ closing = 'done'; kind = 'run_closed' })
@@ -654,7 +662,9 @@ function Clear-TaskValue {
 
 function Clear-TaskClass {
     param([string] $Task)
-    Clear-Key -Path (Get-TaskPath -Task $Task)
+    $path = Get-TaskPath -Task $Task
+    if ($path -ceq $script:ProfileRoot) { throw 'the profile itself is no task class, and is never removed' }
+    Clear-Key -Path $path
 }
 
 function Write-TaskRecord {
@@ -698,7 +708,7 @@ try {
         Serial = 1
         Total = 6
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '4cb2addf66c291087631333730082de1b8c4dc4bf1ace033660c4c9a0bdada7b'
+        UndoDigest = '533587cb5702426fceef38111b8bd3dc85fc30c638c0d3eb75aa6420bf237194'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

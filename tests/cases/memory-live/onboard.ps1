@@ -49,8 +49,12 @@ function Open-Run {
     $same = $null -ne $last -and $last.plan -ceq $Definition.Plan
     if ($Abandon) {
         if ($open -and -not $same) { Exit-Refused -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
-        if ($open) { Add-Record -Record ([ordered] @{ closing = 'abandoned'; kind = 'run_closed' }) }
-        $status = if ($open) { 'abandoned' } else { 'unchanged' }
+        $status = 'unchanged'
+        if ($open -and -not $script:Cmdlet.ShouldProcess('host', 'close the unfinished run')) { $status = 'skipped' }
+        elseif ($open) {
+            Add-Record -Record ([ordered] @{ closing = 'abandoned'; kind = 'run_closed' })
+            $status = 'abandoned'
+        }
         Write-RunEvent -Kind 'run' -Status $status
         exit 0
     }
@@ -81,7 +85,11 @@ function Complete-Run {
     foreach ($one in Find-Moved) { Exit-Refused -Step $one.Step -Detail $one.Detail }
     if ($null -eq $script:Started) { Write-FirstRecord }
     foreach ($step in $script:Steps) { Invoke-Step -Step $step }
-    if ($script:Skipped.Count) { return }
+    if ($script:Skipped.Count) {
+        if ($WhatIfPreference) { return }
+        Write-RunEvent -Kind 'run' -Status 'stopped' -Detail 'steps were left out; run it again to do them, or -Abandon'
+        exit 1
+    }
     if ($script:Closing -cne 'done') {
         foreach ($one in Find-Moved) { throw ($one.Step.Address + ' ' + $one.Detail) }
         Add-Record -Record ([ordered] @{ closing = 'done'; kind = 'run_closed' })
@@ -635,7 +643,7 @@ try {
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '2e276690c1dd8ec010b0db3cfdab72a8f5b4bfb54ce8d4a237ea44165fa2b4e3'
+        UndoDigest = 'b322e73146a78bc0d972e23afb2d8118a764efe345538fc47273b16a7edf13a6'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -48,8 +48,12 @@ function Open-Run {
     $same = $null -ne $last -and $last.plan -ceq $Definition.Plan
     if ($Abandon) {
         if ($open -and -not $same) { Exit-Refused -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
-        if ($open) { Add-Record -Record ([ordered] @{ closing = 'abandoned'; kind = 'run_closed' }) }
-        $status = if ($open) { 'abandoned' } else { 'unchanged' }
+        $status = 'unchanged'
+        if ($open -and -not $script:Cmdlet.ShouldProcess('host', 'close the unfinished run')) { $status = 'skipped' }
+        elseif ($open) {
+            Add-Record -Record ([ordered] @{ closing = 'abandoned'; kind = 'run_closed' })
+            $status = 'abandoned'
+        }
         Write-RunEvent -Kind 'run' -Status $status
         exit 0
     }
@@ -80,7 +84,11 @@ function Complete-Run {
     foreach ($one in Find-Moved) { Exit-Refused -Step $one.Step -Detail $one.Detail }
     if ($null -eq $script:Started) { Write-FirstRecord }
     foreach ($step in $script:Steps) { Invoke-Step -Step $step }
-    if ($script:Skipped.Count) { return }
+    if ($script:Skipped.Count) {
+        if ($WhatIfPreference) { return }
+        Write-RunEvent -Kind 'run' -Status 'stopped' -Detail 'steps were left out; run it again to do them, or -Abandon'
+        exit 1
+    }
     if ($script:Closing -cne 'done') {
         foreach ($one in Find-Moved) { throw ($one.Step.Address + ' ' + $one.Detail) }
         Add-Record -Record ([ordered] @{ closing = 'done'; kind = 'run_closed' })
@@ -617,7 +625,7 @@ try {
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '4db7a8817eb77f42ae01c48a22a71677c40b562f2b68b1274f4251a429d9c6c9'
+        UndoDigest = 'a9f73cd82ebd283854a4a383662528f3d56e9f7053e22682239d7a2722df7546'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

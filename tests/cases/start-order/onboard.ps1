@@ -48,8 +48,12 @@ function Open-Run {
     $same = $null -ne $last -and $last.plan -ceq $Definition.Plan
     if ($Abandon) {
         if ($open -and -not $same) { Exit-Refused -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
-        if ($open) { Add-Record -Record ([ordered] @{ closing = 'abandoned'; kind = 'run_closed' }) }
-        $status = if ($open) { 'abandoned' } else { 'unchanged' }
+        $status = 'unchanged'
+        if ($open -and -not $script:Cmdlet.ShouldProcess('host', 'close the unfinished run')) { $status = 'skipped' }
+        elseif ($open) {
+            Add-Record -Record ([ordered] @{ closing = 'abandoned'; kind = 'run_closed' })
+            $status = 'abandoned'
+        }
         Write-RunEvent -Kind 'run' -Status $status
         exit 0
     }
@@ -80,7 +84,11 @@ function Complete-Run {
     foreach ($one in Find-Moved) { Exit-Refused -Step $one.Step -Detail $one.Detail }
     if ($null -eq $script:Started) { Write-FirstRecord }
     foreach ($step in $script:Steps) { Invoke-Step -Step $step }
-    if ($script:Skipped.Count) { return }
+    if ($script:Skipped.Count) {
+        if ($WhatIfPreference) { return }
+        Write-RunEvent -Kind 'run' -Status 'stopped' -Detail 'steps were left out; run it again to do them, or -Abandon'
+        exit 1
+    }
     if ($script:Closing -cne 'done') {
         foreach ($one in Find-Moved) { throw ($one.Step.Address + ' ' + $one.Detail) }
         Add-Record -Record ([ordered] @{ closing = 'done'; kind = 'run_closed' })
@@ -617,7 +625,7 @@ try {
         Serial = 0
         Total = 27
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '176dd39a8d8e2d09cd21e3b27fc41e6ae324bc90cb862e67837863e69b6c28d6'
+        UndoDigest = '707b07289a5a7f0753ce20fb092021eb420fe5fc1711ecf47568d2712a5e6bb3'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -48,8 +48,12 @@ function Open-Run {
     $same = $null -ne $last -and $last.plan -ceq $Definition.Plan
     if ($Abandon) {
         if ($open -and -not $same) { Exit-Refused -Detail ('plan {0} is unfinished here, not this one' -f $last.plan) }
-        if ($open) { Add-Record -Record ([ordered] @{ closing = 'abandoned'; kind = 'run_closed' }) }
-        $status = if ($open) { 'abandoned' } else { 'unchanged' }
+        $status = 'unchanged'
+        if ($open -and -not $script:Cmdlet.ShouldProcess('host', 'close the unfinished run')) { $status = 'skipped' }
+        elseif ($open) {
+            Add-Record -Record ([ordered] @{ closing = 'abandoned'; kind = 'run_closed' })
+            $status = 'abandoned'
+        }
         Write-RunEvent -Kind 'run' -Status $status
         exit 0
     }
@@ -80,7 +84,11 @@ function Complete-Run {
     foreach ($one in Find-Moved) { Exit-Refused -Step $one.Step -Detail $one.Detail }
     if ($null -eq $script:Started) { Write-FirstRecord }
     foreach ($step in $script:Steps) { Invoke-Step -Step $step }
-    if ($script:Skipped.Count) { return }
+    if ($script:Skipped.Count) {
+        if ($WhatIfPreference) { return }
+        Write-RunEvent -Kind 'run' -Status 'stopped' -Detail 'steps were left out; run it again to do them, or -Abandon'
+        exit 1
+    }
     if ($script:Closing -cne 'done') {
         foreach ($one in Find-Moved) { throw ($one.Step.Address + ' ' + $one.Detail) }
         Add-Record -Record ([ordered] @{ closing = 'done'; kind = 'run_closed' })
@@ -508,7 +516,9 @@ function Clear-TaskValue {
 
 function Clear-TaskClass {
     param([string] $Task)
-    Clear-Key -Path (Get-TaskPath -Task $Task)
+    $path = Get-TaskPath -Task $Task
+    if ($path -ceq $script:ProfileRoot) { throw 'the profile itself is no task class, and is never removed' }
+    Clear-Key -Path $path
 }
 
 function Write-TaskRecord {
@@ -552,7 +562,7 @@ try {
         Serial = 0
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '3087ee0575b2e7acd352080f6983f09128fb8a5da684f5e663a74de4ffa9650e'
+        UndoDigest = 'c4d6fcdb5784aabd6cf82f85ed9d9ea73957614036160259f846f8456645f634'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -1,9 +1,10 @@
+from dataclasses import replace
 from datetime import date
 
 import pytest
 
 from rarms_iac.manifest.checks import run_checks
-from rarms_iac.model.system import Policy, ProviderKind, RunsOn, System
+from rarms_iac.model.system import HypervHost, HypervPartition, Policy, ProviderKind, RunsOn, System
 from tests.builders import (
     PathPlaces,
     a_component,
@@ -285,3 +286,23 @@ def test_no_task_class_is_called_like_the_value() -> None:
         ("RARMS229", "components.vision.task"),
         ("RARMS229", "tasks.SystemResponsiveness"),
     ]
+
+
+@pytest.mark.parametrize(
+    "path", ["machines", "D:machines", "D:\\a|b", 'D:\\x"', "D:\\x?", "D:\\mach*", "D:\\mach[1]", "D:\\a`b", "\\\\"]
+)
+def test_a_path_that_no_windows_host_can_take(path: str) -> None:
+    hyperv = a_host(provider=ProviderKind.HYPERV, settings=HypervHost(vm_path=path))
+    partition = replace(a_partition("vision"), hyperv=HypervPartition(image=path))
+
+    told = found(a_system(components=[VISION], hosts=[hyperv], partitions=[partition]))
+
+    assert ("RARMS099", "hosts.onboard.hyperv.vm_path") in told
+    assert ("RARMS099", "partitions.vision.hyperv.image") in told
+
+
+@pytest.mark.parametrize("path", ["D:\\machines", "d:/machines", "\\\\server\\share\\machines", "D:\\Maschinen (2)\\ä"])
+def test_a_whole_path_is_no_finding(path: str) -> None:
+    hyperv = a_host(provider=ProviderKind.HYPERV, settings=HypervHost(vm_path=path, image=path))
+
+    assert "RARMS099" not in {code for code, _ in found(a_system(components=[VISION], hosts=[hyperv]))}
