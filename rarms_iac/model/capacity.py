@@ -101,11 +101,18 @@ def packs(claims: Iterable[Claim], logical_processors: int) -> bool:
         return False
     if load_of(reserved).percent > WHOLE * logical_processors:
         return False
-    return _spread(reserved, logical_processors) or _search(_sizes(reserved), logical_processors)
+    return packs_by_size(reserved, logical_processors) or _search(_sizes(reserved), logical_processors)
+
+
+def packs_by_size(claims: Iterable[Claim], logical_processors: int) -> bool:
+    """Whether first fit, the largest first, finds a place for each, as scripts for Hyper-V ask before each promise.
+
+    Partitions that are as wide as the host are laid over all of it before. Where it finds none there may yet be one.
+    """
+    return _spread([claim for claim in claims if claim.reserve and claim.processors], logical_processors)
 
 
 def _spread(claims: list[Claim], bins: int) -> bool:
-    """First fit, after the partitions that are as wide as the host have been laid over all of it."""
     level = sum(claim.reserve for claim in claims if claim.processors == bins)
     if level > WHOLE:
         return False

@@ -10,6 +10,7 @@ from rarms_iac.apply.review import (
     limit_below_reserve,
     limit_widens,
     memory_shrinks,
+    no_place_by_size,
     not_undone,
     restarts,
     unmanaged_gets_less,
@@ -20,6 +21,7 @@ from rarms_iac.model.diagnostics import Diagnostic
 
 REVIEWS = (
     cannot_be_made,
+    no_place_by_size,
     restarts,
     memory_shrinks,
     limit_below_reserve,

@@ -16,7 +16,7 @@ from rarms_iac.model.layout import Layout
 from rarms_iac.model.operations import CreatePartition, RemovePartition, StartPartition, StopPartition
 from rarms_iac.model.plan import Purpose, Step, UndoLevel
 from rarms_iac.model.state import Disk, DiskKind, HostFacts, Partition, State
-from rarms_iac.model.system import Disruption, System
+from rarms_iac.model.system import Disruption, ProviderKind, System
 from tests import builders_plan as build
 from tests.builders import PathPlaces, a_component, a_cpu, a_partition, a_system
 from tests.builders_plan import facts, partition, settings
@@ -220,3 +220,29 @@ class TestStops:
         found = findings(stopping, machines=[self.RUNNING], steps=[self.STOP, self.START])
 
         assert told(found) == [("RARMS041", "partition/vision")]
+
+
+def promised(reserves: Iterable[int]) -> list[tuple[str, str]]:
+    """What is told of single processors that are to be reserved on eight, if those are Hyper-V's."""
+    changes = [
+        build.create(partition(settings(f"p{number:02}", processors=1, reserve=reserve, ram="1 MiB")))
+        for number, reserve in enumerate(reserves)
+    ]
+    plan = build.host_plan(changes=changes, steps=())
+    part = Reviewed(
+        system=a_system(components=[a_component()]),
+        places=PathPlaces(),
+        purpose=Purpose.APPLY,
+        layout=None,
+        observed=State(facts=facts(logical_processors=8), partitions=()),
+        plan=replace(plan, host=replace(plan.host, provider=ProviderKind.HYPERV)),
+    )
+    return [one for one in told(list(findings_on(part))) if one[0] == "RARMS259"]
+
+
+def test_promises_that_a_script_cannot_place_are_refused_though_they_fit() -> None:
+    fits_only_by_search = [50, 40, 30, 30, 30, 20] * 4
+
+    assert sum(fits_only_by_search) == 800
+    assert promised(fits_only_by_search) == [("RARMS259", "host/onboard")]
+    assert promised([50, 40, 30, 30, 30, 10] * 4) == []
