@@ -19,8 +19,8 @@ def review(part: Reviewed) -> Iterator[Diagnostic]:
     if ours and not packs_by_size(claims, part.observed.facts.logical_processors):
         yield FINDING.at(
             None,
-            f"On {part.plan.host.name} the virtual processors fit only if they are placed cleverly. A script places the "
-            "largest reserve first, finds no place for one of them, and would stop half-way.",
+            f"On {part.plan.host.name} the virtual processors fit only if they are placed cleverly. A script places "
+            "the largest reserve first, finds no place for one of them, and would stop half-way.",
             "Lower a reserve, give a partition other `processors`, or move a component to another host.",
             address=f"host/{part.plan.host.name}",
         )
