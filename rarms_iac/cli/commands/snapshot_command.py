@@ -62,7 +62,7 @@ def _script(session: Session, out: str | None) -> ExitCode:
     if wrong := inspect(data, ScriptKind.OBSERVE, OBSERVE):
         raise Halted(ExitCode.FAILED, wrong)
     if out is None:
-        session.terminal.data(data.decode("ascii"))
+        session.terminal.exactly(data.decode("ascii"))
         return ExitCode.DONE
     path = (Path(out) / OBSERVE).as_posix() if Path(out).is_dir() else out
     write_file(path, data)

@@ -170,4 +170,4 @@ def test_the_script_that_looks_is_written_as_it_runs_and_needs_no_manifest(tmp_p
     assert ran.code == 0
     assert "-File observe.ps1 > host.json" in ran.err
     assert written.startswith(b"#Requires -Version 5.1\r\n")
-    assert rarms("snapshot", "--script").out == written.decode("ascii").replace("\r\n", "\n")
+    assert rarms("snapshot", "--script").out == written.decode("ascii")
