@@ -29,7 +29,7 @@ def _told(at: tuple[str, str], image: str | None, folder: str | None, places: Pl
         if says:
             yield FINDING.at(
                 places.value(*at, "hyperv", key),
-                f"{path!r} {says}.",
+                f'"{path}" {says}.',
                 r"Write a whole path of the host, as D:\machines or \\server\share\machines.",
                 address=f"{at[0].removesuffix('s')}/{at[1]}",
             )
