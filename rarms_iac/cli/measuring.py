@@ -94,7 +94,7 @@ def _measured(
     terminal = session.terminal
 
     def checked() -> Room:
-        refuse_what_cannot_run(hosts, experiment, bench, options)
+        _refuse(hosts, experiment, options, seen)
         return seen.room
 
     around = Surroundings(
@@ -139,9 +139,7 @@ def refuse_what_cannot_run(hosts: Hosts, experiment: Experiment, bench: Measurin
     Raises:
         Halted: the host is busy or has other reservations (3); there is no room, or nothing to run (4).
     """
-    seen = _look(experiment, bench)
-    _refuse_what_has_no_demand(hosts, experiment)
-    _refuse(experiment, options, seen.room, seen.top, seen.running)
+    _refuse(hosts, experiment, options, _look(experiment, bench))
 
 
 def _strategy(hosts: Hosts, experiment: Experiment, options: MeasureOptions, seen: _Seen) -> Strategy:
@@ -190,31 +188,31 @@ def _refuse_what_has_no_demand(hosts: Hosts, experiment: Experiment) -> None:
             raise Halted(ExitCode.NO, [found], hosts.opened.loaded.sources)
 
 
-def _refuse(
-    experiment: Experiment, options: MeasureOptions, room: Room, top: int, running: Sequence[Partition]
-) -> None:
+def _refuse(hosts: Hosts, experiment: Experiment, options: MeasureOptions, seen: _Seen) -> None:
     """Asked once something must really be run.
 
     Raises:
-        Halted: something runs on the host, or has reservations that the paper does not know (3); no room (4).
+        Halted: something runs on the host, or has reservations that the paper does not know (3); there is nothing to
+            run, or no room (4).
     """
+    _refuse_what_has_no_demand(hosts, experiment)
     host = experiment.host.name
-    if running and not options.on_busy_host:
-        names = ", ".join(called(one) for one in running)
+    if seen.running and not options.on_busy_host:
+        names = ", ".join(called(one) for one in seen.running)
         says = f"On {host} these run, and would change what is measured: {names}."
         advice = (
             "Stop them: of the application's own, `rarms undo` takes the last apply back, and `rarms destroy` all of "
             "them. Or give --on-busy-host: the log says so."
         )
         raise Halted(ExitCode.REFUSED, [findings.BUSY_HOST.at(None, says, advice, address=f"host/{host}")])
-    if options.strategy == PAPER and not options.reserves and not room.unreserved:
+    if options.strategy == PAPER and not options.reserves and not seen.room.unreserved:
         says = f"On {host} a part of the processors is kept for the host or reserved by other machines."
         advice = "Use the default strategy, or free the host: `keep_for_host: { processor: 0 % }`."
         raise Halted(ExitCode.REFUSED, [findings.RESERVED_HOST.at(None, says, advice, address=f"host/{host}")])
-    if top == 0 or (options.reserves and max(options.reserves) > top):
+    if seen.top == 0 or (options.reserves and max(options.reserves) > seen.top):
         says = (
-            f"{host} can give P1 at most {top} % of each of its {experiment.setup.processors} processors, and P2 some "
-            "memory beside it."
+            f"{host} can give P1 at most {seen.top} % of each of its {experiment.setup.processors} processors, and P2 "
+            "some memory beside it."
         )
         advice = "Stop other machines, lower keep_for_host, give the component less memory, or ask for lower settings."
         raise Halted(ExitCode.NO, [findings.NO_ROOM.at(None, says, advice, address=f"host/{host}")])

@@ -94,18 +94,11 @@ def command(
     It runs in a test partition beside an interfering load, setting by setting; each is recorded below measurements/
     when it is complete. Interrupted or killed, the same command goes on, and runs no recorded setting again.
     """
-    reserves = reserves_of(first, last, step)
-    if together and len(set(components)) < 2:
-        raise click.UsageError("--together wants two COMPONENTs or more.", click.get_current_context())
-    if sum(map(bool, (reserves, verify, strategy != "default"))) > 1:
-        raise click.UsageError("Give one of --strategy, --verify, and --from/--to/--step.", click.get_current_context())
-    if again and seed is not None:
-        raise click.UsageError("--again takes a seed of its own: leave --seed out.", click.get_current_context())
     options = MeasureOptions(
         components=components,
         together=together,
         strategy=strategy,
-        reserves=reserves,
+        reserves=reserves_of(first, last, step),
         interference=interference,
         samples=samples,
         verify=verify,
@@ -114,6 +107,7 @@ def command(
         on_busy_host=on_busy_host,
         lock_timeout_ms=lock_timeout,
     )
+    _refuse_contradictions(options)
     if interactive:
         refuse_without_terminal(session, source)
     system, opened = system_of(source)
@@ -127,10 +121,17 @@ def command(
         session.terminal.data(measure_json(done.results, done.findings, done.waiting))
     else:
         session.terminal.data(summary_text(done.results, session.terminal.width, done.waiting))
-    if done.stopped:
-        session.terminal.talk("Stopped. What is recorded stays: the same command goes on.")
-        return session.interrupts.asked or ExitCode.INTERRUPTED
-    return ExitCode.NO if has_errors(done.findings) else ExitCode.DONE
+    return _ended(session, done)
+
+
+def _refuse_contradictions(options: MeasureOptions) -> None:
+    context = click.get_current_context()
+    if options.together and len(set(options.components)) < 2:
+        raise click.UsageError("--together wants two COMPONENTs or more.", context)
+    if sum(map(bool, (options.reserves, options.verify, options.strategy != "default"))) > 1:
+        raise click.UsageError("Give one of --strategy, --verify, and --from/--to/--step.", context)
+    if options.again and options.seed is not None:
+        raise click.UsageError("--again takes a seed of its own: leave --seed out.", context)
 
 
 def record_what_follows(hosts: Hosts) -> None:
@@ -159,6 +160,13 @@ class Done:
     def stopped(self) -> bool:
         """Whether somebody asked for an end."""
         return any(isinstance(one.conclusion, Stopped) for one in self.results)
+
+
+def _ended(session: Session, done: Done) -> ExitCode:
+    if done.stopped:
+        session.terminal.talk("Stopped. What is recorded stays: the same command goes on.")
+        return session.interrupts.asked or ExitCode.INTERRUPTED
+    return ExitCode.NO if has_errors(done.findings) else ExitCode.DONE
 
 
 def measured(session: Session, hosts: Hosts, options: MeasureOptions, *, interactive: bool = False) -> Done:

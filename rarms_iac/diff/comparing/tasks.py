@@ -26,61 +26,51 @@ def task_changes(desired: State, ours: Ours, observed: State, application: str, 
         if key[0] and key[0] not in ours.machines and key in wanted and is_shipped_task(key[1]):
             found.findings.append(_guest_first(wanted[key], wishes))
         elif not key[0] or key[0] in kept:
-            _one_task(found, there.get(key), wanted.get(key), application, wishes, inside=key[0])
+            before, after = there.get(key), wanted.get(key)
+            if after is not None:
+                _wanted(found, before, after, application, wishes)
+            elif before is not None and _is_ours(before, application):
+                _no_longer_wanted(found, before, key[0])
     return found
 
 
-def _one_task(
-    found: Found,
-    before: TaskClass | None,
-    after: TaskClass | None,
-    application: str,
-    wishes: Wishes,
-    *,
-    inside: str,
-) -> None:
-    record = before.record if before else None
-    is_ours = record is not None and record.application == application
-    if after is None:
-        if before is not None and is_ours and (lost := not_restorable(_task_address(inside, before), before, None)):
-            found.findings.append(lost)
-        elif before is not None and is_ours:
-            found.changes.append(
-                Delete(
-                    address=_task_address(inside, before),
-                    before=before,
-                    reason=Reason(says="no component here names it any more"),
-                    disruption=disruption_of_task(inside),
-                )
-            )
+def _is_ours(task: TaskClass, application: str) -> bool:
+    return task.record is not None and task.record.application == application
+
+
+def _no_longer_wanted(found: Found, before: TaskClass, inside: str) -> None:
+    address = _task_address(inside, before)
+    if lost := not_restorable(address, before, None):
+        found.findings.append(lost)
         return
-    address = _task_address(inside, after, before)
-    place = wishes.where(address)
-    if before is None or (not before.values and record is None):
-        found.changes.append(
-            Create(
-                address=address,
-                after=after,
-                reason=Reason(says="a component names it", place=place),
-                disruption=disruption_of_task(inside),
-            )
+    found.changes.append(
+        Delete(
+            address=address,
+            before=before,
+            reason=Reason(says="no component here names it any more"),
+            disruption=disruption_of_task(inside),
         )
-    elif not is_ours and not (record is None and before.name.lower() in wishes.replaceable):
+    )
+
+
+def _wanted(found: Found, before: TaskClass | None, after: TaskClass, application: str, wishes: Wishes) -> None:
+    address = _task_address(after.inside, after, before)
+    place, disruption = wishes.where(address), disruption_of_task(after.inside)
+    if before is None or (not before.values and before.record is None):
+        reason = Reason(says="a component names it", place=place)
+        found.changes.append(Create(address=address, after=after, reason=reason, disruption=disruption))
+        return
+    is_ours = _is_ours(before, application)
+    replaced = before.record is None and before.name.lower() in wishes.replaceable
+    if not is_ours and not replaced:
         found.findings.append(_foreign_task(address, before, place))
-    elif is_ours and dict(before.values) == dict(after.values) and after.record == record:
+    elif is_ours and dict(before.values) == dict(after.values) and after.record == before.record:
         found.unchanged += 1
     elif lost := not_restorable(address, before, place):
         found.findings.append(lost)
     else:
-        found.changes.append(
-            Update(
-                address=address,
-                before=before,
-                after=after,
-                reason=Reason(says="its values differ" if is_ours else "the manifest replaces it", place=place),
-                disruption=disruption_of_task(inside),
-            )
-        )
+        reason = Reason(says="its values differ" if is_ours else "the manifest replaces it", place=place)
+        found.changes.append(Update(address=address, before=before, after=after, reason=reason, disruption=disruption))
 
 
 def not_restorable(address: Address, before: TaskClass | Responsiveness, place: Place | None) -> Diagnostic | None:
