@@ -255,22 +255,13 @@ def _plain(values: Mapping[str, object] | None) -> object:
 
 def _making(step: Step, making: CreatePartition, scope: Scope) -> tuple[Part, ...]:
     """The machine, its disk, the disk in its place, and the network adapter that Hyper-V adds by itself gone."""
-    address, name = str(step.address), {"Name": literal(making.partition)}
-    read = _reader(step)
-    new = {
-        "Name": literal(scope.pending(making.partition)),
-        "Generation": literal(making.generation),
-        "MemoryStartupBytes": literal(making.memory),
-        "NoVHD": "",
-    }
-    new |= {"SwitchName": literal(making.switch)} if making.switch else {}
-    new |= {"Path": literal(making.vm_path)} if making.vm_path else {}
-    machine = "$vm = " + call("Get-Machine", **name)
+    address, read = str(step.address), _reader(step)
+    machine = "$vm = " + call("Get-Machine", Name=literal(making.partition))
 
     def part(action: str, before: Mapping[str, Reading], after: Mapping[str, Reading], *calls: str) -> Part:
         return Part(address=address, action=action, read=read, before=before, after=after, calls=calls)
 
-    made = [part(step.title, {**step.before, **_FREE}, step.after, call("Hyper-V\\New-VM", **new))]
+    made = [part(step.title, {**step.before, **_FREE}, step.after, _new_machine(making, scope))]
     # Whether a new machine's memory is static is the host's affair: a client's is dynamic.
     static = {"DynamicMemoryEnabled": literal(False), "StartupBytes": literal(making.memory)}
     made.append(
@@ -287,22 +278,40 @@ def _making(step: Step, making: CreatePartition, scope: Scope) -> tuple[Part, ..
         remove = call("Hyper-V\\Remove-VMNetworkAdapter", VM="$vm")
         made.append(part(action, {"exists": True, "adapters": 1}, {"exists": True, "adapters": 0}, machine, remove))
     if making.image:
-        path = {"Folder": literal(making.vm_path), "File": literal(disk_file(making, scope.plan))}
-        disk = "(" + call("Get-DiskPath", **path) + ")"
-        parent = literal(making.image)
-        child = call("Hyper-V\\New-VHD", Path=disk, ParentPath=parent, Differencing="")
-        made.append(
-            Part(
-                address=f"{address}/disk",
-                action=f"make a disk that grows out of {making.image}",
-                read=call("Read-Disk", Path=disk, Parent=parent),
-                before={"exists": False},
-                after={"exists": True, "child": True},
-                calls=(child,),
-            )
-        )
+        disk = _disk_path(making, scope)
         attach = call("Hyper-V\\Add-VMHardDiskDrive", VM="$vm", Path=disk)
-        made.append(
-            part("attach the disk", {"exists": True, "disks": 0}, {"exists": True, "disks": 1}, machine, attach)
-        )
+        made += [
+            _new_disk(f"{address}/disk", making.image, disk),
+            part("attach the disk", {"exists": True, "disks": 0}, {"exists": True, "disks": 1}, machine, attach),
+        ]
     return tuple(made)
+
+
+def _new_machine(making: CreatePartition, scope: Scope) -> str:
+    new = {
+        "Name": literal(scope.pending(making.partition)),
+        "Generation": literal(making.generation),
+        "MemoryStartupBytes": literal(making.memory),
+        "NoVHD": "",
+    }
+    new |= {"SwitchName": literal(making.switch)} if making.switch else {}
+    new |= {"Path": literal(making.vm_path)} if making.vm_path else {}
+    return call("Hyper-V\\New-VM", **new)
+
+
+def _disk_path(making: CreatePartition, scope: Scope) -> str:
+    path = {"Folder": literal(making.vm_path), "File": literal(disk_file(making, scope.plan))}
+    return "(" + call("Get-DiskPath", **path) + ")"
+
+
+def _new_disk(address: str, image: str, path: str) -> Part:
+    """The differencing child of an image."""
+    parent = literal(image)
+    return Part(
+        address=address,
+        action=f"make a disk that grows out of {image}",
+        read=call("Read-Disk", Path=path, Parent=parent),
+        before={"exists": False},
+        after={"exists": True, "child": True},
+        calls=(call("Hyper-V\\New-VHD", Path=path, ParentPath=parent, Differencing=""),),
+    )

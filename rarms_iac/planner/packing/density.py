@@ -6,6 +6,7 @@ Quick where profits tell items apart. Where they follow sizes exactly every set 
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 from rarms_iac.planner.packing.program import Kind, Mask, Program, Sizes
 
@@ -38,13 +39,8 @@ def by_density(
     """
     kind = program.kinds[at]
     size_of = {item: size for item in gainful if (size := kind.sizes[item]) is not None}
-    one_of, room = _in_one(kind, size_of)
-    ordered = sorted(gainful, key=lambda item: (-profits[item] / (one_of[item] + 1e-3), item))
-    gains, ones = [profits[item] for item in ordered], [one_of[item] for item in ordered]
-    sums, totals = [0], [0]
-    for one, gain in zip(ones, gains, strict=True):
-        sums.append(sums[-1] + one)
-        totals.append(totals[-1] + gain)
+    line = _lined_up(kind, size_of, profits)
+    ordered, gains, ones, sums, totals = line.items, line.gains, line.ones, line.sums, line.totals
     # All dimensions stand side by side in one number; a bit above each falls where it is exceeded.
     width = max(1, *kind.room, *(max(size, default=0) for size in size_of.values())).bit_length() + 1
     takes = [_side_by_side(size_of[item], width) for item in ordered]
@@ -73,7 +69,7 @@ def by_density(
                     down(number + 1, after, space - ones[number], gained, with_it, banned | conflicts[item])
             number += 1
 
-    down(0, _side_by_side(kind.room, width) | guard, room, 0, 0, 0)
+    down(0, _side_by_side(kind.room, width) | guard, line.room, 0, 0, 0)
     return Pattern(profit=best, items=chosen) if chosen else None, left > 0
 
 
@@ -90,22 +86,12 @@ def within(
         for item, size in enumerate(kind.sizes)
         if size is not None and all(takes <= there for takes, there in zip(size, kind.room, strict=True))
     }
-    one_of, room = _in_one(kind, size_of)
-    ordered = sorted(size_of, key=lambda item: (-profits[item] / (one_of[item] + 1e-3), item))
-    gains, ones = [max(0, profits[item]) for item in ordered], [one_of[item] for item in ordered]
-    sums, totals = [0], [0]
-    for one, gain in zip(ones, gains, strict=True):
-        sums.append(sums[-1] + one)
-        totals.append(totals[-1] + gain)
+    line = _lined_up(kind, size_of, profits)
+    ordered, gains, ones, sums, totals = line.items, line.gains, line.ones, line.sums, line.totals
     count, conflicts, fits = len(ordered), program.conflicts, program.fits
     found: list[tuple[int, Mask]] = []
     left = most * 6
-    dimensions = [] if spare is None else [d for d, unused in enumerate(spare) if unused < kind.room[d]]
-    to_come = [[0] * (count + 1) for _ in dimensions]  # by number: what items from that one on can fill
-    for fill, d in zip(to_come, dimensions, strict=True):
-        for number in reversed(range(count)):
-            fill[number] = fill[number + 1] + size_of[ordered[number]][d]
-    reaches = [(d, spare[d] if spare is not None else 0, fill) for d, fill in zip(dimensions, to_come, strict=True)]
+    reaches = _reaches(kind, [size_of[item] for item in ordered], spare)
 
     def down(number: int, free: Sizes, space: int, profit: int, items: Mask, banned: Mask) -> None:
         nonlocal left
@@ -129,8 +115,42 @@ def within(
                 down(number + 1, after, space - ones[number], gained, with_it, banned | conflicts[item])
             number += 1
 
-    down(0, kind.room, room, 0, 0, 0)
+    down(0, kind.room, line.room, 0, 0, 0)
     return found if left > 0 and len(found) <= most else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Line:
+    """Items by profit for their size, best first; what they take is told in one dimension that none can exceed."""
+
+    items: Sequence[int]
+    gains: Sequence[int]  # a loss counts as none: nobody has to take it
+    ones: Sequence[int]  # sizes
+    sums: Sequence[int]  # of the sizes before each item
+    totals: Sequence[int]  # of the gains before each item
+    room: int
+
+
+def _lined_up(kind: Kind, size_of: dict[int, Sizes], profits: Sequence[int]) -> _Line:
+    one_of, room = _in_one(kind, size_of)
+    ordered = sorted(size_of, key=lambda item: (-profits[item] / (one_of[item] + 1e-3), item))
+    gains, ones = [max(0, profits[item]) for item in ordered], [one_of[item] for item in ordered]
+    return _Line(
+        items=ordered,
+        gains=gains,
+        ones=ones,
+        sums=[0, *accumulate(ones)],
+        totals=[0, *accumulate(gains)],
+        room=room,
+    )
+
+
+def _reaches(kind: Kind, sizes: Sequence[Sizes], spare: Sizes | None) -> list[tuple[int, int, list[int]]]:
+    """Dimensions with less to spare than there is, with that, and by number what the items from it on can fill."""
+    if spare is None:
+        return []
+    tight = [d for d, unused in enumerate(spare) if unused < kind.room[d]]
+    return [(d, spare[d], [*accumulate((size[d] for size in reversed(sizes)), initial=0)][::-1]) for d in tight]
 
 
 def _side_by_side(sizes: Sizes, width: int) -> int:
