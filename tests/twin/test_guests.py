@@ -172,6 +172,19 @@ def test_an_undo_that_was_killed_anywhere_is_finished_by_the_next() -> None:
         assert (ran.code, classes(guest)) == (0, before), f"kill_after {number}\n{ran.says}"
 
 
+def test_a_class_that_holds_a_name_which_is_a_pattern_is_not_ours_to_take() -> None:
+    guest = a_guest()
+    values = guest.add_key(f"{PROFILE}\\Tasks\\Games").values
+    values["a*"] = Entry(name="a*", kind="DWord", data=1)
+    before = classes(guest)
+
+    ran = run(guest, SCRIPT)
+
+    assert ran.code == 3, ran.says
+    assert "taken" in ran.says
+    assert classes(guest) == before
+
+
 def test_a_powershell_of_32_bits_is_refused_because_it_sees_another_registry() -> None:
     guest = a_guest()
     guest.bits = 32

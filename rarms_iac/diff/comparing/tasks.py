@@ -1,5 +1,7 @@
 """The changes of task classes, and the classes of others that stand in their way."""
 
+import re
+
 from rarms_iac.diff import findings
 from rarms_iac.diff.comparing.wishes import Found, Wishes
 from rarms_iac.diff.disruption import disruption_of_task
@@ -7,7 +9,9 @@ from rarms_iac.diff.ours import Ours
 from rarms_iac.model.changes import Address, Create, Delete, Reason, Update
 from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.names import is_shipped_task
-from rarms_iac.model.state import Responsiveness, State, TaskClass
+from rarms_iac.model.state import RegistryValue, Responsiveness, State, TaskClass
+
+_PATTERN = re.compile(r"[*?\[\]`]")
 
 
 def task_changes(desired: State, ours: Ours, observed: State, application: str, wishes: Wishes) -> Found:
@@ -76,16 +80,24 @@ def _wanted(found: Found, before: TaskClass | None, after: TaskClass, applicatio
 def not_restorable(address: Address, before: TaskClass | Responsiveness, place: Place | None) -> Diagnostic | None:
     """What is there, or was there before rarms, and could not be brought back as it is; None: all of it could."""
     kept = before.record.before if before.record else None
-    odd = {name: one for name, one in (*before.values.items(), *(kept or {}).items()) if not one.is_restorable}
+    odd = {name: why for name, one in (*before.values.items(), *(kept or {}).items()) if (why := _odd(name, one))}
     if not odd:
         return None
-    names = ", ".join(f"{name!r} ({one.kind.value})" for name, one in sorted(odd.items()))
+    names = ", ".join(f"{name!r} ({why})" for name, why in sorted(odd.items()))
     return findings.NOT_RESTORABLE.at(
         place,
-        f"{address} would be changed, and what it holds could not be brought back: {names}. MMCSS knows no such type.",
+        f"{address} would be changed, and what it holds could not be brought back: {names}. MMCSS knows nothing such.",
         "Find out who wrote that, note it down, and take the value away by hand; then plan again.",
         address=str(address),
     )
+
+
+def _odd(name: str, value: RegistryValue) -> str:
+    """Why a value could not be brought back; empty where it could."""
+    if not value.is_restorable:
+        return value.kind.value
+    # A cmdlet that takes a value away reads its name as a pattern: others could go along.
+    return "its name is a pattern" if _PATTERN.search(name) else ""
 
 
 def _task_address(inside: str, task: TaskClass, there: TaskClass | None = None) -> Address:

@@ -3,12 +3,13 @@
 
 function Read-GuestTaskClass {
     # As Read-TaskClass, and whether the class is not ours to take: another application's, there before rarms, or with
-    # values that could not be brought back: text with variables, lists, bytes.
+    # values that could not be brought back: text with variables, lists, bytes, and names that cmdlets read as patterns.
     param([string] $Task, [string] $Application, [bool] $Replace)
     $live = Read-TaskClass -Task $Task
     $live['taken'] = [bool] ($live['exists'] -and -not $Replace)
     foreach ($name in @(Get-TaskValueName -Task $Task)) {
-        if (-not ($live['value:' + $name] -cmatch '^(dword|qword|sz):')) { $live['taken'] = $true }
+        $known = $live['value:' + $name] -cmatch '^(dword|qword|sz):'
+        if (-not $known -or $name -cmatch '[*?[\]`]') { $live['taken'] = $true }
     }
     if ($live['record']) { $live['taken'] = $live['record'] -cne $Application }
     $live

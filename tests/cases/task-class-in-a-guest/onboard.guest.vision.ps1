@@ -530,12 +530,13 @@ function Clear-Key {
 
 function Read-GuestTaskClass {
     # As Read-TaskClass, and whether the class is not ours to take: another application's, there before rarms, or with
-    # values that could not be brought back: text with variables, lists, bytes.
+    # values that could not be brought back: text with variables, lists, bytes, and names that cmdlets read as patterns.
     param([string] $Task, [string] $Application, [bool] $Replace)
     $live = Read-TaskClass -Task $Task
     $live['taken'] = [bool] ($live['exists'] -and -not $Replace)
     foreach ($name in @(Get-TaskValueName -Task $Task)) {
-        if (-not ($live['value:' + $name] -cmatch '^(dword|qword|sz):')) { $live['taken'] = $true }
+        $known = $live['value:' + $name] -cmatch '^(dword|qword|sz):'
+        if (-not $known -or $name -cmatch '[*?[\]`]') { $live['taken'] = $true }
     }
     if ($live['record']) { $live['taken'] = $live['record'] -cne $Application }
     $live
@@ -585,7 +586,7 @@ try {
         Serial = 0
         Total = 1
         Undo = 'onboard.guest.vision.undo.ps1'
-        UndoDigest = 'dd9d775e6048b091e8e8ddcb003d8734652d6690d1f47a0a76c1bb8438a8faaf'
+        UndoDigest = '681b3ca45a6078c15e142835782ce2f3af5e02f17a91146de6a4fe0df2847baf'
         Guest = $true
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

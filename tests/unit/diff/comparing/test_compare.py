@@ -298,6 +298,20 @@ def test_a_class_with_a_value_that_could_not_be_brought_back_is_left_alone(odd: 
         assert ([one for one in gone.changes if one.address.task], codes(gone.findings)) == ([], ["RARMS165"])
 
 
+@pytest.mark.parametrize("name", ["a*", "Prior?ty", "x[1]", "a`b"])
+def test_a_value_whose_name_is_a_pattern_is_left_alone_with_its_class(name: str) -> None:
+    player = a_component("player", criticality=3, runs_on=RunsOn.HOST, task="Games")
+    wanting = robot(components=[player], tasks=[a_task("Games", priority=4, replace_shipped=True)])
+    games = build.task("Games", priority=2)
+    games = replace(games, values={**games.values, name: RegistryValue(kind=ValueKind.DWORD, data=1)})
+
+    found = difference(wanting, replace(empty_state(HOST), tasks=(games,)))
+
+    assert [one for one in found.changes if one.address.task] == []
+    assert codes(found.findings) == ["RARMS165"]
+    assert "its name is a pattern" in found.findings[0].detail
+
+
 def test_numbers_and_plain_text_can_be_brought_back() -> None:
     assert all(one.is_restorable for one in build.task().values.values())
     assert RegistryValue(kind=ValueKind.QWORD, data=2**40).is_restorable
