@@ -1,6 +1,7 @@
 """The same input gives the same bytes, in whatever order this Python happens to keep its sets."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ import pytest
 
 from rarms_iac.storage.shipped import shipped
 from tests.effort import LONG
+from tests.files import copy_files
 from tests.measuring import leave_logs
 
 SEEDS = ("0", "1", "4242")
@@ -32,6 +34,21 @@ snapshot --out .
 drift --json
 destroy --out second.plan --today 2026-11-21
 """
+MEASURE = "measure --json"
+TUNE = """\
+export before.xlsx
+explain path-following
+tune --json --trail trail.csv
+validate --json
+plan --out first.plan --today 2026-11-21
+explain path-following
+graph --candidates --format dot
+graph --candidates --format mermaid
+report
+export after.csv
+"""
+INSTANT = re.compile(rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ( to \S+Z)?|(?<=\"checksum\":\")[0-9a-f]{64}")
+"""When something was measured, and the checksum of a record that says so: an input of its own."""
 
 
 def all_that_is_said(folder: Path, manifest: bytes, seed: str) -> dict[str, bytes]:
@@ -39,9 +56,14 @@ def all_that_is_said(folder: Path, manifest: bytes, seed: str) -> dict[str, byte
     folder.mkdir()
     (folder / "rarms.yaml").write_bytes(manifest)
     leave_logs(folder, dict.fromkeys(("face-detection", "speech-recognition", "path-planning", "video-streaming"), 20))
+    return all_that_is_left(folder, ROUTE, seed)
+
+
+def all_that_is_left(folder: Path, route: str, seed: str) -> dict[str, bytes]:
+    """What these commands print in the folder, and every file that then is there but journals and locks."""
     ran = subprocess.run(
         [sys.executable, "-c", SCRIPT],
-        input=ROUTE.encode(),
+        input=route.encode(),
         cwd=folder,
         env={**os.environ, "PYTHONHASHSEED": seed},
         capture_output=True,
@@ -66,3 +88,23 @@ def test_hash_seeds_change_no_byte(tmp_path: Path, example: str) -> None:
     assert b'"hosts"' in first["standard output"]
     for run in range(1, RUNS):
         assert all_that_is_said(tmp_path / str(run), manifest, SEEDS[run % len(SEEDS)]) == first
+
+
+def test_hash_seeds_change_no_byte_of_what_is_tuned(tmp_path: Path) -> None:
+    """What the measured components of a robot give: its trail, its layout, and all that is drawn and written of them."""
+    measured = tmp_path / "measured"
+    measured.mkdir()
+    (measured / "rarms.yaml").write_bytes((shipped("manifests") / "over-full" / "rarms.yaml").read_bytes())
+    all_that_is_left(measured, MEASURE, SEEDS[0])
+
+    first = all_that_is_tuned(tmp_path / "0", measured, SEEDS[0])
+
+    assert b"path-following+stock-messages" in first["trail.csv"]
+    assert {"before.xlsx", "after.csv", "report.html", "first.plan"} <= set(first)
+    for run in range(1, RUNS):
+        assert all_that_is_tuned(tmp_path / str(run), measured, SEEDS[run % len(SEEDS)]) == first
+
+
+def all_that_is_tuned(folder: Path, measured: Path, seed: str) -> dict[str, bytes]:
+    left = all_that_is_left(copy_files(measured, folder), TUNE, seed)
+    return {name: INSTANT.sub(b"", content) for name, content in left.items()}
