@@ -91,7 +91,7 @@ def test_hash_seeds_change_no_byte(tmp_path: Path, example: str) -> None:
 
 
 def test_hash_seeds_change_no_byte_of_what_is_tuned(tmp_path: Path) -> None:
-    """What the measured components of a robot give: its trail, its layout, and all that is drawn and written of them."""
+    """What the measured components of a robot give: its trail, its layout, and what is drawn and written of them."""
     measured = tmp_path / "measured"
     measured.mkdir()
     (measured / "rarms.yaml").write_bytes((shipped("manifests") / "over-full" / "rarms.yaml").read_bytes())
