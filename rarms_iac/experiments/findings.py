@@ -23,3 +23,6 @@ CANNOT_MEASURE = Finding(code="RARMS262", severity=Severity.ERROR, summary="This
 MEASURED_BUSY = Finding(code="RARMS263", severity=Severity.WARNING, summary="Measured while something else ran")
 MEASURED_ELSEWHERE = Finding(code="RARMS265", severity=Severity.ERROR, summary="Another run measures the same")
 NO_THRESHOLD = Finding(code="RARMS264", severity=Severity.ERROR, summary="There is no threshold to search for")
+FIXED_ANYWAY = Finding(
+    code="RARMS266", severity=Severity.NOTE, summary="The manifest fixes a reservation that was measured"
+)

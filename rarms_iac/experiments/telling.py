@@ -14,6 +14,7 @@ from rarms_iac.experiments.conclusions import (
 )
 from rarms_iac.experiments.findings import (
     FAILED_SAMPLES,
+    FIXED_ANYWAY,
     NO_STEADY_STATE,
     NOT_ACHIEVABLE,
     NOT_RESOLVED,
@@ -24,8 +25,8 @@ from rarms_iac.model import thresholds
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import Setting
-from rarms_iac.model.quantities import Unit
-from rarms_iac.model.system import Threshold
+from rarms_iac.model.quantities import Unit, show_amount
+from rarms_iac.model.system import Measured, Threshold
 
 UNITS = {Unit.TIME: " ms", Unit.SHARE: " %", Unit.RATE: " /s"}
 
@@ -50,7 +51,9 @@ def findings_of(
                 f"Run it alone and mend what fails, or allow it: `run: {{ failures: {len(failures)} }}`.",
                 address=f"component/{component}",
             )
-        case Sufficient() | Swept() | Stopped():
+        case Sufficient(reserve=reserve):
+            yield from _fixed_anyway(experiment, reserve, places)
+        case Swept() | Stopped():
             return
         case _:
             assert_never(conclusion)
@@ -126,4 +129,18 @@ def _not_resolved(
             f"{experiment.name}: {says}.",
             "Allow more samples (`--samples 2000`), or move the threshold away from what the component just reaches.",
             address=f"component/{first}",
+        )
+
+
+def _fixed_anyway(experiment: Experiment, reserve: int, places: Places) -> Iterator[Diagnostic]:
+    """Of a component measured alone: a plan takes what the manifest fixes, and not this."""
+    for one in experiment.members if len(experiment.members) == 1 else ():
+        if one.cpu.reserve is None or isinstance(one.cpu.reserve, Measured):
+            continue
+        yield FIXED_ANYWAY.at(
+            places.value("components", one.name, "cpu", "reserve"),
+            f"{one.name} meets its thresholds at a CR of {reserve} %, and the manifest reserves "
+            f"{show_amount(one.cpu.reserve)} for it, whatever is measured.",
+            "For a plan to take what was measured, write `reserve: measured`.",
+            address=f"component/{one.name}",
         )

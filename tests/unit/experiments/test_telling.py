@@ -1,6 +1,8 @@
 """What an end is told as: an end that is a no always has a finding that says so."""
 
-from rarms_iac.experiments.conclusions import NotAchievable
+import pytest
+
+from rarms_iac.experiments.conclusions import NotAchievable, Sufficient
 from rarms_iac.experiments.measuring import NoPlaces
 from rarms_iac.experiments.setup import experiment_of
 from rarms_iac.experiments.telling import findings_of
@@ -34,3 +36,15 @@ def test_a_series_without_a_steady_state_is_told_as_such() -> None:
     says = " ".join(told([40.0 + number for number in range(100)]))
 
     assert "cannot be told: its response times still changed within 100 samples" in says
+
+
+@pytest.mark.parametrize(("reserve", "codes"), [("30 %", ["RARMS266"]), ("measured", []), (None, [])])
+def test_a_reservation_that_is_fixed_and_measured_is_told_of(reserve: str | None, codes: list[str]) -> None:
+    component = a_component("vision", apt=APT, simulation=a_simulation(), reserve=reserve)
+    system = a_system(components=[component])
+    experiment = experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
+
+    found = list(findings_of(experiment, Sufficient(reserve=21, failed=20, error=0.03), (), NoPlaces()))
+
+    assert [one.code for one in found] == codes
+    assert all("21 %" in one.detail and "reserves 30 %" in one.detail for one in found)
