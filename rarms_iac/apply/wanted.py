@@ -19,11 +19,11 @@ from rarms_iac.model.plan import ThreadClass
 from rarms_iac.model.state import Disk, Partition, State, TaskClass
 from rarms_iac.model.system import Disruption, HypervHost, SimulatedHost, System
 from rarms_iac.model.where import partition_place
-from rarms_iac.planner.classes import ClassValues
 from rarms_iac.planner.desired import desired_state
 from rarms_iac.planner.findings import MEMORY, PACKING, RESERVATIONS
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.layout import plan_layout
+from rarms_iac.planner.leftover.classes import ClassValues
 from rarms_iac.planner.problem import host_view
 from rarms_iac.planner.reservations import FixedReservations, ReservationSource
 

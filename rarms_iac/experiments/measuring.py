@@ -18,7 +18,7 @@ from rarms_iac.experiments.setup import Experiment
 from rarms_iac.experiments.watching import TooManyFailed, watch
 from rarms_iac.model.diagnostics import Place
 from rarms_iac.model.measurement import P1, P2, Series, Setting
-from rarms_iac.planner.classes import classes_of, registry_values
+from rarms_iac.planner.leftover.classes import classes_of, registry_values
 from rarms_iac.providers.measuring import Inside, MeasuringHost, Work
 
 SETTINGS = 101

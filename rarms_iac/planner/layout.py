@@ -13,10 +13,10 @@ from rarms_iac.model.layout import Infeasible, Layout
 from rarms_iac.model.quantities import show_bytes, show_processors
 from rarms_iac.model.system import Disruption, Measured, System
 from rarms_iac.planner import findings
-from rarms_iac.planner.conflict import explained, told
+from rarms_iac.planner.does_not_fit.conflict import explained, told
+from rarms_iac.planner.does_not_fit.relaxations import Trial
 from rarms_iac.planner.first_fit import cost
 from rarms_iac.planner.problem import HostView, Problem, by_name, problem_of, solve
-from rarms_iac.planner.relaxations import Trial
 from rarms_iac.planner.reservations import ReservationSource
 from rarms_iac.planner.search import Verdict, certified_impossible
 

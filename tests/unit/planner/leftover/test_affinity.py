@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rarms_iac.model.system import Component
-from rarms_iac.planner.affinity import ALL, masks_of
-from rarms_iac.planner.classes import classes_of, registry_values
+from rarms_iac.planner.leftover.affinity import ALL, masks_of
+from rarms_iac.planner.leftover.classes import classes_of, registry_values
 from tests.builders import a_component, at_most
 from tests.planning import PLACES
 

@@ -18,12 +18,12 @@ from rarms_iac.model.quantities import (
     show_percent,
 )
 from rarms_iac.model.system import Component, Host, Measured, System
-from rarms_iac.planner import pairs
+from rarms_iac.planner.does_not_fit import pairs
+from rarms_iac.planner.does_not_fit.relaxed_apts import one_relaxed, several_relaxed, slack_of
 from rarms_iac.planner.first_fit import free_in
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.prediction.members import alone_in, predictor_of
 from rarms_iac.planner.problem import HostView, Problem
-from rarms_iac.planner.relaxed_apts import one_relaxed, several_relaxed, slack_of
 
 OFFERED = 4
 """More ways out than these are not read."""

@@ -12,8 +12,8 @@ from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.state import RegistryValue, ValueKind
 from rarms_iac.model.system import Component, TaskCategory, TaskWish
 from rarms_iac.planner import findings
-from rarms_iac.planner.affinity import ALL, masks_of
 from rarms_iac.planner.groups import most_critical_first
+from rarms_iac.planner.leftover.affinity import ALL, masks_of
 
 LEVELS = 8
 """Priorities of a category: 1 to 8."""

@@ -10,9 +10,9 @@ from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import plain, show_bytes, show_percent, show_processors
 from rarms_iac.model.where import partition_place
 from rarms_iac.planner import findings
+from rarms_iac.planner.does_not_fit.relaxations import Trial, relaxations
 from rarms_iac.planner.first_fit import Bin, Item, cost, free_in
 from rarms_iac.planner.problem import Problem
-from rarms_iac.planner.relaxations import Trial, relaxations
 from rarms_iac.planner.search import place
 
 FILTERED_UP_TO = 12
