@@ -86,14 +86,35 @@ def raises_most(guide: Guide, unknown: Sequence[Candidate], room: int) -> tuple[
     """
     best: tuple[float, Candidate, int] | None = None
     for one in sorted(unknown, key=lambda each: each.coi.members, reverse=True):
-        expected, bearable = guide.expected(one.mask), room // one.coi.processors + 1
-        for reserve in range(one.low, highest(one) + 1):
-            rise = reserve + 1 - one.low
-            worth = (1.0 - expected.below(reserve)) * one.coi.processors * (min(rise, bearable) + BEYOND * rise)
-            if best is None or worth > best[0]:
-                best = worth, one, reserve
+        worth, reserve = _worth_most(guide.expected(one.mask), one, room)
+        if best is None or worth > best[0]:
+            best = worth, one, reserve
     assert best is not None, "a compound that is not known has a question left"
     return best[1], best[2]
+
+
+def _worth_most(expected: Expectation, one: Candidate, room: int) -> tuple[float, int]:
+    """The CR with the most expected rise, the lower of equals; a range that cannot have it is not looked into."""
+    bearable = room // one.coi.processors + 1
+
+    def rises(reserve: int) -> float:
+        rise = reserve + 1 - one.low
+        return one.coi.processors * (min(rise, bearable) + BEYOND * rise)
+
+    best = -1.0, one.low
+    left = [(one.low, highest(one), 1.0)]  # with the probability that it needs more than what lies below the range
+    while left:
+        first, last, more = left.pop()
+        if more * rises(last) < best[0]:
+            continue
+        middle = (first + last) // 2
+        needs_more = 1.0 - expected.below(middle)
+        worth = needs_more * rises(middle)
+        if worth > best[0] or (worth == best[0] and middle < best[1]):
+            best = worth, middle
+        left += [(middle + 1, last, needs_more)] if middle < last else []
+        left += [(first, middle - 1, more)] if first < middle else []
+    return best
 
 
 def doubt_of(guide: Guide, layouts: Layouts, than: Value, probability: float) -> Doubt:

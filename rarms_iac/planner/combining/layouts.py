@@ -2,6 +2,7 @@
 
 import heapq
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from itertools import count
 from typing import NamedTuple
@@ -13,7 +14,16 @@ from rarms_iac.planner.combining.values import Coi
 Fits = Callable[[Sequence[Coi]], bool]
 """Whether hosts can keep these promises at once; less reserve never fits worse."""
 
-NEVER = (1 << 60, 0)
+PARTITIONS = 8
+"""Bits of a `Least` that count partitions: more than there are."""
+
+NEVER = 1 << 60
+
+FEW = 80
+"""Compounds of which all unions are made; of more, every set of their members may be one."""
+
+Least = int
+"""What some reserve together, and in how many partitions: compares as the two in this order, and adds up as both do."""
 
 Value = tuple[int, int, int]
 """What layouts are compared on, in order; the smaller, the better."""
@@ -61,23 +71,49 @@ class Layouts:
 
     candidates: Candidates
     objective: Objective
-    _costs: dict[Mask, int] = field(init=False)
+    _costs: dict[Mask, Least] = field(init=False)
     _by_top: dict[int, list[Mask]] = field(init=False)
-    _least: dict[Mask, tuple[int, int]] = field(init=False)
+    _listed: frozenset[Mask] = field(init=False)  # compounds that were a gain before what is known by now
+    _least: dict[Mask, Least] = field(init=False)
     _within: dict[Mask, list[Mask]] = field(init=False)
+    _sets: list[_Sharing] = field(init=False)
+    _heap: list[Shared] | None = field(init=False)
     _alone: list[int] = field(init=False)
     _weights: list[int] = field(init=False)
 
     def __post_init__(self) -> None:
         known = self.candidates
-        self._costs = {mask: one.coi.cost for mask, one in known.by_mask.items() if one.is_gain}
+        self._costs = _costs(known)
+        self._listed = frozenset(self._costs)
         self._by_top = {}
         for mask in self._costs:
             self._by_top.setdefault(mask.bit_length(), []).append(mask)
-        self._least = {0: (0, 0)}
+        self._least = {0: 0}
         self._within = {}
         self._alone = [one.cost for one in known.cois]
         self._weights = _weights(known.cois, self.objective.criticalities)
+        self._sets = self._sharing()
+        self._heap = None
+
+    def after(self, candidates: Candidates) -> "Layouts":
+        """The same of the same CoIs, of which more is known now; what did not change is not worked out again."""
+        costs = _costs(candidates)
+        if not costs.keys() <= self._costs.keys():
+            return Layouts(candidates=candidates, objective=self.objective)
+        later = copy(self)
+        later._learn(candidates, costs)  # noqa: SLF001 - its own
+        return later
+
+    def _learn(self, candidates: Candidates, costs: dict[Mask, Least]) -> None:
+        changed: list[Mask] = []
+        for mask in sorted((one for one in self._costs if costs.get(one) != self._costs[one]), key=int.bit_count):
+            if not any(one & mask == one for one in changed):
+                changed.append(mask)
+        least = self._least.copy()
+        for one in changed:
+            least = {mask: found for mask, found in least.items() if mask & one != one}
+        self.candidates, self._costs, self._least = candidates, costs, least
+        self._heap = None if self._heap is None else self._heap.copy()
 
     def seen(self) -> "Layouts":
         """The same of what was seen to hold: only compounds that met all APTs somewhere, at the least such CR."""
@@ -110,35 +146,90 @@ class Layouts:
 
     def ranked(self) -> Iterator[Shared]:
         """Sets of CoIs that may share and have room for it, by the first of what layouts are compared on."""
-        found = self._with_room()
-        yield from found if self.objective.minimise is Minimise.COMBINING else sorted(found)
+        if self.objective.minimise is Minimise.COMBINING:
+            yield from self._with_room()
+        else:
+            yield from self._by_reservation()
+
+    def _by_reservation(self) -> Iterator[Shared]:
+        """The same, the least reservation first. What was found before is the least that it may be now."""
+        if self._heap is None:
+            self._heap = sorted(self._with_room())
+        heap, found = self._heap, []
+        try:
+            while heap:
+                now = self._looked_at(heap[0])
+                if now is None:
+                    heapq.heappop(heap)
+                elif now.value != heap[0].value:
+                    heapq.heapreplace(heap, now)
+                else:
+                    found.append(heapq.heappop(heap))
+                    yield now
+        finally:
+            for one in found:
+                heapq.heappush(heap, one)
+
+    def _looked_at(self, one: Shared) -> Shared | None:
+        """As it is now; None: there is no room for it any more."""
+        least = self.least(one.mask)
+        if least > self._room(one.rest):
+            return None
+        return Shared(self.value_of(one.mask, one.rest, least, self.key(one.mask)), one.mask, one.rest)
 
     def _with_room(self) -> Iterator[Shared]:
         everything, capacity = sum(self._alone), self.objective.capacity
-        for one in self._sharing():
+        for one in self._sets:
             rest = everything - one.alone
-            if rest <= capacity and rest + (least := self.least(one.mask))[0] <= capacity:
-                yield Shared(self._value(one.key, rest + least[0], self.partitions(one.mask, least[1])), one.mask, rest)
+            if rest <= capacity and (least := self.least(one.mask)) >> PARTITIONS <= capacity - rest:
+                yield Shared(self.value_of(one.mask, rest, least, one.key), one.mask, rest)
 
-    def value_of(self, shared: Mask, reserved: int, compounds: int) -> Value:
-        """Of a layout in which these share so many compounds."""
-        return self._value(self.key(shared), reserved, self.partitions(shared, compounds))
+    def value_of(self, shared: Mask, rest: int, least: Least, key: int) -> Value:
+        """Of a layout in which these share, and the others reserve `rest`; `key`: of those who share."""
+        return self._value(key, rest + (least >> PARTITIONS), self.partitions(shared, least & (1 << PARTITIONS) - 1))
 
     def partitions(self, shared: Mask, compounds: int) -> int:
         """How many there are when these share so many."""
         return len(self._alone) - shared.bit_count() + compounds
 
+    def less_than(self, than: Value, shared: Mask, rest: int) -> Least:
+        """The most that these may reserve together, and in how many partitions, for a layout better than that one.
+
+        Below 0: it cannot be. What exceeds the capacity is none.
+        """
+        first, second, partitions = than
+        key = self.key(shared)
+        reserved, limit = (second, first) if self.objective.minimise is Minimise.COMBINING else (first, second)
+        same = (reserved - rest << PARTITIONS) + partitions - self.partitions(shared, 0) - 1
+        if key == limit:
+            return min(same, self._room(rest))
+        if self.objective.minimise is Minimise.COMBINING:
+            return self._room(rest) if key < limit else -1
+        less = (reserved - rest + (key < limit) << PARTITIONS) - 1
+        return min(less, self._room(rest))
+
+    def _room(self, rest: int) -> Least:
+        return (self.objective.capacity - rest + 1 << PARTITIONS) - 1
+
     def _sharing(self) -> list[_Sharing]:
         """Sets of CoIs that may be those who share; the best first."""
+        if len(self._costs) <= FEW:
+            found = {0}
+            for block in self._costs:
+                found |= {one | block for one in found if not one & block}
+            return sorted(_Sharing(self.key(one), one, self._apart(one)) for one in found)
         used = 0
         for mask in self._costs:
             used |= mask
-        found = [_Sharing(0, 0, 0)]
+        everything = [_Sharing(0, 0, 0)]
         for at in range(used.bit_length()):
             if used >> at & 1:
                 weight, alone, bit = self._weights[at], self._alone[at], 1 << at
-                found += [_Sharing(one.key + weight, one.mask | bit, one.alone + alone) for one in found]
-        return sorted(found)
+                everything += [_Sharing(one.key + weight, one.mask | bit, one.alone + alone) for one in everything]
+        return sorted(everything)
+
+    def _apart(self, mask: Mask) -> int:
+        return sum(cost for at, cost in enumerate(self._alone) if mask >> at & 1)
 
     def _of(self, shared: Shared) -> Iterator[Choice]:
         """Layouts in which just these share, that fit, by what they reserve."""
@@ -162,19 +253,23 @@ class Layouts:
         alone = [one for at, one in enumerate(self.candidates.cois) if not taken >> at & 1]
         return (*alone, *(self.candidates.by_mask[mask].coi for mask in blocks))
 
-    def least(self, mask: Mask) -> tuple[int, int]:
-        """The least that these reserve when each of them shares, and how many partitions that takes."""
+    def least(self, mask: Mask) -> Least:
+        """The least that these reserve when each of them shares; `NEVER` or more: they cannot."""
         found = self._least.get(mask)
         if found is None:
-            found = NEVER
+            found, costs = NEVER, self._costs
             for block in self.blocks(mask):
-                left = self.least(mask ^ block)
-                found = min(found, (left[0] + self._costs[block], left[1] + 1))
+                if (cost := costs.get(block, NEVER)) < found and (least := cost + self.least(mask ^ block)) < found:
+                    found = least
             self._least[mask] = found
         return found
 
+    def cost(self, block: Mask) -> Least:
+        """What a compound reserves, in its one partition."""
+        return self._costs.get(block, NEVER)
+
     def blocks(self, mask: Mask) -> list[Mask]:
-        """Compounds within the set that hold its most critical member."""
+        """Compounds within the set that hold its most critical member, and some that are no gain any more."""
         found = self._within.get(mask)
         if found is None:
             found = self._within[mask] = self._found_within(mask)
@@ -188,7 +283,7 @@ class Layouts:
             return [one for one in listed if one & mask == one]
         found, part = [], others
         while part:
-            if (block := part | 1 << (top - 1)) in self._costs:
+            if (block := part | 1 << (top - 1)) in self._listed:
                 found.append(block)
             part = (part - 1) & others
         return found
@@ -196,19 +291,22 @@ class Layouts:
     def _partitions(self, mask: Mask) -> Iterator[tuple[int, tuple[Mask, ...]]]:
         """All ways to make compounds of them, the cheapest first: what is left is known to cost at least so much."""
         number = count()
-        heap = [(*self.least(mask), next(number), 0, mask, ())]
-        waiting: list[tuple[int, int, int, int, Mask, tuple[Mask, ...]]] = [one for one in heap if one[0] < NEVER[0]]
+        waiting: list[tuple[Least, int, Least, Mask, tuple[Mask, ...]]] = []
+        if (least := self.least(mask)) < NEVER:
+            waiting.append((least, next(number), 0, mask, ()))
         while waiting:
-            _, _, _, cost, left, blocks = heapq.heappop(waiting)
+            _, _, cost, left, blocks = heapq.heappop(waiting)
             if not left:
-                yield cost, blocks
+                yield cost >> PARTITIONS, blocks
                 continue
             for block in self.blocks(left):
-                now = cost + self._costs[block]
-                least = self.least(left ^ block)
-                if least[0] < NEVER[0]:
-                    bound = (now + least[0], len(blocks) + 1 + least[1])
-                    heapq.heappush(waiting, (*bound, next(number), now, left ^ block, (*blocks, block)))
+                now = cost + self.cost(block)
+                if (least := now + self.least(left ^ block)) < NEVER:
+                    heapq.heappush(waiting, (least, next(number), now, left ^ block, (*blocks, block)))
+
+
+def _costs(known: Candidates) -> dict[Mask, Least]:
+    return {mask: (one.coi.cost << PARTITIONS) + 1 for mask, one in known.by_mask.items() if one.is_gain}
 
 
 def _weights(cois: Sequence[Coi], criticalities: Mapping[str, int]) -> list[int]:

@@ -1,6 +1,6 @@
 """The next threshold question: does this compound meet its APTs at this reservation? A pure function of the answers."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rarms_iac.model.system import Minimise
@@ -9,6 +9,7 @@ from rarms_iac.planner.combining.candidates import (
     Break,
     Candidate,
     Candidates,
+    Mask,
     candidates_of,
     informed,
 )
@@ -101,33 +102,67 @@ def tuning_of(
 
 
 def next_step(tuning: Tuning, answers: Sequence[Asked]) -> Step:
-    """What to ask after these answers, or the answer.
+    """What to ask after these answers, or the answer; as of `Looking`."""
+    return Looking(tuning=tuning).next_step(answers)
 
-    The best layout that what is known allows is looked at: where the least CR of all its compounds was measured, no
-    other one can be better, since each was taken to need the least that it can. Otherwise a compound of it is asked
-    for, where what it needs at least will probably rise most. Predictions choose the question, and prove nothing.
-    """
-    known = informed(tuning.candidates, answers)
-    layouts = Layouts(candidates=known, objective=tuning.objective)
-    best = layouts.best()
-    if best is None:
-        return NothingFits(breaks=known.breaks, complete=tuning.complete)
-    unknown = [one for mask in best.blocks if not (one := known.by_mask[mask]).is_known]
-    if not unknown:
-        return _best(tuning, layouts, best)
-    seen = layouts.seen()
-    holds = seen.best() if any(one.passed is not None for one in known.by_mask.values()) else None
-    if holds is not None and layouts.value(holds) == layouts.value(best):
-        return _best(tuning, seen, holds)
-    guide = guide_of(known, tuning.predictor)
-    chosen = None
-    if holds is not None and tuning.probability is not None:
-        doubt = doubt_of(guide, layouts, layouts.value(holds), tuning.probability)
-        if doubt.enough:
-            return replace(_best(tuning, seen, holds), stopped_at=tuning.probability)
-        chosen = settles_most(doubt, known)
-    one, reserve = chosen or raises_most(guide, unknown, _room(tuning, best, holds))
-    return _question(guide, best, one, reserve)
+
+@dataclass(slots=True, kw_only=True)
+class Looking:
+    """The same after ever more answers: what one does not touch is not worked out again, and all is as if it were."""
+
+    tuning: Tuning
+    _layouts: Layouts | None = None
+    _seen: "_Seen | None" = None
+
+    def next_step(self, answers: Sequence[Asked]) -> Step:
+        """What to ask after these answers, or the answer.
+
+        The best layout that what is known allows is looked at: where the least CR of all its compounds was measured, no
+        other one can be better, since each was taken to need the least that it can. Otherwise a compound of it is asked
+        for, where what it needs at least will probably rise most. Predictions choose the question, and prove nothing.
+        """
+        tuning = self.tuning
+        known = informed(tuning.candidates, answers)
+        layouts = self._looked_at(known)
+        best = layouts.best()
+        if best is None:
+            return NothingFits(breaks=known.breaks, complete=tuning.complete)
+        unknown = [one for mask in best.blocks if not (one := known.by_mask[mask]).is_known]
+        if not unknown:
+            return _best(tuning, layouts, best, known.breaks)
+        seen, holds = self._holding(layouts)
+        if holds is not None and layouts.value(holds) == layouts.value(best):
+            return _best(tuning, seen, holds, known.breaks)
+        guide = guide_of(known, tuning.predictor)
+        chosen = None
+        if holds is not None and tuning.probability is not None:
+            doubt = doubt_of(guide, layouts, layouts.value(holds), tuning.probability)
+            if doubt.enough:
+                return replace(_best(tuning, seen, holds, known.breaks), stopped_at=tuning.probability)
+            chosen = settles_most(doubt, known)
+        one, reserve = chosen or raises_most(guide, unknown, _room(tuning, best, holds))
+        return _question(guide, best, one, reserve)
+
+    def _looked_at(self, known: Candidates) -> Layouts:
+        last = self._layouts
+        layouts = Layouts(candidates=known, objective=self.tuning.objective) if last is None else last.after(known)
+        self._layouts = layouts
+        return layouts
+
+    def _holding(self, layouts: Layouts) -> tuple[Layouts, Choice | None]:
+        """The best of what was seen to hold; None: no compound was."""
+        passed = {mask: one.passed for mask, one in layouts.candidates.by_mask.items() if one.passed is not None}
+        if self._seen is None or self._seen.passed != passed:
+            seen = layouts.seen()
+            self._seen = _Seen(passed=passed, layouts=seen, best=seen.best() if passed else None)
+        return self._seen.layouts, self._seen.best
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Seen:
+    passed: Mapping[Mask, int]
+    layouts: Layouts
+    best: Choice | None
 
 
 def _room(tuning: Tuning, best: Choice, holds: Choice | None) -> int:
@@ -150,11 +185,11 @@ def _question(guide: Guide, best: Choice, one: Candidate, reserve: int) -> Ask:
     )
 
 
-def _best(tuning: Tuning, layouts: Layouts, best: Choice) -> Best:
+def _best(tuning: Tuning, layouts: Layouts, best: Choice, breaks: tuple[Break, ...]) -> Best:
     return Best(
         cois=tuple(sorted(layouts.cois_of(best.blocks), key=lambda one: (-one.criticality, one.name))),
         total=best.total,
-        breaks=layouts.candidates.breaks,
+        breaks=breaks,
         complete=tuning.complete or _is_first(tuning, best),
     )
 
@@ -183,11 +218,13 @@ def search(
     """
     trail = list(answers)
     consented: set[Members] = {one.members for one in trail}
-    while isinstance(step := next_step(tuning, trail), Ask):
+    looking = Looking(tuning=tuning)
+    while isinstance(step := looking.next_step(trail), Ask):
         if step.members not in consented:
             if not _consent(tuning, asking, step.members):
                 asking.reporter.declined(step.members)
                 tuning = _without(tuning, step.members)
+                looking = Looking(tuning=tuning)
                 continue
             consented.add(step.members)
         trail.append(replace(asking.ask(step.members, step.reserve, step.why), predicted=step.predicted))

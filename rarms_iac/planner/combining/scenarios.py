@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
 from rarms_iac.planner.combining.candidates import Mask
-from rarms_iac.planner.combining.layouts import NEVER, Layouts, Shared, Value
+from rarms_iac.planner.combining.layouts import NEVER, PARTITIONS, Layouts, Least, Shared, Value
 from rarms_iac.planner.prediction.belief import Belief, Hypothesis, Outlook
 
 _BITS = 0xFFFFFFFFFFFFFFFF
@@ -20,7 +20,8 @@ class World:
     outlook: Callable[[Mask], Outlook]
     way: Hypothesis
     needs: dict[Mask, int] = field(default_factory=dict)  # CR, of those that were drawn
-    _least: dict[Mask, tuple[int, int]] = field(default_factory=lambda: {0: (0, 0)})
+    _least: dict[Mask, Least] = field(default_factory=lambda: {0: 0})
+    _more_than: dict[Mask, Least] = field(default_factory=dict)  # where it was given up
 
     def need(self, mask: Mask) -> int:
         """The CR that the compound needs here."""
@@ -29,20 +30,28 @@ class World:
             found = self.needs[mask] = self.way.need(self.outlook(mask), _drawn(self.number, mask))
         return found
 
-    def _cost(self, block: Mask) -> int:
+    def _cost(self, block: Mask) -> Least:
         one = self.layouts.candidates.by_mask[block]
         need = self.need(block)
-        return need * one.coi.processors if need <= one.highest else NEVER[0]
+        return (need * one.coi.processors << PARTITIONS) + 1 if need <= one.highest else NEVER
 
-    def least(self, mask: Mask) -> tuple[int, int]:
-        """As of `Layouts`, here."""
+    def least(self, mask: Mask, most: Least) -> Least:
+        """As of `Layouts`, here, where it is at most so much; otherwise something more than that."""
         found = self._least.get(mask)
-        if found is None:
-            found = NEVER
-            for block in self.layouts.blocks(mask):
-                left = self.least(mask ^ block)
-                found = min(found, (left[0] + self._cost(block), left[1] + 1))
+        if found is not None:
+            return found
+        if most < max(self._more_than.get(mask, -1) + 1, self.layouts.least(mask)):
+            return most + 1
+        found = most + 1
+        for block in self.layouts.blocks(mask):
+            left = mask ^ block
+            at_least = self.layouts.least(left)
+            if self.layouts.cost(block) + at_least < found and (cost := self._cost(block)) + at_least < found:
+                found = min(found, cost + self.least(left, found - cost - 1))
+        if found <= most:
             self._least[mask] = found
+        else:
+            self._more_than[mask] = most
         return found
 
     def better(self, sets: Iterable[Shared], than: Value) -> tuple[Mask, ...] | None:
@@ -51,22 +60,24 @@ class World:
         NOTE: hosts are not looked at. So it may fit none, and another layout seems better rather than none.
         """
         for one in sets:
-            cost, compounds = self.least(one.mask)
-            fits = one.rest + cost <= self.layouts.objective.capacity
-            if fits and self.layouts.value_of(one.mask, one.rest + cost, compounds) < than:
+            most = self.layouts.less_than(than, one.mask, one.rest)
+            if self.least(one.mask, most) <= most:
                 return tuple(self._blocks_of(one.mask))
         return None
 
     def _blocks_of(self, shared: Mask) -> Iterator[Mask]:
         while shared:
-            cost, number = self.least(shared)
-            block = next(
-                one
-                for one in self.layouts.blocks(shared)
-                if self.least(shared ^ one) == (cost - self._cost(one), number - 1)
-            )
+            least = self._least[shared]
+            block = next(one for one in self.layouts.blocks(shared) if self._makes(one, shared ^ one, least))
             yield block
             shared ^= block
+
+    def _makes(self, block: Mask, left: Mask, least: Least) -> bool:
+        """Whether the least of a set is this compound with the least of what is left."""
+        if self.layouts.cost(block) + self.layouts.least(left) > least:
+            return False
+        rest = least - self._cost(block)
+        return rest >= 0 and self.least(left, rest) == rest
 
 
 def _drawn(world: int, mask: Mask) -> float:

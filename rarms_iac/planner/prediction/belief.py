@@ -7,7 +7,7 @@ host, that shows after a few compounds; where none does, what remains is wide, a
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import accumulate
 from math import exp, log
 
@@ -155,11 +155,23 @@ class Belief:
 
 def belief_of(ways: int, seen: Sequence[Outlook]) -> Belief:
     """What to expect with so many ways to predict, after these compounds were asked about."""
-    likely = {one: log(weight) + sum(_fits(one, each) for each in seen) for one, weight in _hypotheses(ways)}
-    best = max(likely.values())
-    weights = {one: exp(value - best) for one, value in likely.items() if value > best - UNLIKELY}
+    first = _hypotheses(ways)
+    likely = [sum(parts) for parts in zip(_logarithms(ways), *(_fitting(ways, one) for one in seen), strict=True)]
+    best = max(likely)
+    weights = {one: exp(value - best) for (one, _), value in zip(first, likely, strict=True) if value > best - UNLIKELY}
     total = sum(weights.values())
     return Belief(weights={one: weight / total for one, weight in weights.items()})
+
+
+@cache
+def _logarithms(ways: int) -> tuple[float, ...]:
+    return tuple(log(weight) for _, weight in _hypotheses(ways))
+
+
+@lru_cache(maxsize=1 << 12)
+def _fitting(ways: int, seen: Outlook) -> tuple[float, ...]:
+    """Of each hypothesis."""
+    return tuple(_fits(one, seen) for one, _ in _hypotheses(ways))
 
 
 def _fits(one: Hypothesis, seen: Outlook) -> float:
@@ -169,8 +181,13 @@ def _fits(one: Hypothesis, seen: Outlook) -> float:
     return log(max(high - low, 1e-12))
 
 
-def _hypotheses(ways: int) -> Iterator[tuple[Hypothesis, float]]:
+@cache
+def _hypotheses(ways: int) -> tuple[tuple[Hypothesis, float], ...]:
     """With what each weighs before anything was asked."""
+    return tuple(_each_hypothesis(ways))
+
+
+def _each_hypothesis(ways: int) -> Iterator[tuple[Hypothesis, float]]:
     known = TRUST if ways else 0.0
     yield Hypothesis(way=None), (1.0 - known) * EVEN
     for place in PLACES:
