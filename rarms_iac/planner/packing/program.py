@@ -17,6 +17,15 @@ Fits = Callable[[int, Mask], bool]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Processors:
+    """Virtual processors, each of which needs a logical one that has so much left: how many, and per cent of each."""
+
+    logical: int
+    virtual: tuple[tuple[int, int], ...]  # by item
+    others: tuple[tuple[int, int], ...] = ()  # of what is there already
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Kind:
     """Hosts that cannot be told apart."""
 
@@ -53,6 +62,7 @@ class Problem:
     now: tuple[int | None, ...] = ()  # by item: the host it is on; empty: nothing runs yet
     fits: Callable[[int, Sequence[int]], bool] | None = None  # host, items: whether they fit beyond their sizes
     alike: tuple[int, ...] = ()  # by host: hosts of different numbers differ for `fits`; empty: none do
+    processors: tuple[Processors | None, ...] = ()  # by host: what `fits` rests on, None where sizes tell all
 
     @property
     def items(self) -> int:
