@@ -5,7 +5,7 @@ not fail because others took its place.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 
 from rarms_iac.model.diagnostics import Diagnostic, Places
@@ -18,7 +18,7 @@ from rarms_iac.planner.does_not_fit.relaxations import Trial
 from rarms_iac.planner.first_fit import cost
 from rarms_iac.planner.problem import HostView, Problem, by_name, problem_of, solve
 from rarms_iac.planner.reservations import ReservationSource
-from rarms_iac.planner.search import Verdict, certified_impossible
+from rarms_iac.planner.search import Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,8 +57,6 @@ def plan_layout(
             return isinstance(solve(again), Layout)
 
         answer = explained(answer, problem, Trial(system=system, views=hosts, works=works))
-        if answer.proven:
-            answer = replace(answer, certificate=certified_impossible(problem.items, problem.bins))
         notes += told(answer, problem, places)
     return Planning(answer=answer, findings=tuple(notes))
 

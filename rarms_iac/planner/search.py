@@ -6,15 +6,16 @@ bound that may be.
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from math import gcd
 from typing import TYPE_CHECKING
 
 from rarms_iac.model.capacity import WHOLE, fits
 from rarms_iac.model.layout import Placement
+from rarms_iac.model.plan import Claim
 from rarms_iac.planner.first_fit import Bin, Item, all_fit, cost, first_fit, free_in
-from rarms_iac.planner.packing.program import Problem, Sizes
+from rarms_iac.planner.packing.program import Problem, Processors, Sizes
 
 if TYPE_CHECKING:  # the search is imported where there is something to search
     from rarms_iac.planner.packing.solve import Impossible, Packed
@@ -47,6 +48,7 @@ class Found:
     value: tuple[int, int] = (0, 0)  # reservation in per cent of one logical processor, moves
     bound: tuple[int, int] = (0, 0)  # no placement has less
     avoided: int = 0  # moves that packing anew would have made beside those that are made
+    among: tuple[str, ...] = ()  # the hosts that were to be chosen from
     problem: Problem | None = None  # where something was to be chosen exactly
     result: "Packed | Impossible | None" = None
 
@@ -91,30 +93,20 @@ def _verdict(found: Found) -> tuple[Verdict, str]:
 
         claim = claim_of(found.problem, found.result)
         if claim is not None:
-            certificate = _checked(found.problem, claim)
+            certificate = certificate_of(found.problem, claim, list(found.hosts or ()), found.among)
             return (Verdict.OPTIMAL if certificate else Verdict.SEARCHED), certificate
     return (Verdict.SEARCHED if found.proven else Verdict.WITHIN), ""
 
 
-def certified_impossible(items: Sequence[Item], bins: Sequence[Bin]) -> str:
-    """JSON of a certificate that there is no placement, as the checker accepted it; empty where there is none.
+def certificate_of(problem: Problem, claim: Mapping[str, object], items: Sequence[str], hosts: Sequence[str]) -> str:
+    """The certificate as JSON; empty where the checker does not accept it, or it is too long for a plan.
 
-    What virtual processors need beyond their sum is not in it: what fails for that alone has no certificate.
+    Args:
+        problem: what was packed, or cannot be.
+        claim: what is claimed of it.
+        items: names of the partitions, in the problem's order.
+        hosts: names of the hosts, in the problem's order.
     """
-    if not bins or not 0 < len(items) <= EXACT_UP_TO or any(not one.claims for one in items):
-        return ""
-    from rarms_iac.planner.packing.certificate import claim_of
-    from rarms_iac.planner.packing.solve import Impossible, solve
-
-    ordered, hosts = sorted(items, key=lambda one: one.name), sorted(bins, key=lambda one: one.name)
-    problem = replace(problem_of(ordered, hosts), fits=None)
-    result = solve(problem)
-    claim = claim_of(problem, result) if isinstance(result, Impossible) else None
-    return "" if claim is None else _checked(problem, claim)
-
-
-def _checked(problem: Problem, claim: Mapping[str, object]) -> str:
-    """The certificate as JSON; empty where the checker does not accept it, or it is too long for a plan."""
     from rarms_iac.planner.packing.certificate import problem_data
     from rarms_iac.planner.packing.checker import Wrong, check
 
@@ -123,7 +115,8 @@ def _checked(problem: Problem, claim: Mapping[str, object]) -> str:
         check(data, claim)
     except Wrong:
         return ""
-    text = json.dumps({"problem": data, "claim": claim}, separators=(",", ":"))
+    told = {"partitions": list(items), "hosts": list(hosts), "problem": data, "claim": claim}
+    text = json.dumps(told, separators=(",", ":"))
     return text if len(text) <= CERTIFICATE_UP_TO else ""
 
 
@@ -147,6 +140,7 @@ def _exactly(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
         value=value,
         bound=(result.cost.bound, result.moves.bound),
         avoided=result.avoided,
+        among=tuple(one.name for one in bins),
         problem=problem,
         result=Packed(hosts=where, cost=result.cost, moves=result.moves, avoided=result.avoided),
     )
@@ -161,7 +155,7 @@ def problem_of(items: Sequence[Item], bins: Sequence[Bin]) -> Problem:
     sizes = [[_size(item, one) for item in items] for one in bins]
     rooms = [_room(one) for one in bins]
     for at, room in enumerate(rooms):
-        if min(room) < 0:  # others hold more than there is
+        if min(room) < 0 or _overcommitted(bins[at]):  # others hold more than there is
             sizes[at] = [None] * len(items)
     costs = [[cost(item.claims[one.name]) if one.name in item.claims else 0 for item in items] for one in bins]
     alike: dict[object, int] = {}
@@ -169,7 +163,7 @@ def problem_of(items: Sequence[Item], bins: Sequence[Bin]) -> Problem:
         alike.setdefault((one.capacity, one.taken, tuple(item.claims.get(one.name) for item in items)), at)
         for at, one in enumerate(bins)
     ]
-    wide = all(_as_wide(items, one) for one in bins)
+    narrow = [not _as_wide(items, one) for one in bins]
     units = [_unit(sizes, d) for d in range(3)]
     rows = [tuple(None if size is None else _in(size, units) for size in row) for row in sizes]
     return Problem(
@@ -178,14 +172,15 @@ def problem_of(items: Sequence[Item], bins: Sequence[Bin]) -> Problem:
         opening=(0,) * len(bins),
         costs=tuple(map(tuple, costs)),
         now=tuple(numbers.get(item.now) for item in items),
-        fits=None if wide else _fitting(items, bins, kinds),
+        fits=_fitting(items, bins, kinds) if any(narrow) else None,
         alike=tuple(kinds),
+        processors=tuple(_processors(items, one) if much else None for one, much in zip(bins, narrow, strict=True)),
     )
 
 
 def _size(item: Item, one: Bin) -> Sizes | None:
     claim = item.claims.get(one.name)
-    if claim is None:
+    if claim is None or _too_wide(claim, one):
         return None
     return cost(claim), claim.memory, claim.processors if 2 * claim.reserve > WHOLE else 0
 
@@ -194,6 +189,26 @@ def _room(one: Bin) -> Sizes:
     free = free_in(one)
     halves = sum(claim.processors for claim in one.taken if 2 * claim.reserve > WHOLE)
     return free.percent, free.memory, one.capacity.logical_processors - halves
+
+
+def _too_wide(claim: Claim, one: Bin) -> bool:
+    """Whether the reserve is guaranteed to nobody, for more virtual processors than the host has logical ones."""
+    return bool(claim.reserve) and claim.processors > one.capacity.logical_processors
+
+
+def _overcommitted(one: Bin) -> bool:
+    return any(_too_wide(claim, one) for claim in one.taken)
+
+
+def _processors(items: Sequence[Item], one: Bin) -> Processors:
+    def virtual(claim: Claim | None) -> tuple[int, int]:
+        return (claim.processors, claim.reserve) if claim is not None and claim.reserve else (0, 0)
+
+    return Processors(
+        logical=one.capacity.logical_processors,
+        virtual=tuple(virtual(item.claims.get(one.name)) for item in items),
+        others=tuple(map(virtual, one.taken)),
+    )
 
 
 def _as_wide(items: Sequence[Item], one: Bin) -> bool:

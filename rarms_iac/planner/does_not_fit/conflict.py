@@ -1,7 +1,7 @@
 """Why there is no layout: a smallest set that conflicts, and what was tried and helps (DESIGN section 3)."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places
@@ -11,6 +11,7 @@ from rarms_iac.model.quantities import plain, show_bytes, show_percent, show_pro
 from rarms_iac.model.where import partition_place
 from rarms_iac.planner import findings
 from rarms_iac.planner.does_not_fit.relaxations import Trial, relaxations
+from rarms_iac.planner.does_not_fit.smaller import alone, by_hosts, certified_impossible, hosts_of
 from rarms_iac.planner.first_fit import Bin, Item, cost, free_in
 from rarms_iac.planner.problem import Problem
 from rarms_iac.planner.search import place
@@ -21,6 +22,14 @@ FILTERED_UP_TO = 12
 LISTED_UP_TO = 12
 """Names in a sentence; more are counted."""
 
+_SEARCHED = {
+    findings.RESERVATIONS.code: False,
+    findings.MEMORY.code: False,
+    findings.PACKING.code: True,
+    findings.PLACEMENT.code: True,
+}
+"""Causes that a certificate can be of; and whether they take a search, where a sum shows the others."""
+
 _WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
 
@@ -28,13 +37,56 @@ def explained(answer: Infeasible, problem: Problem, trial: Trial) -> Infeasible:
     """The same answer with its conflict, its causes and ways out; each way out was planned and fits."""
     if answer.causes:
         return answer
-    conflict, causes = _conflict(problem)
-    return replace(answer, conflict=conflict, causes=causes, relaxations=relaxations(problem, conflict, trial))
+    found = _conflict(problem.items, problem.bins)
+    certificate = _certificate(found.names, problem) if answer.proven or found.proven else ""
+    return replace(
+        answer,
+        proven=answer.proven or found.proven,
+        conflict=found.names,
+        causes=found.causes,
+        relaxations=relaxations(problem, found.names, trial),
+        certificate=certificate,
+    )
 
 
-def _conflict(problem: Problem) -> tuple[tuple[str, ...], tuple[Cause, ...]]:
-    items, bins = problem.items, problem.bins
-    too_much = []
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Conflict:
+    """Partitions that do not fit together, why, and whether that is proved by looking at them."""
+
+    names: tuple[str, ...]
+    causes: tuple[Cause, ...]
+    proven: bool
+
+
+def _certificate(names: Sequence[str], problem: Problem) -> str:
+    """Of the partitions that conflict; of all of them where those have none."""
+    few = [one for one in problem.items if one.name in names]
+    return certified_impossible(few, problem.bins) or certified_impossible(problem.items, problem.bins)
+
+
+def _conflict(items: Sequence[Item], bins: Sequence[Bin]) -> _Conflict:
+    for some in (tuple(items), *by_hosts(items)):
+        too_much = _too_much(some, hosts_of(some, bins) if len(some) < len(items) else bins)
+        if too_much is not None:
+            return too_much
+    few = alone(items, bins)
+    names = _filtered(few or items, bins)
+    theirs = hosts_of([one for one in items if one.name in names], bins)
+    if len(theirs) == 1:
+        says = (
+            f"The virtual processors of {_listed(names)} find no room on the {_processors(theirs[0])}, though their "
+            f"sum would: each needs its whole reserve on one of them."
+        )
+        cause = Cause(what=_where(theirs), says=says, code=findings.PACKING.code)
+    else:
+        says = f"{_listed(names)} find no room together on {_listed([one.name for one in theirs])}, host by host."
+        cause = Cause(what=_where(theirs), says=says, code=findings.PLACEMENT.code)
+    return _Conflict(names=names, causes=(cause,), proven=few is not None)
+
+
+def _too_much(items: Sequence[Item], bins: Sequence[Bin]) -> _Conflict | None:
+    """What exceeds the hosts by its sum alone."""
+    found = []
     for measure, code, sentence in (
         (cost, findings.RESERVATIONS.code, _says_processors),
         (_memory, findings.MEMORY.code, _says_memory),
@@ -43,19 +95,11 @@ def _conflict(problem: Problem) -> tuple[tuple[str, ...], tuple[Cause, ...]]:
         names = _largest_that_exceed(items, measure, free)
         if names:
             chosen = [one for one in items if one.name in names]
-            too_much.append((names, Cause(what=_where(bins), says=sentence(chosen, bins), code=code)))
-    if too_much:
-        together = sorted({name for names, _ in too_much for name in names})
-        return tuple(together), tuple(cause for _, cause in too_much)
-    names = _filtered(items, bins)
-    if len(bins) == 1:
-        says = (
-            f"The virtual processors of {_listed(names)} find no room on the {_processors(bins[0])}, though their sum "
-            f"would: each needs its whole reserve on one of them."
-        )
-        return names, (Cause(what=_where(bins), says=says, code=findings.PACKING.code),)
-    says = f"{_listed(names)} find no room together on {_listed([one.name for one in bins])}, host by host."
-    return names, (Cause(what=_where(bins), says=says, code=findings.PLACEMENT.code),)
+            found.append((names, Cause(what=_where(bins), says=sentence(chosen, bins), code=code)))
+    if not found:
+        return None
+    together = sorted({name for names, _ in found for name in names})
+    return _Conflict(names=tuple(together), causes=tuple(cause for _, cause in found), proven=True)
 
 
 def _memory(claim: Claim) -> int:
@@ -161,9 +205,18 @@ def told(answer: Infeasible, problem: Problem, places: Places) -> Iterator[Diagn
         finding = findings.KINDS[cause.code]
         advice = _advice(cause, ways)
         says = cause.says
-        if not answer.proven and cause.code == findings.PLACEMENT.code:
-            says += " It is not proven that there is none: the search gave up before it had tried everything."
-        yield finding.at(_place(cause, problem, places), says, advice, address=cause.what)
+        yield finding.at(_place(cause, problem, places), f"{says}{_sure(answer, cause)}", advice, address=cause.what)
+
+
+def _sure(answer: Infeasible, cause: Cause) -> str:
+    """How sure it is that there is no placement."""
+    if cause.code not in _SEARCHED:
+        return ""
+    if not answer.proven:
+        return " It is not proven that there is none: the search gave up before it had tried everything."
+    if answer.certificate:
+        return " This is certified."
+    return " This is proved by search, not certified." if _SEARCHED[cause.code] else ""
 
 
 def _advice(cause: Cause, ways: Sequence[Relaxation]) -> str:

@@ -17,7 +17,7 @@ from rarms_iac.planner.packing.waste import payable
 
 _HALF = 1e-4
 
-_PENALTY = 50
+PENALTY = 50
 """How much dearer than the whole packing is an item that no pattern covers: weights may be that large."""
 
 SECOND_THOUGHTS = 2
@@ -170,7 +170,7 @@ class Search:
         if view.program.items == 0:
             return None
         known = self._known(view)
-        penalty = _PENALTY * max(1, self.upper)
+        penalty = PENALTY * max(1, self.upper)
         found = relax(view.program, known, target, penalty, replace(self.limits.effort, fully=fully))
         if found is not None:
             self.patterns += found.patterns

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rarms_iac.planner.packing.columns import Effort, relax
+from rarms_iac.planner.packing.dual import above, rounded
 from rarms_iac.planner.packing.fullest import fullest
 from rarms_iac.planner.packing.heuristics import quick_packing
 from rarms_iac.planner.packing.program import Problem, Sizes, assignment_of, cheapest
@@ -103,21 +104,9 @@ def least_bins(items: Sequence[Sizes], room: Sizes) -> int:
         bounds.append(-(-sum(column) // capacity))
         # Fekete and Schepers' u(k), and sizes above a threshold filling a bin while those below it vanish.
         for k in range(1, 20):
-            whole = sum(_rounded(size, capacity, k) for size in column)
+            whole = sum(rounded(size, capacity, k) for size in column)
             bounds.append(-(-whole // (k * capacity)))
         for threshold in sorted({size for size in column if 2 * size <= capacity}):
-            whole = sum(_above(size, capacity, threshold) for size in column)
+            whole = sum(above(size, capacity, threshold) for size in column)
             bounds.append(-(-whole // capacity))
     return max(bounds)
-
-
-def _rounded(size: int, capacity: int, k: int) -> int:
-    """The size, in k-ths of itself: what is no whole part of k + 1 in a bin is rounded down to one in k."""
-    parts = (k + 1) * size
-    return size * k if parts % capacity == 0 else parts // capacity * capacity
-
-
-def _above(size: int, capacity: int, threshold: int) -> int:
-    if size > capacity - threshold:
-        return capacity
-    return size if size >= threshold else 0

@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass, field
 
-from rarms_iac.planner.packing.branch import Limits, Outcome, Proof, Search
-from rarms_iac.planner.packing.columns import Weights
+from rarms_iac.planner.packing.branch import PENALTY, Limits, Outcome, Proof, Search
+from rarms_iac.planner.packing.columns import Weights, relax
+from rarms_iac.planner.packing.dual import too_heavy
 from rarms_iac.planner.packing.heuristics import quick_packing
 from rarms_iac.planner.packing.improve import improved
 from rarms_iac.planner.packing.program import (
@@ -19,6 +20,9 @@ from rarms_iac.planner.packing.program import (
     value_of,
 )
 from rarms_iac.planner.packing.waste import without_waste
+
+SEARCHED_UP_TO, RELAXED_UP_TO = 30, 60
+"""Items of which it is searched whether there is a packing, and of which the relaxation is asked."""
 
 TRIES = 60
 """Greedy packings that are tried before anything is proved."""
@@ -71,12 +75,9 @@ def solve(problem: Problem, settings: Settings | None = None) -> Result:
     how = settings or Settings()
     first = cheapest(problem)
     least = _least(first)
-    start = quick_packing(first, sum(least), how.tries)
-    if start is None:
-        answer = Search(feasible(first), None, how.limits, ceiling=1).run()
-        if answer.bundles is None:
-            return Impossible(proof=answer.proof) if answer.bound else GaveUp()
-        start = answer.bundles
+    start = _any(first, how)
+    if isinstance(start, Impossible | GaveUp):
+        return start
     if value_of(first, start) == sum(least):  # each item where it costs least: nothing to search
         value, proof = sum(least), Proof(weights=Weights(items=least, scale=1))
         return _with_moves(problem, first, start, Level(value=value, bound=value, proof=proof), how)
@@ -84,6 +85,35 @@ def solve(problem: Problem, settings: Settings | None = None) -> Result:
     assert cheapest_of_all.bundles is not None
     cost = _level(first, cheapest_of_all)
     return _with_moves(problem, first, cheapest_of_all.bundles, cost, how)
+
+
+def ruled_out(problem: Problem, settings: Settings | None = None) -> Impossible | None:
+    """That there is no packing, where that was shown; the best one is not looked for.
+
+    Of many items only sizes and the relaxation are looked at.
+    """
+    heavy = too_heavy(problem)
+    if heavy is not None:
+        return Impossible(proof=Proof(weights=Weights(items=heavy, scale=1)))
+    how, first = settings or Settings(), cheapest(problem)
+    if problem.items <= SEARCHED_UP_TO:
+        answer = _any(first, how)
+        return answer if isinstance(answer, Impossible) else None
+    if problem.items > RELAXED_UP_TO or quick_packing(first, sum(_least(first)), how.tries) is not None:
+        return None
+    relaxed = relax(feasible(first), (), 1, PENALTY, how.limits.effort)
+    return Impossible(proof=Proof(weights=relaxed.weights)) if relaxed is not None and relaxed.bound else None
+
+
+def _any(first: Program, how: Settings) -> Bundles | Impossible | GaveUp:
+    """A packing to start from, whatever it costs; or that there is none."""
+    start = quick_packing(first, sum(_least(first)), how.tries)
+    if start is not None:
+        return start
+    answer = Search(feasible(first), None, how.limits, ceiling=1).run()
+    if answer.bundles is not None:
+        return answer.bundles
+    return Impossible(proof=answer.proof) if answer.bound else GaveUp()
 
 
 def _with_moves(problem: Problem, first: Program, bundles: Bundles, cost: Level, how: Settings) -> Packed:
