@@ -51,7 +51,7 @@ class Placement:
     reserved_bound: int
     moves: int
     moves_bound: int
-    avoided: int  # moves that packing anew would have made beside those
+    avoided: int  # moves that the same onto hosts where nothing of it runs would have made beside those
     certificate: (
         str  # JSON of what was packed and what is claimed, as the checker accepted it; empty: none, or too long
     )

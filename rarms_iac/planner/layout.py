@@ -106,7 +106,8 @@ def _placement(answer: Layout, places: Places) -> Iterator[Diagnostic]:
     place = places.key("application")
     if one.avoided:
         fewer = " No layout that reserves as little moves fewer." if one.moves == one.moves_bound else ""
-        says = f"Packing anew would have made {one.avoided} more moves than the {one.moves} of this layout.{fewer}"
+        more = "1 more move" if one.avoided == 1 else f"{one.avoided} more moves"
+        says = f"Packing anew would have made {more} than the {one.moves} of this layout.{fewer}"
         yield findings.AVOIDED.at(place, says, "There is nothing to do.")
     if one.verdict == Verdict.OPTIMAL:
         return

@@ -47,7 +47,7 @@ class Found:
     chosen: bool = False  # whether there was anything to choose
     value: tuple[int, int] = (0, 0)  # reservation in per cent of one logical processor, moves
     bound: tuple[int, int] = (0, 0)  # no placement has less
-    avoided: int = 0  # moves that packing anew would have made beside those that are made
+    avoided: int = 0  # moves that packing the same onto hosts where nothing of it runs would have made beside those
     among: tuple[str, ...] = ()  # the hosts that were to be chosen from
     problem: Problem | None = None  # where something was to be chosen exactly
     result: "Packed | Impossible | None" = None
@@ -67,7 +67,15 @@ def place(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
     if quick is None:
         return Found(hosts=None, proven=False)
     value, bound = _value(ordered, quick), _bound(ordered)
-    return Found(hosts=quick, proven=value == bound, chosen=True, value=value, bound=bound)
+    anew = first_fit([replace(one, now="") for one in ordered], hosts) if any(one.now for one in ordered) else None
+    return Found(
+        hosts=quick,
+        proven=value == bound,
+        chosen=True,
+        value=value,
+        bound=bound,
+        avoided=_avoided(ordered, anew, value),
+    )
 
 
 def placement_of(found: Found) -> Placement | None:
@@ -139,11 +147,25 @@ def _exactly(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
         chosen=True,
         value=value,
         bound=(result.cost.bound, result.moves.bound),
-        avoided=result.avoided,
+        avoided=_avoided(items, _anew(items, bins, problem, result), value),
         among=tuple(one.name for one in bins),
         problem=problem,
-        result=Packed(hosts=where, cost=result.cost, moves=result.moves, avoided=result.avoided),
+        result=Packed(hosts=where, cost=result.cost, moves=result.moves),
     )
+
+
+def _anew(items: Sequence[Item], bins: Sequence[Bin], problem: Problem, result: "Packed") -> Mapping[str, str] | None:
+    """Where the same would be if nothing of it ran: the first level, and of those as cheap the first by name."""
+    if not result.anew:
+        return None
+    nobody = replace(problem, now=(None,) * problem.items)
+    cheapest = result.cost.value == result.cost.bound
+    where = (_first_by_name(nobody, (result.cost.value, 0)) if cheapest else None) or result.anew
+    return {item.name: bins[at].name for item, at in zip(items, where, strict=True)}
+
+
+def _avoided(items: Sequence[Item], anew: Mapping[str, str] | None, value: tuple[int, int]) -> int:
+    return 0 if anew is None else max(0, _value(items, anew)[1] - value[1])
 
 
 def problem_of(items: Sequence[Item], bins: Sequence[Bin]) -> Problem:

@@ -44,7 +44,7 @@ class Packed:
     hosts: Assignment
     cost: Level
     moves: Level
-    avoided: int = 0  # moves that packing anew, whatever runs, would have made beside those
+    anew: Assignment = ()  # what the first level found, whatever runs; empty: nothing runs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,9 +131,7 @@ def _with_moves(problem: Problem, first: Program, bundles: Bundles, cost: Level,
         known, moves = fewest.bundles, _level(second, fewest)
     else:
         moves = Level(value=0, bound=0, proof=None)
-    anew = sum(was not in (None, host) for was, host in zip(problem.now, hosts, strict=True))
-    avoided = max(0, anew - moves.value)
-    return Packed(hosts=assignment_of(second, known), cost=cost, moves=moves, avoided=avoided)
+    return Packed(hosts=assignment_of(second, known), cost=cost, moves=moves, anew=hosts)
 
 
 def _level(program: Program, outcome: Outcome) -> Level:

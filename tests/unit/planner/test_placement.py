@@ -1,6 +1,7 @@
 """What a plan says of its choice of hosts: optimal by certificate only, moves that were avoided, and gaps."""
 
 import json
+from random import Random
 
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.system import Disruption, System
@@ -21,12 +22,35 @@ def system_of(shares: dict[str, int], hosts: int = 3) -> System:
     )
 
 
-def planned(running: dict[str, str], shares: dict[str, int] = SHARES) -> Planning:
+def planned(running: dict[str, str], shares: dict[str, int] = SHARES, hosts: int = 3) -> Planning:
     views = {
-        host: HostView(present=frozenset(name for name, at in running.items() if at == host))
-        for host in ("host0", "host1", "host2")
+        f"host{number}": HostView(present=frozenset(name for name, at in running.items() if at == f"host{number}"))
+        for number in range(hosts)
     }
-    return plan_layout(system_of(shares), FixedReservations(), views, PLACES, max_disruption=Disruption.REMOVAL)
+    return plan_layout(system_of(shares, hosts), FixedReservations(), views, PLACES, max_disruption=Disruption.REMOVAL)
+
+
+def hosts_of(planning: Planning) -> dict[str, str]:
+    assert isinstance(planning.answer, Layout)
+    return {name: one.host for one in planning.answer.partitions for name in one.components}
+
+
+def moved(running: dict[str, str], where: dict[str, str]) -> int:
+    return sum(where[name] != host for name, host in running.items())
+
+
+def what_is_said(running: dict[str, str], shares: dict[str, int], hosts: int = 3) -> tuple[str, str]:
+    """What a plan says of moves that were avoided, and what the same planned for empty hosts shows to be true."""
+    now, anew = planned(running, shares, hosts), planned({}, shares, hosts)
+    made = moved(running, hosts_of(now))
+    more = moved(running, hosts_of(anew)) - made
+    assert isinstance(now.answer, Layout)
+    assert now.answer.placement is not None
+    assert now.answer.placement.avoided == max(0, more)
+    moves = "1 more move" if more == 1 else f"{more} more moves"
+    true = f"Packing anew would have made {moves} than the {made} of this layout." if more > 0 else ""
+    said = [one.detail for one in now.findings if one.code == "RARMS300"]
+    return (said[0][: len(true)] if said else ""), true
 
 
 def test_a_layout_that_runs_and_fits_stays_and_its_certificate_is_accepted() -> None:
@@ -50,6 +74,45 @@ def test_moves_that_were_avoided_are_told() -> None:
 
     assert len(told) == 1
     assert "the 0 of this layout. No layout that reserves as little moves fewer." in told[0].detail
+
+
+def test_packing_anew_is_what_a_plan_for_empty_hosts_makes() -> None:
+    """One size changes by a point under a layout that runs, be it the first by name or one that somebody made."""
+    told = set()
+    for seed in range(30):
+        random = Random(seed)
+        shares = {f"c{at}": random.randint(15, 55) for at in range(random.randint(4, 7))}
+        first = planned({}, shares)
+        if not isinstance(first.answer, Layout):
+            continue
+        hosts = random.sample(["host0", "host1", "host2"], 3)
+        running = {name: hosts[int(host[-1])] for name, host in hosts_of(first).items()}
+        shares[random.choice(sorted(shares))] += random.choice((-1, 1))
+        said, true = what_is_said(running, shares)
+        assert said == true
+        told.add(true)
+
+    assert "" in told, "nothing is said where packing anew moves nothing more"
+    assert len(told) > 3
+
+
+def test_equal_hosts_in_another_order_are_moves_only_against_the_first_by_name() -> None:
+    shares = {"a": 60, "b": 60}
+
+    assert what_is_said({"a": "host0", "b": "host1"}, shares, hosts=2) == ("", "")
+    said, true = what_is_said({"a": "host1", "b": "host0"}, shares, hosts=2)
+    assert said == true == "Packing anew would have made 2 more moves than the 0 of this layout."
+
+
+def test_beyond_what_is_packed_exactly_the_same_is_true() -> None:
+    shares = {f"c{at:02}": 8 + at % 5 for at in range(33)}
+    running = {
+        name: f"host{2 - int(host[-1])}" for name, host in hosts_of(planned({}, shares, 5)).items() if host < "host3"
+    }
+
+    said, true = what_is_said(running, shares, 5)
+
+    assert said == true != ""
 
 
 def test_one_point_more_moves_no_more_than_must_move() -> None:
