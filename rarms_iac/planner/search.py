@@ -6,7 +6,7 @@ bound that may be.
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import gcd
 from typing import TYPE_CHECKING
