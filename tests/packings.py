@@ -39,6 +39,23 @@ def a_packing(seed: int) -> Problem:
     )
 
 
+def on_several_kinds(seed: int) -> Problem:
+    """Six items on four hosts of up to three kinds; for odd seeds the hosts are as dear as they are large."""
+    random = Random(seed)
+    dimensions = random.randint(1, 2)
+    kinds = [(10, 5), (16, 8), (24, 12)] if seed % 2 else [(10, 3), (13, 3), (24, 7)]
+    chosen = [kinds[random.randrange(len(kinds))] for _ in range(4)]
+    sizes = tuple(tuple(random.randint(1, 9) for _ in range(dimensions)) for _ in range(6))
+    return Problem(
+        sizes=(sizes,) * 4,
+        rooms=tuple((room,) * dimensions for room, _ in chosen),
+        opening=tuple(price for _, price in chosen),
+        costs=((0,) * 6,) * 4,
+        now=tuple(random.choice((None, 0, 0, 1, 2, 3)) for _ in range(6)),
+        conflicts=frozenset({(0, 1)} if random.random() < 0.2 else ()),
+    )
+
+
 def does_pack(problem: Problem, where: Assignment) -> bool:
     """Whether it fits, by its definition."""
     for host, room in enumerate(problem.rooms):

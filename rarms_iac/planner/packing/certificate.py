@@ -1,16 +1,13 @@
 """What is claimed of a packing, as plain data that `checker.check` accepts or rejects."""
 
 from rarms_iac.planner.packing.branch import Proof
-from rarms_iac.planner.packing.columns import Weights, fixed_cost, profits_of
-from rarms_iac.planner.packing.patterns import best_pattern
-from rarms_iac.planner.packing.program import Problem, Program, cheapest, feasible, fewest_moves
+from rarms_iac.planner.packing.columns import Weights, excess_of
+from rarms_iac.planner.packing.host_sets import ByHosts
+from rarms_iac.planner.packing.program import Problem, Program, cheapest, feasible, fewest_moves, unpriced
 from rarms_iac.planner.packing.solve import Impossible, Packed
 from rarms_iac.planner.packing.waste import full_dimensions, without_waste
 
 Data = dict[str, object]
-
-NODES = 50_000
-"""Sets that are tried for the excess of a host: a count, so that the same input has the same certificate."""
 
 
 def problem_data(problem: Problem) -> Data:
@@ -64,31 +61,26 @@ def claim_of(problem: Problem, result: Packed | Impossible) -> Data | None:
     return claim
 
 
-def _data(program: Program, proof: Proof) -> Data | None:
+def _data(program: Program, proof: Proof | ByHosts) -> Data | list[Data] | None:
     """The proof as the checker reads it; None where no excess is known."""
-    excess = [_excess(program, at, proof.weights) for at in range(len(program.kinds))]
-    weights = _lifted(program, proof.weights)
+    if isinstance(proof, ByHosts):
+        alone = [_weighing(unpriced(program), one, one, tried=True) for one in proof.weights]
+        known = [one for one in alone if one is not None]
+        return known if len(known) == len(alone) else None
+    return _weighing(program, proof.weights, _lifted(program, proof.weights), tried=proof.tried)
+
+
+def _weighing(program: Program, weights: Weights, told: Weights, *, tried: bool) -> Data | None:
+    excess = [excess_of(program, at, weights) for at in range(len(program.kinds))]
     by_host = {host: more for more, kind in zip(excess, program.kinds, strict=True) for host in kind.hosts}
     if None in excess:
         return None
     return {
-        "items": list(weights.items),
+        "items": list(told.items),
         "excess": [by_host[host] for host in sorted(by_host)],
-        "rates": [weights.budget, weights.scale],
-        "tried": proof.tried,
+        "rates": [told.budget, told.scale],
+        "tried": tried,
     }
-
-
-def _excess(program: Program, at: int, weights: Weights) -> int | None:
-    """What a set of items on such a host weighs more than it costs, at most; None where no search has the end of it."""
-    fixed, profits = fixed_cost(program, at, weights), profits_of(program, at, weights)
-    most, complete = fixed, False
-    while not complete:
-        best, complete = best_pattern(program, at, profits, NODES, most)
-        if best is None and not complete:
-            return None
-        most = most if best is None else best.profit
-    return most - fixed
 
 
 def _lifted(program: Program, weights: Weights) -> Weights:

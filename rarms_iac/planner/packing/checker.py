@@ -1,16 +1,16 @@
 """Checks what the planner claims of a packing, and believes nothing: not the search, not its floating point.
 
-A proof has a weight an item, what a unit of budget and of cost weighs (`rates`), and an excess a host: no set of items
-that the host takes weighs more than its cost and that. Where it says `tried`, what is nearly free is tried here.
+How claims and their proofs are made, and why they show what they do, is told in docs/packing.md.
 """
 
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from functools import cache, reduce
+from itertools import combinations
 from operator import add, index, le, mul, or_, sub
 from typing import Any
 
-EXACT, GRAINS, STEPS = 1_280, 512, 400_000  # larger rooms are cut into grains; a longer search is given up
+EXACT, GRAINS, STEPS, HOSTS = 1_280, 512, 400_000, 16  # larger rooms are cut into grains; more steps, hosts: given up
 
 
 class Wrong(Exception):
@@ -18,13 +18,7 @@ class Wrong(Exception):
 
 
 def check(problem: Any, claim: Any) -> None:
-    """Raises `Wrong` unless the packing is one, costs and moves what is claimed, and no other is better.
-
-    The problem has `hosts` (their kinds), `kinds`, `now` (by item its host or null), `conflicts` (pairs). A kind has
-    `room`, `sizes` (by item; null where it must not be), `opening`, `costs` (by item), `processors` (null, or [logical
-    ones, virtual ones by item as [how many, per cent], such of others]). The claim has `hosts` (by item), `cost`,
-    `cost_proof`, `moves`, `moves_proof`; or `impossible`: a proof, or null where sums show it.
-    """
+    """Raises `Wrong` unless the packing is one, costs and moves what is claimed, and no other is better."""
     _lie.cache_clear()
     try:
         kinds, items = [problem["kinds"][kind] for kind in problem["hosts"]], range(len(problem["now"]))
@@ -47,13 +41,13 @@ def check(problem: Any, claim: Any) -> None:
             while name == "cost" and value and not any(map(any, by_item)) and not _payable(kinds, opening, value - 1):
                 value -= 1
             if claim[name]:
-                _at_least(problem, claim[f"{name}_proof"], value, (opening, by_item), *rest)
+                shown = _by_hosts if isinstance(claim[f"{name}_proof"], list) else _at_least
+                shown(problem, claim[f"{name}_proof"], value, (opening, by_item), *rest)
     except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError, RecursionError) as wrong:
         raise Wrong(f"the claim is not made as a claim is: {wrong!r}") from wrong
 
 
-def _payable(kinds: Sequence[Any], opening: Sequence[int], cost: int) -> bool:
-    """Whether hosts of exactly that price have room for everything, each dimension by itself."""
+def _payable(kinds: Sequence[Any], opening: Sequence[int], cost: int) -> bool:  # by hosts of just that price
     sizes = [[size for size in item if size] for item in zip(*(kind["sizes"] for kind in kinds), strict=True)]
     most = {0: [-sum(min(size[d] for size in item) for item in sizes) for d in range(len(kinds[0]["room"]))]}
     for kind, more in zip(kinds, opening, strict=True):
@@ -62,8 +56,7 @@ def _payable(kinds: Sequence[Any], opening: Sequence[int], cost: int) -> bool:
     return bool(min(most.get(cost, [-1])) >= 0)
 
 
-def _takes(kind: Any, conflicts: Any, some: Sequence[int]) -> bool:
-    """Whether such a host has room for the items, and each virtual processor finds a logical one with so much left."""
+def _takes(kind: Any, conflicts: Any, some: Sequence[int]) -> bool:  # whether there is room, each processor's too
     sums = map(sum, zip(*(kind["sizes"][item] for item in some), strict=True))
     if any(one in some and other in some for one, other in conflicts) or not all(map(le, sums, kind["room"])):
         return False
@@ -76,9 +69,8 @@ def _takes(kind: Any, conflicts: Any, some: Sequence[int]) -> bool:
 def _lie(sizes: tuple[int, ...], free: tuple[int, ...]) -> bool:
     if _lie.cache_info().misses > STEPS:
         raise Wrong("the proof takes too long to check")
-    ways = [at for at, left in enumerate(free) if sizes and left >= sizes[0] and left not in free[:at]]
-    afters = (tuple(sorted([*free[:at], free[at] - sizes[0], *free[at + 1 :]])) for at in ways)
-    return not sizes or any(_lie(sizes[1:], after) for after in afters)
+    ways = {left: free[:at] + free[at + 1 :] for at, left in enumerate(free) if sizes and left >= sizes[0]}
+    return not sizes or any(_lie(sizes[1:], tuple(sorted((*rest, left - sizes[0])))) for left, rest in ways.items())
 
 
 def _at_least(problem: Any, proof: Any, value: int, costs: Any, charges: Any, budget: int) -> None:
@@ -89,21 +81,32 @@ def _at_least(problem: Any, proof: Any, value: int, costs: Any, charges: Any, bu
     for host, (kind, more) in enumerate(zip(problem["hosts"], excess, strict=True)):
         gains = [w + row * b - scale * c for w, b, c in zip(items, charges[1][host], costs[1][host], strict=True)]
         most = scale * costs[0][host] - row * charges[0][host] + more
-        what, own = str((kind, gains, most, more)), len(items) + len(known)
-        known[what] = known.get(what, 0) + 1
-        if known[what] == 1:
-            columns.append((more, [own], 0))  # a host that stays empty
+        if (what := str((kind, gains, most, more))) not in known:
+            columns.append((more, [own := len(items) + len(known)], 0))  # a host that stays empty
             for gain, some in _sets(problem["kinds"][kind], problem["conflicts"], gains, most - max(slack, -1)):
-                charge = charges[0][host] + sum(charges[1][host][item] for item in some)
-                columns.append((most - gain, [*some, own], charge))
+                columns.append((most - gain, [*some, own], charges[0][host] + sum(charges[1][host][at] for at in some)))
+        known[what] = known.get(what, 0) + 1
     if scale < 1 or min(columns)[0] < 0 or (slack >= 0 and proof["tried"] is not True):
         raise Wrong("the weights do not bound the packing")
     _try(sorted(columns), [1] * len(items) + [*known.values()], slack, budget)
 
 
+def _by_hosts(problem: Any, proofs: Any, value: int, costs: Any, charges: Any, budget: int) -> None:
+    free, hosts = ([0] * len(charges[0]), charges[1]), range(len(charges[0]))
+    for proof in proofs:  # no excess is more than it says
+        _at_least(problem, proof, -(10**30), costs, free, 0)
+    if len(hosts) > HOSTS or any(map(any, charges[1])):
+        raise Wrong("there are too many sets of hosts, or items have prices too")
+    for some in (one for count in hosts for one in combinations(hosts, count + 1)):
+        left = [(value - 1) * p["rates"][1] - sum(p["items"]) + sum(p["excess"][at] for at in some) for p in proofs]
+        if sum(charges[0][at] for at in some) == budget and min(left) >= 0:
+            best = proofs[left.index(min(left))]
+            on = [[row[at] for at in some] for row in (problem["hosts"], best["excess"], *costs, *free)]
+            _at_least({**problem, "hosts": on[0]}, {**best, "excess": on[1]}, value, on[2:4], on[4:], 0)
+
+
 def _sets(kind: Any, conflicts: Any, gains: Sequence[int], least: int) -> Iterator[tuple[int, list[int]]]:
-    """The sets of items, one at least, that a host of the kind takes and that gain so much."""
-    # All dimensions added up are one more: it cuts where none alone is full.
+    """The sets of items, one at least, that a host takes and that gain so much; all dimensions summed up are one."""
     room, parts = kind["room"], [max(1, max(kind["room"]) // max(1, most)) for most in kind["room"]]
     takes = {at: [*s, sum(map(mul, s, parts))] for at, s in enumerate(kind["sizes"]) if s and all(map(le, s, room))}
     order, rooms = sorted(takes, key=lambda at: -takes[at][-1]), [*room, sum(map(mul, room, parts))]
@@ -118,16 +121,14 @@ def _sets(kind: Any, conflicts: Any, gains: Sequence[int], least: int) -> Iterat
         left = [one * grains // most for one, (grains, most) in zip(free, scales, strict=True)]
         if (steps := steps + 1) > STEPS:
             raise Wrong("the proof takes too long to check")
-        reach = gain + min([row[one] for row, one in zip(rows[~number], left, strict=True)])
-        if reach < least or not _takes(kind, conflicts, some):
+        if gain + min(map(list.__getitem__, rows[~number], left)) < least or not _takes(kind, conflicts, some):
             continue
         if some and gain >= least:
             yield gain, some
-        while number < len(order) and gain + min([r[one] for r, one in zip(rows[~number], left, strict=True)]) >= least:
+        while number < len(order) and gain + min(map(list.__getitem__, rows[~number], left)) >= least:
             at, number = order[number], number + 1
             after = list(map(sub, free, takes[at]))
-            if min(after) >= 0:
-                stack.append((number, after, gain + gains[at], [*some, at]))
+            stack += [(number, after, gain + gains[at], [*some, at])] if min(after) >= 0 else []
 
 
 def _try(columns: Sequence[Any], needs: Sequence[int], slack: int, budget: int) -> None:
@@ -144,7 +145,6 @@ def _try(columns: Sequence[Any], needs: Sequence[int], slack: int, budget: int) 
         if all(there) and there and sum([costs[(one & -one).bit_length() - 1] for one in there]) <= left * widest:
             low = (chosen := min(there, key=int.bit_count)) & -chosen
             cost, covers, charge = columns[low.bit_length() - 1]
-            stack.append((alive ^ low, needed, left, due))
             after = [need - (row in covers) for row, need in enumerate(needed)]
-            alive &= ~reduce(or_, [rows[row] for row in covers if not after[row]], 0)
-            stack.append((alive, after, left - cost, due - charge))
+            rest = alive & ~reduce(or_, [rows[row] for row in covers if not after[row]], 0)
+            stack += [(alive ^ low, needed, left, due), (rest, after, left - cost, due - charge)]

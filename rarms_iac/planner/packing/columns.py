@@ -16,6 +16,9 @@ from rarms_iac.planner.packing.simplex import Master
 SCALE = 1_000_000
 """What one unit of cost is in weights."""
 
+NODES = 50_000
+"""Sets that are tried for the excess of a host."""
+
 _ROUNDS = 400
 _GAIN = 1e-5
 
@@ -67,6 +70,21 @@ def profits_of(program: Program, at: int, weights: Weights) -> list[int]:
 def fixed_cost(program: Program, at: int, weights: Weights) -> int:
     """What using a host of this kind costs, in weights."""
     return weights.scale * program.kinds[at].opening - weights.budget * program.kinds[at].charge
+
+
+def excess_of(program: Program, at: int, weights: Weights) -> int | None:
+    """What a set of items on a host of this kind weighs more than it costs, at most; never less than nothing.
+
+    None where no search has the end of it.
+    """
+    fixed, profits = fixed_cost(program, at, weights), profits_of(program, at, weights)
+    most, complete = fixed, False
+    while not complete:
+        best, complete = best_pattern(program, at, profits, NODES, most)
+        if best is None and not complete:
+            return None
+        most = most if best is None else best.profit
+    return most - fixed
 
 
 class _Columns:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from itertools import accumulate
 from operator import or_
 
-from rarms_iac.planner.packing.columns import Weights
+from rarms_iac.planner.packing.columns import Weights, excess_of
 from rarms_iac.planner.packing.nearly_free import CloseFits, Sums, nearly_free
 from rarms_iac.planner.packing.program import Bundles, Mask, Program, Sizes, charge_of, members
 
@@ -77,16 +77,13 @@ def _up_to(
 ) -> Covered | None:
     """The same with patterns listed at once; None where they are too many."""
     scale, kinds = weights.scale, range(len(program.kinds))
-    total = weights.total(program.budget)
-    slack = (below - 1) * scale - total
-    first = [nearly_free(program, at, weights, max(0, slack), close) for at in kinds]
-    if any(some is None for some in first):
+    excess = [excess_of(program, at, weights) for at in kinds]
+    if None in excess:
         return None
-    least = [min(0, min((one[0] for one in some or ()), default=0)) for some in first]
-    total += sum(len(program.kinds[at].hosts) * least[at] for at in kinds)
+    least = [-one for one in excess if one is not None]
+    total = weights.total(program.budget) + sum(len(program.kinds[at].hosts) * least[at] for at in kinds)
     most = (below - 1) * scale - total
-    # Where the weights are not quite free of gains, patterns that cost more may be paid for by others.
-    lists = first if most <= slack else [nearly_free(program, at, weights, most, close) for at in kinds]
+    lists = [nearly_free(program, at, weights, most + least[at], close) for at in kinds]
     if any(one is None for one in lists):
         return None
     columns = sorted(

@@ -14,6 +14,11 @@ TRIED = 1_000
 """Sets after which this gives up."""
 
 _UNIT = 4_096
+
+_LARGEST_LINE = 1_500
+"""Up to so much room one dimension is looked at unit by unit."""
+
+_NEVER = -(10**18)
 _WEIGHTS = 8
 
 
@@ -86,6 +91,8 @@ def within(
         for item, size in enumerate(kind.sizes)
         if size is not None and all(takes <= there for takes, there in zip(size, kind.room, strict=True))
     }
+    if len(kind.room) == 1 and kind.room[0] <= _LARGEST_LINE:
+        return _along(program, at, profits, least, most, spare[0] if spare else kind.room[0])
     line = _lined_up(kind, size_of, profits)
     ordered, gains, ones, sums, totals = line.items, line.gains, line.ones, line.sums, line.totals
     count, conflicts, fits = len(ordered), program.conflicts, program.fits
@@ -117,6 +124,56 @@ def within(
 
     down(0, kind.room, line.room, 0, 0, 0)
     return found if left > 0 and len(found) <= most else None
+
+
+def _along(
+    program: Program, at: int, profits: Sequence[int], least: int, most: int, spare: int
+) -> list[tuple[int, Mask]] | None:
+    """`within` in one dimension: a table says exactly where sets that count can still be."""
+    kind = program.kinds[at]
+    room = kind.room[0]
+    sizes = [-1 if size is None or size[0] > room else size[0] for size in kind.sizes]
+    ordered = sorted((item for item, size in enumerate(sizes) if size >= 0), key=lambda item: (-sizes[item], item))
+    reach = _best_by_room([sizes[item] for item in ordered], [profits[item] for item in ordered], room, spare)
+    count, conflicts, fits = len(ordered), program.conflicts, program.fits
+    found: list[tuple[int, Mask]] = []
+    left = most * 6
+
+    def down(number: int, free: int, profit: int, items: Mask, banned: Mask) -> None:
+        nonlocal left
+        while number < count and left > 0 and len(found) <= most and profit + reach[number][free] >= least:
+            left -= 1
+            item = ordered[number]
+            after, with_it = free - sizes[item], items | 1 << item
+            if after >= 0 and not banned >> item & 1 and (fits is None or fits(at, with_it)):
+                gained = profit + profits[item]
+                if gained >= least and after <= spare:
+                    found.append((gained, with_it))
+                down(number + 1, after, gained, with_it, banned | conflicts[item])
+            number += 1
+
+    down(0, room, 0, 0, 0)
+    return found if left > 0 and len(found) <= most else None
+
+
+def _best_by_room(sizes: Sequence[int], profits: Sequence[int], room: int, spare: int) -> list[list[int]]:
+    """By number and room: the most that the items from that number on bring where no more than so much is left."""
+    row = [0] + [_NEVER] * room
+    rows = [_windows(row, spare)]
+    for size, profit in zip(reversed(sizes), reversed(profits), strict=True):
+        row = row[:size] + list(map(max, row[size:], [one + profit for one in row[: room + 1 - size]]))
+        rows.append(_windows(row, spare))
+    return rows[::-1]
+
+
+def _windows(row: list[int], spare: int) -> list[int]:
+    """By place: the most among it and so many before it."""
+    wide = 1
+    while wide <= spare:
+        step = min(wide, spare + 1 - wide)
+        row = row[:step] + list(map(max, row[step:], row))
+        wide += step
+    return row
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -112,6 +112,11 @@ def feasible(program: Program) -> Program:
     return replace(program, kinds=tuple(replace(one, opening=0, costs=nothing) for one in program.kinds))
 
 
+def unpriced(program: Program) -> Program:
+    """The same without the budget row."""
+    return replace(program, kinds=tuple(replace(one, charge=0, charges=()) for one in program.kinds), budget=None)
+
+
 def _program(problem: Problem, kinds: tuple[Kind, ...], budget: int | None) -> Program:
     conflicts = [0] * problem.items
     for one, other in problem.conflicts:

@@ -6,6 +6,7 @@ from rarms_iac.planner.packing.branch import PENALTY, Limits, Outcome, Proof, Se
 from rarms_iac.planner.packing.columns import Weights, relax
 from rarms_iac.planner.packing.dual import too_heavy
 from rarms_iac.planner.packing.heuristics import quick_packing
+from rarms_iac.planner.packing.host_sets import ByHosts, Fewest, fewest_by_hosts
 from rarms_iac.planner.packing.improve import improved
 from rarms_iac.planner.packing.program import (
     Assignment,
@@ -34,7 +35,7 @@ class Level:
 
     value: int
     bound: int
-    proof: Proof | None
+    proof: Proof | ByHosts | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,13 +121,14 @@ def _with_moves(problem: Problem, first: Program, bundles: Bundles, cost: Level,
     hosts = assignment_of(first, bundles)
     if not problem.now or all(one is None for one in problem.now):
         return Packed(hosts=hosts, cost=cost, moves=Level(value=0, bound=0, proof=None))
-    second = without_waste(fewest_moves(problem, cost.value))
+    second = fewest_moves(problem, cost.value)
     starts = [settled(problem, first, bundles)]
     quick = quick_packing(second, 0, how.tries)
     starts += [quick] if quick is not None else []
     known = min(starts, key=lambda one: value_of(second, one))
     if value_of(second, known):
-        fewest = Search(second, known, how.limits, ceiling=_ceiling(second)).run()
+        by_hosts = fewest_by_hosts(second, known, how.limits) if cost.value == cost.bound else None
+        fewest = by_hosts or Search(without_waste(second), known, how.limits, ceiling=_ceiling(second)).run()
         assert fewest.bundles is not None
         known, moves = fewest.bundles, _level(second, fewest)
     else:
@@ -134,7 +136,7 @@ def _with_moves(problem: Problem, first: Program, bundles: Bundles, cost: Level,
     return Packed(hosts=assignment_of(second, known), cost=cost, moves=moves, anew=hosts)
 
 
-def _level(program: Program, outcome: Outcome) -> Level:
+def _level(program: Program, outcome: Outcome | Fewest) -> Level:
     assert outcome.bundles is not None
     return Level(value=value_of(program, outcome.bundles), bound=outcome.bound, proof=outcome.proof)
 

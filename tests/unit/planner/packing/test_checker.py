@@ -21,7 +21,7 @@ from rarms_iac.planner.packing.checker import Wrong, check
 from rarms_iac.planner.packing.program import Problem
 from rarms_iac.planner.packing.solve import GaveUp, Impossible, Packed, solve
 from tests.effort import LONG
-from tests.packings import a_packing, every_packing
+from tests.packings import a_packing, every_packing, on_several_kinds
 
 DAMAGED = 10_000 if LONG else 1_500
 Claim = dict[str, Any]
@@ -32,7 +32,7 @@ def test_it_is_small_and_imports_nothing_of_the_planner() -> None:
     imported = {one.module for one in ast.walk(ast.parse(text)) if isinstance(one, ast.ImportFrom)}
 
     assert len(text.splitlines()) <= 150
-    assert imported == {"bisect", "collections.abc", "functools", "operator", "typing"}
+    assert imported == {"bisect", "collections.abc", "functools", "itertools", "operator", "typing"}
 
 
 def test_damaged_certificates_and_claims_are_rejected() -> None:
@@ -40,7 +40,7 @@ def test_damaged_certificates_and_claims_are_rejected() -> None:
     kinds: dict[str, int] = {}
     while rejected < DAMAGED:
         seed += 1
-        problem = a_packing(seed)
+        problem = a_packing(seed) if seed % 3 else on_several_kinds(seed // 3)
         solved = solve(problem)
         assert not isinstance(solved, GaveUp)
         claim = claim_of(problem, solved)
@@ -55,6 +55,7 @@ def test_damaged_certificates_and_claims_are_rejected() -> None:
             kinds[name] = kinds.get(name, 0) + 1
 
     assert len(kinds) >= 12, kinds
+    assert kinds["a proof less"], kinds
 
 
 def damage(problem: Problem, claim: Claim, best: Packed | None, random: Random) -> Iterator[tuple[str, Claim]]:
@@ -139,45 +140,99 @@ def torn(problem: Problem, claim: Claim, random: Random) -> Iterator[tuple[str, 
             yield "no proof", {**claim, name: None}
         yield "a proof that is a word", {**claim, name: "proved"}
         yield "a proof that says nothing", {**claim, name: {}}
-        for word in ("items", "excess", "rates"):
-            rest = {key: one for key, one in claim[name].items() if key != word}
-            yield f"weights without {word}", {**claim, name: rest}
-        for word, what in (("items", "weight"), ("excess", "excess"), ("rates", "rate")):
-            numbers = claim[name][word]
-            at = random.randrange(len(numbers))
-            for told, wrong in (
-                (f"no {what}", None),
-                (f"{what}, one less", numbers[:-1]),
-                (f"{what}, one more", [*numbers, 10**9]),
-                (f"{what} in parts", [*numbers[:at], 0.5, *numbers[at + 1 :]]),
-                (f"{what} that is a word", [*numbers[:at], "1", *numbers[at + 1 :]]),
-            ):
-                yield told, {**claim, name: {**claim[name], word: wrong}}
-        budget, scale = claim[name]["rates"]
-        for wrong in (0, -scale):
-            yield f"a scale of {wrong}", {**claim, name: {**claim[name], "rates": [budget, wrong]}}
-        for host, more in enumerate(claim[name]["excess"]):
-            for wrong in (-1, -more - 1, -(10**9)):
-                excess = [*claim[name]["excess"][:host], wrong, *claim[name]["excess"][host + 1 :]]
-                yield "a host that costs less than it does", {**claim, name: {**claim[name], "excess": excess}}
+        yield "a list without proofs", {**claim, name: []}
+        if isinstance(claim[name], list):
+            yield "a list of words", {**claim, name: [*claim[name], "proved"]}
+            yield "a list in a list", {**claim, name: [claim[name]]}
+        for at in range(len(leaves(claim, name))):
+            yield from torn_leaf(claim, name, at, random)
+
+
+def leaves(claim: Claim, name: str) -> list[Any]:
+    """The proofs that are told, one or several."""
+    return claim[name] if isinstance(claim[name], list) else [claim[name]]
+
+
+def with_leaf(claim: Claim, name: str, at: int, leaf: Any) -> Claim:
+    """The claim with another in the place of one of its proofs."""
+    if not isinstance(claim[name], list):
+        return {**claim, name: leaf}
+    return {**claim, name: [*claim[name][:at], leaf, *claim[name][at + 1 :]]}
+
+
+def torn_leaf(claim: Claim, name: str, place: int, random: Random) -> Iterator[tuple[str, Claim]]:
+    """Weights of which something is missing or of another kind."""
+    leaf = leaves(claim, name)[place]
+    for word in ("items", "excess", "rates"):
+        rest = {key: one for key, one in leaf.items() if key != word}
+        yield f"weights without {word}", with_leaf(claim, name, place, rest)
+    for word, what in (("items", "weight"), ("excess", "excess"), ("rates", "rate")):
+        numbers = leaf[word]
+        at = random.randrange(len(numbers))
+        for told, wrong in (
+            (f"no {what}", None),
+            (f"{what}, one less", numbers[:-1]),
+            (f"{what}, one more", [*numbers, 10**9]),
+            (f"{what} in parts", [*numbers[:at], 0.5, *numbers[at + 1 :]]),
+            (f"{what} that is a word", [*numbers[:at], "1", *numbers[at + 1 :]]),
+        ):
+            yield told, with_leaf(claim, name, place, {**leaf, word: wrong})
+    budget, scale = leaf["rates"]
+    for wrong in (0, -scale):
+        yield f"a scale of {wrong}", with_leaf(claim, name, place, {**leaf, "rates": [budget, wrong]})
+    for host, more in enumerate(leaf["excess"]):
+        for wrong in (-1, -more - 1, -(10**9)):
+            excess = [*leaf["excess"][:host], wrong, *leaf["excess"][host + 1 :]]
+            yield "a host that costs less than it does", with_leaf(claim, name, place, {**leaf, "excess": excess})
 
 
 def weakened(problem: Problem, claim: Claim, random: Random) -> Iterator[tuple[str, Claim]]:
     """Other weights where nothing but weights shows the claim, so that they show nothing any more."""
     for name in proofs(claim):
         for _ in range(4):
-            weights = copy.deepcopy(claim[name])
-            weights["tried"] = False
+            place = random.randrange(len(leaves(claim, name)))
+            weights = copy.deepcopy(leaves(claim, name)[place])
             for at in random.sample(range(problem.items), random.randint(1, problem.items)):
                 weights["items"][at] += random.choice((-1, 1)) * random.randint(1, 3 * weights["rates"][1])
             weights["rates"][1] *= random.choice((1, 1, 2))
             if random.random() < 0.5:  # told as it is, so that nothing is wrong but that it shows too little
                 weights["excess"] = [max(0, -one) for one in least_by_host(problem, claim, name, weights)]
-            if bound(problem, claim, name, weights) < to_show(problem, claim, name):
-                yield f"other weights in {name}", {**claim, name: weights}
-        if claim[name]["tried"] and bound(problem, claim, name, claim[name]) < to_show(problem, claim, name):
+            damaged = untried(with_leaf(claim, name, place, weights), name)
+            if not shows(problem, damaged, name):
+                yield f"other weights in {name}", damaged
+        if not shows(problem, claim, name):
             for tried in (False, None, 1, "true"):
-                yield "all tried, and it does not say so", {**claim, name: {**claim[name], "tried": tried}}
+                yield "all tried, and it does not say so", untried(claim, name, tried)
+        if isinstance(claim[name], list):
+            for place in range(len(claim[name])):
+                fewer = untried({**claim, name: [*claim[name][:place], *claim[name][place + 1 :]]}, name)
+                if not shows(problem, fewer, name):
+                    yield "a proof less", fewer
+
+
+def untried(claim: Claim, name: str, tried: object = False) -> Claim:
+    """The claim where nothing is said to have been tried."""
+    told = [{**leaf, "tried": tried} for leaf in leaves(claim, name)]
+    return {**claim, name: told if isinstance(claim[name], list) else told[0]}
+
+
+def shows(problem: Problem, claim: Claim, name: str) -> bool:
+    """Whether the weights alone show what is claimed."""
+    value = to_show(problem, claim, name)
+    if not isinstance(claim[name], list):
+        return bound(problem, claim, name, claim[name]) >= value
+    hosts = range(len(problem.rooms))
+    for leaf in claim[name]:
+        if any(map(int.__gt__, map(int.__neg__, least_by_host(problem, claim, name, leaf)), leaf["excess"])):
+            return False
+    return all(
+        any(
+            sum(leaf["items"]) - sum(leaf["excess"][host] for host in some) > (value - 1) * leaf["rates"][1]
+            for leaf in claim[name]
+        )
+        for some in chain.from_iterable(combinations(hosts, count + 1) for count in hosts)
+        if sum(problem.opening[host] for host in some) == claim["cost"]
+    )
 
 
 def to_show(problem: Problem, claim: Claim, name: str) -> int:
