@@ -14,11 +14,11 @@ from rarms_iac.planner.combining.candidates import Candidates, Mask, candidates_
 from rarms_iac.planner.combining.guiding import Guide, guide_of
 from rarms_iac.planner.combining.nodes import Node, nodes_of
 from rarms_iac.planner.combining.values import WHOLE, Asked, Coi, Members
-from rarms_iac.planner.groups import groups_of
+from rarms_iac.planner.groups import Group, groups_of, may_share
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.prediction.members import alone_in, predictor_of
 from rarms_iac.planner.problem import by_name, problem_of
-from rarms_iac.planner.reservations import NotMeasured, rests_on_a_log
+from rarms_iac.planner.reservations import NotMeasured, names_of, rests_on_a_log
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,15 +86,14 @@ def _known(measured: Measurements, opened: Opened) -> tuple[Candidates, Guide]:
             reserve=claim.reserve,
         )
         cois.append(coi)
-    candidates = candidates_of(cois, lambda names: _may_share(system, names), most=WHOLE)
+    candidates = candidates_of(cois, lambda names: _may_share(groups, names), most=WHOLE)
     compounds = [one.coi.members for one in candidates.by_mask.values()]
     known = informed(candidates, [asked for names in compounds for asked in _answers(measured, host, names)])
     return known, guide_of(known, predictor_of(alone_in(groups, reservations, host)))
 
 
-def _may_share(system: System, names: Members) -> bool:
-    components = [system.components[name] for name in names]
-    return not any(set(one.apart) & set(names) or one.dedicated for one in components)
+def _may_share(groups: Sequence[Group], names: Members) -> bool:
+    return may_share(*(one for one in groups if names_of(one.members)[0] in names))
 
 
 def _answers(measured: Measurements, host: Host, names: Members) -> Iterator[Asked]:

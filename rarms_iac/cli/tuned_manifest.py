@@ -23,6 +23,8 @@ class Written:
 def write_partitions(system: System, opened: Opened, compounds: Sequence[Coi]) -> Written:
     """Each compound as a partition of its name; entries of partitions that are left without members go.
 
+    What comments said of these stands above the entry of the compound that has their members.
+
     Raises:
         CannotFormat: the text is no manifest.
         OSError: a file cannot be written.
@@ -30,29 +32,28 @@ def write_partitions(system: System, opened: Opened, compounds: Sequence[Coi]) -
     texts: dict[str, str] = {}
     before: dict[str, str] = {}
     gone = _emptied(system, compounds)
-    for name in gone:
-        file = opened.loaded.places.key("partitions", name).file
-        texts[file] = remove_value(_text(texts, before, file), ("partitions", name))
     for one in compounds:
         file = _file(system, opened, one.name)
         members = [each.name for each in most_critical_first(system.components[name] for name in one.members)]
         texts[file] = set_value(_text(texts, before, file), ("partitions", one.name, "components"), members)
+    for name, heir in gone.items():
+        file = opened.loaded.places.key("partitions", name).file
+        texts[file] = remove_value(_text(texts, before, file), ("partitions", name), ("partitions", heir))
     changed = [file for file in sorted(texts) if texts[file] != before[file]]
     for file in changed:
         write_file(file, texts[file].encode("utf-8"))
-    return Written(files=tuple(changed), removed=gone)
+    return Written(files=tuple(changed), removed=tuple(gone))
 
 
-def _emptied(system: System, compounds: Sequence[Coi]) -> tuple[str, ...]:
-    """Entries of partitions that lose their members to a compound of another name."""
-    home: Mapping[str, str] = {member: one.name for one in compounds for member in one.members}
-    return tuple(
-        sorted(
-            name
-            for name, wish in system.partitions.items()
-            if any(home.get(member, name) != name for member in wish.components)
-        )
-    )
+def _emptied(system: System, compounds: Sequence[Coi]) -> Mapping[str, str]:
+    """Entries of partitions that lose their members to a compound of another name, by name; with that name."""
+    home = {member: one.name for one in compounds for member in one.members}
+    found = {}
+    for name, wish in sorted(system.partitions.items()):
+        heirs = sorted({home[member] for member in wish.components if home.get(member, name) != name})
+        if heirs:
+            found[name] = heirs[0]
+    return found
 
 
 def _file(system: System, opened: Opened, name: str) -> str:

@@ -24,13 +24,13 @@ from rarms_iac.model.system import Component, Host, System
 from rarms_iac.planner.combining import findings
 from rarms_iac.planner.combining.layouts import Objective
 from rarms_iac.planner.combining.oracle import Unanswered
-from rarms_iac.planner.combining.values import Coi, Members
+from rarms_iac.planner.combining.values import Coi, Members, leader
 from rarms_iac.planner.first_fit import Item, cost, free_in
-from rarms_iac.planner.groups import Group
+from rarms_iac.planner.groups import Group, may_share
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.prediction.members import NOTHING, Predictor, alone_in, predictor_of
 from rarms_iac.planner.problem import Problem, host_view, problem_of
-from rarms_iac.planner.reservations import rests_on_a_log
+from rarms_iac.planner.reservations import names_of, rests_on_a_log
 from rarms_iac.planner.search import place
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.statistics.curve import curves_of, holds
@@ -59,9 +59,9 @@ class Subject:
 
     def may_share(self, members: Members) -> bool:
         """Whether these components may be in one partition, somewhere, and be measured there."""
-        components = [self.system.components[name] for name in members]
-        company = not any(set(one.apart) & set(members) or (one.dedicated and len(members) > 1) for one in components)
-        return company and bool(_homes(self.hosts, components)) and self.highest(members) > 0
+        groups = [one for one in self.problem.groups if names_of(one.members)[0] in members]
+        homes = self._homes_of(leader(one for one in self.cois if set(one.members) <= set(members)).name, members)
+        return may_share(*groups) and bool(homes) and self.highest(members) > 0
 
     def highest(self, members: Members) -> int:
         """The highest CR that the bench can give to a P1 of these."""
@@ -89,10 +89,16 @@ class Subject:
     def _item(self, one: Coi) -> Item:
         if one in self.cois:
             return next(each for each in self.problem.items if each.name == one.name)
-        components = [self.system.components[name] for name in one.members]
-        memory = sum(each.memory for each in components)
+        memory = sum(self.system.components[name].memory for name in one.members)
         claim = Claim(processors=one.processors, reserve=one.reserve, memory=memory)
-        return Item(name=one.name, claims=dict.fromkeys(_homes(self.hosts, components), claim))
+        return Item(name=one.name, claims=dict.fromkeys(self._homes_of(one.name, one.members), claim))
+
+    def _homes_of(self, name: str, members: Members) -> tuple[str, ...]:
+        """Where the partition of that name may have these members; a protected one only where it is now."""
+        homes = _homes(self.hosts, [self.system.components[each] for each in members])
+        wish, now = self.system.partitions.get(name), self.problem.now.get(name)
+        protected = wish is not None and wish.protect and now is not None
+        return tuple(one for one in homes if one == now) if protected else homes
 
 
 def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) -> Subject:

@@ -9,6 +9,8 @@ from rarms_iac.manifest.fmt import CannotFormat, format_text
 from rarms_iac.manifest.formatting.build import build_tree, unified
 from rarms_iac.manifest.formatting.splice import (
     Route,
+    commented,
+    comments_at,
     inserted,
     inserted_at_root,
     is_nothing,
@@ -45,14 +47,17 @@ def set_value(text: str, path: Path, value: Value) -> str:
     return _edited(text, lambda plain: _set(plain, tuple(path), value))
 
 
-def remove_value(text: str, path: Path) -> str:
-    """The text without the key at the path, its value, and the comments that belong to it.
+def remove_value(text: str, path: Path, heir: Path = ()) -> str:
+    """The text without the key at the path and its value.
+
+    The comments that belong to it move above the `heir`, or above as much of that path as is there; without one they
+    go, too.
 
     Raises:
         CannotFormat: the text is no manifest.
         NoSuchPlace: there is nothing at the path.
     """
-    return _edited(text, lambda plain: _removed(plain, tuple(path)))
+    return _edited(text, lambda plain: _removed(plain, tuple(path), tuple(heir)))
 
 
 def rename(text: str, path: Path, name: str) -> str:
@@ -94,8 +99,12 @@ def _set(text: str, path: tuple[str, ...], value: Value) -> str:
     return replaced(text, route, _node({first: value}, depth - 1))
 
 
-def _removed(text: str, path: tuple[str, ...]) -> str:
-    return removed(text, _whole(text, path))
+def _removed(text: str, path: tuple[str, ...], heir: tuple[str, ...]) -> str:
+    route = _whole(text, path)
+    is_only = len(route.steps[-1].parent.entries) == 1  # its comments stay beside the `{}`
+    comments = comments_at(text, route) if heir and not is_only else []
+    without = removed(text, route)
+    return commented(without, walk(build_tree(without), heir), comments) if comments else without
 
 
 def _renamed(text: str, path: tuple[str, ...], name: str) -> str:

@@ -57,11 +57,17 @@ def groups_of(system: System) -> tuple[Group, ...]:
     return tuple(sorted(groups, key=lambda one: one.name))
 
 
-def may_share(one: Group, other: Group) -> bool:
-    """Whether neither `apart` nor `dedicated` forbids that these two are one partition."""
-    members = (*one.members, *other.members)
+def may_share(*groups: Group) -> bool:
+    """Whether neither `apart` nor `dedicated` nor `protect` forbids that these are one partition.
+
+    It is called after the most critical, and the partitions of the others are no longer wanted: none is protected.
+    """
+    members = [member for group in groups for member in group.members]
     names = {member.name for member in members}
-    return not any(member.dedicated or names & set(member.apart) for member in members)
+    if any(member.dedicated or names & set(member.apart) for member in members):
+        return False
+    _, *others = sorted(groups, key=lambda one: (-one.criticality, one.name))
+    return not any(one.wish.protect for one in others)
 
 
 def most_critical_first(components: Iterable[Component]) -> tuple[Component, ...]:

@@ -86,9 +86,12 @@ def test_adding_a_key_adds_it_alone_and_keeps_every_comment(text: str, data: st.
 @given(text=manifests(), data=st.data())
 def test_removing_a_key_removes_it_alone(text: str, data: st.DataObject) -> None:
     before = _values(text)
-    path = data.draw(st.sampled_from(_paths(before)))
+    path, heir = data.draw(st.sampled_from(_paths(before))), data.draw(st.sampled_from(_paths(before)))
 
     assert _values(remove_value(text, path)) == _without(before, path)
+    kept = remove_value(text, path, heir)
+    assert _values(kept) == _without(before, path)
+    assert comments(kept) == comments(text)
 
 
 @given(text=manifests(), data=st.data())

@@ -79,8 +79,7 @@ def replaced(text: str, route: Route, new: Node) -> str:
     elif "\n" in gap or not gap:
         gap = " "
     changed = text[:colon] + gap + written + text[end:]
-    above = next(one for one in reversed(route.steps) if not one.parent.flow)
-    return _with_comments_above(changed, above.key, moved)
+    return commented(changed, route, moved)
 
 
 def inserted(text: str, route: Route, name: str, new: Node) -> str:
@@ -112,13 +111,16 @@ def inserted_at_root(text: str, name: str, new: Node) -> str:
 
 
 def removed(text: str, route: Route) -> str:
-    """The text without the key at the end of the route, its value and the comments directly above it."""
+    """The text without the key at the end of the route, its value and the comments directly above it.
+
+    Where it was the only one of its map, comments stay.
+    """
     step = route.steps[-1]
     siblings = step.parent.entries
     if len(siblings) == 1:
         empty = Collection(True, True, 0, 0, 0)
         inner = Route(route.steps[:-1], step.parent, step.shape, ())
-        return replaced(text, inner, empty) if inner.steps else "{}\n"
+        return replaced(text, inner, empty) if inner.steps else "\n".join([*comments_in(text, 0, len(text)), "{}", ""])
     if step.parent.flow:
         return _removed_from_flow(text, siblings, siblings.index(step.entry))
     start = _above(text, step.key)
@@ -126,6 +128,20 @@ def removed(text: str, route: Route) -> str:
     while (blank := re.compile(r"[ \t]*\n").match(text, end)) is not None:
         end = blank.end()
     return text[:start] + text[end:]
+
+
+def comments_at(text: str, route: Route) -> list[str]:
+    """The comments that go when the key at the end of the route does: above it, beside it and inside."""
+    step = route.steps[-1]
+    if step.parent.flow:
+        return comments_in(text, step.key.start, _flow_end(text, step.entry))
+    return comments_in(text, _above(text, step.key), _below(text, step.entry, _column(text, step.key.start)))
+
+
+def commented(text: str, route: Route, comments: list[str]) -> str:
+    """The text with these comments above the last key of the route that has a line of its own; else at the end."""
+    own_line = [one.key for one in route.steps if not one.parent.flow]
+    return _with_comments_above(text, own_line[-1], comments) if own_line else _with_lines(text, len(text), comments)
 
 
 def _removed_from_flow(text: str, siblings: list[Entry], number: int) -> str:

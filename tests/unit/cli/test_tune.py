@@ -178,6 +178,25 @@ def test_where_nothing_may_be_combined_the_answer_is_no(here: Path) -> None:
     assert (here / "rarms.yaml").read_text(encoding="utf-8") == alone
 
 
+def test_a_protected_partition_takes_others_in_and_is_never_combined_away(here: Path) -> None:
+    protected = "\npartitions:\n  {}: {{ protect: true }} # never lose it\n"
+    (here / "rarms.yaml").write_text(MANIFEST + protected.format("video"), encoding="utf-8", newline="\n")
+    graph = rarms("graph", "--candidates").out
+    away = json.loads(rarms("tune", "--samples", "60", "--json").out)
+    kept = (here / "rarms.yaml").read_text(encoding="utf-8")
+    (here / "rarms.yaml").write_text(MANIFEST + protected.format("paths"), encoding="utf-8", newline="\n")
+    taken_in = rarms("tune", "--samples", "60")
+
+    assert "paths+video" not in graph
+    assert not any("video" in one["components"] for one in away["trail"])
+    assert "  video: { protect: true } # never lose it\n" in kept
+    assert taken_in.code == 0, taken_in.err
+    text = (here / "rarms.yaml").read_text(encoding="utf-8")
+    assert "# never lose it" in text
+    assert "components: [paths, video]" in text
+    assert "protect: true" in text
+
+
 def test_what_was_not_measured_is_told(tmp_path: Path) -> None:
     (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
     with chdir(tmp_path):

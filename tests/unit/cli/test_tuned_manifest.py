@@ -67,6 +67,30 @@ def test_a_partition_that_is_there_is_extended_and_an_emptied_one_goes(tmp_path:
     )
 
 
+def test_what_comments_said_of_an_entry_that_goes_stands_above_the_compounds(tmp_path: Path) -> None:
+    text = MANIFEST + (
+        "\n# by hand\npartitions: # top\n  # plays films\n  video: # of the kiosk\n    start: manual # not at night\n"
+    )
+    write(tmp_path, text)
+    done = write_partitions(*opened(tmp_path), [compound("paths", "video", "paths")])
+
+    assert done.removed == ("video",)
+    assert (tmp_path / "rarms.yaml").read_text(encoding="utf-8") == MANIFEST + (
+        "\n# by hand\npartitions: # top\n  # plays films\n  # of the kiosk\n  # not at night\n"
+        "  paths:\n    components: [paths, video]\n"
+    )
+
+
+def test_comments_of_a_partition_that_was_alone_in_an_overlay_stay_there(tmp_path: Path) -> None:
+    write(tmp_path, MANIFEST + "\npartitions:\n  vision: { start: manual }\n")
+    write(tmp_path, "schema: rarms/v1\npartitions:\n  # films\n  video: { start: manual } # nights\n", "night.yaml")
+    write_partitions(*opened(tmp_path, "night.yaml"), [compound("vision", "video", "vision")])
+
+    night = (tmp_path / "night.yaml").read_text(encoding="utf-8")
+    assert (night.count("# films"), night.count("# nights"), "video" in night) == (1, 1, False)
+    assert opened(tmp_path, "night.yaml")[0].partitions["vision"].components == ("vision", "video")
+
+
 def test_what_an_overlay_says_is_changed_there(tmp_path: Path) -> None:
     write(tmp_path, MANIFEST)
     write(tmp_path, "schema: rarms/v1\npartitions:\n  front:\n    components: [vision]\n", "robot-7.yaml")

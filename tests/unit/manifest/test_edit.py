@@ -107,6 +107,10 @@ def test_a_canonical_text_stays_canonical() -> None:
     assert set_value(canonical, ("components", "a", "criticality"), 100) == canonical.replace("1 ", "100 ")
 
 
+def test_a_text_on_one_line_is_changed_there() -> None:
+    assert set_value('{"a": {"b": 1}} # all\n', ("a", "b"), 2) == '{"a": {"b": 2}} # all\n'
+
+
 def test_line_ends_and_byte_order_mark_stay() -> None:
     assert set_value("\ufeffmoved: {}\r\n", ("moved",), {"a": "b"}) == "\ufeffmoved:\r\n  a: b\r\n"
 
@@ -115,6 +119,22 @@ def test_a_key_is_removed_with_its_comments() -> None:
     after = remove_value(ROBOT, ("components", "vision", "criticality"))
 
     assert changed_lines(ROBOT, after) == ["-        # more hurts", "-        criticality: 40"]
+
+
+def test_an_heir_keeps_the_comments_of_what_is_removed() -> None:
+    text = """\
+hosts:
+  # big
+  a: # the first
+    memory: 1 GiB # all of it
+    # no more
+  # small
+  b: {}
+"""
+    kept = "  # big\n  # the first\n  # all of it\n  # no more\n"
+
+    assert remove_value(text, ("hosts", "a"), heir=("hosts", "b", "x")) == f"hosts:\n  # small\n{kept}  b: {{}}\n"
+    assert remove_value(text, ("hosts", "a"), heir=("tasks",)).endswith("  b: {}\n" + kept.replace("  #", "#"))
 
 
 def test_the_last_key_of_a_map_leaves_an_empty_map() -> None:
