@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import accumulate
 
 from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, in_processors
@@ -136,31 +137,29 @@ def _first_fit(sizes: list[int], free: list[int]) -> bool:
 
 
 def _search(sizes: list[int], bins: int) -> bool:
-    """Depth first over the sizes, largest first; of processors with as much left only one is tried."""
+    """Depth first over the sizes, largest first; what is left on all processors is tried once, in whatever order."""
     if _first_fit(sizes, [WHOLE] * bins):
         return True
-    free = [WHOLE] * bins
+    waiting = [*accumulate(reversed(sizes), initial=0)][::-1]  # by number: what is still to be placed
+    failed = set[tuple[int, ...]]()  # what was left, whose sum tells the number
     nodes = SEARCH_NODES
 
-    def place(number: int, first: int) -> bool:
+    def place(number: int, free: tuple[int, ...]) -> bool:
         nonlocal nodes
         if number == len(sizes):
             return True
-        size, tried = sizes[number], set[int]()
-        for at in range(first, bins):
-            if size > free[at] or free[at] in tried:
+        nodes -= 1
+        # What is left in pieces that are too small for the smallest is lost.
+        if nodes < 0 or free in failed or sum(left for left in free if left >= sizes[-1]) < waiting[number]:
+            return False
+        size = sizes[number]
+        for at, left in enumerate(free):
+            if left < size or left in free[:at]:
                 continue
-            nodes -= 1
-            if nodes < 0:
-                return False
-            tried.add(free[at])
-            free[at] -= size
-            # Equal sizes are interchangeable: the next one never goes before this one.
-            alike = number + 1 < len(sizes) and sizes[number + 1] == size
-            if place(number + 1, at if alike else 0):
+            if place(number + 1, tuple(sorted((*free[:at], left - size, *free[at + 1 :])))):
                 return True
-            free[at] += size
+        failed.add(free)
         return False
 
     # The stack grows by one frame a size; very many small ones are what first fit is good at.
-    return len(sizes) <= 500 and place(0, 0)
+    return len(sizes) <= 500 and place(0, (WHOLE,) * bins)

@@ -24,6 +24,13 @@ def test_a_packing_that_first_fit_misses_is_found() -> None:
     assert packs([claim(size) for size in (44, 43, 39, 37, 19, 18)], 2)
 
 
+def test_what_leaves_nothing_over_is_found_without_trying_the_same_twice() -> None:
+    sizes = (52, 44, 43, 39, 34, 31, 26, 23, 21, 17, 16, 13, 12, 11, 9, 9)
+    assert sum(sizes) == 400
+
+    assert packs([claim(size) for size in sizes], 4)
+
+
 def test_a_reserve_on_more_processors_than_there_are_does_not_hold() -> None:
     assert not packs([claim(1, 3)], 2)
     assert packs([claim(0, 3)], 2)
