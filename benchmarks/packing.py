@@ -57,7 +57,7 @@ def told(family: str, runs: Sequence[Run]) -> str:
     times = sorted(one.seconds for one in runs)
     worst = max(runs, key=lambda one: one.seconds)
     return (
-        f"{family:<16}{len(runs):>5}{statistics.median(times):>9.2f}{times[-1]:>9.2f} (seed {worst.instance.seed})"
+        f"{family:<18}{len(runs):>5}{statistics.median(times):>9.2f}{times[-1]:>9.2f} (seed {worst.instance.seed})"
         f"{sum(one.proved for one in runs):>7}{sum(one.certified for one in runs):>7}"
         f"{max(one.checked for one in runs):>9.3f}"
     )
@@ -73,7 +73,7 @@ def main(words: Sequence[str]) -> int:
     families = list(words[1:]) or [*FAMILIES, *HARD]
     if hasattr(os, "getloadavg"):
         print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors; times are CPU time of the process, in s")
-    print("family              n   median    worst          proved  certified  checker")
+    print("family                n   median    worst          proved  certified  checker")
     usual: list[Run] = []
     hard: list[Run] = []
     for family in families:
@@ -90,11 +90,12 @@ def main(words: Sequence[str]) -> int:
             Figure(name="worst", value=max(times), unit="s", at_most=WORST),
             Figure(name="not proved on both levels", value=missing, unit="", at_most=0),
             Figure(name="not certified", value=uncertified, unit="%", at_most=100 - CERTIFIED),
-            Figure(name="longest check", value=max(one.checked for one in usual), unit="s", at_most=CHECKED),
         ]
     if hard:
         missed = 100 - share(hard, WORST)
         figures.append(Figure(name="hard, missed in 5 s", value=missed, unit="%", at_most=100 - HARD_SHARE))
+    longest = max(one.checked for one in (*usual, *hard))
+    figures.append(Figure(name="longest check", value=longest, unit="s", at_most=CHECKED))
     return report(figures)
 
 

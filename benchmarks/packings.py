@@ -111,14 +111,20 @@ def conflicts(random: Random) -> Drawn:
 
 
 def kinds(random: Random) -> Drawn:
-    """Two or three kinds of host, each as dear as it is large."""
-    rooms, opening = [], []
-    for room, price in random.choice((((100, 5), (160, 8)), ((100, 5), (160, 8), (240, 12)))):
-        rooms.append((room,))
-        opening.append(price)
-    chosen = [at % len(rooms) for at in range(HOSTS)]
+    """Two or three kinds of host, each as dear as it is large: those in use are nearly full."""
+    return _on_kinds(random, (((100, 5), (160, 8)), ((100, 5), (160, 8), (240, 12))))
+
+
+def kinds_with_slack(random: Random) -> Drawn:
+    """Two or three kinds of host of few prices, the larger ones cheaper for what they have: there is room to spare."""
+    return _on_kinds(random, (((100, 3), (160, 4)), ((100, 3), (160, 4), (240, 5))))
+
+
+def _on_kinds(random: Random, choices: Sequence[Sequence[tuple[int, int]]]) -> Drawn:
+    some = random.choice(choices)
     sizes = [(random.randint(8, 75),) for _ in range(ITEMS)]
-    return Drawn(sizes=sizes, rooms=[rooms[at] for at in chosen], opening=[opening[at] for at in chosen])
+    hosts = [some[at % len(some)] for at in range(HOSTS)]
+    return Drawn(sizes=sizes, rooms=[(room,) for room, _ in hosts], opening=[price for _, price in hosts])
 
 
 def tight(random: Random) -> Drawn:
@@ -143,6 +149,7 @@ FAMILIES: Mapping[str, Callable[[Random], Drawn]] = {
     "2-D zero waste": vectors_without_waste,
     "conflicts": conflicts,
     "kinds": kinds,
+    "kinds with slack": kinds_with_slack,
 }
 HARD: Mapping[str, Callable[[Random], Drawn]] = {"tight 2-D": tight}
 
