@@ -20,11 +20,11 @@ from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.plan import Claim
 from rarms_iac.model.state import State
-from rarms_iac.model.system import Component, Host, System
+from rarms_iac.model.system import Host, System
 from rarms_iac.planner.combining import findings
 from rarms_iac.planner.combining.layouts import Objective
 from rarms_iac.planner.combining.oracle import Unanswered
-from rarms_iac.planner.combining.values import Coi, Members, leader
+from rarms_iac.planner.combining.values import Coi, Members
 from rarms_iac.planner.first_fit import Item, cost, free_in
 from rarms_iac.planner.groups import Group, may_share
 from rarms_iac.planner.layout import plan_layout
@@ -60,8 +60,7 @@ class Subject:
     def may_share(self, members: Members) -> bool:
         """Whether these components may be in one partition, somewhere, and be measured there."""
         groups = [one for one in self.problem.groups if names_of(one.members)[0] in members]
-        homes = self._homes_of(leader(one for one in self.cois if set(one.members) <= set(members)).name, members)
-        return may_share(*groups) and bool(homes) and self.highest(members) > 0
+        return may_share(*groups) and bool(self._homes(members)) and self.highest(members) > 0
 
     def highest(self, members: Members) -> int:
         """The highest CR that the bench can give to a P1 of these."""
@@ -91,14 +90,14 @@ class Subject:
             return next(each for each in self.problem.items if each.name == one.name)
         memory = sum(self.system.components[name].memory for name in one.members)
         claim = Claim(processors=one.processors, reserve=one.reserve, memory=memory)
-        return Item(name=one.name, claims=dict.fromkeys(self._homes_of(one.name, one.members), claim))
+        homes, now = self._homes(one.members), self.problem.now.get(one.name)
+        # The partition of that name stays where it runs, as the others do.
+        return Item(name=one.name, claims=dict.fromkeys((now,) if now in homes else homes, claim))
 
-    def _homes_of(self, name: str, members: Members) -> tuple[str, ...]:
-        """Where the partition of that name may have these members; a protected one only where it is now."""
-        homes = _homes(self.hosts, [self.system.components[each] for each in members])
-        wish, now = self.system.partitions.get(name), self.problem.now.get(name)
-        protected = wish is not None and wish.protect and now is not None
-        return tuple(one for one in homes if one == now) if protected else homes
+    def _homes(self, members: Members) -> tuple[str, ...]:
+        """Where all of them may run."""
+        limits = [self.system.components[each].hosts for each in members]
+        return tuple(name for name in self.hosts.chosen if all(one is None or name in one for one in limits))
 
 
 def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) -> Subject:
@@ -166,11 +165,6 @@ def _coi(group: Group, claim: Claim) -> Coi:
         processors=claim.processors,
         reserve=claim.reserve,
     )
-
-
-def _homes(hosts: Hosts, components: Sequence[Component]) -> tuple[str, ...]:
-    """Where all of them may run."""
-    return tuple(name for name in hosts.chosen if all(one.hosts is None or name in one.hosts for one in components))
 
 
 @dataclass(slots=True, kw_only=True)

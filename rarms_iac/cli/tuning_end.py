@@ -16,7 +16,7 @@ from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.system import System
 from rarms_iac.planner.combining import findings
 from rarms_iac.planner.combining.candidates import Break
-from rarms_iac.planner.combining.oracle import Unanswered
+from rarms_iac.planner.combining.oracle import PlannerReporter, Unanswered
 from rarms_iac.planner.combining.paper import (
     SUCCESSFUL,
     UNABLE,
@@ -25,7 +25,7 @@ from rarms_iac.planner.combining.paper import (
     tune_performance_to_use_less_resource,
 )
 from rarms_iac.planner.combining.questions import Best, search, tuning_of
-from rarms_iac.planner.combining.values import WHOLE, Asked, Coi, total
+from rarms_iac.planner.combining.values import WHOLE, Asked, Coi, Members, total
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.problem import host_view
@@ -54,7 +54,7 @@ class End:
     def of(subject: Subject, asking: Asking, strategy: str, *, repeat: bool, probability: float | None = None) -> "End":
         """Tune by this strategy."""
         trail: list[Asked] = []
-        heard = replace(asking, oracle=_Noting(asking, trail))
+        heard = replace(asking, reporter=_Noting(asking.reporter, trail))
         before = End(subject=subject, ending="stopped", cois=ordered(subject.cois))
         try:
             if strategy == "paper":
@@ -67,17 +67,28 @@ class End:
 
 
 class _Noting:
-    """An oracle whose answers are kept, also when it is asked for an end."""
+    """A reporter that keeps the answers, also when somebody asks for an end, and tells another."""
 
-    def __init__(self, asking: Asking, trail: list[Asked]) -> None:
-        self._asking = asking
+    def __init__(self, told: PlannerReporter, trail: list[Asked]) -> None:
+        self._told = told
         self._trail = trail
 
-    def worse(self, members: tuple[str, ...], reserve: int) -> frozenset[str]:
-        """As the oracle says."""
-        found = self._asking.oracle.worse(members, reserve)
-        self._trail.append(Asked(members=members, reserve=reserve, worse=tuple(sorted(found))))
-        return found
+    def setting_asked(self, members: Members, reserve: int, why: str) -> None:
+        """Told on."""
+        self._told.setting_asked(members, reserve, why)
+
+    def setting_answered(self, answer: Asked) -> None:
+        """Kept, and told on."""
+        self._trail.append(answer)
+        self._told.setting_answered(answer)
+
+    def declined(self, members: Members) -> None:
+        """Told on."""
+        self._told.declined(members)
+
+    def combined(self, compound: Coi, before: int) -> None:
+        """Told on."""
+        self._told.combined(compound, before)
 
 
 def _by_the_paper(before: End, asking: Asking, *, repeat: bool) -> End:

@@ -42,9 +42,7 @@ class Tuned:
 
 def tuned_text(tuned: Tuned, width: int) -> str:
     """The trail, the partitions, and what all of it came to."""
-    trail = (
-        table([("setting", "CR", "predicted", "verdict"), *_trail(tuned.trail)], width) + "\n" if tuned.trail else ""
-    )
+    trail = table(list(_trail(tuned.trail)), width) + "\n" if tuned.trail else ""
     rows = [("partition", "components", "CR", "reserves", "apart")]
     for one in tuned.partitions:
         names = ", ".join(one.components)
@@ -53,11 +51,14 @@ def tuned_text(tuned: Tuned, width: int) -> str:
     return f"{trail}{table(rows, width)}\n{says}\n"
 
 
-def _trail(trail: Sequence[Asked]) -> Iterator[tuple[str, str, str, str]]:
+def _trail(trail: Sequence[Asked]) -> Iterator[tuple[str, ...]]:
+    """Where nothing was predicted, there is no column of it."""
+    predicted = [one.predicted for one in trail if one.predicted is not None]
+    yield "setting", "CR", *(["predicted"] if predicted else []), "verdict"
     for one in trail:
         verdict = "all thresholds met" if one.passed else f"not met for sure by {', '.join(one.worse)}"
-        predicted = "" if one.predicted is None else f"{one.predicted} %"
-        yield "+".join(one.members), f"{one.reserve} %", predicted, verdict
+        told = "" if one.predicted is None else f"{one.predicted} %"
+        yield "+".join(one.members), f"{one.reserve} %", *([told] if predicted else []), verdict
 
 
 def _sentence(tuned: Tuned) -> str:

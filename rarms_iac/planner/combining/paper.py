@@ -25,15 +25,15 @@ class Asking:
     consent: Consent = field(default_factory=Always)
     may_share: Sharing = lambda _members: True
 
-    def ask(self, members: Members, reserve: int, why: str) -> Asked:
-        """One setting.
+    def ask(self, members: Members, reserve: int, why: str, predicted: int | None = None) -> Asked:
+        """One setting; `predicted`: the CR that is expected to do.
 
         Raises:
             Unanswered: the oracle has no answer.
         """
         self.reporter.setting_asked(members, reserve, why)
         worse = self.oracle.worse(members, reserve)
-        answer = Asked(members=members, reserve=reserve, worse=tuple(sorted(worse)))
+        answer = Asked(members=members, reserve=reserve, worse=tuple(sorted(worse)), predicted=predicted)
         self.reporter.setting_answered(answer)
         return answer
 

@@ -227,7 +227,7 @@ def search(
                 looking = Looking(tuning=tuning)
                 continue
             consented.add(step.members)
-        trail.append(replace(asking.ask(step.members, step.reserve, step.why), predicted=step.predicted))
+        trail.append(asking.ask(step.members, step.reserve, step.why, step.predicted))
     return step, tuple(trail)
 
 

@@ -1,6 +1,7 @@
 """What tuning claims of other layouts: in the text, in JSON and in the trail."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -47,3 +48,17 @@ def test_the_claim_is_the_same_everywhere(proved: bool, probability: float | Non
     text = tuned_text(ended, 80)
     assert ("No other layout is better, if" in text) is proved
     assert ("Not proved, at least 95 %" in text) is (probability is not None)
+
+
+def test_where_nothing_was_predicted_there_is_no_column_of_it() -> None:
+    ended = tuned(proved=False, probability=None)
+    nothing = tuple(replace(one, predicted=None) for one in ended.trail)
+
+    assert tuned_text(ended, 80).splitlines()[:2] == [
+        "setting  CR    predicted  verdict",
+        "a+b      40 %  44 %       not met for sure by a",
+    ]
+    assert tuned_text(replace(ended, trail=nothing), 80).splitlines()[:2] == [
+        "setting  CR    verdict",
+        "a+b      40 %  not met for sure by a",
+    ]

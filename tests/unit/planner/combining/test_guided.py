@@ -7,9 +7,10 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.model.system import Minimise
+from rarms_iac.planner.combining.oracle import Silent
 from rarms_iac.planner.combining.paper import Asking
 from rarms_iac.planner.combining.questions import Ask, Best, Tuning, next_step, search, tuning_of
-from rarms_iac.planner.combining.values import Coi, Members
+from rarms_iac.planner.combining.values import Asked, Coi, Members
 from rarms_iac.planner.prediction.members import Predictor
 from tests.unit.planner.combining.test_questions import Needs, anyone, cois, needs_of, objective
 
@@ -81,14 +82,26 @@ def test_at_a_probability_it_ends_sooner_and_claims_no_proof() -> None:
     assert best >= 0.8 * len(SEEDS)
 
 
+class Hearing(Silent):
+    """A reporter that keeps the answers."""
+
+    def __init__(self) -> None:
+        self.answers: list[Asked] = []
+
+    def setting_answered(self, answer: Asked) -> None:
+        self.answers.append(answer)
+
+
 def test_what_is_expected_is_told_with_every_question() -> None:
     tuning, needs = problem(0)
     step = next_step(guided(tuning, needs, 0.0), ())
 
     assert isinstance(step, Ask)
     assert f"predicted: {step.predicted} %" in step.why
-    _, trail = search(guided(tuning, needs, 0.0), Asking(oracle=Needs(needs)))
+    heard = Hearing()
+    _, trail = search(guided(tuning, needs, 0.0), Asking(oracle=Needs(needs), reporter=heard))
     assert trail[0].predicted == step.predicted
+    assert tuple(heard.answers) == trail, "whoever stops it midway was told the same"
 
 
 def test_the_same_answers_lead_to_the_same_questions() -> None:

@@ -1,0 +1,99 @@
+"""What tuning is about, and how it ends when somebody stops it."""
+
+from collections.abc import Iterator
+from contextlib import chdir
+from datetime import date
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.cli.hosts import hosts_of, observed
+from rarms_iac.cli.manifests import system_of
+from rarms_iac.cli.options import HostOptions, ManifestOptions
+from rarms_iac.cli.tuning import Subject, TuningStopped, bench_of, subject_of_tuning
+from rarms_iac.cli.tuning_end import End
+from rarms_iac.planner.combining.paper import Asking
+from rarms_iac.planner.combining.values import Coi, Members
+from tests.measuring import leave_logs
+from tests.unit.cli.running import rarms
+
+MANIFEST = """\
+schema: rarms/v1
+
+application: { name: robot }
+
+hosts:
+  onboard: { logical_processors: 2, memory: 4 GiB, platform: two-core }
+  workshop: { logical_processors: 2, memory: 4 GiB, platform: two-core }
+
+components:
+  vision: { criticality: 30, apt: &apt, memory: 64 MiB, simulation: { work: 10 ms }, hosts: [onboard] }
+  paths: { criticality: 20, apt: &apt, memory: 64 MiB, simulation: { work: 10 ms }, hosts: [onboard] }
+  ballast: { criticality: 10, cpu: { reserve: 0.8 LP }, memory: 64 MiB, hosts: [onboard] }
+""".replace("&apt", "{ mean_response_time: { at_most: 100 ms } }")
+
+VIDEO = """\
+  video:
+    criticality: 5
+    apt: { mean_response_time: { at_most: 100 ms } }
+    memory: 64 MiB
+    simulation: { work: 10 ms }
+"""
+
+
+@pytest.fixture
+def here(tmp_path: Path) -> Iterator[Path]:
+    """A folder with a measured robot, which is where we are."""
+    with chdir(tmp_path):
+        write(MANIFEST + VIDEO)
+        leave_logs(tmp_path, {"vision": 30, "paths": 30, "video": 30})
+        yield tmp_path
+
+
+def write(text: str) -> None:
+    Path("rarms.yaml").write_text(text, encoding="utf-8", newline="\n")
+
+
+def subject_of(*hosts: str) -> Subject:
+    source = ManifestOptions(today=date(2026, 11, 22))
+    found = hosts_of(*system_of(source), source, HostOptions(hosts=hosts))
+    return subject_of_tuning(found, bench_of(found), observed(found))
+
+
+def test_a_compound_stays_where_the_partition_of_its_name_runs(here: Path) -> None:
+    write(MANIFEST)
+    done = rarms("apply", "--auto-approve")
+    assert done.code == 0, done.err
+    write(MANIFEST.replace("}, hosts: [onboard] }\n  ballast", "} }\n  ballast") + VIDEO)
+
+    subject = subject_of()
+    vision = next(one for one in subject.cois if one.name == "vision")
+    both = Coi(name="paths", members=("paths", "video"), criticality=20, processors=2, reserve=31)
+
+    assert not subject.fits([vision, both]), "paths runs on onboard, and there is room for 30 % only"
+    assert subject.fits([vision, Coi(name="paths", members=both.members, criticality=20, processors=2, reserve=30)])
+
+
+class Once:
+    """An oracle that answers once; then somebody asks for an end."""
+
+    def __init__(self) -> None:
+        self.asked: list[Members] = []
+
+    def worse(self, members: Members, reserve: int) -> frozenset[str]:
+        if self.asked:
+            raise TuningStopped("stopped")
+        self.asked.append(members)
+        return frozenset()
+
+
+def test_who_stops_it_is_told_what_was_asked_with_what_was_predicted(here: Path) -> None:
+    write(MANIFEST.replace("0.8 LP", "1 LP") + VIDEO)
+    subject = subject_of("onboard")
+    oracle = Once()
+
+    end = End.of(subject, Asking(oracle=oracle, may_share=subject.may_share), "default", repeat=False)
+
+    assert end.ending == "stopped"
+    assert [one.members for one in end.trail] == oracle.asked
+    assert end.trail[0].predicted is not None
