@@ -1,26 +1,20 @@
 """Sizes into as few equal bins as possible, in one or more dimensions: for published instances, and beyond 30 items.
 
-Up to 30 items the answer is exact. Beyond, it is the best of several heuristics, with the gap to the best of several
-bounds: the sum of sizes, dual feasible functions, and the relaxation by patterns where it is small enough.
+Up to 30 items the answer is exact. Beyond, it is the best of several heuristics and of dives on the relaxation by
+patterns, with the gap to the best of several bounds: the sum of sizes, dual feasible functions, and that relaxation.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rarms_iac.planner.packing.columns import Effort, relax
 from rarms_iac.planner.packing.dual import above, rounded
-from rarms_iac.planner.packing.fullest import fullest
 from rarms_iac.planner.packing.heuristics import quick_packing
+from rarms_iac.planner.packing.large import pack_many
 from rarms_iac.planner.packing.program import Problem, Sizes, assignment_of, cheapest
 from rarms_iac.planner.packing.solve import Packed, solve
 
 EXACT_UP_TO = 30
-RELAXED_UP_TO = 60
-"""Items up to which the relaxation by patterns is solved."""
-
 _TRIES = 40
-_FILLING = 20_000
-_EFFORT = Effort(pattern_nodes=5_000, rounds=200)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,25 +48,18 @@ def pack_sizes(sizes: Sequence[int | Sequence[int]], capacity: int | Sequence[in
             raise ValueError(f"item {at} of size {size} does not fit into a bin of {room}")
     if not items:
         return PackedSizes(bins=(), used=0, bound=0)
-    problem = _problem(items, room, len(items))
     bound = least_bins(items, room)
-    start = quick_packing(cheapest(problem), bound, max(4, min(_TRIES, 1_500 // len(items))))
+    if len(items) > EXACT_UP_TO:
+        many = pack_many(items, room, bound)
+        return PackedSizes(bins=many.bins, used=many.used, bound=many.bound)
+    problem = _problem(items, room, len(items))
+    start = quick_packing(cheapest(problem), bound, _TRIES)
     assert start is not None, "a bin an item is enough"
     if len(start) == bound:
         return _told(assignment_of(cheapest(problem), start), bound)
-    if len(items) <= EXACT_UP_TO:
-        found = solve(_problem(items, room, len(start)))
-        assert isinstance(found, Packed), "so many bins are enough"
-        return _told(found.hosts, max(bound, found.cost.bound))
-    where = assignment_of(cheapest(problem), start)
-    if len(room) == 1:
-        column = [size[0] for size in items]
-        filled = fullest(column, room[0], max(4, _FILLING // len(items)), bound)
-        where = filled if filled is not None and max(filled) + 1 < len(start) else where
-    if len(items) <= RELAXED_UP_TO and len(set(where)) > bound:
-        relaxed = relax(cheapest(_problem(items, room, len(start))), start, len(start), len(start), _EFFORT)
-        bound = max(bound, relaxed.bound if relaxed is not None else 0)
-    return _told(where, bound)
+    found = solve(_problem(items, room, len(start)))
+    assert isinstance(found, Packed), "so many bins are enough"
+    return _told(found.hosts, max(bound, found.cost.bound))
 
 
 def _sizes(one: int | Sequence[int]) -> Sizes:

@@ -108,13 +108,7 @@ class Master:
     def _pivot(self, column: int) -> bool:
         """Bring the column in; whether the value fell."""
         direction = self._direction(self.entries[column])
-        leaving, step = -1, float("inf")
-        for row, steep in enumerate(direction):
-            if steep > TOLERANCE:
-                ratio = max(0.0, self.values[row]) / steep
-                if ratio < step - 1e-12 or (ratio <= step + 1e-12 and steep > direction[leaving]):
-                    leaving, step = row, min(step, ratio)
-        assert leaving >= 0, "costs are bounded below, so something must leave"
+        leaving, step = self._leaving(direction)
         gain, pivot = self._reduced(column), direction[leaving]
         direction[leaving] = pivot - 1.0  # so that the row itself is divided by the pivot
         for number, line in enumerate(self.inverse):
@@ -126,6 +120,17 @@ class Master:
         self.values[leaving] = step
         self.basis[leaving] = column
         return step > TOLERANCE
+
+    def _leaving(self, direction: Sequence[float]) -> tuple[int, float]:
+        """The row whose column leaves, and how far the entering one goes."""
+        leaving, step = -1, float("inf")
+        for row, steep in enumerate(direction):
+            if steep > TOLERANCE:
+                ratio = max(0.0, self.values[row]) / steep
+                if ratio < step - 1e-12 or (ratio <= step + 1e-12 and steep > direction[leaving]):
+                    leaving, step = row, min(step, ratio)
+        assert leaving >= 0, "costs are bounded below, so something must leave"
+        return leaving, step
 
     def _direction(self, entries: Entries) -> list[float]:
         lines = [

@@ -1,0 +1,32 @@
+"""Which linear program is solved by: HiGHS where it is installed (`pip install rarms-iac[solver]`), or our own."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from rarms_iac.planner.packing.factored import Factored
+from rarms_iac.planner.packing.simplex import Entries
+
+
+class Restricted(Protocol):
+    """A linear program that grows by columns: minimise cost, every row met with equality. Never believed."""
+
+    @property
+    def pivots(self) -> int:
+        """Steps that it took so far: what it costs, in counts."""
+
+    def add(self, cost: float, entries: Entries) -> int:
+        """One column more; its number."""
+
+    def solve(self) -> float:
+        """The value of the optimum."""
+
+    def duals(self) -> list[float]:
+        """By row: what one unit more of its right-hand side would cost."""
+
+    def solution(self) -> dict[int, float]:
+        """The columns that are used, with how much."""
+
+
+def restricted(right: Sequence[float], penalties: Sequence[float]) -> Restricted:
+    """A program with these right-hand sides, and by row the cost of leaving one unit of it unmet."""
+    return Factored(right=list(right), penalties=list(penalties))

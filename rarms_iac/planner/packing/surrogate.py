@@ -1,0 +1,67 @@
+"""All dimensions of sizes as one: what bins hold in that they hold in each, so that one sum bounds them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rarms_iac.planner.packing.demand import Demand
+
+_UNIT = 4_096
+_PARTS = 16
+"""Weights of dimensions are told apart in so many steps."""
+
+_STEPS = (4, 2, 1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Surrogate:
+    """By size what it takes of all dimensions together, and the room in that."""
+
+    takes: Sequence[int]
+    room: int
+
+
+def surrogate(demand: Demand, profits: Sequence[int], gainful: Sequence[int]) -> Surrogate:
+    """The sum of dimensions under which a bin could carry least profit: the tightest bound that one sum gives.
+
+    Rounded down size by size, so that what fits in every dimension always fits here.
+    """
+    dimensions = len(demand.room)
+    if dimensions == 1:
+        return Surrogate(takes=[size[0] for size in demand.sizes], room=demand.room[0])
+    weights = [_PARTS // dimensions or 1] * dimensions
+    best = _weighed(demand, weights)
+    least = _carries(best, demand, profits, gainful)
+    for step in _STEPS:
+        for d in range(dimensions):
+            for sign in (step, -step):
+                other = [max(0, one + (sign if at == d else 0)) for at, one in enumerate(weights)]
+                tried = _weighed(demand, other)
+                if any(other) and (carries := _carries(tried, demand, profits, gainful)) < least:
+                    weights, best, least = other, tried, carries
+    return best
+
+
+def _weighed(demand: Demand, weights: Sequence[int]) -> Surrogate:
+    rooms = [max(1, there) for there in demand.room]
+    takes = [
+        sum([weight * _UNIT * one // room for weight, one, room in zip(weights, size, rooms, strict=True)])
+        for size in demand.sizes
+    ]
+    return Surrogate(takes=takes, room=_UNIT * sum(weights))
+
+
+def _carries(one: Surrogate, demand: Demand, profits: Sequence[int], gainful: Sequence[int]) -> float:
+    """What a bin carries where sizes may be in it in parts."""
+    takes, left, carried = one.takes, one.room, 0.0
+    for at in sorted(gainful, key=lambda at: -profits[at] / (takes[at] + 1e-3)):
+        there = takes[at] * demand.counts[at]
+        if there >= left:
+            return carried + profits[at] * left / takes[at]
+        left -= there
+        carried += profits[at] * demand.counts[at]
+    return carried
+
+
+def by_share(demand: Demand) -> list[int]:
+    """By size what it takes of all dimensions, each counting as much."""
+    return list(_weighed(demand, [1] * len(demand.room)).takes)
