@@ -3,18 +3,17 @@
 `python -m benchmarks.combining [INSTANCES] [MODEL ...]` takes so many instances a model (36 unless said; the goals are
 stated for 400 and more), spread evenly over n = 4 to 12 components. Seeds are fixed. Pairs only, beside two simple
 ways: all pairs by the paper's walk (10, 20, ... %), and all pairs by halving 1 to 100 %. What each component needs
-alone is known to all of them. Models: `combining_models` and `combining_host`. Some of the instances (`WAYS`) are run
-with noise, at a probability, or with the reservation first, and an eighth as many, of 4 to 8 components, with
-compounds of three.
+alone is known to all of them. Models: `combining_models` and `combining_host`. Each instance is gone about in all of
+`WAYS`, then half as many, of 4 to 8 components, with compounds of three, then each with the reservation first. What is
+done is told as it goes.
 
-Where a model makes a pair need less than one of its two alone, the assumption of the proof is wrong. These instances
-are counted apart, with those of them in which an answer showed it.
+Where a model makes a pair need less than the proof assumes, its instances are counted apart, with those of them in
+which an answer showed it.
 """
 
 import os
 import sys
-import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import groupby
@@ -22,7 +21,7 @@ from statistics import median, quantiles
 
 from benchmarks.combining_cases import MODELS, instance
 from benchmarks.combining_runs import NOISE, REPEATS, Greedy, Result, Way, greedy, run
-from benchmarks.timing import Figure, report
+from benchmarks.timing import Figure, report, table
 from rarms_iac.model.system import Minimise
 
 INSTANCES = 36
@@ -36,82 +35,98 @@ RESERVATION = Minimise.RESERVATION
 PROVED, GUIDED = Way(), Way(predicts=True)
 AT_A_PROBABILITY = Way(predicts=True, probability=CONTENT)
 NOISY = Way(predicts=True, noisy=True)
-WAYS = {  # with the part of the instances that are run so
-    "proof": (PROVED, 1),
-    "prediction": (GUIDED, 1),
-    "probability": (AT_A_PROBABILITY, 4),
-    "noise": (NOISY, 2),
-    "reservation first, proof": (Way(minimise=RESERVATION), 6),
-    "reservation first, prediction": (Way(minimise=RESERVATION, predicts=True), 6),
-    "reservation first, probability": (Way(minimise=RESERVATION, predicts=True, probability=CONTENT), 8),
+WAYS = {"proof": PROVED, "prediction": GUIDED, "noise": NOISY, "probability": AT_A_PROBABILITY}
+WAYS_RESERVATION_FIRST = {
+    "proof": Way(minimise=RESERVATION),
+    "prediction": Way(minimise=RESERVATION, predicts=True),
+    "probability": Way(minimise=RESERVATION, predicts=True, probability=CONTENT),
 }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Done:
-    """Everything that was run on one instance."""
+    """What was run on one instance, by way."""
 
     model: str
     results: dict[str, Result]
-    greedy: Greedy | None  # None: with compounds of three
+    greedy: Greedy | None = None  # only with pairs, combining as little as possible
 
 
 def done(model: str, components: int, seed: int) -> Done:
-    """Pairs."""
+    """Pairs, combining as little as possible."""
     case = instance(model, components, seed)
-    results = {name: run(case, way) for name, (way, part) in WAYS.items() if seed % part == 0}
-    return Done(model=model, results=results, greedy=greedy(case))
+    return Done(model=model, results={name: run(case, way) for name, way in WAYS.items()}, greedy=greedy(case))
+
+
+def reservation_first(model: str, components: int, seed: int) -> Done:
+    """Pairs, reserving as little as possible."""
+    case = instance(model, components, seed)
+    return Done(model=model, results={name: run(case, way) for name, way in WAYS_RESERVATION_FIRST.items()})
 
 
 def of_three(model: str, components: int, seed: int) -> Done:
     """Compounds of two and three, beside all sets that the highest CR of a member does not rule out."""
     case = instance(model, components, seed, 3)
-    return Done(model=model, results={"proof": run(case, PROVED), "prediction": run(case, GUIDED)}, greedy=None)
+    return Done(model=model, results={"proof": run(case, PROVED), "prediction": run(case, GUIDED)})
 
 
 def main(words: Sequence[str]) -> int:
-    begun = time.process_time()
     instances = int(words[0]) if words else INSTANCES
     models = [one for one in MODELS if one in words[1:] or not words[1:]]
     figures: list[Figure] = []
     with ProcessPoolExecutor(max_workers=min(2, os.cpu_count() or 1)) as workers:
-        cases = [
-            (model, size, seed) for model in models for seed in range(-(-instances // len(SIZES))) for size in SIZES
-        ]
-        threes = [
-            (model, size, seed)
-            for model in models
-            if model != "host"
-            for seed in range(-(-instances // 8 // len(SIZES_OF_THREE)))
-            for size in SIZES_OF_THREE
-        ]
-        pairs = workers.map(done, *zip(*cases, strict=True), chunksize=4)
-        for model, group in groupby(pairs, key=lambda one: one.model):
-            figures += _model(model, list(group))
-            sys.stdout.flush()
-        if threes:
-            for model, group in groupby(workers.map(of_three, *zip(*threes, strict=True)), key=lambda one: one.model):
-                figures += _of_three(model, list(group))
-    children = os.times()
-    print(f"processor time: {time.process_time() - begun + children.children_user + children.children_system:.0f} s")
+        for what, part, sizes, tell in PARTS:
+            seeds = range(-(-instances // part // len(sizes)))
+            chosen = [one for one in models if what is not of_three or one != "host"]
+            cases = [(model, size, seed) for model in chosen for seed in seeds for size in sizes]
+            results = _told(workers.map(what, *zip(*cases, strict=True), chunksize=3), what.__name__, len(cases))
+            for model, group in groupby(results, key=lambda one: one.model):
+                found = list(tell(model, list(group)))
+                figures += found
+                print(table(found), flush=True)
+    spent = os.times()
+    print(f"processor time: {spent.user + spent.system + spent.children_user + spent.children_system:.0f} s")
     return report(figures)
 
 
-def _model(model: str, all_of_it: Sequence[Done]) -> Iterable[Figure]:
+def _told(results: Iterable[Done], what: str, number: int) -> Iterator[Done]:
+    """The same, and on standard error how many are done."""
+    for at, one in enumerate(results, start=1):
+        if at % 45 == 0 or at == number:
+            print(f"{what}: {at} of {number} instances", file=sys.stderr, flush=True)
+        yield one
+
+
+def _combining_first(model: str, all_of_it: Sequence[Done]) -> Iterable[Figure]:
     print(f"\n{model}: {len(all_of_it)} instances, of which {_some(all_of_it, 'proof', 'fits')} can be made to fit")
     for name in WAYS:
-        results = [one.results[name] for one in all_of_it if name in one.results]
+        results = [one.results[name] for one in all_of_it]
         _print_settings(name, results)
         if name == "prediction":
             _print_misses(results)
     _print_greedy([one.greedy for one in all_of_it if one.greedy is not None])
-    for way in ("proof", "prediction", "reservation first, proof", "reservation first, prediction"):
-        results = [one.results[way] for one in all_of_it if way in one.results]
-        most = PREDICTED if way == "prediction" else PROOF[model]
-        yield Figure(name=f"{model}, {way}: median of the walk", value=_median(results), at_most=most)
-        yield from _right(f"{model}, {way}", results, with_limit=way == "prediction")
-    yield from _stopped(model, all_of_it)
-    yield from _with_noise(model, [one.results["noise"] for one in all_of_it if "noise" in one.results])
+    yield from _settings_and_right(model, all_of_it, PREDICTED)
+    yield from _stopped(model, [one.results["probability"] for one in all_of_it])
+    yield from _with_noise(model, [one.results["noise"] for one in all_of_it])
+
+
+def _reservation_first(model: str, all_of_it: Sequence[Done]) -> Iterable[Figure]:
+    print(f"\n{model}, reservation first: {len(all_of_it)} instances")
+    for name in WAYS_RESERVATION_FIRST:
+        _print_settings(name, [one.results[name] for one in all_of_it])
+    model_so = f"{model}, reservation first"
+    yield from _settings_and_right(model_so, all_of_it, PROOF[model], PROOF[model])
+    yield from _stopped(model_so, [one.results["probability"] for one in all_of_it])
+
+
+def _settings_and_right(
+    name: str, all_of_it: Sequence[Done], predicted: float, proof: float | None = None
+) -> Iterable[Figure]:
+    goals = {"proof": PROOF[name] if proof is None else proof, "prediction": predicted}
+    for way, most in goals.items():
+        results = [one.results[way] for one in all_of_it]
+        yield Figure(name=f"{name}, {way}: median of the walk", value=_median(results), at_most=most)
+        yield from _right(f"{name}, {way}", results, with_limit=way == "prediction")
 
 
 def _some(all_of_it: Sequence[Done], name: str, what: str) -> int:
@@ -180,15 +195,13 @@ def _upper(part: float, number: int) -> float:
     return float((middle + wide) / (1 + z * z / number))
 
 
-def _stopped(model: str, all_of_it: Sequence[Done]) -> Iterable[Figure]:
-    names = ("probability", "reservation first, probability")
-    ended = [one.results[name] for one in all_of_it for name in names if name in one.results]
-    short = [one for one in ended if one.stopped]
-    wrong = sum(not one.optimal for one in short)
+def _stopped(name: str, results: Sequence[Result]) -> Iterable[Figure]:
     at = f"at {100 * CONTENT:.0f} %"
-    print(f"  {at}: {len(short)} of {len(ended)} ended short of the proof, {wrong} of them not with the best")
+    short = [one for one in results if one.stopped]
+    wrong = sum(not one.optimal for one in short)
+    print(f"  {at}: {len(short)} of {len(results)} ended short of the proof, {wrong} of them not with the best")
     if short:
-        yield Figure(name=f"{model}, {at}: not the best", value=100 * wrong / len(short), unit="%", at_most=5)
+        yield Figure(name=f"{name}, {at}: not the best", value=100 * wrong / len(short), unit="%", at_most=5)
 
 
 def _with_noise(model: str, results: Sequence[Result]) -> Iterable[Figure]:
@@ -216,6 +229,13 @@ def _of_three(model: str, all_of_it: Sequence[Done]) -> Iterable[Figure]:
         _print_settings(name, results)
         yield Figure(name=f"{model} up to three, {name}: median of the walk", value=_median(results))
         yield from _right(f"{model} up to three, {name}", results)
+
+
+PARTS = (  # what is run, for one of so many instances, of how many components, and how it is told
+    (done, 1, SIZES, _combining_first),
+    (of_three, 2, SIZES_OF_THREE, _of_three),
+    (reservation_first, 1, SIZES, _reservation_first),
+)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from benchmarks.combining_models import NEVER, edf, fair, mixing
 from rarms_iac.model.system import Minimise
 from rarms_iac.planner.combining.layouts import Objective
 from rarms_iac.planner.combining.values import Coi, Members, total
+from rarms_iac.planner.prediction.floor import at_least
 from rarms_iac.planner.prediction.members import NOTHING, Predictor, predictor_of
 
 MODELS = {"edf": edf, "fair": fair, "mixing": mixing, "host": host}
@@ -23,6 +24,7 @@ class Instance:
 
     model: str
     seed: int
+    processors: int  # of every partition
     cois: tuple[Coi, ...]
     needs: Mapping[Members, int]  # of all compounds up to `largest`
     largest: int
@@ -37,9 +39,9 @@ class Instance:
     @property
     def breaks(self) -> bool:
         """Whether a compound needs less than a part of it, so that the assumption of the proof is wrong."""
-        alone = {one.members: one.reserve for one in self.cois}
+        known = {**{one.members: one.reserve for one in self.cois}, **self.needs}
         return any(
-            least < {**alone, **self.needs}[part]
+            least < at_least(known[part] * self.processors, self.processors)
             for names, least in self.needs.items()
             for part in combinations(names, len(names) - 1)
         )
@@ -64,7 +66,13 @@ def instance(model: str, components: int, seed: int, largest: int = 2) -> Instan
     drawn = MODELS[model](chance, components)
     levels = chance.sample(range(1, 100), components)
     cois = tuple(
-        Coi(name=f"c{at:02}", members=(f"c{at:02}",), criticality=levels[at], processors=1, reserve=drawn.need((at,)))
+        Coi(
+            name=f"c{at:02}",
+            members=(f"c{at:02}",),
+            criticality=levels[at],
+            processors=drawn.processors,
+            reserve=drawn.need((at,)),
+        )
         for at in range(components)
     )
     needs = {
@@ -73,15 +81,11 @@ def instance(model: str, components: int, seed: int, largest: int = 2) -> Instan
         for which in combinations(range(components), size)
     }
     alone = {cois[at].name: one for at, one in drawn.alone.items()}
-    widths = {one.processors for one in alone.values()}
-    predictor = NOTHING
-    if alone:
-        (width,) = widths
-        ways = predictor_of(alone)
-        predictor = Predictor(ways=ways.ways, says=lambda names, _processors: ways.of(names, width))
+    predictor = predictor_of(alone) if alone else NOTHING
     return Instance(
         model=model,
         seed=seed,
+        processors=drawn.processors,
         cois=cois,
         needs=needs,
         largest=largest,
@@ -122,7 +126,7 @@ def best_value(case: Instance, needs: Mapping[Members, int], minimise: Minimise)
     number = {one.name: at for at, one in enumerate(order)}
     gains: dict[int, list[tuple[int, int]]] = {}  # by the highest bit: compounds that save something
     for names, least in needs.items():
-        saved = sum(order[number[name]].cost for name in names) - least
+        saved = sum(order[number[name]].cost for name in names) - least * case.processors
         if saved > 0 and least < NEVER:
             mask = sum(1 << number[name] for name in names)
             gains.setdefault(mask.bit_length() - 1, []).append((mask, saved))

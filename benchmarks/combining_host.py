@@ -2,8 +2,7 @@
 
 Each run is a simulation, so components come from a few pools whose pairs are worked out once: instances of one pool
 share pairs, and are not independent. A third of the pools run on one logical processor, where pairs seldom save
-anything, the others on two. The runs are short, so that a pair now and then needs less than one of its two alone: there
-the assumption of the proof breaks.
+anything, the others on two, where a pair now and then needs a point or two less than one of its two alone.
 """
 
 import random
@@ -42,7 +41,8 @@ def host(chance: random.Random, components: int) -> Drawn:
     def need(which: tuple[int, ...]) -> int:
         return drawn.need(tuple(sorted(chosen[one] for one in which)))
 
-    return Drawn(need=need, alone={at: drawn.alone[one] for at, one in enumerate(chosen)})
+    alone = {at: drawn.alone[one] for at, one in enumerate(chosen)}
+    return Drawn(need=need, alone=alone, processors=drawn.lps)
 
 
 @cache

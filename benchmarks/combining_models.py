@@ -27,6 +27,7 @@ class Drawn:
 
     need: Need
     alone: Mapping[int, Alone]
+    processors: int = 1
 
 
 def halving(meets: Callable[[tuple[int, ...], int], bool]) -> Need:

@@ -10,12 +10,12 @@ from benchmarks.combining_cases import Instance, Value, best_value, halved, valu
 from benchmarks.combining_models import NEVER
 from rarms_iac.model.system import Minimise
 from rarms_iac.planner.combining.candidates import informed
-from rarms_iac.planner.combining.guiding import outlook_of
+from rarms_iac.planner.combining.guiding import needs_less, outlook_of
 from rarms_iac.planner.combining.oracle import PerformanceOracle
 from rarms_iac.planner.combining.paper import Asking, tune_performance_to_use_less_resource
 from rarms_iac.planner.combining.questions import Best, Tuning, search, tuning_of
 from rarms_iac.planner.combining.values import Asked, Coi, Members, total
-from rarms_iac.planner.prediction.belief import belief_of
+from rarms_iac.planner.prediction.belief import Outlook, belief_of
 from rarms_iac.planner.prediction.members import NOTHING
 
 REPEATS = 3
@@ -130,8 +130,8 @@ def run(case: Instance, way: Way) -> Result:
         told=bool(found.breaks),
         breaks=case.breaks,
         stopped=isinstance(found, Best) and found.stopped_at is not None,
-        near=_near(reached, best, len(compounds)),
-        near_the_truth=_near(reached, truly, len(compounds)),
+        near=_near(reached, best, len(compounds) * case.processors),
+        near_the_truth=_near(reached, truly, len(compounds) * case.processors),
         held=len(compounds),
         wrong=sum(one.reserve < case.needs[one.members] for one in compounds),
         misses=tuple(_misses(tuning, trail, case)) if way.predicts else (),
@@ -153,24 +153,25 @@ def _walked(case: Instance, names: Members, oracle: Repeating | None) -> int:
     return runs
 
 
-def _near(reached: Value | None, best: Value | None, compounds: int) -> bool:
-    """The same components share, and the totals are within one point a compound."""
+def _near(reached: Value | None, best: Value | None, points: int) -> bool:
+    """The same components share, and the totals are so near."""
     if reached is None or best is None:
         return reached == best
-    return reached.shared == best.shared and abs(reached.total - best.total) <= compounds
+    return reached.shared == best.shared and abs(reached.total - best.total) <= points
 
 
 def _misses(tuning: Tuning, trail: Sequence[Asked], case: Instance) -> list[Miss]:
     """Compounds as they would be predicted had they not been asked about, but all others."""
     known, predictor = informed(tuning.candidates, trail), tuning.predictor
-    outlooks = {mask: outlook_of(known, one, predictor) for mask, one in known.by_mask.items()}
+    less = needs_less(known)
+    outlooks = {mask: outlook_of(one, predictor, less) for mask, one in known.by_mask.items()}
     seen = {mask: one for mask, one in outlooks.items() if known.by_mask[mask].was_asked}
     most = {mask: int(one.together) for mask, one in outlooks.items()}  # beyond it is no gain, however far
     some = random.Random(f"misses/{case.seed}").sample(sorted(outlooks), min(TRIED, len(outlooks)))
     misses = []
     for mask in some:
         others = [one for each, one in seen.items() if each != mask]
-        bare = replace(outlooks[mask], low=ceil(outlooks[mask].neediest), passed=None, failed=None)
+        bare = replace(outlooks[mask], low=_least(outlooks[mask]), passed=None, failed=None)
         expected = belief_of(len(predictor.ways), others).of(bare)
         misses.append(
             Miss(
@@ -181,6 +182,10 @@ def _misses(tuning: Tuning, trail: Sequence[Asked], case: Instance) -> list[Miss
             )
         )
     return misses
+
+
+def _least(outlook: Outlook) -> int:
+    return max(1, ceil(outlook.neediest) - outlook.slack)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

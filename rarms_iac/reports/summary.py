@@ -5,6 +5,7 @@ from fractions import Fraction
 
 from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
 from rarms_iac.model.thresholds import show_threshold
+from rarms_iac.planner.prediction.floor import ASSUMED
 from rarms_iac.reports.model import Capacity, Measurement, Point, Proof, Report, Shown, Standing, Tuning
 from rarms_iac.reports.scale import shown
 from rarms_iac.statistics.told_errors import wrong
@@ -184,7 +185,7 @@ def tuning_text(one: Tuning) -> str:
     run = one.run
     before, after, capacity = (_processors(amount) for amount in (run.before, run.after, run.capacity))
     result = f"{before} became {after} of {capacity}" if run.before != run.after else f"{before} of {capacity}"
-    proof = " No other layout is better, if a compound needs at least what any part of it needs." if run.proved else ""
+    proof = f" No other layout is better, if {ASSUMED}." if run.proved else ""
     if run.probability is not None:
         proof = f" {run.claim.capitalize()}: so likely no other layout is better, as far as predictions have erred."
     broken = f" Nothing is proved: {'; '.join(run.contradictions)}." if run.contradictions else ""

@@ -9,6 +9,7 @@ from rarms_iac.datalog.tuning import TunedPartition, claim_of
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.planner.combining.values import Asked
+from rarms_iac.planner.prediction.floor import ASSUMED
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap
 from rarms_iac.views.output.combining import AskedOutput, CombinedOutput, TuneOutput
@@ -76,7 +77,7 @@ def _sentence(tuned: Tuned) -> str:
 
 def _claimed(tuned: Tuned) -> str:
     if tuned.proved:
-        return "\nNo other layout is better, if a compound needs at least what any part of it needs."
+        return f"\nNo other layout is better, if {ASSUMED}."
     if tuned.probability is None:
         return ""
     return (

@@ -1,7 +1,8 @@
 """The candidate graph: every compound that could save something, with what is known of the reservation it needs.
 
-One assumption is made: a compound needs at least what any part of it needs. That a compound needs at most the sum of
-its parts is expected and never used: one that fails just below that sum is no gain, and is dropped.
+One assumption is made, that of `planner.prediction.floor`: a compound needs at least what any part of it needs, less a
+little on several processors. That a compound needs at most the sum of its parts is expected and never used: one that
+fails just below that sum is no gain, and is dropped.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.planner.combining.paper import Sharing
 from rarms_iac.planner.combining.values import WHOLE, Asked, Coi, Members, leader, total
+from rarms_iac.planner.prediction.floor import at_least
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -29,6 +31,8 @@ class Candidate:
     mask: Mask
     coi: Coi  # what it would be; its reserve is the lower end
     highest: int  # the highest CR at which it still reserves less than its parts
+    neediest: int  # what that part costs alone, in per cent of one logical processor
+    together: int  # what all of them do
     passed: int | None = None  # the lowest CR at which it was seen to meet all APTs
     failed: int | None = None  # the highest CR at which it was seen to miss one
 
@@ -87,15 +91,16 @@ def candidates_of(cois: Sequence[Coi], may_share: Sharing, *, most: int, largest
         coi = compound_of(members)
         highest = min(most, (total(members) - 1) // coi.processors)
         if coi.reserve <= highest:
-            found[mask] = Candidate(mask=mask, coi=coi, highest=highest)
+            neediest = max(one.cost for one in members)
+            found[mask] = Candidate(mask=mask, coi=coi, highest=highest, neediest=neediest, together=total(members))
     return Candidates(cois=ordered, by_mask=dict(sorted(found.items())))
 
 
 def compound_of(members: Sequence[Coi]) -> Coi:
-    """These together, with the least that they can need: what the neediest of them needs."""
+    """These together, with the least that they can need, as the neediest of them says."""
     processors = max(one.processors for one in members)
     names = tuple(sorted(name for one in members for name in one.members))
-    least = -(-max(one.cost for one in members) // processors)
+    least = at_least(max(one.cost for one in members), processors)
     return replace(leader(members), members=names, processors=processors, reserve=least)
 
 
@@ -154,8 +159,11 @@ def _own(one: Candidate, passed: Sequence[int], failed: Sequence[int]) -> Candid
 
 def _raised(one: Candidate, floors: Iterable[tuple[Mask, int]]) -> Candidate:
     """It needs at least what each part of it needs, unless it was seen to need less."""
-    cost = max((floor for mask, floor in floors if mask & one.mask == mask), default=0)
-    low = max(one.low, -(-cost // one.coi.processors))
+    own, cost = one.mask, 0
+    for mask, floor in floors:
+        if floor > cost and mask & own == mask:
+            cost = floor
+    low = max(one.low, at_least(cost, one.coi.processors)) if cost else one.low
     low = one.low if one.passed is not None and low > one.passed else low
     return one if low == one.low else replace(one, coi=replace(one.coi, reserve=low))
 
@@ -177,7 +185,7 @@ def _breaks(
         if not passed:
             continue
         for part, floor in (*_parts(candidates, mask), *floors):
-            if part & mask == part and part != mask and min(passed) * one.coi.processors < floor:
+            if part & mask == part and part != mask and min(passed) < at_least(floor, one.coi.processors):
                 needs = named(compound_of(candidates.members(part)).members)
                 yield Break(
                     members=one.coi.members,

@@ -9,12 +9,15 @@ from math import ceil
 from rarms_iac.planner.combining.candidates import Candidate, Candidates, Mask
 from rarms_iac.planner.combining.layouts import Layouts, Value
 from rarms_iac.planner.combining.scenarios import World, worlds
-from rarms_iac.planner.combining.values import total
 from rarms_iac.planner.prediction.belief import Belief, Expectation, Outlook, belief_of
+from rarms_iac.planner.prediction.floor import SELDOM, slack_on
 from rarms_iac.planner.prediction.members import Predictor
 
 BEYOND = 0.2
 """What a bound that rises beyond what this layout can bear is worth: it may rule out others."""
+
+LIKE = 30
+"""What is expected of needs below those of a part counts as if it had been seen of so many compounds."""
 
 BETTER = 5
 """Worlds with a better layout among those that are looked at, where the probability asked for is just reached."""
@@ -27,12 +30,13 @@ class Guide:
     known: Candidates
     predictor: Predictor
     belief: Belief
+    less: float  # the probability that a compound on several processors needs less than its neediest part
     _outlooks: dict[Mask, Outlook] = field(default_factory=dict, compare=False, repr=False)
 
     def outlook(self, mask: Mask) -> Outlook:
         """What is known of this compound, and predicted."""
         if mask not in self._outlooks:
-            self._outlooks[mask] = outlook_of(self.known, self.known.by_mask[mask], self.predictor)
+            self._outlooks[mask] = outlook_of(self.known.by_mask[mask], self.predictor, self.less)
         return self._outlooks[mask]
 
     def expected(self, mask: Mask) -> Expectation:
@@ -57,18 +61,29 @@ class Doubt:
 
 def guide_of(known: Candidates, predictor: Predictor) -> Guide:
     """What these answers and predictions make one expect."""
-    seen = [outlook_of(known, one, predictor) for one in known.by_mask.values() if one.was_asked]
-    return Guide(known=known, predictor=predictor, belief=belief_of(len(predictor.ways), seen))
+    less = needs_less(known)
+    seen = [outlook_of(one, predictor, less) for one in known.by_mask.values() if one.was_asked]
+    return Guide(known=known, predictor=predictor, belief=belief_of(len(predictor.ways), seen), less=less)
 
 
-def outlook_of(known: Candidates, one: Candidate, predictor: Predictor) -> Outlook:
-    """What is known of a compound, and predicted."""
-    parts = known.members(one.mask)
+def needs_less(known: Candidates) -> float:
+    """How likely a compound on several processors needs less than its neediest part, after those that were asked."""
+    seen = [one for one in known.by_mask.values() if one.was_asked and slack_on(one.coi.processors)]
+    needs = [-(-one.neediest // one.coi.processors) for one in seen]
+    did = sum(one.passed is not None and one.passed < least for one, least in zip(seen, needs, strict=True))
+    did_not = sum(one.failed is not None and one.failed >= least - 1 for one, least in zip(seen, needs, strict=True))
+    return (SELDOM * LIKE + did) / (LIKE + did + did_not)
+
+
+def outlook_of(one: Candidate, predictor: Predictor, less: float) -> Outlook:
+    """What is known of a compound, and predicted; `less`: as of `Guide`."""
     return Outlook(
-        neediest=max(each.cost for each in parts) / one.coi.processors,
-        together=total(parts) / one.coi.processors,
+        neediest=one.neediest / one.coi.processors,
+        together=one.together / one.coi.processors,
         said=predictor.of(one.coi.members, one.coi.processors),
         low=one.low,
+        slack=slack_on(one.coi.processors),
+        less=less if slack_on(one.coi.processors) else 0.0,
         passed=one.passed,
         failed=one.failed,
     )
@@ -123,11 +138,11 @@ def doubt_of(guide: Guide, layouts: Layouts, than: Value, probability: float) ->
     Hosts are not looked at, so some of these may fit nowhere: the doubt is rather too large.
     """
     ranked = takewhile(lambda one: one.value[0] <= than[0], layouts.ranked())
-    sets = tuple(one for one in ranked if one.value < than)
-    number = ceil(BETTER / (1.0 - probability))
+    sets = [(one.mask, layouts.less_than(than, one.mask, one.rest)) for one in ranked if one.value < than]
+    number = ceil((BETTER + 1) / (1.0 - probability))  # rule of succession (P. Laplace, 1774)
     found = []
     for looked_at, world in enumerate(worlds(layouts, guide.outlook, guide.belief, number), start=1):
-        blocks = world.better(sets, than)
+        blocks = world.better(sets)
         if blocks is not None:
             found.append((world, blocks))
         if len(found) > BETTER:

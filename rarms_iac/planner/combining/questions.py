@@ -49,7 +49,7 @@ class Best:
 
     @property
     def proved(self) -> bool:
-        """No other layout is better, if a compound needs at least what any part of it needs."""
+        """No other layout is better, under the assumption of `planner.prediction.floor`."""
         return self.complete and not self.breaks and self.stopped_at is None
 
     @property

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
 from rarms_iac.planner.combining.candidates import Mask
-from rarms_iac.planner.combining.layouts import NEVER, PARTITIONS, Layouts, Least, Shared, Value
+from rarms_iac.planner.combining.layouts import NEVER, PARTITIONS, Layouts, Least
 from rarms_iac.planner.prediction.belief import Belief, Hypothesis, Outlook
 
 _BITS = 0xFFFFFFFFFFFFFFFF
@@ -20,6 +20,7 @@ class World:
     outlook: Callable[[Mask], Outlook]
     way: Hypothesis
     needs: dict[Mask, int] = field(default_factory=dict)  # CR, of those that were drawn
+    _costs: dict[Mask, Least] = field(default_factory=dict)
     _least: dict[Mask, Least] = field(default_factory=lambda: {0: 0})
     _more_than: dict[Mask, Least] = field(default_factory=dict)  # where it was given up
 
@@ -31,9 +32,12 @@ class World:
         return found
 
     def _cost(self, block: Mask) -> Least:
-        one = self.layouts.candidates.by_mask[block]
-        need = self.need(block)
-        return (need * one.coi.processors << PARTITIONS) + 1 if need <= one.highest else NEVER
+        found = self._costs.get(block)
+        if found is None:
+            one, need = self.layouts.candidates.by_mask[block], self.need(block)
+            found = (need * one.coi.processors << PARTITIONS) + 1 if need <= one.highest else NEVER
+            self._costs[block] = found
+        return found
 
     def least(self, mask: Mask, most: Least) -> Least:
         """As of `Layouts`, here, where it is at most so much; otherwise something more than that."""
@@ -54,15 +58,14 @@ class World:
             self._more_than[mask] = most
         return found
 
-    def better(self, sets: Iterable[Shared], than: Value) -> tuple[Mask, ...] | None:
-        """The compounds of a layout that has room here and is better than that one; None: none is.
+    def better(self, sets: Iterable[tuple[Mask, Least]]) -> tuple[Mask, ...] | None:
+        """The compounds of a layout in which one of these sets shares and needs at most so much; None: there is none.
 
         NOTE: hosts are not looked at. So it may fit none, and another layout seems better rather than none.
         """
-        for one in sets:
-            most = self.layouts.less_than(than, one.mask, one.rest)
-            if self.least(one.mask, most) <= most:
-                return tuple(self._blocks_of(one.mask))
+        for mask, most in sets:
+            if self.least(mask, most) <= most:
+                return tuple(self._blocks_of(mask))
         return None
 
     def _blocks_of(self, shared: Mask) -> Iterator[Mask]:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import accumulate
-from math import exp, log
+from math import ceil, exp, log
 
 BIASES = (-0.2, 0.0, 0.2)
 ERRORS = (0.02, 0.07, 0.2, 0.5)
@@ -34,7 +34,7 @@ WIDE = (0.07, 0.2)
 EVEN = 0.7
 """What it weighs that they are not, where nothing predicts."""
 
-UNLIKELY = 12.0
+UNLIKELY = 7.0
 """Hypotheses that are less likely than the best by this, as a logarithm, are left out."""
 
 
@@ -46,6 +46,8 @@ class Outlook:
     together: float  # what its parts reserve together
     said: tuple[float | None, ...]  # what each way predicts; None: it cannot say
     low: int  # it needs at least so much, whether seen or inferred
+    slack: int = 0  # points by which it may need less than the neediest
+    less: float = 0.0  # the probability that it does
     passed: int | None = None  # it was seen to need at most so much
     failed: int | None = None  # it was itself seen to need more
 
@@ -66,7 +68,12 @@ class Hypothesis:
 
     def below(self, one: Outlook, reserve: float) -> float:
         """The probability of a need of at most so much, before anything was asked."""
-        return _below(self.bias, self.error, one.neediest, one.together, self._said(one), reserve)
+        least = ceil(one.neediest)
+        if reserve < least and one.slack:
+            return one.less * max(0.0, reserve + 1 - least + one.slack) / one.slack
+        return one.less + (1.0 - one.less) * _below(
+            self.bias, self.error, one.neediest, one.together, self._said(one), reserve
+        )
 
     def _said(self, one: Outlook) -> float | None:
         if self.way is None:
@@ -75,7 +82,7 @@ class Hypothesis:
 
     def bounds(self, one: Outlook) -> tuple[float, float]:
         """The same probability at the ends of what is known."""
-        low = self.below(one, one.low - 1) if one.low > one.neediest else 0.0
+        low = self.below(one, one.low - 1) if one.low > one.neediest - one.slack else 0.0
         return low, 1.0 if one.passed is None else self.below(one, one.passed)
 
     def need(self, one: Outlook, chance: float) -> int:

@@ -8,6 +8,7 @@ from rarms_iac.model.indexes.percentile_response_time import percentile_of
 from rarms_iac.model.system import AtMost, Component, Host, Periodic
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.prediction.belief import Outlook, belief_of
+from rarms_iac.planner.prediction.floor import SELDOM, at_least, slack_on
 from rarms_iac.planner.prediction.periodic import (
     Meets,
     Resource,
@@ -167,7 +168,15 @@ def expected_of(predictor: Predictor, members: tuple[str, ...], processors: int,
     if all(one is None for one in said):
         return None
     neediest, together = max(costs) / processors, sum(costs) / processors
-    outlook = Outlook(neediest=neediest, together=together, said=said, low=ceil(neediest))
+    slack = slack_on(processors)
+    outlook = Outlook(
+        neediest=neediest,
+        together=together,
+        said=said,
+        low=at_least(max(costs), processors),
+        slack=slack,
+        less=SELDOM if slack else 0.0,
+    )
     return belief_of(len(predictor.ways), []).of(outlook).quantile(0.5)
 
 

@@ -45,7 +45,7 @@ class TuneOutput:
     capacity: int
     before: int
     after: int
-    proved: bool  # that no other layout is better, if a compound needs at least what any part of it needs
+    proved: bool  # that no other layout is better, under the assumption of docs/combining.md
     probability: float | None  # not proved, but at least so likely; null: proved, or nothing is claimed
     claim: str  # proved; not proved; not proved, at least 95 %
     contradictions: tuple[str, ...]

@@ -3,12 +3,12 @@
 import itertools
 import random
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import pytest
 
 from rarms_iac.model.system import Minimise
-from rarms_iac.planner.combining.candidates import candidates_of, graph_of
+from rarms_iac.planner.combining.candidates import candidates_of, graph_of, informed
 from rarms_iac.planner.combining.layouts import Objective
 from rarms_iac.planner.combining.paper import Asking
 from rarms_iac.planner.combining.questions import Ask, Best, NothingFits, next_step, search, tuning_of
@@ -172,6 +172,34 @@ def test_where_nothing_fits_that_is_proved() -> None:
     assert max(one.reserve for one in trail) <= 109
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_layouts_that_cannot_fit_are_dropped_unmeasured(seed: int) -> None:
+    """Whatever is asked about is in some layout that fits, if each compound needs as little as it was known to."""
+    chance = random.Random(f"dropped/{seed}")
+    of = cois(**{name: chance.randint(10, 45) for name in "abcde"})
+    capacity = int(total(of) * chance.uniform(0.7, 0.9))
+    tuning = tuning_of(of, objective(of, capacity), anyone)
+    _, trail = search(tuning, Asking(oracle=Needs(needs_of(of, chance))))
+    assert trail
+
+    layouts = [[tuple(sorted(one.name for one in block)) for block in layout] for layout in partitions(of)]
+    alone = {one.members: one.reserve for one in of}
+    for at, question in enumerate(trail):
+        known = informed(tuning.candidates, trail[:at]).by_mask.values()
+        least = alone | {one.coi.members: one.low for one in known if one.is_gain}
+        possible = [layout for layout in layouts if question.members in layout and all(one in least for one in layout)]
+        assert min(sum(least[one] for one in layout) for layout in possible) <= capacity
+
+
+def test_where_no_layout_can_fit_nothing_is_measured() -> None:
+    of = cois(a=40, b=30, c=25)
+    found, trail = search(tuning_of(of, objective(of, 39), anyone), Asking(oracle=Needs({})))
+
+    assert isinstance(found, NothingFits)
+    assert found.proved
+    assert trail == (), "40 % are needed at least, whoever shares with whom"
+
+
 def test_an_answer_that_contradicts_another_voids_the_proof() -> None:
     of = cois(a=40, b=30)
     tuning = tuning_of(of, objective(of, 60), anyone)
@@ -203,6 +231,20 @@ def test_a_compound_that_needs_less_than_a_part_of_it_voids_the_proof() -> None:
     ended = next_step(tuning_of(of, objective(of, 61), anyone), done)
     assert isinstance(ended, Best)
     assert [one.says for one in ended.breaks] == ["a+b+c meets its thresholds with less than b+c needs"]
+
+
+def test_on_several_processors_a_compound_may_need_two_points_less_than_a_part() -> None:
+    of = tuple(replace(one, processors=2) for one in cois(a=40, b=30))
+    tuning = tuning_of(of, objective(of, 80), anyone)
+    found, trail = search(tuning, Asking(oracle=Needs({("a", "b"): 39})))
+    assert isinstance(found, Best)
+    assert (found.proved, found.total) == (True, 78)
+    assert min(one.reserve for one in trail) == 38, "that less is not enough was seen"
+
+    below = [Asked(members=("a", "b"), reserve=37, worse=())]
+    ended, _ = search(tuning, Asking(oracle=Needs({("a", "b"): 37})), below)
+    assert [one.says for one in ended.breaks] == ["a+b meets its thresholds with less than a needs"]
+    assert not ended.proved
 
 
 def test_of_many_only_the_least_critical_are_looked_at() -> None:
