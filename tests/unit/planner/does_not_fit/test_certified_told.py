@@ -1,0 +1,88 @@
+"""A refusal says how sure it is, and names no more partitions and hosts than its proof is of."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from rarms_iac.model.layout import Cause, Infeasible
+from rarms_iac.model.system import Disruption, System
+from rarms_iac.planner import findings
+from rarms_iac.planner.does_not_fit.conflict import told
+from rarms_iac.planner.layout import Planning, plan_layout
+from rarms_iac.planner.packing.checker import check
+from rarms_iac.planner.problem import problem_of
+from rarms_iac.planner.reservations import FixedReservations
+from tests.builders import a_component, a_host, a_system
+from tests.planning import PLACES
+
+
+def planned(system: System) -> Planning:
+    return plan_layout(system, FixedReservations(), {}, PLACES, max_disruption=Disruption.REMOVAL)
+
+
+def five_of_two(hosts: int = 1, others: int = 0) -> System:
+    """On a host of two logical processors, five virtual ones of 40 %: their sum is all there is."""
+    bound = [a_component(f"p{at}", reserve="20 %", processors=1, memory="64 MiB") for at in range(5)]
+    free = [a_component(f"q{at:02}", reserve="1 %", processors=1, memory="64 MiB") for at in range(others)]
+    return a_system(
+        hosts=[a_host(f"host{at}", logical_processors=2, memory="16 GiB") for at in range(hosts)],
+        components=[*(replace(one, hosts=("host0",)) for one in bound), *free],
+    )
+
+
+def test_virtual_processors_that_find_no_logical_ones_are_certified() -> None:
+    planning = planned(five_of_two())
+
+    assert isinstance(planning.answer, Infeasible)
+    assert [one.code for one in planning.findings] == ["RARMS121"]
+    assert planning.findings[0].detail.endswith("each needs its whole reserve on one of them. This is certified.")
+    certificate = json.loads(planning.answer.certificate)
+    check(certificate["problem"], certificate["claim"])
+
+
+@pytest.mark.parametrize("others", [3, 40])
+def test_few_among_many_are_named_with_their_host(others: int) -> None:
+    planning = planned(five_of_two(hosts=4, others=others))
+
+    answer = planning.answer
+    assert isinstance(answer, Infeasible)
+    assert answer.proven
+    assert answer.conflict == ("p0", "p1", "p2", "p3", "p4")
+    assert (planning.findings[0].code, planning.findings[0].address) == ("RARMS121", "host/host0")
+    certificate = json.loads(answer.certificate)
+    assert (tuple(certificate["partitions"]), certificate["hosts"]) == (answer.conflict, ["host0"])
+
+
+def test_the_sum_of_those_that_must_be_on_one_host_is_told() -> None:
+    heavy = [a_component(name, reserve="60 %", memory="64 MiB") for name in ("a", "b")]
+    light = [a_component(name, reserve="10 %", memory="64 MiB") for name in ("c", "d")]
+    system = a_system(
+        hosts=[a_host(name, logical_processors=2) for name in ("left", "right")],
+        components=[*(replace(one, hosts=("right",)) for one in heavy), *light],
+    )
+
+    planning = planned(system)
+
+    assert isinstance(planning.answer, Infeasible)
+    assert planning.answer.conflict == ("a", "b")
+    assert [(one.code, one.address) for one in planning.findings] == [("RARMS014", "host/right")]
+    needed = "a 60 % and b 60 % need 120 % of the two logical processors."
+    assert planning.findings[0].detail == f"{needed} This is certified."
+
+
+@pytest.mark.parametrize(
+    ("proven", "certificate", "says"),
+    [
+        (True, "{}", "This is certified."),
+        (True, "", "This is proved by search, not certified."),
+        (False, "", "It is not proven that there is none: the search gave up before it had tried everything."),
+    ],
+)
+@pytest.mark.parametrize("code", [findings.PLACEMENT.code, findings.PACKING.code])
+def test_it_is_said_how_sure_it_is(proven: bool, certificate: str, says: str, code: str) -> None:
+    cause = Cause(what="application", says="Nothing fits.", code=code)
+    answer = Infeasible(proven=proven, conflict=(), causes=(cause,), relaxations=(), certificate=certificate)
+    problem = problem_of(five_of_two(), FixedReservations(), {}, may_move=True)
+
+    assert [one.detail for one in told(answer, problem, PLACES)] == [f"Nothing fits. {says}"]
