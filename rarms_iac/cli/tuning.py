@@ -22,7 +22,7 @@ from rarms_iac.model.plan import Claim
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Host, System
 from rarms_iac.planner.combining import findings
-from rarms_iac.planner.combining.layouts import Objective
+from rarms_iac.planner.combining.objective import Objective
 from rarms_iac.planner.combining.oracle import Unanswered
 from rarms_iac.planner.combining.values import Coi, Members
 from rarms_iac.planner.first_fit import Item, cost, free_in

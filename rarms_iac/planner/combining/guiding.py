@@ -7,7 +7,8 @@ from itertools import takewhile
 from math import ceil
 
 from rarms_iac.planner.combining.candidates import Candidate, Candidates, Mask
-from rarms_iac.planner.combining.layouts import Layouts, Value
+from rarms_iac.planner.combining.layouts import Layouts
+from rarms_iac.planner.combining.objective import Value
 from rarms_iac.planner.combining.scenarios import World, worlds
 from rarms_iac.planner.prediction.belief import Belief, Expectation, Outlook, belief_of
 from rarms_iac.planner.prediction.floor import SELDOM, slack_on
