@@ -107,15 +107,19 @@ def _result(truth: Truth, goal: Goal, strategy: str, done: Walk) -> Result:
 
 
 def _told_apart(goal: Goal, done: Walk, *, strict: bool) -> tuple[set[int], set[int]]:
-    """The settings that were measured as passing, and as failing: by the curve that a plan rests on, or by verdicts."""
+    """The settings that were measured as passing, and as failing: by the curve that a plan rests on, or by verdicts.
+
+    One without a steady state is neither.
+    """
     reserves = {one.reserve for one in done.settings}
+    apts = {one.name: one.apt for one in goal.members}
+    curves = curves_of(done.settings, {one.name: one.run for one in goal.members}, apts)
+    untold = {each for curve, _ in curves for each in curve.untold}
     if strict:
-        apts = {one.name: one.apt for one in goal.members}
-        curves = curves_of(done.settings, {one.name: one.run for one in goal.members}, apts)
         passed = {each for each in reserves if all(holds(curve, apt, each) for curve, apt in curves)}
     else:
         passed = {one.reserve for one in done.settings if trial_of(one, goal).passed}
-    return passed, reserves - passed
+    return passed, reserves - passed - untold
 
 
 def _identifiable(truth: Truth) -> bool:

@@ -27,6 +27,7 @@ class Sufficient:
     reserve: int
     failed: int | None  # the highest lower CR at which one was not met; None: there is none, or nobody looked
     error: float  # of the verdicts that this rests on
+    untold: tuple[int, ...] = ()  # lower CRs above that one that were measured and say neither: no steady state
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -26,3 +26,6 @@ NO_THRESHOLD = Finding(code="RARMS264", severity=Severity.ERROR, summary="There 
 FIXED_ANYWAY = Finding(
     code="RARMS266", severity=Severity.NOTE, summary="The manifest fixes a reservation that was measured"
 )
+LESS_UNKNOWN = Finding(
+    code="RARMS267", severity=Severity.WARNING, summary="Less may be enough: settings below have no steady state"
+)

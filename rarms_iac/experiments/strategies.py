@@ -1,6 +1,6 @@
 """The strategies that the loop can be given: a search, a list of settings, or what a curve rests on without a look."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -14,7 +14,7 @@ from rarms_iac.experiments.conclusions import (
 )
 from rarms_iac.experiments.search import Goal, Member, Trial, settled, trial_of
 from rarms_iac.experiments.search import values as searched
-from rarms_iac.experiments.search.bracket import not_met
+from rarms_iac.experiments.search.bracket import below, not_met
 from rarms_iac.experiments.search.tree import WIDTH
 from rarms_iac.experiments.setup import Experiment
 from rarms_iac.model.measurement import Setting
@@ -65,25 +65,27 @@ class Searching:
             case searched.Measure(reserve=reserve, precision=precision) if reserve > self.most:
                 return self._at_most(trials, precision)
             case searched.Measure(reserve=reserve, precision=precision):
-                return self._measure(reserve, precision)
-            case searched.Found(reserve=reserve, failed=failed):
-                return Sufficient(reserve=reserve, failed=failed, error=self.goal.error_of_passing)
+                return self._measure(trials, reserve, precision)
+            case searched.Found(reserve=reserve):
+                return _sufficient(self.goal, trials, reserve)
             case searched.NotAchievable():
                 return NotAchievable(reserve=100, error=self.goal.error)
             case searched.NotResolved(why=why):
                 return NotResolved(says=why)
 
-    def _measure(self, reserve: int, precision: float | None) -> Measure:
+    def _measure(self, trials: Sequence[Trial], reserve: int, precision: float | None) -> Measure:
+        """Until it is settled, or to its end: once a setting had no steady state, an early look may see but a part."""
+        if any(one.untold for one in trials):
+            return Measure(reserve=reserve)
         return Measure(reserve=reserve, settled=partial(settled, goal=self.goal, precision=precision))
 
     def _at_most(self, trials: Sequence[Trial], precision: float | None) -> Step:
         """More is asked for than the host can give: what it can give decides."""
         known = [one for one in trials if one.reserve == self.most]
         if not known:
-            return self._measure(self.most, precision)
+            return self._measure(trials, self.most, precision)
         if known[-1].passed:
-            failed = max((one.reserve for one in trials if not one.passed and one.reserve < self.most), default=None)
-            return Sufficient(reserve=self.most, failed=failed, error=self.goal.error_of_passing)
+            return _sufficient(self.goal, trials, self.most)
         match not_met(known[-1]):
             case searched.NotAchievable():
                 return NotAchievable(reserve=self.most, error=self.goal.error)
@@ -137,8 +139,14 @@ class Verifying:
             return NotResolved(says=f"{found.reserve} % was looked up, and {left}")
         if found.interpolated:
             return Measure(reserve=found.reserve)
-        failed = max((one.reserve for one in settings if one.reserve < found.reserve), default=None)
-        return Sufficient(reserve=found.reserve, failed=failed, error=self.goal.error_of_passing)
+        lower = [trial_of(one, self.goal) for one in settings if one.reserve < found.reserve]
+        return _sufficient(self.goal, lower, found.reserve)
+
+
+def _sufficient(goal: Goal, trials: Sequence[Trial], reserve: int) -> Sufficient:
+    """That it is enough, with what is known of less."""
+    failed, untold = below(trials, reserve)
+    return Sufficient(reserve=reserve, failed=failed, error=goal.error_of_passing, untold=untold)
 
 
 NOTHING_FOR_SURE = "no setting that was measured meets every threshold for sure"
@@ -162,16 +170,21 @@ class Agreeing:
             return step
         match self.verifying.step(settings):
             case Sufficient() as planned:
-                return step if planned.reserve == step.reserve else _certified(planned)
+                known = {one.reserve for one in settings}
+                return step if planned.reserve == step.reserve else _certified(planned, known)
             case other:
                 return other
 
 
-def _certified(planned: Sufficient) -> Step:
-    """With a measured fail close below, as a search has it: what its verdict leaves open may do on the curve."""
+def _certified(planned: Sufficient, known: Collection[int]) -> Step:
+    """With a measured fail close below, as a search has it: what its verdict leaves open may do on the curve.
+
+    What is known and is no fail has no steady state, or passes and is not believed: it is not measured once more.
+    """
     if planned.reserve == 1 or planned.reserve - (planned.failed or 0) <= WIDTH:
         return planned
-    return Measure(reserve=max(1, planned.reserve - WIDTH + 1))
+    near = (planned.reserve - WIDTH + 1, planned.reserve - 1, planned.reserve - WIDTH)
+    return next((Measure(reserve=one) for one in near if one >= 1 and one not in known), planned)
 
 
 def apts_of(experiment: Experiment) -> dict[str, Mapping[str, Threshold]]:

@@ -1,6 +1,6 @@
 """What the end of an experiment is told as, where it is not simply a reservation."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import assert_never
 
 from rarms_iac.experiments.conclusions import (
@@ -15,11 +15,13 @@ from rarms_iac.experiments.conclusions import (
 from rarms_iac.experiments.findings import (
     FAILED_SAMPLES,
     FIXED_ANYWAY,
+    LESS_UNKNOWN,
     NO_STEADY_STATE,
     NOT_ACHIEVABLE,
     NOT_RESOLVED,
 )
 from rarms_iac.experiments.measured import Shown, shown, steady
+from rarms_iac.experiments.search.tree import WIDTH
 from rarms_iac.experiments.setup import Experiment
 from rarms_iac.model import thresholds
 from rarms_iac.model.diagnostics import Diagnostic, Places
@@ -52,11 +54,18 @@ def findings_of(
                 address=f"component/{component}",
             )
         case Sufficient(reserve=reserve):
+            yield from _less_unknown(experiment, conclusion, settings, places)
             yield from _fixed_anyway(experiment, reserve, places)
         case Swept() | Stopped():
             return
         case _:
             assert_never(conclusion)
+
+
+def listed(reserves: Sequence[int]) -> str:
+    """`43`, `43 and 45`, `43, 44 and 45`: what `%` stands behind."""
+    *others, last = map(str, reserves)
+    return f"{', '.join(others)} and {last}" if others else last
 
 
 def show_value(index: str, value: float) -> str:
@@ -110,26 +119,56 @@ def _not_resolved(
     experiment: Experiment, says: str, settings: tuple[Setting, ...], places: Places
 ) -> Iterator[Diagnostic]:
     first = experiment.members[0].name
-    unsteady = [
-        (setting.reserve, series.component, why)
-        for setting in settings[-1:]
-        for series in setting.series
-        if (why := steady(series))
-    ]
+    unsteady = _unsteady(settings[-1:])
     for reserve, component, why in unsteady:
         yield NO_STEADY_STATE.at(
             places.key("components", component),
             f"{component} at {reserve} %: {why}.",
-            "Look for what grows while it runs, or give it more samples: `--samples 2000`.",
+            "Look for what grows while it runs, or give it more samples: `--again --samples 2000`.",
             address=f"component/{component}",
         )
     if not unsteady:
         yield NOT_RESOLVED.at(
             places.value("components", first, "apt"),
             f"{experiment.name}: {says}.",
-            "Allow more samples (`--samples 2000`), or move the threshold away from what the component just reaches.",
+            "Allow more samples (`--again --samples 2000`), or move the threshold away from what the component just "
+            "reaches.",
             address=f"component/{first}",
         )
+
+
+def _unsteady(settings: Iterable[Setting]) -> list[tuple[int, str, str]]:
+    """The CR, the component and why, of each series without a steady state."""
+    return [
+        (setting.reserve, series.component, why)
+        for setting in settings
+        for series in setting.series
+        if (why := steady(series))
+    ]
+
+
+def _less_unknown(
+    experiment: Experiment, found: Sufficient, settings: tuple[Setting, ...], places: Places
+) -> Iterator[Diagnostic]:
+    """Where a search would have had a fail close below, and has but settings that say neither."""
+    if not found.untold or found.reserve - (found.failed or 0) <= WIDTH:
+        return
+    reserve, component, why = _unsteady(one for one in settings if one.reserve == found.untold[-1])[-1]
+    many = "it" if len(found.untold) == 1 else "they"
+    lowest = f"; {found.failed} % is not shown to be" if found.failed else ""
+    yield LESS_UNKNOWN.at(
+        places.value("components", experiment.members[0].name, "apt"),
+        f"{experiment.name}: {found.reserve} % is enough{lowest}. Of {listed(found.untold)} % nothing is known: {many} "
+        f"reached no steady state ({component} at {reserve} %: {why}).",
+        f"To find out whether less is enough, measure longer: `rarms measure {_asked_for(experiment)} --again "
+        "--samples 2000`.",
+        address=f"component/{experiment.members[0].name}",
+    )
+
+
+def _asked_for(experiment: Experiment) -> str:
+    names = " ".join(one.name for one in experiment.members)
+    return f"{names} --together" if len(experiment.members) > 1 else names
 
 
 def _fixed_anyway(experiment: Experiment, reserve: int, places: Places) -> Iterator[Diagnostic]:

@@ -16,7 +16,7 @@ from rarms_iac.experiments.conclusions import (
 )
 from rarms_iac.experiments.measured import Shown, shown, shown_at
 from rarms_iac.experiments.setup import Experiment
-from rarms_iac.experiments.telling import show_threshold, show_value
+from rarms_iac.experiments.telling import listed, show_threshold, show_value
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.system import AtLeast, AtMost
@@ -111,8 +111,8 @@ def _members(experiment: Experiment, reserve: str, verdict: str, error: str, use
 def _verdict(one: Measured) -> tuple[str, str]:
     """The CR and what is known of it; NOTE: a plan rests on the curve, so where the two differ both are told."""
     match one.conclusion:
-        case Sufficient(reserve=reserve, failed=failed):
-            return f"{reserve} %", f"enough{_below(one, failed)}{_planned(one, reserve)}"
+        case Sufficient(reserve=reserve, failed=failed, untold=untold):
+            return f"{reserve} %", f"enough{_below(one, failed)}{_untold(untold)}{_planned(one, reserve)}"
         case NotAchievable(reserve=reserve):
             return "-", f"not achievable at {reserve} %"
         case NotResolved():
@@ -138,6 +138,11 @@ def _below(one: Measured, failed: int | None) -> str:
             return f", {failed} % within the noise"
         case "no steady state":
             return f", {failed} % without a steady state"
+
+
+def _untold(reserves: Sequence[int]) -> str:
+    """Those between, of which nothing is known: they are neither enough nor too little."""
+    return f", {listed(reserves)} % without a steady state" if reserves else ""
 
 
 def _planned(one: Measured, reserve: int | None) -> str:
@@ -170,6 +175,7 @@ def _output(one: Measured) -> ExperimentOutput:
         undecided=isinstance(conclusion, Sufficient)
         and conclusion.failed is not None
         and shown_at(conclusion.failed, one.settings, experiment) != "missed",
+        untold=conclusion.untold if isinstance(conclusion, Sufficient) else (),
         error=conclusion.error if isinstance(conclusion, Sufficient | NotAchievable) else None,
         planned=one.planned.reserve if one.planned else None,
         interpolated=bool(one.planned and one.planned.interpolated),

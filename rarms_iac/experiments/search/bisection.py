@@ -17,7 +17,10 @@ def halve(history: Sequence[Trial], _goal: Goal, *, width: int) -> Step:
     match bracket:
         case NotAchievable() | NotResolved():
             return bracket
+        case Bracket(passed=None) if bracket.weary:
+            return Measure(reserve=100)  # whether anything has a steady state
         case Bracket(failed=failed, passed=passed):
-            if passed is not None and passed - failed <= width:
+            low, high = bracket.widest
+            if passed is not None and (passed - bracket.floor <= width or high - low == 1):
                 return Found(reserve=passed, failed=failed or None)
-            return Measure(reserve=(failed + (passed or 101)) // 2)
+            return Measure(reserve=(low + high) // 2)

@@ -29,14 +29,14 @@ def next_step(history: Sequence[Trial], goal: Goal) -> Step:
     match bracket:
         case NotAchievable() | NotResolved():
             return bracket
-        case Bracket() if len(history) >= PATIENCE:
+        case Bracket(passed=passed) if len(history) >= PATIENCE or (bracket.weary and passed is None):
             return halve(history, goal, width=1)
-        case Bracket(failed=failed, passed=passed):
+        case Bracket(failed=failed, passed=passed, floor=floor, closed=closed):
             top = passed or tree.NOTHING_PASSED
-            chances = _chances(questions(history, goal), failed, top, goal)
-            if passed is not None and tree.certain(chances, failed, passed, DOUBT):
+            chances = _chances(questions(history, goal), floor, top, goal)
+            if passed is not None and tree.certain(chances, floor, passed, DOUBT, closed):
                 return Found(reserve=passed, failed=failed or None)
-            return Measure(reserve=tree.root(chances, failed, top, DOUBT))
+            return Measure(reserve=tree.root(chances, floor, top, DOUBT, closed))
 
 
 def _chances(asked: Sequence[Question], failed: int, passed: int, goal: Goal) -> list[float]:

@@ -1,6 +1,6 @@
 """The optimal search tree: which setting to measure first so that the fewest are needed on average."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import accumulate
 
 NOTHING_PASSED = 101
@@ -15,22 +15,28 @@ AGAIN = 0.3
 _BESIDE = 4  # where a search may end is not quite what Knuth's rule allows
 
 
-def certain(chances: Sequence[float], failed: int, passed: int, doubt: float) -> bool:
+def certain(
+    chances: Sequence[float], failed: int, passed: int, doubt: float, closed: Collection[int] = frozenset()
+) -> bool:
     """Whether the search may end between a failing setting (0: none) and a passing one (101: none).
 
     `chances[c]` is the probability that c is the least reservation; that it lies more than a point below `passed` may
-    have the probability `doubt`.
+    have the probability `doubt`. Those that are closed are not to be measured: where no other is left, it ends.
     """
     if passed == NOTHING_PASSED:
         return failed == NOTHING_PASSED - 1
+    if passed - failed - 1 == len(closed):
+        return True
     if passed - failed > WIDTH or (failed == 0 and passed > 1):
         return False
     inside = sum(chances[failed + 1 : passed + 1])
     return sum(chances[failed + 1 : passed - 1]) <= doubt * inside
 
 
-def root(chances: Sequence[float], failed: int, passed: int, doubt: float) -> int:
-    """The setting to measure next, when the answer lies above `failed` and not above `passed`.
+def root(
+    chances: Sequence[float], failed: int, passed: int, doubt: float, closed: Collection[int] = frozenset()
+) -> int:
+    """The setting to measure next, when the answer lies above `failed` and not above `passed`; none that is closed.
 
     A dynamic program over all brackets: V(l, r) = 0 where the search may end (`AGAIN` P(l, r) with points in between),
     otherwise P(l, r) + the least over m of V(l, m) + V(m, r), with P the probability of the bracket. The best m hardly
@@ -48,10 +54,14 @@ def root(chances: Sequence[float], failed: int, passed: int, doubt: float) -> in
                 costs[left, right], roots[left, right] = again * (summed[right + 1] - summed[left + 1]), left + 1
                 continue
             low, high = left + 1, min(right - 1, NOTHING_PASSED - 1)
-            if width > 8:
+            if width > 8 and not closed:
                 low = max(low, roots[left, right - 1] - _BESIDE)
                 high = max(low, min(high, roots[left + 1, right] + _BESIDE))
-            best = min(range(low, high + 1), key=lambda m: costs[left, m] + costs[m, right])
+            open_ones = [m for m in range(low, high + 1) if m not in closed]
+            if not open_ones:
+                costs[left, right], roots[left, right] = 0.0, low
+                continue
+            best = min(open_ones, key=lambda m: costs[left, m] + costs[m, right])
             costs[left, right] = summed[right + 1] - summed[left + 1] + costs[left, best] + costs[best, right]
             roots[left, right] = best
     return roots[failed, passed]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from rarms_iac.model.measurement import Series, Setting
 from rarms_iac.model.system import Run, Threshold
 from rarms_iac.statistics.estimates import SAFE_SIDE, NoEstimate, estimate
+from rarms_iac.statistics.steadiness import Unsteady
 from rarms_iac.statistics.verdict import LAST_EARLY_LOOK, VERDICT_ERROR, Met, Missed, Verdict, decide, judge
 
 
@@ -58,6 +59,16 @@ class Trial:
     def worse(self) -> tuple[str, ...]:
         """The members that were not shown to meet their APT."""
         return tuple(name for name, verdict in self.verdicts.items() if not isinstance(verdict, Met))
+
+    @property
+    def untold(self) -> bool:
+        """Whether it says neither: nothing but a missing steady state keeps it from passing."""
+        return not self.passed and all(isinstance(self.verdicts[name], Unsteady) for name in self.worse)
+
+    @property
+    def failed(self) -> bool:
+        """Whether a member with a steady state was not shown to meet its APT, so that less is not enough either."""
+        return not self.passed and not self.untold
 
     @property
     def judged(self) -> bool:

@@ -39,7 +39,8 @@ class SettingOutput:
 class ExperimentOutput:
     """Components measured together in one partition; `reserve` is null where none was found or looked for.
 
-    `failed` is the highest lower setting that is not enough, or is `undecided`: within the noise, or unsteady.
+    `failed` is the highest lower setting that is not enough, or is `undecided`: within the noise. Those above it that
+    reached no steady state are `untold`: nobody knows whether they are enough.
     `planned` is what a plan reserves by the curve; it is `interpolated` where it lies between measured settings.
     """
 
@@ -52,6 +53,7 @@ class ExperimentOutput:
     reserve: int | None
     failed: int | None
     undecided: bool
+    untold: tuple[int, ...]
     error: float | None
     planned: int | None
     interpolated: bool

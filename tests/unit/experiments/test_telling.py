@@ -6,6 +6,7 @@ from rarms_iac.experiments.conclusions import NotAchievable, Sufficient
 from rarms_iac.experiments.measuring import NoPlaces
 from rarms_iac.experiments.setup import experiment_of
 from rarms_iac.experiments.telling import findings_of
+from rarms_iac.model.measurement import Setting
 from tests.builders import a_component, a_simulation, a_system, at_most
 from tests.builders_measured import a_series, a_setting
 
@@ -36,6 +37,35 @@ def test_a_series_without_a_steady_state_is_told_as_such() -> None:
     says = " ".join(told([40.0 + number for number in range(100)]))
 
     assert "cannot be told: its response times still changed within 100 samples" in says
+
+
+def drifting(reserve: int) -> Setting:
+    return a_setting(reserve, a_series("vision", [40.0 + number for number in range(100)]))
+
+
+@pytest.mark.parametrize(
+    ("failed", "untold", "says"),
+    [
+        (None, (45,), "vision: 46 % is enough. Of 45 % nothing is known: it reached no steady state"),
+        (20, (44, 45), "46 % is enough; 20 % is not shown to be. Of 44 and 45 % nothing is known: they reached no"),
+        (43, (44, 45), None),
+        (45, (), None),
+        (20, (), None),
+    ],
+)
+def test_less_that_may_be_enough_is_told_of_where_settings_between_say_nothing(
+    failed: int | None, untold: tuple[int, ...], says: str | None
+) -> None:
+    end = Sufficient(reserve=46, failed=failed, error=0.03, untold=untold)
+    component = a_component("vision", apt=APT, simulation=a_simulation(), reserve=None)
+    system = a_system(components=[component])
+    experiment = experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
+
+    found = list(findings_of(experiment, end, tuple(map(drifting, untold)), NoPlaces()))
+
+    assert [one.code for one in found] == (["RARMS267"] if says else [])
+    assert all(says is not None and says in one.detail for one in found)
+    assert all("(vision at 45 %: its response times still changed" in one.detail for one in found)
 
 
 @pytest.mark.parametrize(("reserve", "codes"), [("30 %", ["RARMS266"]), ("measured", []), (None, [])])

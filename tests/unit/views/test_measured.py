@@ -64,6 +64,21 @@ def test_a_setting_below_without_a_steady_state_is_called_so() -> None:
     assert "enough, 59 % without a steady state" in text
 
 
+def test_settings_between_that_have_no_steady_state_are_told_beside_the_one_that_is_not_enough() -> None:
+    drifting = a_setting(57, a_series("vision", [80.0 + at / 4 for at in range(200)]))
+    one = replace(
+        found(105.0),
+        conclusion=Sufficient(reserve=60, failed=55, error=0.01, untold=(56, 57)),
+        settings=(at(55, 105.0), replace(drifting, reserve=56), drifting, at(60, 95.0)),
+    )
+    alone = replace(one, conclusion=Sufficient(reserve=60, failed=None, error=0.01, untold=(57,)))
+
+    assert "enough, 55 % is not, 56 and 57 % without a steady state" in summary_text([one], 140)
+    assert "enough, 57 % without a steady state" in summary_text([alone], 140)
+    assert '"untold": [\n        56,\n        57\n' in measure_json([one], ())
+    check(measure_json([one], ()))
+
+
 def test_what_the_errors_mean_stands_below_a_verdict_and_nowhere_else() -> None:
     stopped = Measured(
         experiment=an_experiment("vision"), conclusion=Stopped(), settings=(), new=0, planned=None, log="x"

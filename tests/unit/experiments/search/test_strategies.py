@@ -12,10 +12,12 @@ from rarms_iac.experiments.search import (
     Measure,
     Member,
     NotAchievable,
+    NotResolved,
     Step,
     Trial,
     trial_of,
 )
+from rarms_iac.experiments.search.bracket import MOST_UNTOLD, Bracket, below, bracket_of
 from rarms_iac.experiments.search.observations import questions
 from rarms_iac.model.measurement import Sample, Series, Setting
 from rarms_iac.model.system import SampleCount
@@ -121,3 +123,85 @@ def test_the_error_of_a_setting_is_shared_by_its_members() -> None:
         wrong += any(isinstance(one, Missed) for one in verdicts)
 
     assert wrong <= goal.error * tries + 2.4 * (goal.error * (1 - goal.error) * tries) ** 0.5
+
+
+def unsteady(strategy: str, least: int, silent: range, level: float = 80.0) -> tuple[list[int], Step]:
+    """The same where settings in this range never become steady: jobs take half of the level, and later all of it."""
+    history: list[Trial] = []
+    while isinstance(step := STRATEGIES[strategy](history, GOAL), Measure):
+        assert len(history) < 40
+        mean = 80.0 if step.reserve >= least else 120.0
+        times = noisy(step.reserve, mean, variation=0.01, count=100)
+        if step.reserve in silent:
+            times = [time * level / mean * (0.5 if at < 50 else 1.0) for at, time in enumerate(times)]
+        history.append(trial_of(Setting(reserve=step.reserve, series=(a_series(times),)), GOAL))
+    return [trial.reserve for trial in history], step
+
+
+@pytest.mark.parametrize(
+    ("strategy", "silent"),
+    [
+        ("default", range(45, 46)),
+        ("default", range(40, 60)),
+        ("bisection", range(50, 51)),
+        ("bisection", range(40, 60)),
+    ],
+)
+def test_a_setting_without_a_steady_state_is_no_verdict_so_the_search_goes_on_below(
+    strategy: str, silent: range
+) -> None:
+    settings, step = unsteady(strategy, 20, silent)
+
+    assert isinstance(step, Found)
+    assert set(settings) & set(silent)
+    assert 20 <= step.reserve <= 21
+    assert step.failed in settings
+    assert 0 < step.reserve - step.failed <= 3
+    assert len(set(settings)) == len(settings)
+
+
+@pytest.mark.parametrize("strategy", ["default", "bisection"])
+def test_where_the_answer_is_without_a_steady_state_the_next_above_is_found_and_less_is_not_called_a_fail(
+    strategy: str,
+) -> None:
+    settings, step = unsteady(strategy, 45, range(40, 51), level=100.0)
+
+    assert isinstance(step, Found)
+    assert step.reserve == 51
+    assert step.failed is None or step.failed < 40
+    assert len(set(settings)) == len(settings) <= 20
+
+
+@pytest.mark.parametrize("strategy", ["default", "bisection"])
+@pytest.mark.parametrize("level", [90.0, 150.0])
+def test_a_component_that_never_is_steady_takes_few_settings(strategy: str, level: float) -> None:
+    settings, step = unsteady(strategy, 1, range(1, 101), level)
+
+    assert step == NotResolved(why="at 100 % coi has no steady state")
+    assert len(settings) <= MOST_UNTOLD + 1
+
+
+def test_a_lower_setting_that_passes_stands_below_one_without_a_steady_state() -> None:
+    times = noisy(1, 80.0, variation=0.01, count=100)
+    passing = trial_of(Setting(reserve=20, series=(a_series(times),)), GOAL)
+    broken = [time * (0.5 if at < 50 else 1.0) for at, time in enumerate(times)]
+    silent = trial_of(Setting(reserve=45, series=(a_series(broken),)), GOAL)
+
+    assert silent.untold
+    assert not silent.failed
+    assert bracket_of([passing, silent]) == Bracket(failed=0, passed=20)
+    assert bracket_of([silent]) == Bracket(failed=0, passed=None, untold=(45,))
+    assert below([passing, silent], 60) == (None, (45,))
+
+
+def test_a_member_that_misses_fails_a_setting_whatever_the_others_are() -> None:
+    goal = Goal(
+        members=tuple(Member(name=name, apt={"mean_response_time": at_most(100)}, run=RUN) for name in ("a", "b")),
+        processors=2,
+    )
+    rising = a_series([50.0 + at for at in range(100)], component="a")
+    slow = a_series(noisy(1, 120.0, variation=0.01, count=100), component="b")
+    quick = a_series(noisy(1, 80.0, variation=0.01, count=100), component="b")
+
+    assert trial_of(Setting(reserve=45, series=(rising, slow)), goal).failed
+    assert trial_of(Setting(reserve=45, series=(rising, quick)), goal).untold
