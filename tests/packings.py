@@ -1,9 +1,11 @@
 """Small packings that every packing can be tried of, and the best of all by trying."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import product
 from random import Random
 
-from rarms_iac.planner.packing.program import Assignment, Problem, Sizes
+from rarms_iac.planner.packing.program import Assignment, Problem, Processors, Sizes
 
 Value = tuple[int, int]
 """Cost, moves."""
@@ -53,6 +55,29 @@ def on_several_kinds(seed: int) -> Problem:
         costs=((0,) * 6,) * 4,
         now=tuple(random.choice((None, 0, 0, 1, 2, 3)) for _ in range(6)),
         conflicts=frozenset({(0, 1)} if random.random() < 0.2 else ()),
+    )
+
+
+def with_processors(seed: int) -> Problem:
+    """Items of virtual processors too, each of which must find a logical one of the host that has so much left."""
+    problem, random = a_packing(seed), Random(seed)
+    virtual = tuple((random.randint(0, 2), random.randint(20, 70)) for _ in range(problem.items))
+    others = ((1, random.randint(10, 50)),) if random.random() < 0.3 else ()
+    there = [Processors(logical=number, virtual=virtual, others=others) for number in (1, 2, 3)]
+    kinds = [random.randrange(len(there)) for _ in problem.rooms]
+
+    def fits(host: int, some: Sequence[int]) -> bool:
+        claims = [*others, *(virtual[item] for item in some)]
+        return lies([size for count, size in claims for _ in range(count)], [100] * there[kinds[host]].logical)
+
+    return replace(problem, processors=tuple(there[kind] for kind in kinds), alike=tuple(kinds), fits=fits)
+
+
+def lies(sizes: Sequence[int], free: Sequence[int]) -> bool:
+    """Whether each of the sizes finds a place whole, by trying every way."""
+    return not sizes or any(
+        left >= sizes[0] and lies(sizes[1:], [*free[:at], left - sizes[0], *free[at + 1 :]])
+        for at, left in enumerate(free)
     )
 
 

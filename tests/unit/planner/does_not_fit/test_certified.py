@@ -17,6 +17,7 @@ from rarms_iac.planner.packing.certificate import problem_data
 from rarms_iac.planner.packing.checker import Wrong, check
 from rarms_iac.planner.search import place, problem_of
 from tests.effort import LONG
+from tests.packings import lies
 
 TRIED = 3_000 if LONG else 250
 
@@ -70,17 +71,6 @@ def holds(one: Bin, claims: list[Claim]) -> bool:
         return False
     sizes = [claim.reserve for claim in everything for _ in range(claim.processors)]
     return lies(sorted(sizes, reverse=True), [100] * logical)
-
-
-def lies(sizes: list[int], free: list[int]) -> bool:
-    if not sizes:
-        return True
-    for at in range(len(free)):
-        if free[at] >= sizes[0]:
-            after = [*free[:at], free[at] - sizes[0], *free[at + 1 :]]
-            if lies(sizes[1:], after):
-                return True
-    return False
 
 
 def test_what_is_certified_as_impossible_is_and_nothing_else() -> None:

@@ -21,7 +21,7 @@ from rarms_iac.planner.packing.checker import Wrong, check
 from rarms_iac.planner.packing.program import Problem
 from rarms_iac.planner.packing.solve import GaveUp, Impossible, Packed, solve
 from tests.effort import LONG
-from tests.packings import a_packing, every_packing, on_several_kinds
+from tests.packings import a_packing, every_packing, on_several_kinds, with_processors
 
 DAMAGED = 10_000 if LONG else 1_500
 Claim = dict[str, Any]
@@ -40,7 +40,7 @@ def test_damaged_certificates_and_claims_are_rejected() -> None:
     kinds: dict[str, int] = {}
     while rejected < DAMAGED:
         seed += 1
-        problem = a_packing(seed) if seed % 3 else on_several_kinds(seed // 3)
+        problem = (a_packing, with_processors, on_several_kinds)[seed % 3](seed)
         solved = solve(problem)
         assert not isinstance(solved, GaveUp)
         claim = claim_of(problem, solved)
@@ -306,6 +306,8 @@ def least_by_host(problem: Problem, claim: Claim, name: str, weights: Any) -> li
 def on_one_host(problem: Problem, host: int, some: tuple[int, ...]) -> bool:
     sizes = [size for at in some if (size := problem.sizes[host][at]) is not None]
     if len(sizes) < len(some) or any(one in some and other in some for one, other in problem.conflicts):
+        return False
+    if problem.fits is not None and not problem.fits(host, some):
         return False
     return all(sum(size[d] for size in sizes) <= most for d, most in enumerate(problem.rooms[host]))
 
