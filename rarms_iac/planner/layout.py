@@ -14,7 +14,7 @@ from rarms_iac.model.quantities import show_bytes, show_processors
 from rarms_iac.model.system import Disruption, Measured, System
 from rarms_iac.planner import findings
 from rarms_iac.planner.does_not_fit.conflict import explained, told
-from rarms_iac.planner.does_not_fit.relaxations import Trial
+from rarms_iac.planner.does_not_fit.variants import Trial, Variant
 from rarms_iac.planner.first_fit import cost
 from rarms_iac.planner.problem import HostView, Problem, by_name, problem_of, solve
 from rarms_iac.planner.reservations import ReservationSource
@@ -52,11 +52,13 @@ def plan_layout(
         notes += _placement(answer, places)
     else:
 
-        def works(system: System, views: Mapping[str, HostView], *, moving: bool) -> bool:
-            again = problem_of(system, reservations, views, may_move=moving or limit is Disruption.REMOVAL)
+        def works(variant: Variant, *, moving: bool = False) -> bool:
+            may_move = moving or limit is Disruption.REMOVAL
+            again = problem_of(variant.system, variant.reservations, variant.views, may_move=may_move)
             return isinstance(solve(again), Layout)
 
-        answer = explained(answer, problem, Trial(system=system, views=hosts, works=works))
+        start = Variant(system=system, views=hosts, reservations=reservations)
+        answer = explained(answer, problem, Trial(start=start, works=works))
         notes += told(answer, problem, places)
     return Planning(answer=answer, findings=tuple(notes))
 

@@ -10,8 +10,9 @@ from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import plain, show_bytes, show_percent, show_processors
 from rarms_iac.model.where import partition_place
 from rarms_iac.planner import findings
-from rarms_iac.planner.does_not_fit.relaxations import Trial, relaxations
+from rarms_iac.planner.does_not_fit.relaxations import relaxations
 from rarms_iac.planner.does_not_fit.smaller import alone, by_hosts, certified_impossible, hosts_of
+from rarms_iac.planner.does_not_fit.variants import Trial
 from rarms_iac.planner.first_fit import Bin, Item, cost, free_in
 from rarms_iac.planner.problem import Problem
 from rarms_iac.planner.search import place
@@ -231,7 +232,7 @@ def _advice(cause: Cause, ways: Sequence[Relaxation]) -> str:
     if cause.code in usual:
         return usual[cause.code]
     if not ways:
-        return "Relax an APT, lower a reserve or add a host."
+        return "No change that was tried makes it fit: remove a component, or add a host."
     sure = [one.says for one in ways if not one.may]
     told = [f"This would fit: {sure[0]}."] if len(sure) == 1 else []
     if len(sure) > 1:

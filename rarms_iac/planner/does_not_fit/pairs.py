@@ -1,72 +1,178 @@
-"""Which pair to combine: only where the least that the two could need together would fit (DESIGN section 3)."""
+"""Whom to combine: only where the least that they could need together would fit (DESIGN section 3).
 
-from collections.abc import Callable, Iterator, Sequence
+First one pair, in the objective's order. Where no pair is enough, the best layout of all that may be, as `rarms tune`
+would look at it first.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import combinations
 
 from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime, show_percent
-from rarms_iac.model.system import CpuWish, Host, PartitionWish, System
+from rarms_iac.model.system import CpuWish, Host
+from rarms_iac.planner.combining.candidates import Candidate, Candidates, candidates_of
+from rarms_iac.planner.combining.layouts import Layouts, Objective
+from rarms_iac.planner.combining.values import Coi
+from rarms_iac.planner.does_not_fit.levers import largest
+from rarms_iac.planner.does_not_fit.variants import Counted, Edit, Trial, Variant, edited
+from rarms_iac.planner.first_fit import cost, free_in
 from rarms_iac.planner.groups import Group, may_share
-from rarms_iac.planner.prediction.members import NOTHING, Predictor, expected_of
-from rarms_iac.planner.reservations import names_of
-
-Fits = Callable[[System], bool]
-Claimed = Callable[[Group], Claim | None]
-"""What a partition is promised on the host; None: it cannot be there."""
+from rarms_iac.planner.prediction.members import Predictor, alone_in, expected_of, predictor_of
+from rarms_iac.planner.problem import Problem
+from rarms_iac.planner.reservations import names_of, rests_on_a_log
 
 TRIED = 30
 """Pairs that are planned, those that combine the least critical first."""
 
+LAYOUTS = 40
+"""Layouts of several compounds that are planned."""
+
+PREDICTED = 250
+"""Compounds of which is worked out what they will probably need: all that eight can be."""
+
+WHOLE = 100
+
+_NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Trial:
-    """What a pair is tried with."""
+class Compound:
+    """Partitions that become one, on hosts where each needs the same."""
 
-    system: System
-    host: Host
-    claimed: Claimed
-    fits: Fits
-    predictor: Predictor = NOTHING
+    groups: tuple[Group, ...]
+    hosts: tuple[Host, ...]
+    wide: int  # virtual processors of the widest of them
+    needs: tuple[int, ...]  # of each, in per cent of one logical processor
+
+    @property
+    def lowest(self) -> int:
+        """Together they need at least what the neediest needs alone, in per cent of each virtual processor."""
+        return -(-max(self.needs) // self.wide)
+
+    @property
+    def highest(self) -> int:
+        """The most at which they still need less than apart."""
+        return -(-sum(self.needs) // self.wide) - 1
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The partitions, the most critical last."""
+        return tuple(one.name for one in self.groups)
+
+    def edit(self, reserve: int) -> Edit:
+        """All of them in one partition that reserves so much."""
+        return Edit("", lambda before: _combined(before, self, reserve * self.wide))
+
+    def share(self, reserve: int) -> str:
+        """As a share of a host."""
+        return show_percent(Fraction(reserve * self.wide, self.hosts[0].logical_processors))
 
 
-def pair_to_combine(groups: Sequence[Group], trial: Trial) -> str | None:
+def pair_to_combine(conflict: Sequence[str], problem: Problem, trial: Trial) -> str | None:
     """The best pair in the objective's order that may help, with what the two may need for it; None: there is none.
 
-    Together they need at least what the needier needs alone, and gain nothing unless it is less than both need.
+    Both are of those who conflict: with another one they would need no less.
     """
-    for pair in list(_in_order(groups))[:TRIED]:
-        claims = [claim for group in pair if (claim := trial.claimed(group)) is not None and claim.reserve]
-        if len(claims) == len(pair):
-            told = _tried(pair, claims, trial)
-            if told is not None:
-                return told
+    among = [one for one in _can_share(problem) if one.name in conflict]
+    for pair in list(_in_order(among))[:TRIED]:
+        for compound in _compounds(pair, problem):
+            if compound.lowest <= compound.highest and trial.fits([compound.edit(compound.lowest)]):
+                return _told(compound, problem, trial)
     return None
 
 
-def _tried(pair: tuple[Group, Group], claims: Sequence[Claim], trial: Trial) -> str | None:
-    """In per cent of each of their virtual processors, as it would be measured."""
-    wide = max(one.processors for one in claims)
-    needs = [one.processors * one.reserve for one in claims]
-    lower, upper = -(-max(needs) // wide), -(-sum(needs) // wide) - 1
+def layout_to_combine(problem: Problem, trial: Trial) -> str | None:
+    """The best layout at what its compounds will probably need, or else need at least, where that fits.
 
-    def works(reserve: int) -> bool:
-        return trial.fits(_combined(trial.system, *pair, reserve * wide))
-
-    def share(reserve: int) -> str:
-        return show_percent(Fraction(reserve * wide, trial.host.logical_processors))
-
-    if lower > upper or not works(lower):
-        return None
-    members = names_of(member for group in pair for member in group.members)
-    expected = expected_of(trial.predictor, members, wide, needs)
-    predicted = "" if expected is None else f" (predicted: {share(expected)})"
-    most = share(_highest(lower, upper, works))
-    return (
-        f"combining {pair[0].name} and {pair[1].name} in one partition may be enough: the two need {share(lower)} to "
-        f"{share(upper)} of {trial.host.name} then{predicted}, and up to {most} fits (`rarms tune` measures it)"
+    None: none does, or nobody knows. Only partitions are combined whose claims are the same wherever they may run.
+    """
+    groups = {one.name: one for one in _can_share(problem) if len(set(problem.claims[one.name].values())) == 1}
+    known = _Known(
+        problem=problem,
+        by_member={member: one for one in groups.values() for member in names_of(one.members)},
+        cois=tuple(_coi(one, next(iter(problem.claims[one.name].values()))) for one in groups.values()),
     )
+    works = Counted(works=trial.works, left=LAYOUTS)
+
+    def fits(layout: Sequence[Coi]) -> bool:
+        shared = [one for one in layout if one not in known.cois]
+        edits = [compound.edit(one.reserve) for one, compound in zip(shared, known.compounds(layout), strict=True)]
+        return works(edited(trial.start, edits))
+
+    others = sum(min(map(cost, one.claims.values())) for one in problem.items if one.name not in groups)
+    objective = Objective(
+        capacity=max(0, sum(max(0, free_in(one).percent) for one in problem.bins) - others),
+        fits=fits,
+        minimise=problem.system.policy.minimise,
+        criticalities={name: problem.system.components[name].criticality for name in known.by_member},
+    )
+    least = candidates_of(known.cois, known.may_share, most=WHOLE)
+    likely = [_as_predicted(least, known)] if len(least.by_mask) <= PREDICTED else []
+    for candidates in (*likely, least):
+        layouts = Layouts(candidates=candidates, objective=objective)
+        best = layouts.best()
+        if best is not None:
+            found = known.compounds(layouts.cois_of(best.blocks))
+            return _told(found[0], problem, trial) if len(found) == 1 else _all_told(found, problem)
+    return None
+
+
+def _as_predicted(candidates: Candidates, known: "_Known") -> Candidates:
+    """Compounds at what they will probably need, where something predicts it."""
+
+    def predicted(one: Candidate) -> Candidate:
+        compound = known.compound(one.coi.members)
+        expected = None if compound is None else _expected(compound, known.problem)
+        return one if expected is None else replace(one, coi=replace(one.coi, reserve=max(one.low, expected)))
+
+    return replace(candidates, by_mask={mask: predicted(one) for mask, one in candidates.by_mask.items()})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Known:
+    """Who may be combined."""
+
+    problem: Problem
+    by_member: Mapping[str, Group]
+    cois: tuple[Coi, ...]
+
+    def compounds(self, layout: Sequence[Coi]) -> list[Compound]:
+        """Of a layout of those who may share."""
+        found = [self.compound(one.members) for one in layout if one not in self.cois]
+        return [one for one in found if one is not None]
+
+    def compound(self, members: Sequence[str]) -> Compound | None:
+        """These components in one partition; None: there is no host for all of them."""
+        parts = {self.by_member[name].name: self.by_member[name] for name in members}
+        ordered = sorted(parts.values(), key=lambda one: (one.criticality, one.name))
+        return next(_compounds(ordered, self.problem), None)
+
+    def may_share(self, members: Sequence[str]) -> bool:
+        compound = self.compound(members)
+        return compound is not None and all(may_share(*pair) for pair in combinations(compound.groups, 2))
+
+
+def _coi(group: Group, claim: Claim) -> Coi:
+    return Coi(
+        name=group.name,
+        members=names_of(group.members),
+        criticality=group.criticality,
+        processors=claim.processors,
+        reserve=claim.reserve,
+    )
+
+
+def _can_share(problem: Problem) -> list[Group]:
+    """Partitions that `rarms tune` could combine: measured, and without anything that is fixed for them alone."""
+
+    def can(one: Group) -> bool:
+        wish = one.wish
+        own = (wish.memory, wish.processors, wish.cpu.limit, wish.cpu.weight)
+        return rests_on_a_log(one) and all(member.apt for member in one.members) and own == (None,) * len(own)
+
+    return [one for one in problem.groups if can(one) and problem.claims[one.name]]
 
 
 def _in_order(groups: Sequence[Group]) -> Iterator[tuple[Group, Group]]:
@@ -80,22 +186,69 @@ def _in_order(groups: Sequence[Group]) -> Iterator[tuple[Group, Group]]:
     yield from sorted((pair for pair in pairs if may_share(*pair)), key=key)
 
 
-def _combined(system: System, one: Group, other: Group, percent: int) -> System:
-    """The manifest with both in one partition that reserves so much of one LP."""
-    kept = {name: wish for name, wish in system.partitions.items() if name not in (one.name, other.name)}
-    wide = max(one, other, key=lambda group: (group.criticality, group.name))
-    reserve = ProcessorTime(LogicalProcessors(Fraction(percent, 100)))
-    wish = PartitionWish(
-        name=wide.name,
-        components=tuple(member.name for group in (one, other) for member in group.members),
-        cpu=CpuWish(reserve=reserve),
+def _compounds(groups: Sequence[Group], problem: Problem) -> Iterator[Compound]:
+    """What these would be together, on each kind of host that all of them may run on."""
+    claims = [problem.claims[one.name] for one in groups]
+    kinds: dict[object, list[Host]] = {}
+    for name, host in sorted(problem.system.hosts.items()):
+        if all(name in one and one[name].reserve for one in claims):
+            alike = host.logical_processors, tuple(one[name] for one in claims)
+            kinds.setdefault(alike, []).append(host)
+    for hosts in kinds.values():
+        here = [one[hosts[0].name] for one in claims]
+        wide = max(one.processors for one in here)
+        yield Compound(groups=tuple(groups), hosts=tuple(hosts), wide=wide, needs=tuple(map(cost, here)))
+
+
+def _combined(variant: Variant, compound: Compound, percent: int) -> Variant:
+    """In one partition on one of these hosts, which reserves so much of one LP."""
+    system, leader = variant.system, compound.groups[-1]
+    members = tuple(member.name for group in compound.groups for member in group.members)
+    reserve = ProcessorTime(LogicalProcessors(Fraction(percent, WHOLE)))
+    wish = replace(leader.wish, components=members, cpu=CpuWish(reserve=reserve))
+    kept = {name: one for name, one in system.partitions.items() if name not in compound.names}
+    there = replace(system.components[members[0]], hosts=tuple(one.name for one in compound.hosts))
+    components = {**system.components, there.name: there}
+    return replace(variant, system=replace(system, partitions={**kept, leader.name: wish}, components=components))
+
+
+def _told(compound: Compound, problem: Problem, trial: Trial) -> str:
+    lowest, highest = compound.lowest, compound.highest
+    more = largest(highest - lowest + 1, lambda more: trial.fits([compound.edit(lowest + more)])) or 0
+    expected = _expected(compound, problem)
+    predicted = "" if expected is None else f" (predicted: {compound.share(expected)})"
+    return (
+        f"combining {_and(compound.names)} in one partition may be enough: the {_number(len(compound.groups))} need "
+        f"{compound.share(lowest)} to {compound.share(highest)} of {_or(compound)} then{predicted}, and up to "
+        f"{compound.share(lowest + more)} fits (`rarms tune` measures it)"
     )
-    return replace(system, partitions={**kept, wide.name: wish})
 
 
-def _highest(low: int, high: int, works: Callable[[int], bool]) -> int:
-    """The largest number that works; `low` does."""
-    while low < high:
-        middle = (low + high + 1) // 2
-        low, high = (middle, high) if works(middle) else (low, middle - 1)
-    return low
+def _all_told(compounds: Sequence[Compound], problem: Problem) -> str:
+    parts = []
+    for one in compounds:
+        expected = _expected(one, problem)
+        predicted = "" if expected is None else f" (predicted: {one.share(expected)})"
+        parts.append(f"{_and(one.names)}: at least {one.share(one.lowest)} of {_or(one)}{predicted}")
+    return "\n  - ".join(
+        ["no pair is enough; combining all of these may be (`rarms tune` measures what they need)", *parts]
+    )
+
+
+def _expected(compound: Compound, problem: Problem) -> int | None:
+    predictor: Predictor = predictor_of(alone_in(compound.groups, problem.reservations, compound.hosts[0]))
+    members = names_of(member for group in compound.groups for member in group.members)
+    return expected_of(predictor, members, compound.wide, compound.needs)
+
+
+def _number(parts: int) -> str:
+    return _NUMBERS[parts] if parts < len(_NUMBERS) else str(parts)
+
+
+def _or(compound: Compound) -> str:
+    names = [one.name for one in compound.hosts]
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
+
+
+def _and(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

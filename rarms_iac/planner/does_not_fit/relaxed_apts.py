@@ -1,21 +1,14 @@
-"""Which APT by how much: thresholds that a lower reservation meets, read off the curves and tried by planning."""
+"""Which APT by how much: thresholds that a lower reservation meets, read off the curves."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from fractions import Fraction
 from math import ceil, floor, isfinite
 
-from rarms_iac.model.indexes import find_index
-from rarms_iac.model.system import AtLeast, AtMost, Component, Host, Measured, System, Threshold
-from rarms_iac.model.thresholds import show_threshold, show_value
+from rarms_iac.model.system import AtLeast, AtMost, Host, Measured, Threshold
+from rarms_iac.planner.does_not_fit.variants import Apt
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, NotMeasured, ReservationSource
-
-Fits = Callable[[System], bool]
-"""Whether everything fits with this manifest; the smaller a reservation, the sooner it does."""
-
-Apt = tuple[str, str]
-"""Component and index."""
 
 DIGITS = 1000
 """Thresholds are offered with three digits, as a person would write them."""
@@ -55,90 +48,6 @@ def slack_of(group: Group, host: Host, reservations: ReservationSource) -> Slack
         return None
     lowest = max(ceil(each[0].reserve) for each in points)
     return Slack(group=group, log=log, least=least.reserve, lowest=lowest) if lowest < least.reserve else None
-
-
-def one_relaxed(slacks: Iterable[Slack], system: System, fits: Fits) -> Iterator[str]:
-    """The APTs of one partition, relaxed as little as helps; of the least critical first."""
-    for slack in slacks:
-        chosen = _highest(slack, system, fits)
-        changes = {} if chosen is None else slack.at(chosen) or {}
-        if changes:
-            yield _told(system, changes)
-
-
-def several_relaxed(slacks: Iterable[Slack], system: System, fits: Fits) -> str | None:
-    """The APTs of several partitions together, the least critical first; None: all that was measured is not enough.
-
-    They are then tightened again as far as it fits, the most critical first.
-    """
-    chosen: list[tuple[Slack, int]] = []
-    relaxed = system
-    for slack in slacks:
-        lowest = _lowest(slack)
-        if lowest is None:
-            continue
-        chosen.append((slack, lowest))
-        relaxed = with_thresholds(relaxed, slack.at(lowest) or {})
-        if fits(relaxed):
-            return _told(system, _tightened(chosen, system, fits))
-    return None
-
-
-def _tightened(chosen: list[tuple[Slack, int]], system: System, fits: Fits) -> Mapping[Apt, Threshold]:
-    for at in reversed(range(len(chosen))):
-        slack, _ = chosen[at]
-        others: dict[Apt, Threshold] = {}
-        for number, (other, reserve) in enumerate(chosen):
-            if number != at:
-                others.update(other.at(reserve) or {})
-        best = slack.least if fits(with_thresholds(system, others)) else None
-        best = best or _highest(slack, with_thresholds(system, others), fits)
-        if best is not None:
-            chosen[at] = (slack, best)
-    changes: dict[Apt, Threshold] = {}
-    for slack, reserve in chosen:
-        changes.update(slack.at(reserve) or {})
-    return changes
-
-
-def _lowest(slack: Slack) -> int | None:
-    """The lowest CR that some thresholds would make do."""
-    return next((one for one in range(slack.lowest, slack.least) if slack.at(one)), None)
-
-
-def _highest(slack: Slack, system: System, fits: Fits) -> int | None:
-    """The highest CR below the present one with whose thresholds it fits."""
-    low, high = _lowest(slack), slack.least - 1
-
-    def works(reserve: int) -> bool:
-        changes = slack.at(reserve)
-        return changes is not None and fits(with_thresholds(system, changes))
-
-    if low is None or not works(low):
-        return None
-    while low < high:
-        middle = (low + high + 1) // 2
-        low, high = (middle, high) if works(middle) else (low, middle - 1)
-    return low
-
-
-def with_thresholds(system: System, changes: Mapping[Apt, Threshold]) -> System:
-    """The manifest with these thresholds."""
-    changed: dict[str, Component] = dict(system.components)
-    for (name, index), threshold in changes.items():
-        changed[name] = replace(changed[name], apt={**changed[name].apt, index: threshold})
-    return replace(system, components=changed)
-
-
-def _told(system: System, changes: Mapping[Apt, Threshold]) -> str:
-    """`vision: mean_response_time at most 131 ms instead of 100 ms`, in the manifest's words; of several a list."""
-    told = []
-    for (name, index), threshold in changes.items():
-        found = find_index(index)
-        assert found is not None, "an APT names indexes that there are"
-        before = show_value(found, system.components[name].apt[index].value)
-        told.append(f"{name}: {index} {show_threshold(found, threshold)} instead of {before}")
-    return told[0] if len(told) == 1 else "\n  - ".join(["all of these APTs:", *told])
 
 
 def _meets(value: float, threshold: Threshold) -> bool:

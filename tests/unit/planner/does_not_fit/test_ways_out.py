@@ -7,7 +7,7 @@ from fractions import Fraction
 
 from rarms_iac.model.layout import Infeasible, Layout, Relaxation
 from rarms_iac.model.system import AtMost, PartitionWish, System
-from tests.builders import a_component, a_cpu, a_system, at_most
+from tests.builders import a_component, a_cpu, a_host, a_system, at_most
 from tests.unit.planner.test_measured_reservations import Logs, a_log, planned
 
 APT = {"mean_response_time": at_most(100)}
@@ -76,7 +76,7 @@ def test_where_no_apt_alone_is_enough_several_are_relaxed_together() -> None:
     (told,) = [one for one in ways(system, logs) if LINE.search(one.says)]
 
     changed, found = relaxed(system, told.says)
-    assert told.says.startswith("all of these APTs:\n  - ")
+    assert told.says.startswith("all of these:\n  - ")
     assert len(found) > 1
     assert fits(changed, logs)
     for name in found:
@@ -90,13 +90,15 @@ def test_nothing_is_offered_below_what_was_measured() -> None:
     assert not [one for one in ways(a_robot(("path", "vision")), logs) if LINE.search(one.says)]
 
 
+def pair_in(system: System, logs: Logs) -> str | None:
+    return next((one.says for one in ways(system, logs) if one.says.startswith("combining")), None)
+
+
 def test_the_pair_to_combine_is_of_the_least_critical_and_only_may_help() -> None:
     system = a_robot()
     logs: Logs = {(name,): a_log({39: 200, 40: 90}, name) for name in ("path", "speech", "vision")}
 
-    (pair,) = [one for one in ways(system, logs) if one.may]
-
-    assert pair.says == (
+    assert pair_in(system, logs) == (
         "combining path and speech in one partition may be enough: the two need 40 % to 79 % of onboard then "
         "(predicted: 61 %), and up to 60 % fits (`rarms tune` measures it)"
     )
@@ -105,15 +107,167 @@ def test_the_pair_to_combine_is_of_the_least_critical_and_only_may_help() -> Non
         assert fits(replace(system, partitions={"path": both}), logs) is does
 
 
-def test_a_pair_that_must_be_apart_or_cannot_help_is_not_offered() -> None:
+def test_where_no_pair_is_enough_more_than_two_are_combined() -> None:
     system = a_robot()
     logs: Logs = {(name,): a_log({69: 200, 70: 90}, name) for name in ("path", "speech", "vision")}
-    assert not [one for one in ways(system, logs) if one.may], "70 % and 70 % are too much whatever is combined"
 
-    logs = {(name,): a_log({39: 200, 40: 90}, name) for name in ("path", "speech", "vision")}
+    told = pair_in(system, logs)
+
+    assert told is not None
+    assert re.fullmatch(
+        r"combining path, speech and vision in one partition may be enough: the three need 70 % to 209 % of onboard "
+        r"then \(predicted: \d+ %\), and up to 100 % fits \(`rarms tune` measures it\)",
+        told,
+    )
+
+
+def test_where_one_compound_is_not_enough_several_are_made() -> None:
+    names = ("arm", "base", "camera", "dock")
+    system = a_robot(names)
+    logs: Logs = {(name,): a_log({49: 200, 50: 90}, name) for name in names}
+    alike = {"arm": "base", "base": "arm", "camera": "dock", "dock": "camera"}
+    apart = {
+        name: replace(one, apart=tuple(sorted({*names} - {name, alike[name]})))
+        for name, one in system.components.items()
+    }
+
+    (combined,) = [one for one in ways(replace(system, components=apart), logs) if "combining" in one.says]
+
+    head, *told = combined.says.splitlines()
+    assert head == "no pair is enough; combining all of these may be (`rarms tune` measures what they need)"
+    assert [one.split(" of onboard")[0] for one in told] == [
+        "  - arm and base: at least 50 %",
+        "  - camera and dock: at least 50 %",
+    ]
+
+
+def test_of_several_hosts_the_pair_is_combined_where_both_may_run() -> None:
+    hosts = [a_host(name, platform="onboard") for name in ("front", "rear")]
+    components = [
+        a_component("arm", criticality=1, reserve="measured", apt=APT, hosts=["rear"]),
+        a_component("base", criticality=2, reserve="measured", apt=APT, hosts=["rear"]),
+        a_component("camera", criticality=3, reserve="measured", apt=APT),
+    ]
+    logs: Logs = {(name,): a_log({59: 200, 60: 90}, name) for name in ("arm", "base", "camera")}
+
+    told = pair_in(a_system(hosts=hosts, components=components), logs)
+
+    assert told is not None
+    assert told.startswith(
+        "combining arm and base in one partition may be enough: the two need 60 % to 119 % of rear then"
+    )
+
+
+def test_a_pair_that_must_be_apart_or_is_not_measured_is_not_offered() -> None:
+    system = a_robot()
+    logs: Logs = {(name,): a_log({39: 200, 40: 90}, name) for name in ("path", "speech", "vision")}
     apart = replace(system.components["path"], apart=("speech",))
-    (pair,) = [one for one in ways(replace(system, components={**system.components, "path": apart}), logs) if one.may]
-    assert pair.says.startswith("combining path and vision in one partition may be enough")
+    told = pair_in(replace(system, components={**system.components, "path": apart}), logs)
+    assert told is not None
+    assert told.startswith("combining path and vision in one partition may be enough")
+
+    fixed = [a_component(name, reserve="40 %") for name in ("path", "speech", "vision")]
+    assert pair_in(a_system(components=fixed), {}) is None, "what is fixed adds up, whoever shares"
+
+
+def test_more_processors_are_promised_only_where_nothing_was_measured_on_fewer() -> None:
+    fixed = a_system(components=[a_component(name, reserve="0.9 LP") for name in ("arm", "base", "camera")])
+    more = "one more logical processor on onboard"
+    assert more in [one.says for one in ways(fixed, {}) if not one.may]
+
+    mixed = a_system(components=[*fixed.components.values(), a_component("path", reserve="measured", apt=APT)])
+    found = ways(mixed, {("path",): a_log({5: 200, 10: 90}, "path")})
+
+    assert not [one.says for one in found if more in one.says and not one.may]
+    (perhaps,) = [one.says for one in found if more in one.says]
+    assert perhaps == (
+        f"{more} may be enough, with `processors: 2` for path as now: what they then need has to be measured there "
+        f"(`rarms measure`)"
+    )
+
+
+def test_where_partitions_grow_with_their_host_a_larger_one_is_no_way_out() -> None:
+    system = a_system(components=[a_component(name, reserve="40 %") for name in ("arm", "base", "camera")])
+
+    assert not [one for one in ways(system, {}) if "logical processor" in one.says]
+
+
+def test_a_reserve_in_processors_is_lowered_by_as_little_as_helps() -> None:
+    system = a_system(
+        components=[
+            a_component("arm", criticality=1, reserve="0.9 LP", processors=1),
+            a_component("base", criticality=2, reserve="60 %"),
+        ]
+    )
+
+    told = [one.says for one in ways(system, {})]
+
+    assert "arm reserves 0.4 LP instead of 0.9 LP" in told, "0.41 LP would find 40 % on either processor"
+
+
+def test_several_reserves_are_lowered_together_the_least_critical_first() -> None:
+    shares = {"arm": 40, "base": 40, "camera": 70, "dock": 60}
+    system = a_system(
+        components=[
+            a_component(name, criticality=at, reserve=f"{share} %") for at, (name, share) in enumerate(shares.items())
+        ]
+    )
+
+    (told,) = [one.says for one in ways(system, {})]
+
+    assert told.splitlines() == [
+        "all of these:",
+        "  - arm reserves 1 % instead of 40 %",
+        "  - base reserves 1 % instead of 40 %",
+        "  - camera reserves 38 % instead of 70 %",
+    ]
+
+
+def test_where_memory_is_missing_too_it_is_added_and_one_reserve_lowered() -> None:
+    system = a_system(
+        hosts=[a_host(memory="4 GiB")],
+        components=[
+            a_component("arm", criticality=1, reserve="70 %", memory="3 GiB"),
+            a_component("base", criticality=2, reserve="50 %", memory="2 GiB"),
+        ],
+    )
+
+    assert [one.says.splitlines()[1:] for one in ways(system, {})] == [
+        ["  - 1 GiB more memory on onboard", "  - arm reserves 50 % instead of 70 %"],
+        ["  - 1 GiB more memory on onboard", "  - base reserves 30 % instead of 50 %"],
+    ]
+
+
+def test_memory_and_processors_are_added_together_where_that_is_enough() -> None:
+    system = a_system(
+        hosts=[a_host(memory="4 GiB")],
+        components=[
+            a_component("arm", criticality=1, reserve="1.4 LP", memory="3 GiB"),
+            a_component("base", criticality=2, reserve="1 LP", memory="2 GiB"),
+        ],
+    )
+
+    first = ways(system, {})[0].says.splitlines()
+
+    assert first == ["all of these:", "  - 1 GiB more memory on onboard", "  - one more logical processor on onboard"]
+
+
+def test_a_partition_that_fixes_its_reserve_is_what_is_lowered() -> None:
+    both = PartitionWish(name="arm", components=("arm", "base"), cpu=a_cpu(reserve="70 %"))
+    components = [a_component(name, reserve="40 %") for name in ("arm", "base", "camera")]
+
+    told = [one.says for one in ways(a_system(components=components, partitions=[both]), {})]
+
+    assert "partition arm reserves 60 % instead of 70 %" in told
+
+
+def test_hosts_of_one_platform_stay_alike() -> None:
+    hosts = [a_host(name, platform="alike") for name in ("front", "rear")]
+    components = [a_component(name, reserve="1.1 LP") for name in ("arm", "base", "camera", "dock")]
+
+    told = [one.says for one in ways(a_system(hosts=hosts, components=components), {})]
+
+    assert "one more logical processor on each of front and rear" in told
 
 
 def test_the_advice_says_which_help_and_which_may() -> None:
@@ -121,25 +275,24 @@ def test_the_advice_says_which_help_and_which_may() -> None:
 
     (told,) = [one for one in planned(a_robot(), logs).findings if one.code == "RARMS014"]
 
-    sure, pair = told.advice.splitlines()
-    assert sure == "This would fit: one more logical processor on onboard."
+    pair, more = told.advice.splitlines()
     assert pair.startswith("Combining path and speech in one partition may be enough: the two need 40 % to 79 %")
+    assert more.startswith("One more logical processor on onboard may be enough, with `processors: 2` for path")
 
 
 def test_several_ways_out_are_a_list_and_apts_that_belong_together_are_one_of_them() -> None:
+    system = a_robot()
+    more = a_component("dock", criticality=9, reserve="8 %", memory="64 MiB")
     logs: Logs = {
-        ("path",): a_log({25: 110, 30: 90}, "path"),
-        ("speech",): a_log({35: 110, 40: 90}, "speech"),
-        ("vision",): a_log({39: 110, 44: 90}, "vision"),
+        ("path",): a_log({24: 110, 27: 90}, "path"),
+        ("speech",): a_log({29: 110, 32: 90}, "speech"),
+        ("vision",): a_log({36: 110, 39: 90}, "vision"),
     }
 
-    (told,) = [one for one in planned(a_robot(), logs).findings if one.code == "RARMS014"]
+    system = replace(system, components={**system.components, "dock": more})
+    (told,) = [one for one in planned(system, logs).findings if one.code == "RARMS014"]
 
-    head, together, *apts, more, _ = told.advice.splitlines()
-    assert [head, together, more] == [
-        "Each of these alone would fit:",
-        "- all of these APTs:",
-        "- one more logical processor on onboard",
-    ]
+    head, together, *apts = told.advice.splitlines()[:4]
+    assert [head, together] == ["Each of these alone would fit:", "- all of these:"], told.advice
     assert len(apts) > 1
     assert all(one.startswith("  - ") and LINE.search(one) for one in apts)
