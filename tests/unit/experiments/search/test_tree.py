@@ -43,3 +43,19 @@ def test_its_cost_on_even_chances_is_the_least_of_all_trees(passed: int) -> None
         return inside + min(cost(left, m, True) + cost(m, right, True) for m in range(left + 1, right))
 
     assert cost(4, passed, False) == pytest.approx(cost(4, passed, True), abs=0.05)
+
+
+@pytest.mark.parametrize("closed", [{30}, {20, 21, 22, 23}, set(range(6, 39))])
+def test_what_is_closed_is_never_the_next(closed: set[int]) -> None:
+    for passed in (40, NOTHING_PASSED):
+        chosen = root(even(4, passed), 4, passed, 0.02, closed)
+
+        assert chosen not in closed
+        assert 4 < chosen < passed
+
+
+def test_a_bracket_with_nothing_left_to_measure_is_at_its_end() -> None:
+    assert certain(even(40, 46), 40, 46, 0.02, {41, 42, 43, 44, 45})
+    assert not certain(even(40, 46), 40, 46, 0.02, {42, 43, 44, 45})
+    assert root(even(40, 46), 40, 46, 0.02, {42, 43, 44, 45}) == 41
+    assert certain(even(0, 3), 0, 3, 0.02, {1, 2})
