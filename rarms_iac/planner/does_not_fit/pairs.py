@@ -13,7 +13,8 @@ from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime, show_percent
 from rarms_iac.model.system import CpuWish, Host
 from rarms_iac.planner.combining.candidates import Candidate, Candidates, candidates_of
-from rarms_iac.planner.combining.layouts import Layouts, Objective
+from rarms_iac.planner.combining.layouts import Layouts
+from rarms_iac.planner.combining.objective import Objective
 from rarms_iac.planner.combining.values import Coi
 from rarms_iac.planner.does_not_fit.levers import largest
 from rarms_iac.planner.does_not_fit.variants import Counted, Edit, Trial, Variant, edited
