@@ -40,7 +40,7 @@ def best_pattern(
     found, complete = by_density(program, at, gainful, profits, above)
     if not complete and found is None:
         ordered = sorted(gainful, key=lambda item: (-profits[item] / _share(kind, item), item))
-        found, complete = _Knapsack(program, at, ordered, profits).search(nodes)
+        found, complete = _Knapsack(program, at, ordered, profits).search(nodes, above)
     return _above(found, above), complete
 
 
@@ -95,11 +95,11 @@ class _Knapsack:
         if len(self.room) > 1:  # all dimensions added up: cuts where none alone is full
             self.together = _table(_in_sum(self.sizes, self.room), self.profits, GRAIN * len(self.room))
 
-    def search(self, nodes: int) -> tuple[Pattern, bool]:
-        """The best set, and whether nothing was left untried."""
+    def search(self, nodes: int, above: int) -> tuple[Pattern | None, bool]:
+        """The best set of so much profit, and whether nothing was left untried."""
         if len(self.room) == 1 and self.scales[0] == self.room[0] and not self._hindered():
             return self._by_table(), True
-        best_profit, best_items = 0, 0
+        best_profit, best_items = above, 0
         left = nodes
         count, profits, sizes = len(self.ordered), self.profits, self.sizes
         conflicts, fits = self.program.conflicts, self.program.fits
@@ -122,7 +122,7 @@ class _Knapsack:
                 number += 1
 
         down(0, self.room, 0, 0, 0)
-        return Pattern(profit=best_profit, items=best_items), left > 0
+        return Pattern(profit=best_profit, items=best_items) if best_items else None, left > 0
 
     def _hindered(self) -> bool:
         """Whether anything but size keeps items apart."""

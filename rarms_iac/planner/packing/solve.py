@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from rarms_iac.planner.packing.branch import PENALTY, Limits, Outcome, Proof, Search
-from rarms_iac.planner.packing.columns import Weights, relax
+from rarms_iac.planner.packing.columns import SCALE, Weights, relax
 from rarms_iac.planner.packing.dual import too_heavy
 from rarms_iac.planner.packing.heuristics import quick_packing
 from rarms_iac.planner.packing.host_sets import ByHosts, Fewest, fewest_by_hosts
@@ -20,13 +20,16 @@ from rarms_iac.planner.packing.program import (
     members,
     value_of,
 )
-from rarms_iac.planner.packing.waste import without_waste
+from rarms_iac.planner.packing.waste import payable, without_waste
 
 SEARCHED_UP_TO, RELAXED_UP_TO = 30, 60
 """Items of which it is searched whether there is a packing, and of which the relaxation is asked."""
 
 TRIES = 60
 """Greedy packings that are tried before anything is proved."""
+
+TRIES_OF_MOVES = 15
+"""Of the second level: few greedy packings cost the budget."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,19 +72,21 @@ class Settings:
 
     limits: Limits = field(default_factory=lambda: Limits(improve=improved))
     tries: int = TRIES
+    tries_of_moves: int = TRIES_OF_MOVES
 
 
 def solve(problem: Problem, settings: Settings | None = None) -> Result:
     """Pack, at least cost first and then with the fewest moves; the same problem always has the same answer."""
     how = settings or Settings()
     first = cheapest(problem)
-    least = _least(first)
-    start = _any(first, how)
+    simple = by_volume(first)
+    least = payable(first, simple.bound)
+    start = _any(first, least, how)
     if isinstance(start, Impossible | GaveUp):
         return start
-    if value_of(first, start) == sum(least):  # each item where it costs least: nothing to search
-        value, proof = sum(least), Proof(weights=Weights(items=least, scale=1))
-        return _with_moves(problem, first, start, Level(value=value, bound=value, proof=proof), how)
+    if value_of(first, start) == least:  # nothing to search
+        level = Level(value=least, bound=least, proof=Proof(weights=simple.weights))
+        return _with_moves(problem, first, start, level, how)
     cheapest_of_all = Search(first, start, how.limits, ceiling=_ceiling(first)).run()
     assert cheapest_of_all.bundles is not None
     cost = _level(first, cheapest_of_all)
@@ -98,17 +103,17 @@ def ruled_out(problem: Problem, settings: Settings | None = None) -> Impossible 
         return Impossible(proof=Proof(weights=Weights(items=heavy, scale=1)))
     how, first = settings or Settings(), cheapest(problem)
     if problem.items <= SEARCHED_UP_TO:
-        answer = _any(first, how)
+        answer = _any(first, by_volume(first).bound, how)
         return answer if isinstance(answer, Impossible) else None
-    if problem.items > RELAXED_UP_TO or quick_packing(first, sum(_least(first)), how.tries) is not None:
+    if problem.items > RELAXED_UP_TO or quick_packing(first, by_volume(first).bound, how.tries) is not None:
         return None
     relaxed = relax(feasible(first), (), 1, PENALTY, how.limits.effort)
     return Impossible(proof=Proof(weights=relaxed.weights)) if relaxed is not None and relaxed.bound else None
 
 
-def _any(first: Program, how: Settings) -> Bundles | Impossible | GaveUp:
+def _any(first: Program, least: int, how: Settings) -> Bundles | Impossible | GaveUp:
     """A packing to start from, whatever it costs; or that there is none."""
-    start = quick_packing(first, sum(_least(first)), how.tries)
+    start = quick_packing(first, least, how.tries)
     if start is not None:
         return start
     answer = Search(feasible(first), None, how.limits, ceiling=1).run()
@@ -123,7 +128,7 @@ def _with_moves(problem: Problem, first: Program, bundles: Bundles, cost: Level,
         return Packed(hosts=hosts, cost=cost, moves=Level(value=0, bound=0, proof=None))
     second = fewest_moves(problem, cost.value)
     starts = [settled(problem, first, bundles)]
-    quick = quick_packing(second, 0, how.tries)
+    quick = quick_packing(second, 0, how.tries_of_moves)
     starts += [quick] if quick is not None else []
     known = min(starts, key=lambda one: value_of(second, one))
     if value_of(second, known):
@@ -141,12 +146,34 @@ def _level(program: Program, outcome: Outcome | Fewest) -> Level:
     return Level(value=value_of(program, outcome.bundles), bound=outcome.bound, proof=outcome.proof)
 
 
-def _least(program: Program) -> tuple[int, ...]:
-    """By item: what it costs at least."""
-    return tuple(
-        min((kind.costs[item] for kind in program.kinds if kind.sizes[item] is not None), default=0)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Simple:
+    """What no packing costs less than, and the weights that show it but for what hosts of that price have room for."""
+
+    bound: int
+    weights: Weights
+
+
+def by_volume(program: Program) -> Simple:
+    """What items cost where that is least, with their share of a host, by the dimension in which that is most."""
+    scale = SCALE if any(kind.opening for kind in program.kinds) else 1
+    dimensions = range(len(program.kinds[0].room)) if program.kinds else ()
+    told = [Weights(items=_shares(program, d, scale), scale=scale) for d in dimensions]
+    best = max(told, key=lambda one: sum(one.items), default=Weights(items=(0,) * program.items, scale=scale))
+    return Simple(bound=-(-sum(best.items) // scale), weights=best)
+
+
+def _shares(program: Program, dimension: int, scale: int) -> tuple[int, ...]:
+    """By item; rounded down, so that no set that fits a host weighs more than the host costs."""
+    by_item = (
+        [
+            scale * kind.costs[item] + scale * kind.opening * size[dimension] // max(1, kind.room[dimension])
+            for kind in program.kinds
+            if (size := kind.sizes[item]) is not None
+        ]
         for item in range(program.items)
     )
+    return tuple(min(shares, default=0) for shares in by_item)
 
 
 def _ceiling(program: Program) -> int:

@@ -14,9 +14,9 @@ from rarms_iac.planner.packing.checker import check
 from rarms_iac.planner.packing.columns import Weights
 from rarms_iac.planner.packing.cover import covered
 from rarms_iac.planner.packing.program import cheapest
-from rarms_iac.planner.packing.solve import GaveUp, Impossible, Packed, Settings, solve
+from rarms_iac.planner.packing.solve import GaveUp, Impossible, Packed, Settings, by_volume, solve
 from tests.effort import LONG, examples
-from tests.packings import a_packing, does_pack, every_packing, value_of
+from tests.packings import a_packing, does_pack, every_packing, on_several_kinds, value_of
 
 SMALL = range(examples(150))
 
@@ -58,6 +58,18 @@ def test_what_fits_beyond_sizes_is_asked() -> None:
             assert (found.cost.value, found.moves.value) == every[0][0], seed
         else:
             assert not every, seed
+
+
+def test_what_volume_says_is_never_more_than_the_least_cost() -> None:
+    met = 0
+    for seed in SMALL[::2]:
+        problem = a_packing(seed) if seed % 4 else on_several_kinds(seed)
+        every = every_packing(problem)
+        if every:
+            bound = by_volume(cheapest(problem)).bound
+            assert bound <= every[0][0][0], seed
+            met += bound == every[0][0][0]
+    assert met
 
 
 def at_most_two_on_the_first(host: int, items: object) -> bool:
