@@ -1,6 +1,6 @@
 """What tuning is about, and how it ends when somebody stops it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import chdir
 from datetime import date
 from pathlib import Path
@@ -11,7 +11,8 @@ from rarms_iac.cli.hosts import hosts_of, observed
 from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.options import HostOptions, ManifestOptions
 from rarms_iac.cli.tuning import Subject, TuningStopped, bench_of, subject_of_tuning
-from rarms_iac.cli.tuning_end import End
+from rarms_iac.cli.tuning_end import End, findings_of
+from rarms_iac.planner.combining.findings import CONTRADICTION
 from rarms_iac.planner.combining.paper import Asking
 from rarms_iac.planner.combining.values import Coi, Members
 from tests.measuring import leave_logs
@@ -97,3 +98,39 @@ def test_who_stops_it_is_told_what_was_asked_with_what_was_predicted(here: Path)
     assert end.ending == "stopped"
     assert [one.members for one in end.trail] == oracle.asked
     assert end.trail[0].predicted is not None
+
+
+class AsIfBroken:
+    """An oracle of components of which three together need less than two of them."""
+
+    needs: Mapping[Members, int] = {
+        ("gripper", "paths"): 44,
+        ("paths", "speech"): 35,
+        ("paths", "video"): 48,
+        ("gripper", "paths", "speech"): 41,
+        ("gripper", "paths", "video"): 45,
+        ("paths", "speech", "video"): 32,
+    }
+
+    def worse(self, members: Members, reserve: int) -> frozenset[str]:
+        return frozenset() if reserve >= self.needs.get(members, 64) else frozenset(members)
+
+
+def test_a_setting_that_contradicts_the_assumption_is_told_and_nothing_is_proved(tmp_path: Path) -> None:
+    component = "{ criticality: 10, apt: { mean_response_time: { at_most: 100 ms } }, simulation: { work: 10 ms } }"
+    least = {"gripper": 13, "speech": 11, "paths": 28, "video": 15}
+    lines = "".join(f"  {name}: {component.replace('10,', f'{40 - at},')}\n" for at, name in enumerate(least))
+    head, ballast = MANIFEST.partition("  vision:")[0], "  ballast: { criticality: 1, cpu: { reserve: 0.59 LP } }\n"
+    with chdir(tmp_path):
+        write(head.replace("logical_processors: 2", "logical_processors: 1") + lines + ballast)
+        leave_logs(tmp_path, least)
+        subject = subject_of("onboard")
+        end = End.of(subject, Asking(oracle=AsIfBroken(), may_share=subject.may_share), "default", repeat=False)
+        told = [one for one in findings_of(end, subject.hosts) if one.code == CONTRADICTION.code]
+
+    assert [one.says for one in end.breaks] == [
+        "paths+speech+video meets its thresholds with less than paths+video needs"
+    ]
+    assert not end.proved
+    assert len(told) == 1
+    assert "So nothing is proved" in told[0].detail
