@@ -1,7 +1,7 @@
 """Partitions onto hosts: least reservation in all, then fewest moves, then names (DESIGN section 3, The problem).
 
-Up to 30 partitions are packed exactly. Larger problems take the first host that has room, and say how far from the
-bound that may be.
+Up to 30 partitions are packed exactly, and so are up to 30 that are free to move beside more that are not. Larger
+problems take the best of several ways (`many.py`), and say how far from the bound that may be.
 """
 
 import json
@@ -63,19 +63,76 @@ def place(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
         return Found(hosts=only if all_fit(ordered, hosts, only) else None, proven=True)
     if len(ordered) <= EXACT_UP_TO:
         return _exactly(ordered, hosts)
-    quick = first_fit(ordered, hosts)
-    if quick is None:
-        return Found(hosts=None, proven=False)
-    value, bound = _value(ordered, quick), _bound(ordered)
-    anew = first_fit([replace(one, now="") for one in ordered], hosts) if any(one.now for one in ordered) else None
+    return _beyond(ordered, hosts)
+
+
+def _beyond(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
+    """More than the exact search takes on: exactly all the same where few are free, or as well as is found."""
+    free = [one for one in items if len(one.claims) > 1]
+    if len(free) <= EXACT_UP_TO:
+        return _beside(free, [one for one in items if len(one.claims) == 1], bins)
+    quick = first_fit(items, bins)
+    bound = _bound(items)
+    if quick is None or _value(items, quick) != bound:
+        from rarms_iac.planner.many import place_many
+        from rarms_iac.planner.staying import staying
+
+        stay = staying(items, bins)
+        better = place_many(items, bins, stay.names, (bound[0], stay.moves), _repacked)
+        quick = min(filter(None, (better, quick)), key=lambda one: _value(items, one), default=None)
+        if quick is None:
+            return Found(hosts=None, proven=False)
+        cheapest = _value(items, quick)[0] == bound[0]
+        bound = (bound[0], stay.moves if cheapest else stay.moves_at_all)
+    value = _value(items, quick)
+    anew = first_fit([replace(one, now="") for one in items], bins) if any(one.now for one in items) else None
     return Found(
         hosts=quick,
         proven=value == bound,
         chosen=True,
         value=value,
         bound=bound,
-        avoided=_avoided(ordered, anew, value),
+        avoided=_avoided(items, anew, value),
     )
+
+
+def _beside(free: Sequence[Item], fixed: Sequence[Item], bins: Sequence[Bin]) -> Found:
+    """Those that can be in several places, beside those that can be in one: these are what their hosts hold anyway."""
+    only = {one.name: next(iter(one.claims)) for one in fixed}
+    there: dict[str, list[Claim]] = {one.name: list(one.taken) for one in bins}
+    for one in fixed:
+        there[only[one.name]].append(one.claims[only[one.name]])
+    if not all(fits(one.capacity, there[one.name]) for one in bins if one.name in set(only.values())):
+        return Found(hosts=None, proven=True)
+    found = _exactly(free, [replace(one, taken=tuple(there[one.name])) for one in bins])
+    if found.hosts is None:
+        return Found(hosts=None, proven=found.proven)
+    more = _value(fixed, only)
+    hosts = {**found.hosts, **only}
+    return Found(
+        hosts={name: hosts[name] for name in sorted(hosts)},
+        proven=found.proven,
+        chosen=True,
+        value=(found.value[0] + more[0], found.value[1] + more[1]),
+        bound=(found.bound[0] + more[0], found.bound[1] + more[1]),
+        avoided=found.avoided,
+    )
+
+
+def _repacked(items: Sequence[Item], bins: Sequence[Bin]) -> Mapping[str, str] | None:
+    """A few partitions on a few hosts, as well as a short search packs them."""
+    from rarms_iac.planner.packing.branch import Limits
+    from rarms_iac.planner.packing.solve import Packed, Settings, solve
+
+    names = {one.name for one in bins}
+    inside = [
+        replace(one, claims={host: claim for host, claim in one.claims.items() if host in names}) for one in items
+    ]
+    limits = Limits(nodes=4, dives=2, first_dive=8, dive=4, patterns=200, cover=20_000, cover_below=1_000)
+    result = solve(problem_of(inside, bins), Settings(limits=limits, tries=20))
+    if not isinstance(result, Packed):
+        return None
+    return {item.name: bins[at].name for item, at in zip(items, result.hosts, strict=True)}
 
 
 def placement_of(found: Found) -> Placement | None:
