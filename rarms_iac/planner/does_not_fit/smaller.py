@@ -3,7 +3,8 @@
 from collections.abc import Iterator, Sequence
 
 from rarms_iac.planner.first_fit import Bin, Item, cost
-from rarms_iac.planner.search import EXACT_UP_TO, certificate_of, problem_of
+from rarms_iac.planner.in_numbers import problem_of
+from rarms_iac.planner.search import EXACT_UP_TO, certificate_of
 
 LOOKED_AT = 60
 """Groups of partitions that are searched for a placement of their own, at most."""

@@ -13,9 +13,10 @@ from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.planner.does_not_fit.smaller import alone, certified_impossible
 from rarms_iac.planner.first_fit import Bin, Item
+from rarms_iac.planner.in_numbers import problem_of
 from rarms_iac.planner.packing.certificate import problem_data
 from rarms_iac.planner.packing.checker import Wrong, check
-from rarms_iac.planner.search import place, problem_of
+from rarms_iac.planner.search import place
 from tests.effort import LONG
 from tests.packings import lies
 
