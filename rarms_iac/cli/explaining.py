@@ -1,25 +1,30 @@
-"""What `rarms explain COMPONENT` walks through, gathered from manifest, data logs and the layout."""
+"""What `rarms explain COMPONENT` walks through, gathered from manifest, data logs, hosts and the layout."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, subject_of
-from rarms_iac.cli.manifests import Opened
+from rarms_iac.cli.hosts import Hosts, observed
 from rarms_iac.cli.partners import partners
 from rarms_iac.cli.problems import Halted
+from rarms_iac.cli.tuned_before import TunedBefore, tuned_before
 from rarms_iac.datalog.files import read_log
 from rarms_iac.datalog.log import DataLog
 from rarms_iac.experiments.setup import interference_of
-from rarms_iac.model.capacity import capacity_of
-from rarms_iac.model.layout import Layout, PlacedPartition
-from rarms_iac.model.quantities import LogicalProcessors, in_processors, show_processors
-from rarms_iac.model.system import Host, Measured, System
-from rarms_iac.planner.alternatives import elsewhere
+from rarms_iac.model.capacity import capacity_of, load_of
+from rarms_iac.model.diagnostics import Diagnostic, has_errors
+from rarms_iac.model.layout import Cause, Layout, PlacedPartition
+from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime, in_processors, show_processors
+from rarms_iac.model.state import State
+from rarms_iac.model.system import Component, Disruption, Host, Measured, System
+from rarms_iac.planner.alternatives import Chosen, Elsewhere, elsewhere
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
+from rarms_iac.planner.problem import HostView, by_name, host_view
 from rarms_iac.planner.reservations import (
+    FixedReservations,
     MeasuredReservations,
     MeasuredTogether,
     Names,
@@ -30,51 +35,125 @@ from rarms_iac.planner.reservations import (
 from rarms_iac.planner.sizes import Sized, size
 from rarms_iac.views import walk as shown
 
+NOT_LOOKED_FOR = "sharing with others: not looked for, as its reserve rests on no measurement"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Explained:
+    """The walk, and what keeps it from an end."""
+
+    walk: shown.Walk | shown.HostWalk
+    errors: tuple[Diagnostic, ...] = ()  # why nothing can be said of how much it needs
+
+    @property
+    def fits(self) -> bool:
+        """Whether there is a layout with it."""
+        return isinstance(self.walk, shown.HostWalk) or not self.walk.misfit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Asked:
+    """What is known when a partition is explained."""
+
+    measured: Measurements
+    hosts: Hosts
+    states: Mapping[str, State]  # of the hosts that could be looked at
+    reservations: MeasuredReservations
+    planning: Planning
+    group: Group
+
+    @property
+    def system(self) -> System:
+        """What the manifest says."""
+        return self.measured.system
+
+    @property
+    def views(self) -> Mapping[str, HostView]:
+        """The hosts as the planner looks at them."""
+        return {name: host_view(state, self.system.application.name) for name, state in self.states.items()}
+
+    @property
+    def layout(self) -> Layout | None:
+        """None: there is none."""
+        return self.planning.answer if isinstance(self.planning.answer, Layout) else None
+
+    @property
+    def now(self) -> str:
+        """The host that the partition is on now, the first by name; empty: none that was looked at."""
+        return next((name for name, view in sorted(self.views.items()) if self.group.name in view.present), "")
+
+    @property
+    def stays(self) -> str:
+        """Why it may only be where it is; empty: it may be elsewhere."""
+        if not self.now or self.system.policy.max_disruption is Disruption.REMOVAL:
+            return ""
+        return f"it stays on {self.now}, where it is: a move is a removal, and policy.max_disruption forbids that"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Found:
-    """Where the partition is, or would be if there were room."""
+    """Where the partition is, or would be if there were room, or if it were known how much it needs."""
 
-    group: Group
     host: Host
     placed: PlacedPartition
+    cannot: str = ""  # why no host can have it
 
 
-def walk_of(measured: Measurements, opened: Opened, name: str) -> shown.Walk:
-    """The walk for a component that has a partition, as manifest and data logs alone place it.
+def explained(measured: Measurements, hosts: Hosts, component: Component) -> Explained:
+    """The walk of a component, as `rarms plan` places it; hosts that cannot be looked at count by the manifest alone.
 
     Raises:
-        Halted: nothing says how much it needs on any host (4).
+        Halted: its partition has no host at all (4).
     """
     system = measured.system
-    reservations = measured_reservations(measured, {})
-    planning = plan_layout(system, reservations, {}, opened.loaded.places)
-    group = next(one for one in groups_of(system) if name in names_of(one.members))
-    found = _found(group, planning, system, reservations)
-    if found is None:
-        raise Halted(ExitCode.NO, planning.findings, opened.loaded.sources)
-    layout = planning.answer if isinstance(planning.answer, Layout) else None
+    group = next((one for one in groups_of(system) if component.name in names_of(one.members)), None)
+    if group is None:
+        allowed = component.hosts if component.hosts is not None else system.hosts
+        homes = tuple(host for host in by_name(system.hosts) if host.name in allowed)
+        return Explained(walk=shown.HostWalk(component=component, hosts=homes))
+    states = observed(hosts, needed=())
+    reservations = measured_reservations(measured, states)
+    views = {name: host_view(state, system.application.name) for name, state in states.items()}
+    planning = plan_layout(system, reservations, views, hosts.opened.loaded.places)
+    asked = _Asked(
+        measured=measured, hosts=hosts, states=states, reservations=reservations, planning=planning, group=group
+    )
+    found = _found(asked)
+    errors = tuple(one for one in planning.findings if has_errors([one])) if found.cannot else ()
+    return Explained(walk=_walk(asked, found, component), errors=errors)
+
+
+def _walk(asked: _Asked, found: _Found, component: Component) -> shown.Walk:
+    group, reservations, layout = asked.group, asked.reservations, asked.layout
     log = reservations.log(group.members, found.host)
-    rests = rests_on_a_log(group) and isinstance(log, MeasuredTogether)
+    rests = rests_on_a_log(group)
+    used = log if rests and isinstance(log, MeasuredTogether) else None
+    before = tuned_before(asked.measured.folder, found.host.platform)
     return shown.Walk(
-        component=system.components[name],
+        component=component,
         group=group,
         host=found.host,
         placed=found.placed,
+        cannot=found.cannot,
         wanted=_wanted(group, found.host, reservations),
         fixed_by="" if rests else _fixed_by(group),
-        measured=_measured(measured, group, found.host, log) if rests and isinstance(log, MeasuredTogether) else None,
-        looked=tuple(_looked(group, log)) if rests and isinstance(log, MeasuredTogether) else (),
-        least=reservations.least(group.members, found.host) if rests else None,
-        remarks=tuple(one.says for one in log.remarks) if rests and isinstance(log, MeasuredTogether) else (),
-        why_together=tuple(_why_together(group, system)),
-        apart=_apart(measured, opened, group, found),
-        partners=partners(group, groups_of(system), found.host, reservations, _was_measured(measured, found.host))
-        if rests
-        else (),
-        on_host=None if layout is None else _on_host(layout, found),
-        elsewhere=() if layout is None else elsewhere(group, found.placed, layout, system, reservations),
-        misfit=() if layout is not None else tuple(_misfit(planning)),
+        measured=None if used is None else _measured(asked.measured, group, found.host, used),
+        looked=() if used is None else tuple(_looked(group, used)),
+        least=None if used is None else reservations.least(group.members, found.host),
+        remarks=() if used is None else tuple(one.says for one in used.remarks),
+        why_together=tuple(_why_together(group, asked.system, before)),
+        apart=_apart(asked, found),
+        shared=tuple(_shared(group, before, found.host)) if rests else (NOT_LOOKED_FOR,),
+        partners=()
+        if used is None
+        else partners(
+            group, groups_of(asked.system), found.host, reservations, _was_measured(asked.measured, found.host)
+        ),
+        on_host=None if layout is None else _on_host(asked, layout, found),
+        where_now=_where_now(asked, found),
+        unseen=tuple(sorted(set(asked.system.hosts) - set(asked.states))),
+        elsewhere=_elsewhere(asked, found),
+        misfit=() if layout is not None else tuple(_misfit(asked.planning)),
     )
 
 
@@ -86,24 +165,39 @@ def _was_measured(measured: Measurements, host: Host) -> Callable[[Names], bool]
     return has_log
 
 
-def _found(group: Group, planning: Planning, system: System, reservations: MeasuredReservations) -> _Found | None:
-    if isinstance(planning.answer, Layout):
-        placed = next(one for one in planning.answer.partitions if one.name == group.name)
-        return _Found(group=group, host=system.hosts[placed.host], placed=placed)
-    for _, host in sorted(system.hosts.items()):
-        if all(one.hosts is None or host.name in one.hosts for one in group.members):
-            answer = size(group, host, reservations)
-            if isinstance(answer, Sized):
-                return _Found(group=group, host=host, placed=answer.placed)
-    return None
+def _found(asked: _Asked) -> _Found:
+    """In the layout; else where it is, or the first host by name that could have it, or that it may run on."""
+    system, group = asked.system, asked.group
+    if asked.layout is not None:
+        placed = next(one for one in asked.layout.partitions if one.name == group.name)
+        return _Found(host=system.hosts[placed.host], placed=placed)
+    allowed = [
+        host
+        for host in sorted(system.hosts.values(), key=lambda one: (one.name != asked.now, one.name))
+        if all(one.hosts is None or host.name in one.hosts for one in group.members)
+    ]
+    answers = [(host, size(group, host, asked.reservations)) for host in allowed]
+    for host, answer in answers:
+        if isinstance(answer, Sized):
+            return _Found(host=host, placed=answer.placed)
+    for host, answer in answers:
+        shape = size(_without_reserve(group), host, FixedReservations())
+        if isinstance(shape, Sized) and isinstance(answer, Cause):
+            return _Found(host=host, placed=shape.placed, cannot=answer.says.rstrip("."))
+    raise Halted(ExitCode.NO, asked.planning.findings, asked.hosts.opened.loaded.sources)
 
 
-def _wanted(group: Group, host: Host, reservations: MeasuredReservations) -> LogicalProcessors:
+def _without_reserve(group: Group) -> Group:
+    """The same reserving nothing: what else it gets does not wait for that."""
+    nothing = ProcessorTime(LogicalProcessors(Fraction(0)))
+    return replace(group, wish=replace(group.wish, cpu=replace(group.wish.cpu, reserve=nothing)))
+
+
+def _wanted(group: Group, host: Host, reservations: MeasuredReservations) -> LogicalProcessors | None:
     own = group.wish.cpu.reserve
     if own is None or isinstance(own, Measured):
         answer = reservations.reservation(group.members, host)
-        assert not isinstance(answer, NotMeasured), "a partition that has a size has a reservation"
-        return in_processors(answer, host.logical_processors)
+        return None if isinstance(answer, NotMeasured) else in_processors(answer, host.logical_processors)
     return in_processors(own, host.logical_processors)
 
 
@@ -144,22 +238,33 @@ def _looked(group: Group, log: MeasuredTogether) -> Iterator[shown.Looked]:
             yield shown.Looked(member=one.name, index=index, threshold=threshold, curve=log.curves(one.name, index))
 
 
-def _why_together(group: Group, system: System) -> Iterator[str]:
+def _why_together(group: Group, system: System, before: TunedBefore) -> Iterator[str]:
     if group.name in system.partitions:
-        yield f"the manifest's `partitions` puts them together, as written by hand or by `rarms tune` ({group.name})"
+        tuned = before.combined(names_of(group.members))
+        by_hand = "no run of `rarms tune` that is on record here wrote it, so it was written by hand"
+        yield f"the manifest's `partitions` puts them together ({group.name}); {tuned or by_hand}"
     for one in group.members:
         others = [name for name in one.together if name in names_of(group.members)]
         if others:
             yield f"{one.name} says that it must be together with {', '.join(others)}"
 
 
-def _apart(measured: Measurements, opened: Opened, group: Group, found: _Found) -> str:
+def _shared(group: Group, before: TunedBefore, host: Host) -> Iterator[str]:
+    told = list(before.rejected(names_of(group.members)))
+    yield from told
+    if not told:
+        why = before.nothing(host.platform) or "`rarms tune` measured no other compound with it"
+        yield f"sharing with others: {why}"
+
+
+def _apart(asked: _Asked, found: _Found) -> str:
     """What the members would reserve in partitions of their own, and whether that fits, as planned without this one."""
+    group, measured = asked.group, asked.measured
     if group.name not in measured.system.partitions or len(group.members) == 1:
         return ""
     partitions = {name: one for name, one in measured.system.partitions.items() if name != group.name}
     alone = replace(measured, system=replace(measured.system, partitions=partitions))
-    reservations = measured_reservations(alone, {})
+    reservations = measured_reservations(alone, asked.states)
     names = set(names_of(group.members))
     sizes = [
         size(one, found.host, reservations) for one in groups_of(alone.system) if names & set(names_of(one.members))
@@ -167,7 +272,8 @@ def _apart(measured: Measurements, opened: Opened, group: Group, found: _Found) 
     told = [one.placed for one in sizes if isinstance(one, Sized)]
     if len(told) < len(sizes) or len(sizes) == 1:
         return ""
-    fits = isinstance(plan_layout(alone.system, reservations, {}, opened.loaded.places).answer, Layout)
+    places = asked.hosts.opened.loaded.places
+    fits = isinstance(plan_layout(alone.system, reservations, asked.views, places).answer, Layout)
     parts = " and ".join(f"{one.name} {show_processors(one.reserved)}" for one in told)
     total = show_processors(sum((one.reserved for one in told), Fraction(0)))
     return (
@@ -176,18 +282,35 @@ def _apart(measured: Measurements, opened: Opened, group: Group, found: _Found) 
     )
 
 
-def _on_host(layout: Layout, found: _Found) -> shown.OnHost:
-    capacity = capacity_of(found.host, None)
+def _on_host(asked: _Asked, layout: Layout, found: _Found) -> shown.OnHost:
+    view = asked.views.get(found.host.name, HostView())
+    capacity = capacity_of(found.host, view.facts)
     others = sorted(
         (one.name, one.reserved)
         for one in layout.partitions
         if one.host == found.host.name and one.name != found.placed.name
     )
     kept = LogicalProcessors(Fraction(capacity.logical_processors) - capacity.processors)
-    return shown.OnHost(capacity=capacity.processors, kept=kept, beside=tuple(others), placement=layout.placement)
+    foreign = LogicalProcessors(Fraction(load_of(view.claims).percent, 100))
+    return shown.OnHost(
+        capacity=capacity.processors, kept=kept, foreign=foreign, beside=tuple(others), placement=layout.placement
+    )
+
+
+def _where_now(asked: _Asked, found: _Found) -> str:
+    if not asked.now:
+        return ""
+    if asked.now != found.host.name:
+        return f"it is on {asked.now} now: applied, it is made anew on {found.host.name}"
+    return asked.stays or "it is there now"
+
+
+def _elsewhere(asked: _Asked, found: _Found) -> tuple[Elsewhere, ...]:
+    chosen = Chosen(placed=found.placed, layout=asked.layout, views=asked.views, stays=asked.stays)
+    return elsewhere(asked.group, chosen, asked.system, asked.reservations)
 
 
 def _misfit(planning: Planning) -> Iterator[str]:
     for one in planning.findings:
-        if one.severity.value == "error":
+        if has_errors([one]):
             yield f"{one.summary} ({one.code}): {one.detail} {one.advice}"

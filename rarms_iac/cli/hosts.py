@@ -3,7 +3,7 @@
 import getpass
 import os
 import platform
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -77,12 +77,17 @@ def hosts_of(system: System, opened: Opened, source: ManifestOptions, where: Hos
     return Hosts(system=system, opened=opened, source=source, where=where, snapshots=read)
 
 
-def observed(hosts: Hosts) -> Mapping[str, State]:
-    """What every host looks like; those that are not chosen help the planner where they can be reached.
+def observed(hosts: Hosts, *, needed: Collection[str] | None = None) -> Mapping[str, State]:
+    """What every host looks like; those that are not needed help the planner where they can be reached.
+
+    Args:
+        hosts: those of the manifest.
+        needed: names of hosts that there is no answer without; None: the chosen ones.
 
     Raises:
-        Halted: a chosen host cannot be reached or read, or does not have a guest of which there is a snapshot.
+        Halted: such a host cannot be reached or read, or does not have a guest of which there is a snapshot.
     """
+    must = hosts.chosen if needed is None else needed
     snapshots, application = hosts.snapshots, hosts.system.application.name
     states: dict[str, State] = {}
     for name in sorted(hosts.system.hosts):
@@ -90,10 +95,10 @@ def observed(hosts: Hosts) -> Mapping[str, State]:
             written = snapshots.hosts.get(name)
             state = written.state if written else observe(hosts.open(name))
         except Halted:
-            if name in hosts.chosen:
+            if name in must:
                 raise
             continue
-        if name in hosts.chosen or state.facts.rights is Rights.PROVEN:
+        if name in must or state.facts.rights is Rights.PROVEN:
             states[name] = with_guests(state, snapshots.guests, application)
     return states
 

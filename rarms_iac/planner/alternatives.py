@@ -1,6 +1,6 @@
 """What else could have been: the hosts that a partition is not on, each with the reason."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -10,7 +10,7 @@ from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.system import Host, System
 from rarms_iac.planner.groups import Group
-from rarms_iac.planner.problem import by_name
+from rarms_iac.planner.problem import HostView, by_name
 from rarms_iac.planner.reservations import ReservationSource
 from rarms_iac.planner.sizes import size
 
@@ -24,17 +24,27 @@ class Elsewhere:
     says: str
 
 
-def elsewhere(
-    group: Group, placed: PlacedPartition, layout: Layout, system: System, reservations: ReservationSource
-) -> tuple[Elsewhere, ...]:
-    """Every other host of the manifest, by name. What the layout says of hosts is taken from the manifest alone."""
-    others = [host for host in by_name(system.hosts) if host.name != placed.host]
-    return tuple(_elsewhere(group, placed, host, layout, reservations) for host in others)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chosen:
+    """Where a partition is in a layout, and what that was made from."""
+
+    placed: PlacedPartition
+    layout: Layout | None  # None: there is none, and this is where it would be
+    views: Mapping[str, HostView]  # as the layout was made; a host that is not in it was not looked at
+    stays: str = ""  # why it may be nowhere else, whatever there is room for
+
+    def view(self, host: Host) -> HostView:
+        """What was known of a host beside the manifest."""
+        return self.views.get(host.name, HostView())
 
 
-def _elsewhere(
-    group: Group, placed: PlacedPartition, host: Host, layout: Layout, reservations: ReservationSource
-) -> Elsewhere:
+def elsewhere(group: Group, chosen: Chosen, system: System, reservations: ReservationSource) -> tuple[Elsewhere, ...]:
+    """Every other host of the manifest, by name."""
+    others = [host for host in by_name(system.hosts) if host.name != chosen.placed.host]
+    return tuple(_elsewhere(group, chosen, host, reservations) for host in others)
+
+
+def _elsewhere(group: Group, chosen: Chosen, host: Host, reservations: ReservationSource) -> Elsewhere:
     refused = next((one.name for one in group.members if one.hosts is not None and host.name not in one.hosts), "")
     if refused:
         return Elsewhere(host=host.name, reserved=None, says=f"{refused} may not run there (`hosts`)")
@@ -42,11 +52,18 @@ def _elsewhere(
     if isinstance(answer, Cause):
         return Elsewhere(host=host.name, reserved=None, says=answer.says.rstrip("."))
     there = replace(answer.placed, host=host.name)
-    says = "; ".join(_compared(placed, there, host, layout))
+    layout = chosen.layout
+    says = _without_layout(chosen, there) if layout is None else "; ".join(_compared(chosen, layout, there, host))
     return Elsewhere(host=host.name, reserved=there.reserved, says=says)
 
 
-def _compared(placed: PlacedPartition, there: PlacedPartition, host: Host, layout: Layout) -> Iterator[str]:
+def _without_layout(chosen: Chosen, there: PlacedPartition) -> str:
+    why = chosen.stays or "there is no layout to compare with"
+    return f"it would reserve {show_processors(there.reserved)}; {why}"
+
+
+def _compared(chosen: Chosen, layout: Layout, there: PlacedPartition, host: Host) -> Iterator[str]:
+    placed, view = chosen.placed, chosen.view(host)
     beside = [one for one in layout.partitions if one.host == host.name]
     amount = show_processors(there.reserved)
     if there.reserved > placed.reserved:
@@ -55,14 +72,16 @@ def _compared(placed: PlacedPartition, there: PlacedPartition, host: Host, layou
         yield f"it would reserve only {amount}"
     else:
         yield f"it would reserve {amount} there too"
-    if fits(capacity_of(host, None), claims_of([*beside, there])):
-        if there.reserved == placed.reserved:
+    if fits(capacity_of(host, view.facts), (*view.claims, *claims_of([*beside, there]))):
+        if chosen.stays:
+            yield f"there is room, and {chosen.stays}"
+        elif there.reserved == placed.reserved:
             yield f"{placed.host} is as good, and comes first: what is there stays, then names decide"
         elif there.reserved < placed.reserved:
             yield f"there is room, so what is on {placed.host} already stays there, or another needs the room more"
     else:
-        names = ", ".join(one.name for one in beside)
-        yield f"it does not fit beside {names}" if names else "it does not fit"
+        names = [one.name for one in beside] + (["machines that are not ours"] if view.claims else [])
+        yield f"it does not fit beside {', '.join(names)}" if names else "it does not fit"
 
 
 def claims_of(partitions: Iterable[PlacedPartition]) -> tuple[Claim, ...]:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.options import ManifestOptions, json_option, manifest_options
+from rarms_iac.cli.options import HostOptions, ManifestOptions, json_option, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.spelling import suggestion
 from rarms_iac.storage.finding_pages import finding_page, known_codes
@@ -16,6 +16,7 @@ from rarms_iac.views.output.told import ExplanationOutput
 if TYPE_CHECKING:
     from rarms_iac.cli.datalogs import Measurements
     from rarms_iac.cli.manifests import Opened
+    from rarms_iac.model.system import Component
 
 
 @rarms_command("explain")
@@ -27,7 +28,8 @@ def command(session: Session, *, subject: str, guide: bool, source: ManifestOpti
     """Say what a finding means and how to mend it, or how a component comes to what it gets.
 
     FINDING is the id that stands before it, such as RARMS014; its number alone is enough. COMPONENT is one of the
-    manifest: from its APT over the data log to the per cent that its partition gets, and what was rejected. With
+    manifest: from its APT over the data log to the per cent that its partition gets, and what was rejected, as
+    `rarms plan` has it: hosts are looked at where they can be. With
     --guide: what to set by hand for it, where, and in which order, where it cannot be changed to read a
     configuration. Exit code 4 where nothing says how much the component needs, or where everything does not fit.
     """
@@ -41,31 +43,37 @@ def command(session: Session, *, subject: str, guide: bool, source: ManifestOpti
 
 
 def _component(session: Session, source: ManifestOptions, name: str, *, as_json: bool) -> ExitCode:
-    from rarms_iac.cli.explaining import walk_of
-    from rarms_iac.views.walk import walk_json, walk_text
+    from rarms_iac.cli.explaining import explained
+    from rarms_iac.cli.hosts import hosts_of
+    from rarms_iac.cli.telling import tell
+    from rarms_iac.views.walk_output import walk_json, walk_text
 
-    measured, opened = _asked_for(source, name)
-    walk = walk_of(measured, opened, name)
-    session.terminal.data(walk_json(walk) if as_json else walk_text(walk, session.terminal.text_width))
-    return ExitCode.NO if walk.misfit else ExitCode.DONE
+    measured, opened, component = _asked_for(source, name)
+    hosts = hosts_of(measured.system, opened, source, HostOptions())
+    found = explained(measured, hosts, component)
+    tell(session.terminal, found.errors, opened.loaded.sources)
+    session.terminal.data(walk_json(found.walk) if as_json else walk_text(found.walk, session.terminal.text_width))
+    return ExitCode.DONE if found.fits else ExitCode.NO
 
 
 def _guide(source: ManifestOptions, name: str) -> str:
-    from rarms_iac.cli.guiding import guide_facts
+    from rarms_iac.cli.guiding import guide_facts, has_a_partition
     from rarms_iac.views.guide import guide
 
-    measured, opened = _asked_for(source, name)
+    measured, opened, component = _asked_for(source, name)
+    if not has_a_partition(component):
+        says = f"{name} runs on the host itself: it has no partition, and no share of the processors to set up."
+        raise click.UsageError(says, click.get_current_context())
     return guide(guide_facts(measured, opened, name))
 
 
-def _asked_for(source: ManifestOptions, name: str) -> "tuple[Measurements, Opened]":
-    """The manifest and its measurements, where the component is one that has a partition.
+def _asked_for(source: ManifestOptions, name: str) -> "tuple[Measurements, Opened, Component]":
+    """The manifest with its measurements, and the component of that name.
 
     Raises:
-        UsageError: it is not.
+        UsageError: there is none.
     """
     from rarms_iac.cli.datalogs import measurements_of
-    from rarms_iac.cli.guiding import has_a_partition
     from rarms_iac.cli.manifests import system_of
 
     system, opened = system_of(source)
@@ -74,10 +82,7 @@ def _asked_for(source: ManifestOptions, name: str) -> "tuple[Measurements, Opene
         meant = suggestion(name, (*system.components, *known_codes()))
         says = f'The manifest has no component "{name}", and no finding is called so.{meant}'
         raise click.UsageError(says, click.get_current_context())
-    if not has_a_partition(component):
-        says = f"{name} runs on the host itself: it has no partition, and no share of the processors to explain."
-        raise click.UsageError(says, click.get_current_context())
-    return measurements_of(system, opened.loaded.folder, source), opened
+    return measurements_of(system, opened.loaded.folder, source), opened, component
 
 
 def _finding(session: Session, finding: str, *, as_json: bool) -> ExitCode:

@@ -16,23 +16,26 @@ class WalkStepOutput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WalkOutput:
-    """`rarms explain COMPONENT`. `cr` is per cent of P1's virtual processors, null where nothing was looked up."""
+    """`rarms explain COMPONENT`. `cr` is per cent of P1's virtual processors, null where nothing was looked up.
+
+    What is reserved is null where nothing says how much; a component that runs on the host itself has steps only.
+    """
 
     format_version: Format = FORMAT_VERSION
     kind: Literal["walk"] = "walk"
     component: str
-    partition: str
-    host: str
-    fits: bool  # false: there is no layout, and the host is the first by name that could have it
+    partition: str | None
+    host: str | None
+    fits: bool  # false: there is no layout, and the host is where it runs, or the first by name that could have it
     data_log: str | None
     cr: int | None
     interpolated: bool
-    wanted_processors: float  # LPs before rounding to the provider's grain
-    reserved_processors: float  # LPs after it
-    reserve: int  # whole per cent of each virtual processor
-    processors: int
-    limit: int
-    weight: int
+    wanted_processors: float | None  # LPs before rounding to the provider's grain
+    reserved_processors: float | None  # LPs after it
+    reserve: int | None  # whole per cent of each virtual processor
+    processors: int | None
+    limit: int | None
+    weight: int | None
     steps: tuple[WalkStepOutput, ...]
 
 

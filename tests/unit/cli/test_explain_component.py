@@ -1,9 +1,12 @@
 """`rarms explain COMPONENT`, from manifest and data logs to text and exit code."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
-from tests.measuring import leave_log
+from rarms_iac.datalog.tuning import TrailSetting, TunedPartition, TuningRun, append_run, tuning_path
+from tests.builders_measured import a_setting
+from tests.measuring import leave_log, steady
 from tests.unit.cli.running import rarms
 from tests.unit.cli.test_data_logs import MEANS, edit, here, measure
 from tests.unit.views.test_json import check
@@ -107,13 +110,187 @@ def test_what_combining_saves_and_what_else_was_measured_stands_with_the_rejecte
     assert "apart: speech 0.9 LP and vision 1.24 LP, 2.14 LP instead of 1.4 LP; that does not fit" in said
 
 
-def test_what_is_no_component_and_what_needs_a_measurement_say_so(here: Path) -> None:
+def test_what_is_no_component_says_so(here: Path) -> None:
     for word, meant in (("visoin", "vision"), ("RAMS014", "RARMS014")):
         unknown = rarms("explain", word, "-f", str(here))
         says = f'The manifest has no component "{word}", and no finding is called so. Did you mean "{meant}"?'
         assert unknown.code == 64
         assert says in " ".join(unknown.err.split())
 
-    unmeasured = rarms("explain", "vision", "-f", str(here))
-    assert unmeasured.code == 4
-    assert "error[RARMS100]" in unmeasured.err
+
+TOPICS = [
+    "APT",
+    "data log",
+    "setting and verdict",
+    "reservation",
+    "rounding",
+    "partition",
+    "host",
+    "limit and weight",
+    "rejected",
+]
+"""Every walk has them all, whatever there is to say."""
+
+
+def steps(folder: Path, name: str, code: int = 0) -> dict[str, str]:
+    answer = rarms("explain", name, "--json", "-f", str(folder))
+    assert answer.code == code, answer.err
+    check(answer.out)
+    found = {one["topic"]: " ".join(one["says"]) for one in json.loads(answer.out)["steps"]}
+    assert list(found)[: len(TOPICS)] == TOPICS
+    return found
+
+
+def test_what_was_not_measured_is_walked_as_far_as_it_is_known(here: Path) -> None:
+    answer = rarms("explain", "vision", "-f", str(here))
+    said = steps(here, "vision", 4)
+
+    assert answer.code == 4
+    assert "error[RARMS100]" in answer.err
+    assert "vision (criticality 30)" in answer.out
+    assert "mean_response_time at most 100 ms" in said["APT"]
+    assert "none that holds: The reserve of vision is measured" in said["data log"]
+    assert "not measured" in said["setting and verdict"]
+    assert said["reservation"] == "not known: not measured"
+    assert said["partition"] == "vision: vision is alone, as nothing asks to combine it memory 512 MiB, " + (
+        "2 virtual processors"
+    )
+    assert said["host"] == "onboard, once its reservation is known: it has 2 LP"
+    assert "weight 100" in said["limit and weight"]
+    assert "sharing with others: `rarms tune` has measured nothing on two-core" in said["rejected"]
+    assert "another host: the manifest has no other" in said["rejected"]
+    assert "RARMS100" in said["no layout"]
+
+
+def test_an_apt_that_nothing_meets_is_shown_with_the_best_that_was_measured(here: Path) -> None:
+    measure(here, {90: 180.0, 100: 150.0})
+
+    said = steps(here, "vision", 4)
+
+    assert "at 100 %: mean_response_time 150 ms" in said["setting and verdict"]
+    assert "not met for sure" in said["setting and verdict"]
+    assert said["reservation"] == "not known: no setting that was measured is enough"
+    assert "Threshold performance is not achievable on this platform" in said["no layout"]
+
+
+def test_what_is_fixed_by_hand_says_that_nothing_was_looked_for(here: Path) -> None:
+    edit(here / "rarms.yaml", "    memory: 512 MiB\n", "    memory: 512 MiB\n    cpu: { reserve: 40 % }\n")
+
+    said = steps(here, "vision")
+
+    assert said["setting and verdict"] == (
+        "not measured: the reserve is fixed, and nothing says whether its APT is met"
+    )
+    assert "another reserve: none was looked for, as the manifest, for vision, fixes it" in said["rejected"]
+    assert "sharing with others: not looked for" in said["rejected"]
+
+
+def test_one_without_a_wish_and_one_outside_partitions_have_every_step(here: Path) -> None:
+    more = "  logging: { criticality: 1, memory: 64 MiB }\n"
+    more += "  driver: { criticality: 2, runs_on: host, task: MotionControl }\n  vision:\n"
+    edit(here / "rarms.yaml", "  vision:\n", more)
+    measure(here, MEANS)
+
+    logging, driver = steps(here, "logging"), steps(here, "driver")
+
+    assert logging["reservation"] == "none: nothing asks for one"
+    assert logging["rejected"].startswith("a reserve: nothing asks for one")
+    assert driver["setting and verdict"] == "not measured: driver runs on the host itself (`runs_on: host`)"
+    assert driver["partition"] == "none: it is combined with nobody"
+    assert driver["host"] == "wherever it is started: onboard"
+    assert "robotic task class MotionControl" in driver["limit and weight"]
+    assert rarms("explain", "driver", "--guide", "-f", str(here)).code == 64
+
+
+def test_a_setting_that_gave_no_verdict_is_not_called_unmeasured(here: Path) -> None:
+    unsteady = replace(
+        steady("vision", 97.0), samples=(*steady("vision", 20.0).samples, *steady("vision", 90.0).samples)
+    )
+    settings = [a_setting(61, unsteady), *(a_setting(at, steady("vision", MEANS[at])) for at in (62, 70))]
+    leave_log(here, ["vision"], settings)
+
+    said = steps(here, "vision")
+
+    assert "measured without a verdict (no steady state, or too few answers): 61 %" in said["setting and verdict"]
+    assert "61 %, one less: it was measured, and gave no verdict, so nothing says that it would do" in said["rejected"]
+    assert "nothing so low was measured" not in said["rejected"]
+
+
+def test_what_tuning_combined_and_rejected_is_told(here: Path) -> None:
+    speech = (
+        "  speech:\n    criticality: 10\n    memory: 64 MiB\n    apt: { mean_response_time: { at_most: 100 ms } }\n"
+    )
+    edit(here / "rarms.yaml", "  vision:\n", f"{speech}    simulation: {{ work: 9 ms }}\n  vision:\n")
+    edit(
+        here / "rarms.yaml", "components:\n", "partitions:\n  vision: { components: [vision, speech] }\n\ncomponents:\n"
+    )
+    leave_log(
+        here, ["speech", "vision"], [a_setting(at, steady("speech", 20.0), steady("vision", MEANS[at])) for at in MEANS]
+    )
+    both = TunedPartition(name="vision", components=("vision", "speech"), processors=2, reserve=62, parts=150)
+    run = TuningRun(
+        when="2026-11-21T23:04:31Z",
+        rarms_version="0",
+        strategy="default",
+        ending="successful",
+        message="successful",
+        capacity=200,
+        before=250,
+        after=124,
+        proved=True,
+        contradictions=(),
+        partitions=(both,),
+        trail=(
+            TrailSetting(components=("speech", "vision"), reserve=62, worse=()),
+            TrailSetting(components=("driver", "speech"), reserve=50, worse=()),
+            TrailSetting(components=("driver", "speech"), reserve=40, worse=("driver",)),
+        ),
+        written=True,
+    )
+    by_hand = steps(here, "speech")
+    append_run(tuning_path(here, "two-core"), run)
+    tuned = steps(here, "speech")
+
+    assert "so it was written by hand" in by_hand["partition"]
+    assert (
+        "`rarms tune` combined them at 2026-11-21T23:04:31Z, by the default strategy, proved to be the best: CR 62 %, "
+        "1.24 LP instead of 1.5 LP apart"
+    ) in tuned["partition"]
+    assert (
+        "driver+speech, as `rarms tune` measured it: 50 % is enough, and another layout was taken; 40 % is not enough "
+        "for driver for sure"
+    ) in tuned["rejected"]
+    assert "speech+vision, as" not in tuned["rejected"]
+
+
+RUNNING = """\
+schema: rarms/v1
+application: { name: robot }
+hosts:
+  h1: { logical_processors: 2, memory: 8 GiB }
+  h2: { logical_processors: 2, memory: 8 GiB }
+components:
+  a: { criticality: 9, cpu: { reserve: 50 % } }
+  b: { criticality: 8, cpu: { reserve: 40 % } }
+"""
+
+
+def test_on_a_host_where_it_runs_it_says_what_a_plan_says(tmp_path: Path) -> None:
+    manifest = tmp_path / "rarms.yaml"
+    manifest.write_text(RUNNING, encoding="utf-8", newline="\n")
+    assert rarms("apply", "--auto-approve", "-f", str(tmp_path)).code == 0
+
+    there = steps(tmp_path, "b")
+    edit(manifest, "reserve: 40 %", "reserve: 60 %")
+    plan, too_much = rarms("plan", "-f", str(tmp_path)), steps(tmp_path, "b", 4)
+    edit(manifest, "hosts:\n", "policy: { max_disruption: removal }\nhosts:\n")
+    moved = steps(tmp_path, "b")
+
+    stays = "it stays on h1, where it is: a move is a removal, and policy.max_disruption forbids that"
+    assert stays in there["host"]
+    assert f"on h2: it would reserve 0.8 LP there too; there is room, and {stays}" in there["rejected"]
+    assert plan.code == 4
+    assert "--max-disruption removal" in too_much["no layout"]
+    assert stays in too_much["host"]
+    assert f"on h2: it would reserve 1.2 LP; {stays}" in too_much["rejected"]
+    assert "it is on h1 now: applied, it is made anew on h2" in moved["host"]

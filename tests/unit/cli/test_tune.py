@@ -76,6 +76,7 @@ def test_it_does_not_fit_is_tuned_and_fits(here: Path) -> None:
     declined = rarms("tune", "--samples", "60", "--dry-run", "--json")
     tuned = rarms("tune", "--samples", "60", "--trail", "trail.csv")
     after = rarms("plan")
+    explained = " ".join(rarms("explain", "video").out.split())
     again = rarms("tune", "--json")
 
     assert (before.code, declined.code, tuned.code, after.code, again.code) == (4, 0, 0, 2, 0), tuned.err
@@ -101,6 +102,7 @@ def test_it_does_not_fit_is_tuned_and_fits(here: Path) -> None:
     assert "paths mean_response_time" in said
     assert "video mean_response_time" in said
     assert json.loads(again.out)["ending"] == "nothing_to_do"
+    assert "by the default strategy, proved to be the best: CR " in explained
 
 
 def in_all_reports(trail: list[str]) -> None:
@@ -236,6 +238,7 @@ def test_explain_says_with_whom_it_would_save_something_as_predicted(here: Path)
 
     assert "sharing with video: predicted " in before
     assert "sharing with video" not in after, "it was measured"
+    assert "paths+video, as `rarms tune` measured it: " in after
 
 
 def test_asked_first_it_measures_only_what_was_said_yes_to(here: Path) -> None:

@@ -1,0 +1,79 @@
+"""What `rarms tune` once asked and found, out of its log, for whoever explains a component."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+from rarms_iac.datalog.files import LogUnreadable
+from rarms_iac.datalog.tuning import TuningRun, read_runs, tuning_path
+from rarms_iac.model.quantities import show_processors
+from rarms_iac.planner.reservations import Names
+
+STRATEGIES = {"default": "the default strategy", "paper": "the paper's procedure"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TunedBefore:
+    """The runs of a platform, oldest first; or why they cannot be read."""
+
+    runs: tuple[TuningRun, ...] = ()
+    unreadable: str = ""
+
+    def combined(self, members: Names) -> str:
+        """How tuning put just these together; empty: no run of it wrote that."""
+        for run in reversed(self.runs):
+            for one in run.partitions:
+                if run.written and tuple(sorted(one.components)) == members:
+                    claim = f", {run.claim} to be the best" if run.strategy == "default" else ""
+                    return (
+                        f"`rarms tune` combined them at {run.when}, by {STRATEGIES[run.strategy]}{claim}: CR "
+                        f"{one.reserve} %, {_shown(one.reserved)} instead of {_shown(one.parts)} apart"
+                    )
+        return ""
+
+    def rejected(self, members: Names) -> Iterator[str]:
+        """Compounds with any of these that tuning measured, but for the one of just these, in the order of asking.
+
+        What a later run saw at the same reservation counts.
+        """
+        seen: dict[Names, dict[int, tuple[str, ...]]] = {}
+        for run in self.runs:
+            for one in run.trail:
+                names = tuple(sorted(one.components))
+                if set(names) & set(members) and names != members:
+                    seen.setdefault(names, {})[one.reserve] = one.worse
+        for names, settings in seen.items():
+            yield f"{'+'.join(names)}, as `rarms tune` measured it: {'; '.join(_settings(settings))}"
+
+    def nothing(self, platform: str) -> str:
+        """Why nothing is told; empty: there are runs."""
+        if self.unreadable:
+            return self.unreadable
+        return "" if self.runs else f"`rarms tune` has measured nothing on {platform}"
+
+
+def tuned_before(folder: Path, platform: str) -> TunedBefore:
+    """What the platform's log of tuning says."""
+    path = tuning_path(folder, platform)
+    try:
+        return TunedBefore(runs=read_runs(path))
+    except LogUnreadable as problem:
+        shown = path.relative_to(folder).as_posix()
+        return TunedBefore(
+            unreadable=f"what `rarms tune` measured cannot be told: {shown}, line {problem.line}: {problem.says}"
+        )
+
+
+def _settings(settings: Mapping[int, Sequence[str]]) -> Iterator[str]:
+    """The lowest that was enough, and the highest that was not."""
+    enough = min((reserve for reserve, worse in settings.items() if not worse), default=None)
+    missed = max((reserve for reserve, worse in settings.items() if worse), default=None)
+    if enough is not None:
+        yield f"{enough} % is enough, and another layout was taken"
+    if missed is not None:
+        yield f"{missed} % is not enough for {' and '.join(settings[missed])} for sure"
+
+
+def _shown(percent: int) -> str:
+    return show_processors(Fraction(percent, 100))
