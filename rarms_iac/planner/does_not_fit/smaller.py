@@ -1,6 +1,7 @@
 """Few partitions for which alone there is no placement, and a certificate of it: what is so for them is so for all."""
 
 from collections.abc import Iterator, Sequence
+from itertools import islice
 
 from rarms_iac.planner.first_fit import Bin, Item, cost
 from rarms_iac.planner.in_numbers import problem_of
@@ -29,7 +30,7 @@ def alone(items: Sequence[Item], bins: Sequence[Bin]) -> tuple[Item, ...] | None
     """Some of the partitions for which there is no placement, and so none for all; None where none are known."""
     from rarms_iac.planner.packing.solve import ruled_out
 
-    for some, _ in zip(_groups(items), range(LOOKED_AT), strict=False):
+    for some in islice(_groups(items), LOOKED_AT):
         found = ruled_out(problem_of(some, hosts_of(some, bins)))
         if found is None:
             continue

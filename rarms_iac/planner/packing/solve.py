@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from rarms_iac.planner.packing.branch import PENALTY, Limits, Outcome, Proof, Search
-from rarms_iac.planner.packing.columns import SCALE, Weights, relax
+from rarms_iac.planner.packing.columns import SCALE, Effort, Weights, relax
 from rarms_iac.planner.packing.dual import too_heavy
 from rarms_iac.planner.packing.heuristics import quick_packing
 from rarms_iac.planner.packing.host_sets import ByHosts, Fewest, fewest_by_hosts
@@ -22,8 +22,10 @@ from rarms_iac.planner.packing.program import (
 )
 from rarms_iac.planner.packing.waste import payable, without_waste
 
-SEARCHED_UP_TO, RELAXED_UP_TO = 30, 60
+SEARCHED_UP_TO, RELAXED_UP_TO = 30, 100
 """Items of which it is searched whether there is a packing, and of which the relaxation is asked."""
+
+RELAXING = Effort(pattern_nodes=5_000, rounds=200)
 
 TRIES = 60
 """Greedy packings that are tried before anything is proved."""
@@ -107,7 +109,7 @@ def ruled_out(problem: Problem, settings: Settings | None = None) -> Impossible 
         return answer if isinstance(answer, Impossible) else None
     if problem.items > RELAXED_UP_TO or quick_packing(first, by_volume(first).bound, how.tries) is not None:
         return None
-    relaxed = relax(feasible(first), (), 1, PENALTY, how.limits.effort)
+    relaxed = relax(feasible(first), (), 1, PENALTY, RELAXING)
     return Impossible(proof=Proof(weights=relaxed.weights)) if relaxed is not None and relaxed.bound else None
 
 
