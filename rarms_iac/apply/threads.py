@@ -2,11 +2,12 @@
 
 from collections.abc import Iterator, Mapping
 
+from rarms_iac.model.class_values import thread_priority
 from rarms_iac.model.plan import ThreadClass
 from rarms_iac.model.state import RegistryValue, State, TaskClass, ValueKind
 from rarms_iac.model.system import System, TaskCategory
 from rarms_iac.planner.groups import most_critical_first
-from rarms_iac.planner.leftover.classes import ClassValues, thread_priority
+from rarms_iac.planner.leftover.classes import ClassValues
 
 Decided = Mapping[tuple[str, str], ClassValues]
 """By partition (empty: the host) and class."""

@@ -29,6 +29,9 @@ CLASS_ORDER = Finding(
 NEIGHBOURS = Finding(
     code="RARMS129", severity=Severity.NOTE, summary="Threads of different criticality are one priority apart"
 )
+IN_LOW = Finding(
+    code="RARMS136", severity=Severity.NOTE, summary="A task class in Low goes first while those above are lowered"
+)
 AVOIDED = Finding(code="RARMS300", severity=Severity.NOTE, summary="Partitions stay that packing anew would move")
 NOT_CERTIFIED = Finding(code="RARMS301", severity=Severity.NOTE, summary="The layout is not certified as the best")
 KINDS = {

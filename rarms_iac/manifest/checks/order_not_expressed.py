@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from itertools import permutations
 
 from rarms_iac.manifest.checks.common import operating_systems, task_wish
+from rarms_iac.model.class_values import values_within
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Related, Severity
 from rarms_iac.model.system import Component, System, TaskCategory, TaskWish
 
@@ -50,16 +51,8 @@ def _classes(system: System, group: list[Component]) -> list[_Class]:
 
 def thread_priorities(wish: TaskWish) -> tuple[int, int]:
     """The lowest and highest thread priority that the fixed values leave possible (FACTS 6.2)."""
-    match wish.category:
-        case TaskCategory.HIGH:
-            return 26, 26  # whatever Priority says
-        case TaskCategory.MEDIUM:
-            return (17, 24) if wish.priority is None else (16 + wish.priority, 16 + wish.priority)
-        case TaskCategory.LOW:
-            level = wish.background_priority
-            return (8, 15) if level is None else (7 + level, 7 + level)
-        case None:
-            return 8, 26
+    possible = values_within(wish)
+    return possible[-1].thread_priority, possible[0].thread_priority
 
 
 def _told(places: Places, higher: _Class, lower: _Class) -> Diagnostic:

@@ -43,6 +43,8 @@ class TaskBlock(Block):
     category: Maybe[Annotated[TaskCategory, Field(strict=False)]] = optional(
         "The band of thread priorities: `High` (one priority for all), `Medium` or `Low`."
     )
-    priority: Maybe[Level] = optional("1 to 8, larger goes first; orders threads in category Medium only.")
-    background_priority: Maybe[Level] = optional("1 to 8, for category Low.")
+    priority: Maybe[Level] = optional(
+        "1 to 8, larger goes first; orders threads in category Medium only, where 8 counts as 7."
+    )
+    background_priority: Maybe[Level] = optional("1 to 8, larger goes first; orders threads in category Low only.")
     replace_shipped: bool = optional("Needed to change a task class that comes with Windows.", False)

@@ -1,38 +1,20 @@
 """Values of robotic task classes, so that the wanted order of threads is really there (FACTS 6.1, 6.2).
 
-Only category Medium orders by Priority: its threads run at Priority + 16. In High every Priority counts as 2, so all
-run at 26; in Low it is BackgroundPriority + 7. The order is promised among the components of one operating system.
+The order is promised among the components of one operating system, while threads have the share that MMCSS gives them.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import groupby
 
+from rarms_iac.model.class_values import LevelValues, thread_priority, values_within
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.state import RegistryValue, ValueKind
 from rarms_iac.model.system import Component, TaskCategory, TaskWish
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.leftover.affinity import ALL, masks_of
-
-LEVELS = 8
-"""Priorities of a category: 1 to 8."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Spacing:
-    """Where in Medium the most critical class lies, and how far below it the next one."""
-
-    top: int
-    apart: int
-
-
-SPACINGS = (Spacing(top=7, apart=2), Spacing(top=7, apart=1), Spacing(top=LEVELS, apart=1))
-"""The first that keeps the order is taken.
-
-Windows was seen to raise some threads of Medium by one, and none above 23 (FACTS 6.2): two apart are in order even
-then, and priority 8 may be no more than 7 is.
-"""
+from rarms_iac.planner.leftover.ordering import REAL_TIME, chosen_values
 
 CLOCK_RATE = 10_000
 """In 100 ns: other values were seen to stop the task from working."""
@@ -55,19 +37,8 @@ class ClassValues:
 
     @property
     def thread_priority(self) -> int:
-        """What its threads run at (FACTS 6.2, measured)."""
+        """What its threads run at while they have their share."""
         return thread_priority(self.category, self.priority, self.background_priority)
-
-
-def thread_priority(category: TaskCategory, priority: int, background_priority: int) -> int:
-    """What threads of a class run at while they have their share (FACTS 6.2, measured)."""
-    match category:
-        case TaskCategory.HIGH:
-            return 26
-        case TaskCategory.MEDIUM:
-            return 16 + priority
-        case TaskCategory.LOW:
-            return 7 + background_priority
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +61,7 @@ def classes_of(
 
     It has so many processors; of 0, an unknown number, no class is kept to some.
 
-    The most critical class gets the highest priority that is left, equals share one; what the manifest fixes stands.
+    Equally critical classes share a thread priority where what the manifest fixes, which stands, lets them.
     """
     named: dict[str, list[Component]] = {}
     for one in components:
@@ -98,9 +69,8 @@ def classes_of(
             named.setdefault(one.task.lower(), []).append(one)
     fixed = {name.lower(): wish for name, wish in wishes.items()}
     by_weight = sorted(named.values(), key=lambda users: (-_criticality(users), _called(users, fixed)))
-    ways = [_decide(by_weight, fixed, spacing) for spacing in SPACINGS]
-    decided = next((one for one in ways if not any(_out_of_order(one, fixed, inside, places))), ways[-1])
-    told = (*_out_of_order(decided, fixed, inside, places), *_neighbours(decided, inside, places))
+    decided = _decide(by_weight, fixed)
+    told = (*_out_of_order(decided, fixed, inside, places), *_remarks(decided, inside, places))
     masks = masks_of(by_weight, processors)
     decided = [replace(one, affinity=masks.get(one.name.lower(), ALL)) for one in decided]
     return Classes(classes=tuple(sorted(decided, key=lambda one: one.name)), findings=told)
@@ -117,33 +87,30 @@ def _called(users: Sequence[Component], fixed: Mapping[str, TaskWish]) -> str:
     return fixed[first.lower()].name if first.lower() in fixed else first
 
 
-def _decide(
-    by_weight: Sequence[Sequence[Component]], fixed: Mapping[str, TaskWish], spacing: Spacing
-) -> list[ClassValues]:
-    """From the most critical down; each level as high as those above allow, which leaves the most room below."""
-    decided: list[ClassValues] = []
-    ceiling, level, last = spacing.top, spacing.top, None
-    for users in by_weight:
-        weight, name = _criticality(users), _called(users, fixed)
-        if weight != last:
-            level, last = ceiling, weight
-        wish = fixed.get(name.lower(), TaskWish(name=name))
-        priority = wish.priority if wish.priority is not None else max(1, level)
-        background = wish.background_priority if wish.background_priority is not None else priority
-        category = wish.category or TaskCategory.MEDIUM
-        decided.append(
-            ClassValues(
-                name=name,
-                category=category,
-                priority=priority,
-                background_priority=background,
-                criticality=weight,
-                user=most_critical_first(users)[0].name,
-            )
-        )
-        if category is TaskCategory.MEDIUM:
-            ceiling = min(ceiling, priority - spacing.apart)
-    return decided
+def _decide(by_weight: Sequence[Sequence[Component]], fixed: Mapping[str, TaskWish]) -> list[ClassValues]:
+    levels = [list(level) for _, level in groupby(by_weight, key=_criticality)]
+    wishes = [[_wish(users, fixed) for users in level] for level in levels]
+    return [
+        _class_values(wish, users, values)
+        for classes, level, chosen in zip(wishes, levels, chosen_values(wishes), strict=True)
+        for wish, users, values in zip(classes, level, chosen, strict=True)
+    ]
+
+
+def _wish(users: Sequence[Component], fixed: Mapping[str, TaskWish]) -> TaskWish:
+    name = _called(users, fixed)
+    return fixed.get(name.lower(), TaskWish(name=name))
+
+
+def _class_values(wish: TaskWish, users: Sequence[Component], values: LevelValues) -> ClassValues:
+    return ClassValues(
+        name=wish.name,
+        category=values.category,
+        priority=values.priority,
+        background_priority=values.background_priority,
+        criticality=_criticality(users),
+        user=most_critical_first(users)[0].name,
+    )
 
 
 def _out_of_order(
@@ -152,11 +119,11 @@ def _out_of_order(
     """Every class against those that are to rank below it, unless the manifest's own checks tell of the pair."""
     for upper in decided:
         wrong = [
-            one
-            for one in decided
-            if one.criticality < upper.criticality
-            and one.thread_priority >= upper.thread_priority
-            and not (_is_fixed(upper, fixed) and _is_fixed(one, fixed))
+            lower
+            for lower in decided
+            if lower.criticality < upper.criticality
+            and lower.thread_priority >= upper.thread_priority
+            and _can_be_in_order(upper, lower, fixed)
         ]
         if wrong:
             worst = max(wrong, key=lambda one: (one.criticality, one.thread_priority, one.name))
@@ -164,48 +131,65 @@ def _out_of_order(
                 places.key("components", upper.user),
                 f"In {_where(inside)}, {upper.name} (criticality {upper.criticality}) runs at {upper.thread_priority}, "
                 f"not above {worst.name} (criticality {worst.criticality}) at {worst.thread_priority}.",
-                f"Category Medium has {LEVELS} levels and is the only one that orders: leave priorities open, "
-                f"or let components of similar criticality share a class.",
+                "No values keep all these classes in order: leave categories and priorities open, "
+                "or let components of similar criticality share a class.",
                 address=_address(inside, upper.name),
             )
 
 
-def _neighbours(decided: Sequence[ClassValues], inside: str, places: Places) -> Iterator[Diagnostic]:
-    """Classes whose threads may meet where Windows raises the lower one by one."""
-    ordered = sorted(decided, key=lambda one: (-one.criticality, one.name))
+def _can_be_in_order(upper: ClassValues, lower: ClassValues, fixed: Mapping[str, TaskWish]) -> bool:
+    """Whether what the manifest fixes of the two lets them; of those where it does not, its own checks tell."""
+    highest = values_within(fixed.get(upper.name.lower(), TaskWish(name=upper.name)))[0]
+    lowest = values_within(fixed.get(lower.name.lower(), TaskWish(name=lower.name)))[-1]
+    return highest.thread_priority > lowest.thread_priority
+
+
+def _remarks(decided: Sequence[ClassValues], inside: str, places: Places) -> Iterator[Diagnostic]:
+    """What may come between threads that are in order; each told once, of the most critical pair."""
     pairs = [
         (upper, lower)
-        for upper, lower in pairwise(ordered)
+        for upper in sorted(decided, key=lambda one: (-one.criticality, one.name))
+        for lower in sorted(decided, key=lambda one: (-one.criticality, one.name))
         if upper.criticality > lower.criticality
-        and upper.category is lower.category is TaskCategory.MEDIUM
-        and upper.thread_priority == lower.thread_priority + 1
     ]
-    if pairs:
-        upper, lower = pairs[0]
-        more = f", as may {len(pairs) - 1} more" if len(pairs) > 1 else ""
-        yield findings.NEIGHBOURS.at(
-            places.key("components", upper.user),
-            f"In {_where(inside)}, {upper.name} runs at {upper.thread_priority} and {lower.name} at "
-            f"{lower.thread_priority}: Windows was seen to raise some threads by one, and then the two meet{more}.",
-            "Nothing, if that can be borne. Four criticalities in one operating system leave room between them.",
-            address=_address(inside, upper.name),
-        )
+    near = [(upper, lower) for upper, lower in pairs if upper.thread_priority == lower.thread_priority + 1]
+    if near:
+        yield _told_near(near, inside, places)
+    below = [
+        (upper, lower)
+        for upper, lower in pairs
+        if lower.category is TaskCategory.LOW and upper.category is not TaskCategory.LOW
+    ]
+    if below:
+        yield _told_low(below, inside, places)
 
 
-def _is_fixed(one: ClassValues, fixed: Mapping[str, TaskWish]) -> bool:
-    """Whether the manifest leaves nothing of its thread priority to us; of two such ones its own checks tell."""
-    wish = fixed.get(one.name.lower())
-    if wish is None:
-        return False
-    match wish.category:
-        case TaskCategory.HIGH:
-            return True
-        case TaskCategory.MEDIUM:
-            return wish.priority is not None
-        case TaskCategory.LOW:
-            return wish.background_priority is not None
-        case None:
-            return False
+def _told_near(pairs: Sequence[tuple[ClassValues, ClassValues]], inside: str, places: Places) -> Diagnostic:
+    upper, lower = pairs[0]
+    more = f", as may {len(pairs) - 1} more" if len(pairs) > 1 else ""
+    raised = "was seen to raise some threads" if lower.thread_priority >= REAL_TIME else "may raise threads that wake"
+    return findings.NEIGHBOURS.at(
+        places.key("components", upper.user),
+        f"In {_where(inside)}, {upper.name} runs at {upper.thread_priority} and {lower.name} at "
+        f"{lower.thread_priority}: Windows {raised} by one, and then the two meet{more}.",
+        "Nothing, if that can be borne. Eight criticalities in one operating system leave room between them.",
+        address=_address(inside, upper.name),
+    )
+
+
+def _told_low(pairs: Sequence[tuple[ClassValues, ClassValues]], inside: str, places: Places) -> Diagnostic:
+    upper, lower = pairs[0]
+    others = {one.name for _, one in pairs} - {lower.name}
+    more = "" if not others else f", and so {'does' if len(others) == 1 else 'do'} {', '.join(sorted(others))}"
+    return findings.IN_LOW.at(
+        places.key("components", lower.user),
+        f"In {_where(inside)}, {lower.name} (criticality {lower.criticality}) runs at {lower.thread_priority} in "
+        f"category Low, which MMCSS never lowers. While it lowers {upper.name} (criticality {upper.criticality}), "
+        f"which used its share, {lower.name} goes first{more}.",
+        "Nothing, if that can be borne: it is the time that SystemResponsiveness keeps for everybody else. "
+        "Four criticalities in one operating system all find room in Medium.",
+        address=_address(inside, lower.name),
+    )
 
 
 def _where(inside: str) -> str:

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from rarms_iac.diff.readings import resolve
+from rarms_iac.model.class_values import thread_priority
 from rarms_iac.model.measurement import Bench, Sample, run_of
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import RegistryValue, State, ValueKind
 from rarms_iac.model.system import Component, Elapsed, Host, SampleCount, TaskCategory
-from rarms_iac.planner.leftover.classes import thread_priority
 from rarms_iac.providers.interface import Refused
 from rarms_iac.providers.measuring import Inside, Work
 from rarms_iac.providers.simulated.content import Content, Machine

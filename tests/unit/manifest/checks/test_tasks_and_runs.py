@@ -83,7 +83,9 @@ def two_tasks(vision: TaskWish, speech: TaskWish) -> System:
         ((TaskCategory.MEDIUM, 1, None), (TaskCategory.MEDIUM, 8, None), True),
         ((TaskCategory.MEDIUM, None, None), (TaskCategory.HIGH, None, None), True),
         ((TaskCategory.MEDIUM, None, None), (TaskCategory.MEDIUM, 8, None), True),
-        ((TaskCategory.MEDIUM, None, None), (TaskCategory.MEDIUM, 7, None), False),
+        ((TaskCategory.MEDIUM, None, None), (TaskCategory.MEDIUM, 7, None), True),  # 8 was seen to be no more than 7
+        ((TaskCategory.MEDIUM, None, None), (TaskCategory.MEDIUM, 6, None), False),
+        ((None, None, None), (TaskCategory.MEDIUM, 8, None), False),
         ((TaskCategory.LOW, None, 8), (TaskCategory.LOW, None, 1), False),
         ((TaskCategory.LOW, None, 1), (TaskCategory.LOW, None, 8), True),
         ((None, 1, None), (TaskCategory.MEDIUM, None, None), False),

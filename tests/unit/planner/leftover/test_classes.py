@@ -40,20 +40,51 @@ def test_what_is_fixed_stands_and_the_rest_goes_around_it() -> None:
     assert threads(found) == {"Localization": 23, "MotionControl": 19, "SpeechRecognition": 17}
 
 
-def test_more_levels_than_medium_has_are_told() -> None:
-    nine = [a_component(f"c{at}", task=f"Class{at}", criticality=at) for at in range(9)]
-
-    found = decided(nine)
-
-    assert codes(found.findings) == ["RARMS128", "RARMS129"]
-    assert threads(decided(nine[1:])) == {f"Class{at}": 16 + at for at in range(1, 9)}
+def of_all(number: int) -> Classes:
+    return decided([a_component(f"c{at:02}", task=f"Class{at:02}", criticality=-at) for at in range(number)])
 
 
-def test_a_fixed_class_that_leaves_no_room_above_is_told_once() -> None:
+def test_more_criticalities_than_windows_has_levels_are_told() -> None:
+    assert codes(of_all(16).findings) == ["RARMS129", "RARMS136"]
+    assert "RARMS128" in codes(of_all(17).findings)
+
+
+def test_a_fixed_class_that_nothing_can_be_above_is_the_affair_of_the_manifests_own_checks() -> None:
     found = decided(users(Localization=30, MotionControl=20), a_task("MotionControl", category=TaskCategory.HIGH))
 
-    assert codes(found.findings) == ["RARMS128"]
-    assert found.findings[0].address == "partition/media/task/Localization"
+    assert found.findings == ()
+    assert threads(found) == {"Localization": 23, "MotionControl": 26}
+
+
+def test_what_is_fixed_below_drives_the_open_class_into_high_only_where_nothing_else_is_above() -> None:
+    for priority, wanted in ((6, 23), (7, 26), (8, 26)):
+        fixed = a_task("MotionControl", category=TaskCategory.MEDIUM, priority=priority)
+
+        assert threads(decided(users(Localization=30, MotionControl=20), fixed))["Localization"] == wanted
+
+
+def test_classes_that_leave_no_room_between_two_fixed_ones_are_told_once() -> None:
+    found = decided(
+        users(Localization=30, MotionControl=20, SpeechRecognition=10),
+        a_task("Localization", category=TaskCategory.MEDIUM, priority=2),
+        a_task("SpeechRecognition", category=TaskCategory.MEDIUM, priority=1),
+    )
+
+    assert codes(found.findings).count("RARMS128") == 1
+    assert "MotionControl" in found.findings[0].detail
+
+
+def test_below_a_class_in_low_what_is_open_goes_into_low() -> None:
+    found = decided(
+        users(Localization=30, MotionControl=20, SpeechRecognition=10),
+        a_task("Localization", category=TaskCategory.MEDIUM, priority=2),
+        a_task("MotionControl", category=TaskCategory.LOW),
+    )
+
+    assert threads(found) == {"Localization": 18, "MotionControl": 15, "SpeechRecognition": 13}
+    assert codes(found.findings) == ["RARMS136"]
+    assert found.findings[0].address == "partition/media/task/MotionControl"
+    assert "MotionControl goes first, and so does SpeechRecognition." in found.findings[0].detail
 
 
 def test_two_fixed_classes_are_the_affair_of_the_manifests_own_checks() -> None:
@@ -77,9 +108,20 @@ def test_all_values_have_their_types() -> None:
     }
 
 
-@pytest.mark.parametrize(("count", "spread"), [(4, [23, 21, 19, 17]), (5, [23, 22, 21, 20, 19])])
-def test_up_to_four_criticalities_keep_a_level_between_them(count: int, spread: list[int]) -> None:
-    found = decided([a_component(f"c{at}", task=f"Class{at}", criticality=-at) for at in range(count)])
+@pytest.mark.parametrize(
+    ("count", "spread", "told"),
+    [
+        (4, [23, 21, 19, 17], []),
+        (5, [23, 21, 19, 17, 15], ["RARMS136"]),
+        (8, [23, 21, 19, 17, 15, 13, 11, 9], ["RARMS136"]),
+        (9, [23, 21, 19, 17, 15, 14, 12, 10, 8], ["RARMS129", "RARMS136"]),
+        (13, [23, 22, 21, 19, 17, 15, 14, 13, 12, 11, 10, 9, 8], ["RARMS129", "RARMS136"]),
+    ],
+)
+def test_four_criticalities_find_room_in_medium_and_four_more_in_low(
+    count: int, spread: list[int], told: list[str]
+) -> None:
+    found = of_all(count)
 
     assert sorted(threads(found).values(), reverse=True) == spread
-    assert codes(found.findings) == ([] if count == 4 else ["RARMS129"])
+    assert codes(found.findings) == told

@@ -1,0 +1,69 @@
+"""Values of a task class that order threads, and what its threads then run at (FACTS 6.2, measured).
+
+While threads of a class have their share, they run at 26 in High, at Priority + 16 in Medium, and at
+BackgroundPriority + 7 in Low. In Medium some were seen one higher and none above 23, so 8 counts as 7 does.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from rarms_iac.model.system import TaskCategory, TaskWish
+
+LEVELS = range(1, 9)
+"""Priorities of a category."""
+
+TOP_OF_MEDIUM = 7
+"""The last that raises threads: none was seen above 23."""
+
+
+def thread_priority(category: TaskCategory, priority: int, background_priority: int) -> int:
+    """What threads of a class run at while they have their share."""
+    match category:
+        case TaskCategory.HIGH:
+            return 26
+        case TaskCategory.MEDIUM:
+            return 16 + min(priority, TOP_OF_MEDIUM)
+        case TaskCategory.LOW:
+            return 7 + background_priority
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LevelValues:
+    """A category, and where in it."""
+
+    category: TaskCategory
+    priority: int
+    background_priority: int
+
+    @property
+    def thread_priority(self) -> int:
+        """What its threads run at while they have their share."""
+        return thread_priority(self.category, self.priority, self.background_priority)
+
+
+def values_within(wish: TaskWish) -> tuple[LevelValues, ...]:
+    """All values that what is fixed leaves possible, the highest threads first; of alike ones only one."""
+    categories = tuple(TaskCategory) if wish.category is None else (wish.category,)
+    found = {one.thread_priority: one for category in categories for one in _in_category(category, wish)}
+    return tuple(found[at] for at in sorted(found, reverse=True))
+
+
+def _in_category(category: TaskCategory, wish: TaskWish) -> Iterator[LevelValues]:
+    """From the highest down; of 8 and 7 in Medium, which are alike, the last.
+
+    The number that the category does not go by is the other one, so that who read that would find the same order.
+    """
+    match category:
+        case TaskCategory.HIGH:
+            priority = wish.priority or TOP_OF_MEDIUM
+            yield _values(category, priority, wish.background_priority or priority)
+        case TaskCategory.MEDIUM:
+            for priority in reversed(LEVELS if wish.priority is None else (wish.priority,)):
+                yield _values(category, priority, wish.background_priority or priority)
+        case TaskCategory.LOW:
+            for level in reversed(LEVELS if wish.background_priority is None else (wish.background_priority,)):
+                yield _values(category, wish.priority or level, level)
+
+
+def _values(category: TaskCategory, priority: int, background_priority: int) -> LevelValues:
+    return LevelValues(category=category, priority=priority, background_priority=background_priority)

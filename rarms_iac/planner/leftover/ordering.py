@@ -1,0 +1,125 @@
+"""Which of its possible values each task class gets, so that threads are in the wanted order, with room between them.
+
+What is preferred is decided in docs/decisions/0024: order before all, then what the manifest seems to want, then two
+levels between threads in Medium, then in Low, then few classes in Low, then high threads.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from operator import add
+from typing import NamedTuple
+
+from rarms_iac.model.class_values import LevelValues, values_within
+from rarms_iac.model.system import TaskCategory, TaskWish
+
+REAL_TIME = 16
+"""Threads from here on are above whatever Windows raises for a while."""
+
+_NOTHING_ABOVE = 32  # and not next to any class: the highest is 26
+
+
+class Cost(NamedTuple):
+    """What a choice is weighed by, the gravest first; numbers of classes."""
+
+    out_of_order: int = 0  # not below all more critical ones, or left out so that others can be
+    against: int = 0  # in High, or out of Medium in spite of a fixed priority, where the manifest does not say so
+    near_in_medium: int = 0  # one below a more critical one
+    near_in_low: int = 0
+    low: int = 0  # in Low where the manifest does not say so
+
+    def plus(self, other: Sequence[int]) -> "Cost":
+        """Both together."""
+        return Cost(*map(add, self, other))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Option:
+    """What a class may have, and what is to be known of it to weigh it."""
+
+    values: LevelValues
+    thread: int
+    is_against: bool  # the manifest does not say so, see `Cost`
+    is_low: bool
+    is_low_freely: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Way:
+    """A choice for the levels so far; `order` is smaller where threads are higher."""
+
+    cost: Cost = Cost()
+    order: tuple[int, ...] = ()
+    chosen: tuple[tuple[LevelValues, ...], ...] = ()
+
+    @property
+    def rank(self) -> tuple[Cost, tuple[int, ...]]:
+        return self.cost, self.order
+
+
+def chosen_values(levels: Sequence[Sequence[TaskWish]]) -> tuple[tuple[LevelValues, ...], ...]:
+    """Values for each class of each level of criticality, the most critical level first.
+
+    Threads are out of order only where no values whatever would have them in order: all that matters of the levels
+    above is the lowest thread that is to be kept below, so the best choice for each is followed.
+    """
+    ways = {_NOTHING_ABOVE: _Way()}
+    for level in levels:
+        options = [_options(wish) for wish in level]
+        threads = {one.thread for each in options for one in each}
+        found: dict[int, _Way] = {}
+        for ceiling, way in ways.items():
+            for floor in sorted({ceiling, *(thread for thread in threads if thread < ceiling)}):
+                lowest, longer = _longer(way, options, ceiling, floor)
+                if lowest not in found or longer.rank < found[lowest].rank:
+                    found[lowest] = longer
+        ways = _worth_following(found)
+    return min(ways.values(), key=lambda one: one.rank).chosen
+
+
+def _worth_following(ways: Mapping[int, _Way]) -> dict[int, _Way]:
+    """Those that leave more room below than any better one: whatever goes on from another goes on from that too."""
+    kept: dict[int, _Way] = {}
+    for ceiling in sorted(ways, reverse=True):
+        if all(ways[ceiling].rank < better.rank for better in kept.values()):
+            kept[ceiling] = ways[ceiling]
+    return kept
+
+
+def _longer(way: _Way, options: Sequence[Sequence[_Option]], ceiling: int, floor: int) -> tuple[int, _Way]:
+    """With one level more, and what is to be kept below then; each class takes what is best between floor and ceiling.
+
+    Below the floor and from the ceiling on it is out of the order: what comes next need not be below it.
+    """
+    picks = [min(each, key=lambda one: _weight(one, ceiling, floor)) for each in options]
+    cost = way.cost
+    for one in picks:
+        cost = cost.plus(_weight(one, ceiling, floor))
+    lowest = min([ceiling, *(one.thread for one in picks if one.thread >= floor)])
+    order = (*way.order, *(-one.thread for one in picks))
+    return lowest, _Way(cost=cost, order=order, chosen=(*way.chosen, tuple(one.values for one in picks)))
+
+
+def _options(wish: TaskWish) -> list[_Option]:
+    """The highest threads first, so that of those that weigh the same the highest is taken."""
+    is_free = wish.category is None
+    return [
+        _Option(
+            values=one,
+            thread=one.thread_priority,
+            is_against=is_free and _is_against(wish, one.category),
+            is_low=one.category is TaskCategory.LOW,
+            is_low_freely=is_free and one.category is TaskCategory.LOW,
+        )
+        for one in values_within(wish)
+    ]
+
+
+def _is_against(wish: TaskWish, category: TaskCategory) -> bool:
+    return category is TaskCategory.HIGH or (category is TaskCategory.LOW and wish.priority is not None)
+
+
+def _weight(one: _Option, ceiling: int, floor: int) -> tuple[bool, bool, bool, bool, bool]:
+    """One class's part of a `Cost`."""
+    is_near = one.thread == ceiling - 1
+    is_out = not floor <= one.thread < ceiling
+    return is_out, one.is_against, is_near and not one.is_low, is_near and one.is_low, one.is_low_freely
