@@ -85,15 +85,23 @@ def _beyond(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
         cheapest = _value(items, quick)[0] == bound[0]
         bound = (bound[0], stay.moves if cheapest else stay.moves_at_all)
     value = _value(items, quick)
-    anew = first_fit([replace(one, now="") for one in items], bins) if any(one.now for one in items) else None
     return Found(
         hosts=quick,
         proven=value == bound,
         chosen=True,
         value=value,
         bound=bound,
-        avoided=_avoided(items, anew, value),
+        avoided=_avoided(items, _surely_anew(items, bins), value),
     )
+
+
+def _surely_anew(items: Sequence[Item], bins: Sequence[Bin]) -> Mapping[str, str] | None:
+    """Where the same would be if nothing of it ran, as far as that needs no search; None: it does, or nothing runs."""
+    if not any(one.now for one in items):
+        return None
+    nobody = [replace(one, now="") for one in items]
+    quick = first_fit(nobody, bins)
+    return quick if quick is not None and _value(nobody, quick) == _bound(nobody) else None
 
 
 def _beside(free: Sequence[Item], fixed: Sequence[Item], bins: Sequence[Bin]) -> Found:

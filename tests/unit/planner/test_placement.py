@@ -1,16 +1,33 @@
 """What a plan says of its choice of hosts: optimal by certificate only, moves that were avoided, and gaps."""
 
 import json
+from dataclasses import replace
+from fractions import Fraction
 from random import Random
 
+from rarms_iac.model.capacity import Capacity
 from rarms_iac.model.layout import Layout
+from rarms_iac.model.plan import Claim
+from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.model.system import Disruption, System
+from rarms_iac.planner.first_fit import Bin, Item
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.packing.checker import check
 from rarms_iac.planner.problem import HostView
 from rarms_iac.planner.reservations import FixedReservations
+from rarms_iac.planner.search import place
 from tests.builders import a_component, a_host, a_system
 from tests.planning import PLACES
+
+
+def a_bin(name: str, processors: int) -> Bin:
+    return Bin(
+        name=name,
+        capacity=Capacity(
+            logical_processors=processors, processors=LogicalProcessors(Fraction(processors)), memory=Bytes(99)
+        ),
+    )
+
 
 SHARES = {"a": 60, "b": 50, "c": 40, "d": 30, "e": 20}
 
@@ -113,6 +130,17 @@ def test_beyond_what_is_packed_exactly_the_same_is_true() -> None:
     said, true = what_is_said(running, shares, 5)
 
     assert said == true != ""
+
+
+def test_beyond_it_nothing_is_said_of_what_only_a_search_could_tell() -> None:
+    """Not all have room where they cost least: what packing anew comes to is not looked for."""
+    cheap, dear = (Claim(processors=1, reserve=reserve, memory=Bytes(1)) for reserve in (10, 20))
+    bins = [a_bin("host0", 1), a_bin("host1", 9)]
+    items = [Item(name=f"c{at:02}", claims={"host0": cheap, "host1": dear}, now="host1") for at in range(31)]
+    empty = [replace(one, now="") for one in items]
+
+    assert place(items, bins).avoided == 0
+    assert place(empty, bins).hosts is not None
 
 
 def test_one_point_more_moves_no_more_than_must_move() -> None:
