@@ -4,11 +4,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, subject_of
+from rarms_iac.cli.datalogs import Measurements, measured_reservations
 from rarms_iac.cli.manifests import Opened
 from rarms_iac.cli.problems import Halted
+from rarms_iac.datalog.paths import log_path
 from rarms_iac.experiments.setup import interference_of
 from rarms_iac.model.diagnostics import has_errors
+from rarms_iac.model.state import State
 from rarms_iac.model.system import Host, PartitionWish, System
 from rarms_iac.planner.combining.candidates import Candidates, Mask, candidates_of, informed, named
 from rarms_iac.planner.combining.guiding import Guide, guide_of
@@ -87,8 +89,7 @@ def _known(measured: Measurements, opened: Opened) -> tuple[Candidates, Guide]:
         )
         cois.append(coi)
     candidates = candidates_of(cois, lambda names: _may_share(groups, names), most=WHOLE)
-    compounds = [one.coi.members for one in candidates.by_mask.values()]
-    known = informed(candidates, [asked for names in compounds for asked in _answers(measured, host, names)])
+    known = informed(candidates, recorded_answers(measured, host, candidates, {}))
     return known, guide_of(known, predictor_of(alone_in(groups, reservations, host)))
 
 
@@ -96,13 +97,20 @@ def _may_share(groups: Sequence[Group], names: Members) -> bool:
     return may_share(*(one for one in groups if names_of(one.members)[0] in names))
 
 
-def _answers(measured: Measurements, host: Host, names: Members) -> Iterator[Asked]:
-    """What the data log of a compound says, if there is one that holds."""
-    subject = subject_of(measured.system, host, names, interference_of(measured.system, names))
-    if not path_of(measured.folder, subject).is_file():
+def recorded_answers(
+    measured: Measurements, host: Host, candidates: Candidates, states: Mapping[str, State]
+) -> tuple[Asked, ...]:
+    """What the data logs of compounds say that hold on this host, by the rule of a plan; `states`: as seen."""
+    compounds = [one.coi.members for one in candidates.by_mask.values()]
+    return tuple(asked for names in compounds for asked in _answers(measured, host, names, states))
+
+
+def _answers(measured: Measurements, host: Host, names: Members, states: Mapping[str, State]) -> Iterator[Asked]:
+    interference = interference_of(measured.system, names)
+    if not log_path(measured.folder, host.platform, names, interference).is_file():
         return
     system = _together(measured.system, names)
-    reservations = measured_reservations(replace(measured, system=system), {})
+    reservations = measured_reservations(replace(measured, system=system), states)
     group = next(one for one in groups_of(system) if set(names) == {member.name for member in one.members})
     log, least = reservations.log(group.members, host), reservations.least(group.members, host)
     if isinstance(log, NotMeasured):

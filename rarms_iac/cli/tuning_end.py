@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
 
+from rarms_iac.cli.candidates import recorded_answers
 from rarms_iac.cli.datalogs import measured_reservations, measurements_of
 from rarms_iac.cli.hosts import Hosts, observed
 from rarms_iac.cli.manifests import system_of
@@ -108,7 +109,9 @@ def _by_the_graph(before: End, asking: Asking, probability: float | None) -> End
         predictor=subject.predictor,
         probability=probability,
     )
-    found, trail = search(tuning, asking)
+    measured = measurements_of(subject.system, subject.hosts.folder, subject.hosts.source)
+    recorded = recorded_answers(measured, subject.bench, tuning.candidates, {subject.bench.name: subject.state})
+    found, trail = search(tuning, asking, recorded=recorded)
     if not isinstance(found, Best):
         return replace(before, ending="unable", trail=trail, proved=found.proved, breaks=found.breaks)
     ending: Ending = "successful" if set(found.cois) != set(subject.cois) else "nothing_to_do"
@@ -148,7 +151,8 @@ def findings_of(end: End, hosts: Hosts) -> Iterator[Diagnostic]:
         yield findings.CONTRADICTION.at(
             None,
             f"{broken.says}. So nothing is proved: what was found holds, and another layout may be better.",
-            "Measure again with more samples: `--samples`, after removing the data log.",
+            f"Measure the parts again (`rarms measure {' '.join(broken.members)} --again`), or tune with more samples: "
+            "`--samples 2000`, after removing the compound's data log.",
             address=f"component/{broken.members[0]}",
         )
     for one in end.compounds:

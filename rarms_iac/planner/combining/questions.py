@@ -208,11 +208,14 @@ def _is_first(tuning: Tuning, best: Choice) -> bool:
 
 
 def search(
-    tuning: Tuning, asking: Asking, answers: Sequence[Asked] = ()
+    tuning: Tuning, asking: Asking, answers: Sequence[Asked] = (), recorded: Sequence[Asked] = ()
 ) -> tuple[Best | NothingFits, tuple[Asked, ...]]:
     """Ask until the answer is there; what was answered before is not asked again.
 
     A combination that somebody says no to is left out; since a layout with it may be better, nothing is proved then.
+    `recorded` is what else was measured of compounds. It is looked at once there would be an answer, and then counts as
+    if it had been asked for: so a search that was stopped asks the same questions again, and no answer contradicts what
+    is known.
 
     Raises:
         Unanswered: the oracle has no answer; the trail up to there is in what it recorded.
@@ -220,7 +223,17 @@ def search(
     trail = list(answers)
     consented: set[Members] = {one.members for one in trail}
     looking = Looking(tuning=tuning)
-    while isinstance(step := looking.next_step(trail), Ask):
+    while True:
+        step = looking.next_step(trail)
+        if not isinstance(step, Ask):
+            untold = _untold(recorded, trail)
+            if not untold:
+                return step, tuple(trail)
+            for one in untold:
+                asking.reporter.setting_asked(one.members, one.reserve, "its data log has the answer")
+                asking.reporter.setting_answered(one)
+            trail += untold
+            continue
         if step.members not in consented:
             if not _consent(tuning, asking, step.members):
                 asking.reporter.declined(step.members)
@@ -229,7 +242,11 @@ def search(
                 continue
             consented.add(step.members)
         trail.append(asking.ask(step.members, step.reserve, step.why, step.predicted))
-    return step, tuple(trail)
+
+
+def _untold(recorded: Sequence[Asked], trail: Sequence[Asked]) -> list[Asked]:
+    told = {(one.members, one.reserve) for one in trail}
+    return [one for one in recorded if (one.members, one.reserve) not in told]
 
 
 def _consent(tuning: Tuning, asking: Asking, members: Members) -> bool:

@@ -5,6 +5,7 @@ import json
 import re
 from collections.abc import Iterator
 from contextlib import chdir
+from dataclasses import replace
 from pathlib import Path
 
 import openpyxl
@@ -12,7 +13,9 @@ import pytest
 
 from rarms_iac.datalog.configuration import last_chosen, read_entries
 from rarms_iac.datalog.paths import configuration_path
+from tests.builders_measured import a_setting
 from tests.files import copy_files
+from tests.measuring import leave_log, steady
 from tests.unit.cli.running import rarms
 from tests.unit.views.test_json import check
 
@@ -156,6 +159,19 @@ def test_what_tuning_finds_is_what_a_plan_reserves(tmp_path: Path) -> None:
     chosen = last_chosen(read_entries(configuration_path(tmp_path, "onboard", "video")))
     assert chosen is not None
     assert (chosen.reserve, chosen.interpolated) == (compound["reserve"], False)
+
+
+def test_a_log_that_nobody_asked_for_may_void_the_proof(here: Path) -> None:
+    """Vision and paths together are seen to do with less than vision alone."""
+    together = [replace(steady(name, 10.0), elapsed_ms=1000.0) for name in ("paths", "vision")]
+    leave_log(here, ("paths", "vision"), [a_setting(30, *together)])
+
+    ran = rarms("tune", "--samples", "60", "--dry-run")
+
+    assert ran.code == 0
+    assert "paths and vision in one partition at 30 %: its data log has the answer." in " ".join(ran.err.split())
+    assert "RARMS306" in ran.err
+    assert "No other layout is better" not in ran.out
 
 
 def test_the_papers_procedure_says_its_message_and_walks_by_ten(here: Path) -> None:

@@ -247,6 +247,27 @@ def test_on_several_processors_a_compound_may_need_two_points_less_than_a_part()
     assert not ended.proved
 
 
+def test_what_else_was_measured_counts_once_there_would_be_an_answer() -> None:
+    """The two least critical cannot fit as assumed; their data log says that they need less than one of them alone."""
+    of = cois(a=40, b=30, c=20)
+    tuning = tuning_of(of, objective(of, 60), anyone)
+    recorded = [Asked(members=("a", "b"), reserve=40, worse=()), Asked(members=("b", "c"), reserve=20, worse=())]
+
+    without, asked = search(tuning, Asking(oracle=Needs({("a", "b"): 40, ("a", "b", "c"): 80})))
+    found, trail = search(
+        tuning, Asking(oracle=Needs({("a", "b"): 40, ("a", "b", "c"): 80, ("b", "c"): 20})), recorded=recorded
+    )
+
+    assert isinstance(without, Best)
+    assert isinstance(found, Best)
+    assert (without.proved, [one.members for one in without.cois]) == (True, [("a", "b"), ("c",)])
+    assert trail[: len(asked)] == asked, "the same questions first, so that a search that was stopped asks them again"
+    assert recorded[1] in trail[len(asked) :]
+    assert len({(one.members, one.reserve) for one in trail}) == len(trail), "nothing is told twice"
+    assert (found.proved, [one.members for one in found.cois]) == (False, [("a",), ("b", "c")])
+    assert [one.says for one in found.breaks] == ["b+c meets its thresholds with less than b needs"]
+
+
 def test_of_many_only_the_least_critical_are_looked_at() -> None:
     of = cois(**{f"n{at:02}": 10 for at in range(16)})
     pair = ("n14", "n15")
