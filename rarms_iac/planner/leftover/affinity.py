@@ -1,8 +1,9 @@
 """Which processors of an operating system the threads of a class may use, so that none waits for a less critical one.
 
-Only classes without an APT are kept to some: fewer processors than it was measured with could falsify an APT. What a
-class may use lies within what every more critical one may use. So where a thread waits, all its processors run threads
-that are as critical or more, and no less critical thread runs anywhere else, because it may use no other processor.
+A mask leaves processors to who is more critical, so the most critical class has none. Only classes without an APT are
+kept to some: fewer processors than it was measured with could falsify an APT. What a class may use lies within what
+every more critical one may use. So where a thread waits, all its processors run threads that are as critical or more,
+and no less critical thread runs anywhere else, because it may use no other processor (docs/decisions/0013).
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,23 +19,27 @@ NAMED_UP_TO = 32
 
 
 def masks_of(users: Sequence[Sequence[Component]], processors: int) -> Mapping[str, int]:
-    """The mask of each class, by its name in lower case; `users` name one class each, in any order.
+    """The mask of each class that is kept to some, by its name in lower case.
 
-    From the least critical up: a class whose components all say `processors`, and have no APT, is kept to as many, the
-    last ones; the first that is not kept so frees all that are more critical.
+    From the least critical up, each level gets its own processors beside those of the levels below, the last ones
+    first. A level that finds no room beside them is not kept, and then none above it is.
+
+    Args:
+        users: of each class the components that name it, and each component that names none, in any order; all of
+            one operating system.
+        processors: how many this has; 0 where nobody knows.
     """
     if not 1 < processors <= NAMED_UP_TO:
         return {}
     found: dict[str, int] = {}
     width = 0
-    by_criticality = sorted(users, key=_criticality)
-    for _, level in groupby(by_criticality, key=_criticality):
-        classes = list(level)
-        width = max([width, *(_wanted(one, processors) for one in classes)])
+    levels = [list(level) for _, level in groupby(sorted(users, key=_criticality), key=_criticality)]
+    for level in levels[:-1]:
+        width += sum(_wanted(one, processors) for one in level)
         if width >= processors:
             break
-        for one in classes:
-            assert one[0].task is not None, "who uses a class names it"
+        for one in level:
+            assert one[0].task is not None, "who names no class wants all"
             found[one[0].task.lower()] = _last(width, processors)
     return found
 
@@ -44,8 +49,8 @@ def _criticality(users: Sequence[Component]) -> int:
 
 
 def _wanted(users: Sequence[Component], processors: int) -> int:
-    """What all components of a class can use at once; everything where one has an APT or does not say."""
-    if any(one.apt or one.processors is None for one in users):
+    """What all components of a class can use at once; everything where one has an APT, or no class, or does not say."""
+    if any(one.apt or one.task is None or one.processors is None for one in users):
         return processors
     return sum(one.processors or 0 for one in users)
 

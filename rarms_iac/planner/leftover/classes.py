@@ -64,14 +64,17 @@ def classes_of(
     Equally critical classes share a thread priority where what the manifest fixes, which stands, lets them.
     """
     named: dict[str, list[Component]] = {}
+    nameless: list[list[Component]] = []  # of no class: they are kept to nothing, and may use any processor
     for one in components:
-        if one.task is not None:
+        if one.task is None:
+            nameless.append([one])
+        else:
             named.setdefault(one.task.lower(), []).append(one)
     fixed = {name.lower(): wish for name, wish in wishes.items()}
     by_weight = sorted(named.values(), key=lambda users: (-_criticality(users), _called(users, fixed)))
     decided = _decide(by_weight, fixed)
     told = (*_out_of_order(decided, fixed, inside, places), *_remarks(decided, inside, places))
-    masks = masks_of(by_weight, processors)
+    masks = masks_of([*by_weight, *nameless], processors)
     decided = [replace(one, affinity=masks.get(one.name.lower(), ALL)) for one in decided]
     return Classes(classes=tuple(sorted(decided, key=lambda one: one.name)), findings=told)
 

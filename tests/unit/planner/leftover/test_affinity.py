@@ -1,13 +1,14 @@
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations, pairwise, product
 
-from hypothesis import given
-from hypothesis import strategies as st
+import pytest
 
 from rarms_iac.model.system import Component
 from rarms_iac.planner.leftover.affinity import ALL, masks_of
 from rarms_iac.planner.leftover.classes import classes_of, registry_values
 from tests.builders import a_component, at_most
+from tests.effort import LONG
 from tests.planning import PLACES
 
 APT = {"mean_response_time": at_most(100)}
@@ -19,61 +20,149 @@ def a_class(name: str, criticality: int, processors: int | None = None, *, apt: 
     )
 
 
-def test_the_least_critical_are_kept_to_the_last_processors_each_within_the_next() -> None:
+def of_no_class(criticality: int) -> Component:
+    return replace(a_class("plain", criticality, 1), task=None)
+
+
+def test_the_less_critical_are_kept_to_the_last_processors_each_with_its_own_beside_those_below() -> None:
     arm, log, map_ = a_class("arm", 30, 2, apt=True), a_class("log", 10, 1), a_class("map", 20, 2)
 
     found = classes_of([arm, log, map_], {}, "body", PLACES, processors=4).classes
 
-    assert {one.name: one.affinity for one in found} == {"Arm": ALL, "Log": 0b1000, "Map": 0b1100}
-    assert {one.name: registry_values(one)["Affinity"].data for one in found} == {"Arm": 0, "Log": 8, "Map": 12}
+    assert {one.name: one.affinity for one in found} == {"Arm": ALL, "Log": 0b1000, "Map": 0b1110}
+    assert {one.name: registry_values(one)["Affinity"].data for one in found} == {"Arm": 0, "Log": 8, "Map": 14}
+
+
+def test_the_most_critical_may_use_what_nobody_above_wants() -> None:
+    x, y = a_class("x", 90, 1), a_class("y", 10, 2)
+
+    assert masks_of([[x], [y]], 4) == {"y": 0b1100}
+    assert masks_of([[y]], 4) == {}
+    assert masks_of([], 4) == {}
+
+
+def test_what_finds_no_room_beside_those_below_may_use_all_and_so_may_all_above_it() -> None:
+    classes = [[a_class("a", 40, 1)], [a_class("b", 30, 1)], [a_class("c", 20, 2)], [a_class("d", 10, 2)]]
+
+    assert masks_of(classes, 4) == {"d": 0b1100}
 
 
 def test_what_has_an_apt_or_says_nothing_frees_itself_and_all_above_it() -> None:
-    free, promised, log = a_class("free", 20), a_class("promised", 20, 1, apt=True), a_class("log", 30, 1)
+    free, promised, log, top = (
+        a_class("free", 20),
+        a_class("promised", 20, 1, apt=True),
+        a_class("log", 30, 1),
+        [a_class("top", 40)],
+    )
 
-    assert masks_of([[free], [log]], 4) == {}
-    assert masks_of([[promised], [log]], 4) == {}
+    assert masks_of([[free], [log], top], 4) == {}
+    assert masks_of([[promised], [log], top], 4) == {}
+    assert masks_of([[log], top], 4) == {"log": 0b1000}
+
+
+def test_who_names_no_class_may_use_all_so_what_is_above_may_too_and_what_is_below_leaves_it_room() -> None:
+    log = a_class("log", 20, 1)
+
+    assert _masks(log, of_no_class(10)) == {"Log": ALL}
+    assert _masks(log, of_no_class(30)) == {"Log": 0b1000}
+
+
+def _masks(*components: Component) -> dict[str, int]:
+    found = classes_of(components, {}, "body", PLACES, processors=4).classes
+    return {one.name: one.affinity for one in found}
 
 
 def test_who_shares_a_class_shares_its_processors() -> None:
-    one, other = a_class("log", 10, 1), replace(a_class("map", 20, 1), task="LOG")
+    one, other, top = a_class("log", 10, 1), replace(a_class("map", 20, 1), task="LOG"), a_class("top", 30)
 
-    assert masks_of([[one, other]], 4) == {"log": 0b1100}
+    assert masks_of([[one, other], [top]], 4) == {"log": 0b1100}
 
 
 def test_a_mask_names_no_processor_that_it_has_no_bit_for() -> None:
-    assert masks_of([[a_class("log", 10, 1)]], 33) == {}
-    assert masks_of([[a_class("log", 10, 1)]], 32) == {"log": 1 << 31}
-    assert masks_of([[a_class("log", 10, 1)]], 0) == {}
+    classes = [[a_class("log", 10, 1)], [a_class("top", 30)]]
+
+    assert masks_of(classes, 33) == {}
+    assert masks_of(classes, 32) == {"log": 1 << 31}
+    assert masks_of(classes, 1) == {}
+    assert masks_of(classes, 0) == {}
 
 
-components = st.lists(
-    st.tuples(st.integers(0, 3), st.none() | st.integers(1, 4), st.booleans()), min_size=1, max_size=4
-).map(lambda wanted: [a_class(f"c{at}", one, width, apt=apt) for at, (one, width, apt) in enumerate(wanted)])
+WIDEST = 5 if LONG else 4
+
+Placed = tuple[int | None, ...]
+"""Which component, by its number, has a thread on each processor."""
 
 
-@given(components, st.integers(1, 4), st.data())
-def test_no_thread_waits_while_a_less_critical_one_runs(
-    components: list[Component], processors: int, data: st.DataObject
-) -> None:
-    masks = masks_of([[one] for one in components], processors)
-    threads = [one for one in components for _ in range(data.draw(st.integers(0, 3)))]
+def systems(processors: int) -> Iterator[tuple[list[Component], list[int]]]:
+    """Up to three components in every order of criticalities, equals too; and what each may use, as a mask."""
+    everything = (1 << processors) - 1
+    kinds: list[int | None] = [None, *range(1, processors + 1)]
+    for number in (1, 2, 3):
+        for criticalities in product(range(number), repeat=number):
+            for wanted in product(kinds, repeat=number):
+                drawn = zip(criticalities, wanted, strict=True)
+                components = [a_class(f"c{at}", weight, width) for at, (weight, width) in enumerate(drawn)]
+                masks = masks_of([[one] for one in components], processors)
+                yield components, [masks.get(one.name) or everything for one in components]
 
-    for runs in _schedules(threads, masks, processors):
-        running = list(runs.values())
-        for one in components:
-            if threads.count(one) > running.count(one):
-                assert all(other.criticality >= one.criticality for other in running)
+
+@pytest.mark.parametrize("processors", range(2, WIDEST + 1))
+def test_no_thread_waits_while_a_less_critical_one_runs(processors: int) -> None:
+    """However threads are laid out, once none is left that waits and could go ahead of another, or to a free one."""
+    seen = {(tuple(one.criticality for one in components), tuple(masks)) for components, masks in systems(processors)}
+    for criticalities, masks in seen:
+        for placed in product([None, *range(len(masks))], repeat=processors):
+            if _is_allowed(placed, masks):
+                waiting = [one for one in range(len(masks)) if not _can_go(one, placed, masks, criticalities)]
+                for one, other in product(waiting, [other for other in placed if other is not None]):
+                    assert criticalities[other] >= criticalities[one], (criticalities, masks, placed)
 
 
-def _schedules(threads: list[Component], masks: Mapping[str, int], processors: int) -> Iterator[dict[int, Component]]:
-    """What runs where: each thread, the most critical first, on the first or the last processor that is free for it."""
-    for first in (min, max):
-        runs: dict[int, Component] = {}
-        for one in sorted(threads, key=lambda each: -each.criticality):
-            assert one.task is not None
-            mask = masks.get(one.task.lower(), ALL) or (1 << processors) - 1
-            free = [at for at in range(processors) if mask >> at & 1 and at not in runs]
-            if free:
-                runs[first(free)] = one
-        yield runs
+def _is_allowed(placed: Placed, masks: Sequence[int]) -> bool:
+    return all(one is None or masks[one] >> at & 1 for at, one in enumerate(placed))
+
+
+def _can_go(one: int, placed: Placed, masks: Sequence[int], criticalities: Sequence[int]) -> bool:
+    """Whether a thread more of this component would find a processor: free, or of somebody less critical."""
+    return any(
+        other is None or criticalities[other] < criticalities[one]
+        for at, other in enumerate(placed)
+        if masks[one] >> at & 1
+    )
+
+
+@pytest.mark.parametrize("processors", range(2, 6 if LONG else 5))
+def test_the_more_critical_never_has_less_and_what_is_kept_to_some_finds_its_own_there(processors: int) -> None:
+    for components, masks in systems(processors):
+        everything = (1 << processors) - 1
+        by_weight = sorted(zip(components, masks, strict=True), key=lambda pair: pair[0].criticality)
+        assert by_weight[-1][1] == everything
+        for (lower, narrow), (upper, wide) in pairwise(by_weight):
+            assert narrow & wide == narrow, "what the less critical may use, the more critical may"
+            assert lower.criticality != upper.criticality or narrow == wide
+        kept = [(one.processors or 0, mask) for one, mask in by_weight if mask != everything]
+        for number in range(1, len(kept) + 1):
+            for some in combinations(kept, number):
+                together = 0
+                for _, mask in some:
+                    together |= mask
+                assert sum(wanted for wanted, _ in some) <= together.bit_count(), "Hall's condition: each finds its own"
+
+
+def test_who_says_how_many_is_kept_wherever_there_is_room_beside_those_below() -> None:
+    for components, masks in systems(4):
+        kept = {one.name: mask for one, mask in zip(components, masks, strict=True) if mask != 0b1111}
+        assert kept == {
+            one.name: 0b1111 & ~((1 << (4 - below)) - 1)
+            for one in components
+            if one.criticality < max(each.criticality for each in components)
+            for below in [sum(each.processors or 4 for each in components if each.criticality <= one.criticality)]
+            if below < 4
+        }
+
+
+def test_masks_are_found_whatever_order_the_classes_come_in() -> None:
+    classes = [[a_class("arm", 30)], [a_class("log", 10, 1)], [a_class("map", 20, 1)]]
+    wanted: Mapping[str, int] = {"log": 0b1000, "map": 0b1100}
+
+    assert all(masks_of(order, 4) == wanted for order in (classes, classes[::-1], [classes[1], classes[0], classes[2]]))
