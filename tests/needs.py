@@ -79,6 +79,10 @@ NEEDS: dict[str, Need] = {
         obtainable=lambda: bool(_writable_control_groups()),
     ),
     "git": Need(missing=_program("git"), obtainable=_on_posix),
+    "highspy": Need(
+        missing=lambda: "" if importlib.util.find_spec("highspy") else "highspy (the extra `solver`) is not installed",
+        obtainable=_on_linux,
+    ),
     "libreoffice": Need(missing=_program("soffice", "libreoffice"), obtainable=_on_linux),
     "linux": Need(missing=lambda: "" if ON_LINUX else "this is not Linux", obtainable=_on_linux),
     "make": Need(missing=_program("make"), obtainable=_on_posix),

@@ -42,13 +42,14 @@ class Looks:
     work: int = 400_000  # pivots times rows after which no more patterns are looked for
     nodes: int = NODES
     sure: bool = True  # whether the bound matters
+    own: bool = False  # our own linear program, whatever is installed
 
 
 def relaxed(demand: Demand, known: Iterable[Pattern], least: int, looks: Looks) -> Relaxation:
     """Bound the bins from below, from the least that is known up to what the linear program rounds up to."""
     sizes = [at for at, count in enumerate(demand.counts) if count]
     rows = {at: row for row, at in enumerate(sizes)}
-    master = restricted([float(demand.counts[at]) for at in sizes], [1.0] * len(sizes))
+    master = restricted([float(demand.counts[at]) for at in sizes], [1.0] * len(sizes), own=looks.own)
     _lesser(demand, sizes, rows, master)
     pool: dict[Pattern, int] = {}
 

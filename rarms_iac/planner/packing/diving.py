@@ -41,27 +41,35 @@ class Dive:
     work: int  # of its relaxations
 
 
-def dive(demand: Demand, start: Relaxation, target: int, work: int, random: Random | None) -> Dive:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """How a dive goes."""
+
+    work: int  # of its relaxations, after which it ends
+    random: Random | None  # which parts become whole is shaken; None: the largest
+    own: bool  # our own linear program, whatever is installed
+
+
+def dive(demand: Demand, start: Relaxation, target: int, limits: Limits) -> Dive:
     """One way down; it ends early where the bins are no more than `target`.
 
     Args:
         demand: what is packed.
         start: its relaxation.
         target: so few bins are wanted.
-        work: of its relaxations, after which it ends.
-        random: which parts become whole is shaken; None: the largest.
+        limits: how it goes.
     """
     counts, taken, now, thoughts, used = list(demand.counts), list[Pattern](), start, 0, 0
     best = tuple(filled(demand, start.weights))
-    while any(counts) and len(best) > target and used < work:
-        chosen = _largest(now, replace(demand, counts=tuple(counts)), thoughts, random)
+    while any(counts) and len(best) > target and used < limits.work:
+        chosen = _largest(now, replace(demand, counts=tuple(counts)), thoughts, limits.random)
         if not chosen:
             break
         rest = replace(demand, counts=tuple(left_of(counts, chosen)))
         more = _to_the_end(rest, now, target - len(taken) - len(chosen))
         if len(taken) + len(chosen) + len(more) < len(best):
             best = (*taken, *chosen, *more)
-        again = relaxed(rest, _possible(rest, now.pool), 0, _LOOKS)
+        again = relaxed(rest, _possible(rest, now.pool), 0, replace(_LOOKS, own=limits.own))
         used += again.work + _AT_LEAST
         if len(taken) + len(chosen) + again.value > target + _NEAR and thoughts < _THOUGHTS:
             thoughts += 1

@@ -31,12 +31,15 @@ class PackedSizes:
         return self.used - self.bound
 
 
-def pack_sizes(sizes: Sequence[int | Sequence[int]], capacity: int | Sequence[int]) -> PackedSizes:
+def pack_sizes(
+    sizes: Sequence[int | Sequence[int]], capacity: int | Sequence[int], *, own: bool = False
+) -> PackedSizes:
     """Pack the sizes into as few bins as possible; the same input always has the same answer.
 
     Args:
         sizes: whole numbers that are not negative, one an item, or one an item and dimension.
         capacity: of every bin, a number or one a dimension.
+        own: our own linear program beyond 30 items, even where HiGHS is installed.
 
     Raises:
         ValueError: an item does not fit into an empty bin, or has other dimensions than the bins.
@@ -50,7 +53,7 @@ def pack_sizes(sizes: Sequence[int | Sequence[int]], capacity: int | Sequence[in
         return PackedSizes(bins=(), used=0, bound=0)
     bound = least_bins(items, room)
     if len(items) > EXACT_UP_TO:
-        many = pack_many(items, room, bound)
+        many = pack_many(items, room, bound, own=own)
         return PackedSizes(bins=many.bins, used=many.used, bound=many.bound)
     problem = _problem(items, room, len(items))
     start = quick_packing(cheapest(problem), bound, _TRIES)

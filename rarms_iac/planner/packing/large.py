@@ -7,7 +7,7 @@ from random import Random
 from rarms_iac.planner.packing.completion import completed
 from rarms_iac.planner.packing.cutting import Looks, relaxed
 from rarms_iac.planner.packing.demand import Demand, Pattern, bins_of, demand_of
-from rarms_iac.planner.packing.diving import dive
+from rarms_iac.planner.packing.diving import Limits, dive
 from rarms_iac.planner.packing.filling import best_fit, filled
 from rarms_iac.planner.packing.fullest import fullest
 from rarms_iac.planner.packing.program import Sizes
@@ -35,21 +35,25 @@ class Packing:
     bound: int
 
 
-def pack_many(items: Sequence[Sizes], room: Sizes, least: int) -> Packing:
-    """The fewest bins that are found; `least` is a bound that is known. Every item fits alone."""
+def pack_many(items: Sequence[Sizes], room: Sizes, least: int, *, own: bool = False) -> Packing:
+    """The fewest bins that are found; `least` is a bound that is known. Every item fits alone.
+
+    With `own` the linear program is ours, whatever is installed.
+    """
     demand = demand_of(items, room)
     quick = list(_at_once(items, demand, least))
     best = min(quick, key=len)
     bound = least
     if len(best) > bound:
         known = sorted({pattern for one in quick for pattern in one})
-        start = relaxed(demand, known, bound, Looks())
+        start = relaxed(demand, known, bound, Looks(own=own))
         bound = max(bound, start.bound)
         left, random = _WORK, Random(len(items))  # noqa: S311 - the same input, the same dives
         for number in range(_DIVES):
             if len(best) <= bound or left <= 0:
                 break
-            found = dive(demand, start, bound, left, random if number else None)
+            limits = Limits(work=left, random=random if number else None, own=own)
+            found = dive(demand, start, bound, limits)
             left -= found.work
             best = min(best, list(found.patterns), key=len)
     return Packing(bins=bins_of(items, best, demand), used=len(best), bound=bound)

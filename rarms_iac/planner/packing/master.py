@@ -1,5 +1,6 @@
-"""Which linear program is solved by: HiGHS where it is installed (`pip install rarms-iac[solver]`), or our own."""
+"""Which linear program is asked: HiGHS where it is installed (`pip install 'rarms-iac[solver]'`), otherwise our own."""
 
+import importlib.util
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -27,6 +28,21 @@ class Restricted(Protocol):
         """The columns that are used, with how much."""
 
 
-def restricted(right: Sequence[float], penalties: Sequence[float]) -> Restricted:
-    """A program with these right-hand sides, and by row the cost of leaving one unit of it unmet."""
-    return Factored(right=list(right), penalties=list(penalties))
+def installed() -> bool:
+    """Whether HiGHS is."""
+    return importlib.util.find_spec("highspy") is not None
+
+
+def restricted(right: Sequence[float], penalties: Sequence[float], *, own: bool) -> Restricted:
+    """A program with these right-hand sides, and by row the cost of leaving one unit of it unmet.
+
+    Args:
+        right: right-hand sides, none negative.
+        penalties: by row.
+        own: our own, whatever is installed.
+    """
+    if own or not installed():
+        return Factored(right=list(right), penalties=list(penalties))
+    from rarms_iac.planner.packing.highs import Highs
+
+    return Highs(right, penalties)

@@ -148,6 +148,38 @@ def test_many_vectors_come_with_a_bound_that_holds() -> None:
     assert packed.gap == 0
 
 
+@pytest.mark.needs("highspy")
+def test_another_solver_gives_the_same_values_and_only_bounds_that_hold() -> None:
+    from rarms_iac.planner.packing.master import restricted
+
+    for seed in range(examples(5)):
+        random = Random(seed)
+        items = [(random.randint(20, 100),) for _ in range(90)]
+        demand = demand_of(items, (150,))
+
+        theirs, ours = relaxed(demand, [], 1, Looks()), relaxed(demand, [], 1, Looks(own=True))
+
+        assert theirs.bound == ours.bound
+        assert theirs.value == pytest.approx(ours.value, abs=0.02)
+        assert theirs == relaxed(demand, [], 1, Looks())
+    program = restricted([2.0, 3.0], [9.0, 9.0], own=False)
+    assert type(program).__module__.endswith("highs")
+    column = program.add(1.0, ((0, 1.0), (1, 1.0)))
+    assert program.solve() == pytest.approx(11.0)
+    assert program.duals() == pytest.approx([-8.0, 9.0])
+    assert program.solution() == {column: pytest.approx(2.0)}
+
+
+def test_without_another_solver_our_own_is_asked() -> None:
+    random = Random(8)
+    sizes = [random.randint(200, 350) for _ in range(60)]
+
+    packed = pack_sizes(sizes, 1000, own=True)
+
+    assert fits(packed, [(size,) for size in sizes], (1000,))
+    assert packed.gap == 0
+
+
 def test_sizes_of_nothing_and_large_units_are_sizes_too() -> None:
     items = [0] * 10 + [30_000_000] * 40
 
