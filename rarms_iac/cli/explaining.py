@@ -9,7 +9,7 @@ from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of,
 from rarms_iac.cli.hosts import Hosts, observed
 from rarms_iac.cli.partners import partners
 from rarms_iac.cli.problems import Halted
-from rarms_iac.cli.tuned_before import TunedBefore, tuned_before
+from rarms_iac.cli.tuned_before import NOT_LOOKED_FOR, shared, tuned_before, why_together
 from rarms_iac.datalog.files import read_log
 from rarms_iac.datalog.log import DataLog
 from rarms_iac.experiments.setup import interference_of
@@ -34,8 +34,6 @@ from rarms_iac.planner.reservations import (
 )
 from rarms_iac.planner.sizes import Sized, size
 from rarms_iac.views import walk as shown
-
-NOT_LOOKED_FOR = "sharing with others: not looked for, as its reserve rests on no measurement"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,9 +139,9 @@ def _walk(asked: _Asked, found: _Found, component: Component) -> shown.Walk:
         looked=() if used is None else tuple(_looked(group, used)),
         least=None if used is None else reservations.least(group.members, found.host),
         remarks=() if used is None else tuple(one.says for one in used.remarks),
-        why_together=tuple(_why_together(group, asked.system, before)),
+        why_together=tuple(why_together(group, asked.system, before)),
         apart=_apart(asked, found),
-        shared=tuple(_shared(group, before, found.host)) if rests else (NOT_LOOKED_FOR,),
+        shared=tuple(shared(group, before, found.host)) if rests else (NOT_LOOKED_FOR,),
         partners=()
         if used is None
         else partners(
@@ -236,25 +234,6 @@ def _looked(group: Group, log: MeasuredTogether) -> Iterator[shown.Looked]:
     for one in group.members:
         for index, threshold in one.apt.items():
             yield shown.Looked(member=one.name, index=index, threshold=threshold, curve=log.curves(one.name, index))
-
-
-def _why_together(group: Group, system: System, before: TunedBefore) -> Iterator[str]:
-    if group.name in system.partitions:
-        tuned = before.combined(names_of(group.members))
-        by_hand = "no run of `rarms tune` that is on record here wrote it, so it was written by hand"
-        yield f"the manifest's `partitions` puts them together ({group.name}); {tuned or by_hand}"
-    for one in group.members:
-        others = [name for name in one.together if name in names_of(group.members)]
-        if others:
-            yield f"{one.name} says that it must be together with {', '.join(others)}"
-
-
-def _shared(group: Group, before: TunedBefore, host: Host) -> Iterator[str]:
-    told = list(before.rejected(names_of(group.members)))
-    yield from told
-    if not told:
-        why = before.nothing(host.platform) or "`rarms tune` measured no other compound with it"
-        yield f"sharing with others: {why}"
 
 
 def _apart(asked: _Asked, found: _Found) -> str:

@@ -8,9 +8,14 @@ from pathlib import Path
 from rarms_iac.datalog.files import LogUnreadable
 from rarms_iac.datalog.tuning import TuningRun, read_runs, tuning_path
 from rarms_iac.model.quantities import show_processors
-from rarms_iac.planner.reservations import Names
+from rarms_iac.model.system import Host, System
+from rarms_iac.planner.groups import Group
+from rarms_iac.planner.reservations import Names, names_of
 
 STRATEGIES = {"default": "the default strategy", "paper": "the paper's procedure"}
+
+
+NOT_LOOKED_FOR = "sharing with others: not looked for, as its reserve rests on no measurement"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +68,27 @@ def tuned_before(folder: Path, platform: str) -> TunedBefore:
         return TunedBefore(
             unreadable=f"what `rarms tune` measured cannot be told: {shown}, line {problem.line}: {problem.says}"
         )
+
+
+def why_together(group: Group, system: System, before: TunedBefore) -> Iterator[str]:
+    """What put the members of a partition together: the manifest, and who wrote that there."""
+    if group.name in system.partitions:
+        tuned = before.combined(names_of(group.members))
+        by_hand = "no run of `rarms tune` that is on record here wrote it, so it was written by hand"
+        yield f"the manifest's `partitions` puts them together ({group.name}); {tuned or by_hand}"
+    for one in group.members:
+        others = [name for name in one.together if name in names_of(group.members)]
+        if others:
+            yield f"{one.name} says that it must be together with {', '.join(others)}"
+
+
+def shared(group: Group, before: TunedBefore, host: Host) -> Iterator[str]:
+    """Compounds with its members that were measured and not taken, or that there are none."""
+    told = list(before.rejected(names_of(group.members)))
+    yield from told
+    if not told:
+        why = before.nothing(host.platform) or "`rarms tune` measured no other compound with it"
+        yield f"sharing with others: {why}"
 
 
 def _settings(settings: Mapping[int, Sequence[str]]) -> Iterator[str]:

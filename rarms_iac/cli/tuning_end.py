@@ -144,7 +144,7 @@ def findings_of(end: End, hosts: Hosts) -> Iterator[Diagnostic]:
         yield findings.UNABLE.at(
             places.key("hosts", end.subject.bench.name),
             f"{reserved} are reserved, {capacity} are there, and no combination that was allowed fits.",
-            "Relax an APT (`rarms select`), lift an `apart`, or add a logical processor.",
+            "Relax an APT (`rarms select`), lift an `apart`, `dedicated` or `protect`, or add a logical processor.",
             address=f"host/{end.subject.bench.name}",
         )
     for broken in end.breaks:
