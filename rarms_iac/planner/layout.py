@@ -16,7 +16,7 @@ from rarms_iac.planner import findings
 from rarms_iac.planner.does_not_fit.conflict import explained, told
 from rarms_iac.planner.does_not_fit.variants import Trial, Variant
 from rarms_iac.planner.first_fit import cost
-from rarms_iac.planner.problem import HostView, Problem, by_name, problem_of, solve
+from rarms_iac.planner.problem import HostView, Problem, by_name, has_layout, problem_of, solve
 from rarms_iac.planner.reservations import ReservationSource
 from rarms_iac.planner.search import Verdict
 
@@ -55,7 +55,7 @@ def plan_layout(
         def works(variant: Variant, *, moving: bool = False) -> bool:
             may_move = moving or limit is Disruption.REMOVAL
             again = problem_of(variant.system, variant.reservations, variant.views, may_move=may_move)
-            return isinstance(solve(again), Layout)
+            return has_layout(again)
 
         start = Variant(system=system, views=hosts, reservations=reservations)
         answer = explained(answer, problem, Trial(start=start, works=works))

@@ -1,6 +1,6 @@
 """What the search is given, made of manifest and hosts; and its answer, turned into a layout."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from rarms_iac.model.capacity import capacity_of, foreign_claims
@@ -122,17 +122,8 @@ def _bin(host: Host, view: HostView) -> Bin:
 
 def solve(problem: Problem) -> Layout | Infeasible:
     """The best placement, or that there is none, with the causes that need no search."""
-    causes = [*problem.contradictions]
-    for group in problem.groups:
-        if not problem.claims[group.name]:
-            nowhere = Cause(
-                what=f"partition/{group.name}",
-                says=f"The components of {group.name} name no host in common.",
-                code=findings.PLACEMENT.code,
-            )
-            causes += problem.blocked[group.name] or (nowhere,)
     on_hosts, homeless = _on_hosts(problem.system)
-    causes += homeless
+    causes = [*_causes(problem), *homeless]
     if causes:
         return Infeasible(proven=True, conflict=(), causes=tuple(causes), relaxations=())
     found = place(problem.items, problem.bins)
@@ -141,6 +132,26 @@ def solve(problem: Problem) -> Layout | Infeasible:
     return Layout(
         partitions=_placed(problem, found), on_hosts=on_hosts, proven=found.proven, placement=placement_of(found)
     )
+
+
+def has_layout(problem: Problem) -> bool:
+    """Whether `solve` finds a layout; how good it is, and whether that can be certified, is not asked."""
+    if any(_causes(problem)) or _on_hosts(problem.system)[1]:
+        return False
+    return place(problem.items, problem.bins).hosts is not None
+
+
+def _causes(problem: Problem) -> Iterator[Cause]:
+    """What is wrong wherever partitions are placed."""
+    yield from problem.contradictions
+    for group in problem.groups:
+        if not problem.claims[group.name]:
+            nowhere = Cause(
+                what=f"partition/{group.name}",
+                says=f"The components of {group.name} name no host in common.",
+                code=findings.PLACEMENT.code,
+            )
+            yield from problem.blocked[group.name] or (nowhere,)
 
 
 def _placed(problem: Problem, found: Found) -> tuple[PlacedPartition, ...]:

@@ -23,6 +23,9 @@ if TYPE_CHECKING:  # the search is imported where there is something to search
 EXACT_UP_TO = 30
 """Partitions that the exact search takes on."""
 
+CERTIFIED_UP_TO = 200
+"""Partitions of which a certificate is made where each is where it costs least: of more it takes too long."""
+
 CERTIFICATE_UP_TO = 200_000
 """Characters of a certificate that a plan holds: 30 partitions on 50 hosts need no more."""
 
@@ -48,6 +51,7 @@ class Found:
     value: tuple[int, int] = (0, 0)  # reservation in per cent of one logical processor, moves
     bound: tuple[int, int] = (0, 0)  # no placement has less
     avoided: int = 0  # moves that packing the same onto hosts where nothing of it runs would have made beside those
+    packed: tuple[str, ...] = ()  # partitions of which the problem is, in its order: those that had a choice
     among: tuple[str, ...] = ()  # the hosts that were to be chosen from
     problem: Problem | None = None  # where something was to be chosen exactly
     result: "Packed | Impossible | None" = None
@@ -85,13 +89,35 @@ def _beyond(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
         cheapest = _value(items, quick)[0] == bound[0]
         bound = (bound[0], stay.moves if cheapest else stay.moves_at_all)
     value = _value(items, quick)
-    return Found(
+    found = Found(
         hosts=quick,
         proven=value == bound,
         chosen=True,
         value=value,
         bound=bound,
         avoided=_avoided(items, _surely_anew(items, bins), value),
+    )
+    simply = value == (bound[0], 0) == _bound(items) and len(items) <= CERTIFIED_UP_TO
+    return _at_their_least(found, items, bins) if simply else found
+
+
+def _at_their_least(found: Found, items: Sequence[Item], bins: Sequence[Bin]) -> Found:
+    """The same with its proof: each partition is where it costs least, and none moves."""
+    from rarms_iac.planner.packing.branch import Proof
+    from rarms_iac.planner.packing.columns import Weights
+    from rarms_iac.planner.packing.solve import Level, Packed
+
+    assert found.hosts is not None
+    numbers = {one.name: at for at, one in enumerate(bins)}
+    least = tuple(min(map(cost, one.claims.values())) for one in items)
+    cheapest = Level(value=sum(least), bound=sum(least), proof=Proof(weights=Weights(items=least, scale=1)))
+    where = tuple(numbers[found.hosts[one.name]] for one in items)
+    return replace(
+        found,
+        packed=tuple(one.name for one in items),
+        among=tuple(numbers),
+        problem=problem_of(items, bins),
+        result=Packed(hosts=where, cost=cheapest, moves=Level(value=0, bound=0, proof=None)),
     )
 
 
@@ -117,13 +143,11 @@ def _beside(free: Sequence[Item], fixed: Sequence[Item], bins: Sequence[Bin]) ->
         return Found(hosts=None, proven=found.proven)
     more = _value(fixed, only)
     hosts = {**found.hosts, **only}
-    return Found(
+    return replace(
+        found,
         hosts={name: hosts[name] for name in sorted(hosts)},
-        proven=found.proven,
-        chosen=True,
         value=(found.value[0] + more[0], found.value[1] + more[1]),
         bound=(found.bound[0] + more[0], found.bound[1] + more[1]),
-        avoided=found.avoided,
     )
 
 
@@ -166,7 +190,7 @@ def _verdict(found: Found) -> tuple[Verdict, str]:
 
         claim = claim_of(found.problem, found.result)
         if claim is not None:
-            certificate = certificate_of(found.problem, claim, list(found.hosts or ()), found.among)
+            certificate = certificate_of(found.problem, claim, found.packed, found.among)
             return (Verdict.OPTIMAL if certificate else Verdict.SEARCHED), certificate
     return (Verdict.SEARCHED if found.proven else Verdict.WITHIN), ""
 
@@ -213,6 +237,7 @@ def _exactly(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
         value=value,
         bound=(result.cost.bound, result.moves.bound),
         avoided=_avoided(items, _anew(items, bins, problem, result), value),
+        packed=tuple(one.name for one in items),
         among=tuple(one.name for one in bins),
         problem=problem,
         result=Packed(hosts=where, cost=result.cost, moves=result.moves),

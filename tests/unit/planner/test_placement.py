@@ -162,3 +162,36 @@ def test_where_nothing_is_to_be_chosen_nothing_is_said() -> None:
     assert isinstance(planning.answer, Layout)
     assert planning.answer.placement is None
     assert not planning.findings
+
+
+def test_more_than_thirty_where_each_costs_least_are_certified() -> None:
+    system = system_of({f"p{at:02}": 5 for at in range(40)})
+
+    answer = plan_layout(system, FixedReservations(), {}, PLACES).answer
+
+    assert isinstance(answer, Layout)
+    assert answer.placement is not None
+    assert answer.placement.verdict == "optimal"
+    certificate = json.loads(answer.placement.certificate)
+    assert certificate["partitions"] == sorted(system.components)
+    check(certificate["problem"], certificate["claim"])
+
+
+def test_of_those_that_can_be_in_one_place_only_no_certificate_tells() -> None:
+    """Thirty-five that stay where they are, and the five that have a choice beside them."""
+    fixed = {f"p{at:02}": f"host{at % 3}" for at in range(35)}
+    system = system_of({**dict.fromkeys(fixed, 2), **SHARES})
+    views = {
+        host: HostView(present=frozenset(name for name, at in fixed.items() if at == host))
+        for host in ("host0", "host1", "host2")
+    }
+
+    answer = plan_layout(system, FixedReservations(), views, PLACES, max_disruption=Disruption.LIVE).answer
+
+    assert isinstance(answer, Layout)
+    assert {name: one.host for one in answer.partitions for name in one.components if name in fixed} == fixed
+    assert answer.placement is not None
+    assert (answer.placement.verdict, answer.placement.reserved) == ("optimal", 2 * (70 + 200))
+    certificate = json.loads(answer.placement.certificate)
+    assert certificate["partitions"] == sorted(SHARES)
+    check(certificate["problem"], certificate["claim"])
