@@ -4,7 +4,6 @@ Up to 30 partitions are packed exactly, and so are up to 30 that are free to mov
 problems take the best of several ways (`many.py`), and say how far from the bound that may be.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING
 from rarms_iac.model.capacity import fits
 from rarms_iac.model.layout import Placement
 from rarms_iac.model.plan import Claim
+from rarms_iac.planner.certified import certificate_of
 from rarms_iac.planner.first_fit import Bin, Item, all_fit, cost, first_fit, free_in
 from rarms_iac.planner.in_numbers import problem_of
 from rarms_iac.planner.packing.program import Problem
@@ -25,9 +25,6 @@ EXACT_UP_TO = 30
 
 CERTIFIED_UP_TO = 200
 """Partitions of which a certificate is made where each is where it costs least: of more it takes too long."""
-
-CERTIFICATE_UP_TO = 200_000
-"""Characters of a certificate that a plan holds: 30 partitions on 50 hosts need no more."""
 
 NODES = 4_000
 """Placements tried for the first by name of the best ones, before another of them is taken: a count, never a time."""
@@ -193,28 +190,6 @@ def _verdict(found: Found) -> tuple[Verdict, str]:
             certificate = certificate_of(found.problem, claim, found.packed, found.among)
             return (Verdict.OPTIMAL if certificate else Verdict.SEARCHED), certificate
     return (Verdict.SEARCHED if found.proven else Verdict.WITHIN), ""
-
-
-def certificate_of(problem: Problem, claim: Mapping[str, object], items: Sequence[str], hosts: Sequence[str]) -> str:
-    """The certificate as JSON; empty where the checker does not accept it, or it is too long for a plan.
-
-    Args:
-        problem: what was packed, or cannot be.
-        claim: what is claimed of it.
-        items: names of the partitions, in the problem's order.
-        hosts: names of the hosts, in the problem's order.
-    """
-    from rarms_iac.planner.packing.certificate import problem_data
-    from rarms_iac.planner.packing.checker import Wrong, check
-
-    data = problem_data(problem)
-    try:
-        check(data, claim)
-    except Wrong:
-        return ""
-    told = {"partitions": list(items), "hosts": list(hosts), "problem": data, "claim": claim}
-    text = json.dumps(told, separators=(",", ":"))
-    return text if len(text) <= CERTIFICATE_UP_TO else ""
 
 
 def _exactly(items: Sequence[Item], bins: Sequence[Bin]) -> Found:

@@ -3,9 +3,10 @@
 from collections.abc import Iterator, Sequence
 from itertools import islice
 
+from rarms_iac.planner.certified import certificate_of
 from rarms_iac.planner.first_fit import Bin, Item, cost
 from rarms_iac.planner.in_numbers import problem_of
-from rarms_iac.planner.search import EXACT_UP_TO, certificate_of
+from rarms_iac.planner.search import EXACT_UP_TO
 
 LOOKED_AT = 60
 """Groups of partitions that are searched for a placement of their own, at most."""
