@@ -22,6 +22,7 @@ from rarms_iac.model.plan import Claim
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Host, System
 from rarms_iac.planner.combining import findings
+from rarms_iac.planner.combining.measured import measured_coi
 from rarms_iac.planner.combining.objective import Objective
 from rarms_iac.planner.combining.oracle import Unanswered
 from rarms_iac.planner.combining.values import Coi, Members
@@ -118,7 +119,7 @@ def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) ->
         found = plan_layout(system, reservations, views, places).findings
         raise Halted(ExitCode.NO, [one for one in found if has_errors([one])], hosts.opened.loaded.sources)
     groups = [one for one in problem.groups if _can_be_tuned(one, problem, bench)]
-    cois = tuple(_coi(one, problem.claims[one.name][bench.name]) for one in groups)
+    cois = tuple(measured_coi(one, problem.claims[one.name][bench.name], reservations, bench) for one in groups)
     tuned = {one.name for one in cois}
     chosen = [one for one in problem.bins if one.name in hosts.chosen]
     others = sum(min(map(cost, one.claims.values())) for one in problem.items if one.name not in tuned)
@@ -155,16 +156,6 @@ def _can_be_tuned(group: Group, problem: Problem, bench: Host) -> bool:
     own = wish.memory is not None or wish.processors is not None or wish.cpu.limit is not None
     measured = rests_on_a_log(group) and all(one.apt for one in group.members)
     return measured and not own and wish.cpu.weight is None and bench.name in problem.claims[group.name]
-
-
-def _coi(group: Group, claim: Claim) -> Coi:
-    return Coi(
-        name=group.name,
-        members=tuple(sorted(one.name for one in group.members)),
-        criticality=group.criticality,
-        processors=claim.processors,
-        reserve=claim.reserve,
-    )
 
 
 @dataclass(slots=True, kw_only=True)

@@ -134,6 +134,24 @@ def holds(curve: Curve, threshold: Threshold, reserve: int) -> bool:
             return safe >= float(limit)
 
 
+def highest_missed(apts: Iterable[tuple[Curve, Threshold]]) -> int:
+    """The highest measured CR at which one of these thresholds is missed for sure, on the good side of the band, too.
+
+    0: nowhere. Above it and below what holds is the noise.
+    """
+    missed = (point.reserve for curve, threshold in apts for point in curve.points if _misses(point, curve, threshold))
+    return int(max(missed, default=0))
+
+
+def _misses(point: Point, curve: Curve, threshold: Threshold) -> bool:
+    good = point.lower if _smaller_is_better(curve.index) else point.upper
+    match threshold:
+        case AtMost(value=limit):
+            return good > float(limit)
+        case AtLeast(value=limit):
+            return good < float(limit)
+
+
 def _steady_estimate(series: Series, index: str, run: Run, error: float) -> Estimate | NoEstimate:
     begin = steady_part(values.response_times(series.samples))
     if not isinstance(begin, Steady):

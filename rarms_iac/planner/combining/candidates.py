@@ -33,6 +33,7 @@ class Candidate:
     highest: int  # the highest CR at which it still reserves less than its parts
     neediest: int  # what that part costs alone, in per cent of one logical processor
     together: int  # what all of them do
+    lowest: int  # the lower end before anything was asked
     passed: int | None = None  # the lowest CR at which it was seen to meet all APTs
     failed: int | None = None  # the highest CR at which it was seen to miss one
 
@@ -40,6 +41,11 @@ class Candidate:
     def low(self) -> int:
         """It needs at least so much."""
         return self.coi.reserve
+
+    @property
+    def slack(self) -> int:
+        """Points by which it may need less than its neediest part reserves."""
+        return max(0, -(-self.neediest // self.coi.processors) - self.lowest)
 
     @property
     def is_known(self) -> bool:
@@ -92,7 +98,14 @@ def candidates_of(cois: Sequence[Coi], may_share: Sharing, *, most: int, largest
         highest = min(most, (total(members) - 1) // coi.processors)
         if coi.reserve <= highest:
             neediest = max(one.cost for one in members)
-            found[mask] = Candidate(mask=mask, coi=coi, highest=highest, neediest=neediest, together=total(members))
+            found[mask] = Candidate(
+                mask=mask,
+                coi=coi,
+                highest=highest,
+                neediest=neediest,
+                together=total(members),
+                lowest=coi.reserve,
+            )
     return Candidates(cois=ordered, by_mask=dict(sorted(found.items())))
 
 
@@ -100,8 +113,8 @@ def compound_of(members: Sequence[Coi]) -> Coi:
     """These together, with the least that they can need, as the neediest of them says."""
     processors = max(one.processors for one in members)
     names = tuple(sorted(name for one in members for name in one.members))
-    least = at_least(max(one.cost for one in members), processors)
-    return replace(leader(members), members=names, processors=processors, reserve=least)
+    least = at_least(max(one.at_least for one in members), processors)
+    return replace(leader(members), members=names, processors=processors, reserve=least, missed=None)
 
 
 def _cliques(cois: Sequence[Coi], may_share: Sharing, largest: int | None) -> Iterator[Mask]:
@@ -197,7 +210,7 @@ def _breaks(
 def _parts(candidates: Candidates, mask: Mask) -> Iterator[tuple[Mask, int]]:
     for at, one in enumerate(candidates.cois):
         if mask >> at & 1:
-            yield 1 << at, one.cost
+            yield 1 << at, one.at_least
 
 
 def named(members: Members) -> str:

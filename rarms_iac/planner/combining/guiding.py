@@ -11,7 +11,7 @@ from rarms_iac.planner.combining.layouts import Layouts
 from rarms_iac.planner.combining.objective import Value
 from rarms_iac.planner.combining.scenarios import World, worlds
 from rarms_iac.planner.prediction.belief import Belief, Expectation, Outlook, belief_of
-from rarms_iac.planner.prediction.floor import SELDOM, slack_on
+from rarms_iac.planner.prediction.floor import SELDOM
 from rarms_iac.planner.prediction.members import Predictor
 
 BEYOND = 0.2
@@ -31,7 +31,7 @@ class Guide:
     known: Candidates
     predictor: Predictor
     belief: Belief
-    less: float  # the probability that a compound on several processors needs less than its neediest part
+    less: float  # the probability that a compound needs less than its neediest part reserves, where it may
     _outlooks: dict[Mask, Outlook] = field(default_factory=dict, compare=False, repr=False)
 
     def outlook(self, mask: Mask) -> Outlook:
@@ -68,8 +68,8 @@ def guide_of(known: Candidates, predictor: Predictor) -> Guide:
 
 
 def needs_less(known: Candidates) -> float:
-    """How likely a compound on several processors needs less than its neediest part, after those that were asked."""
-    seen = [one for one in known.by_mask.values() if one.was_asked and slack_on(one.coi.processors)]
+    """How likely a compound that may need less than its neediest part reserves does, after those that were asked."""
+    seen = [one for one in known.by_mask.values() if one.was_asked and one.slack]
     needs = [-(-one.neediest // one.coi.processors) for one in seen]
     did = sum(one.passed is not None and one.passed < least for one, least in zip(seen, needs, strict=True))
     did_not = sum(one.failed is not None and one.failed >= least - 1 for one, least in zip(seen, needs, strict=True))
@@ -83,8 +83,8 @@ def outlook_of(one: Candidate, predictor: Predictor, less: float) -> Outlook:
         together=one.together / one.coi.processors,
         said=predictor.of(one.coi.members, one.coi.processors),
         low=one.low,
-        slack=slack_on(one.coi.processors),
-        less=less if slack_on(one.coi.processors) else 0.0,
+        slack=one.slack,
+        less=less if one.slack else 0.0,
         passed=one.passed,
         failed=one.failed,
     )
@@ -95,30 +95,34 @@ def highest(one: Candidate) -> int:
     return one.highest if one.passed is None else one.passed - 1
 
 
-def raises_most(guide: Guide, unknown: Sequence[Candidate], room: int) -> tuple[Candidate, int]:
+def raises_most(guide: Guide, unknown: Sequence[Candidate], room: int, *, holds: bool) -> tuple[Candidate, int]:
     """Of these compounds of a layout the one, with a CR, that will probably raise most what the layout needs at least.
 
-    `room`: what it can bear before it is out, in per cent of one logical processor.
+    `room`: what it can bear before it is out, in per cent of one logical processor; `holds`: whether a layout was seen
+    to hold.
     """
     best: tuple[float, Candidate, int] | None = None
     for one in sorted(unknown, key=lambda each: each.coi.members, reverse=True):
-        worth, reserve = _worth_most(guide.expected(one.mask), one, room)
+        worth, reserve = _worth_most(guide.expected(one.mask), one, room, holds=holds)
         if best is None or worth > best[0]:
             best = worth, one, reserve
     assert best is not None, "a compound that is not known has a question left"
     return best[1], best[2]
 
 
-def _worth_most(expected: Expectation, one: Candidate, room: int) -> tuple[float, int]:
+def _worth_most(expected: Expectation, one: Candidate, room: int, *, holds: bool) -> tuple[float, int]:
     """The CR with the most expected rise, the lower of equals; a range that cannot have it is not looked into."""
-    bearable = room // one.coi.processors + 1
+    start = one.low
+    if not holds and start < (neediest := ceil(expected.outlook.neediest)) <= highest(one):
+        start = neediest  # few need less than their neediest part: that one does not is no news
+    bearable = max(1, room // one.coi.processors + 1 - (start - one.low))
 
     def rises(reserve: int) -> float:
-        rise = reserve + 1 - one.low
+        rise = reserve + 1 - start
         return one.coi.processors * (min(rise, bearable) + BEYOND * rise)
 
-    best = -1.0, one.low
-    left = [(one.low, highest(one), 1.0)]  # with the probability that it needs more than what lies below the range
+    best = -1.0, start
+    left = [(start, highest(one), 1.0)]  # with the probability that it needs more than what lies below the range
     while left:
         first, last, more = left.pop()
         if more * rises(last) < best[0]:

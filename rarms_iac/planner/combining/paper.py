@@ -133,5 +133,5 @@ def _tried(least: Coi, next_to_last: Coi, asking: Asking, trail: list[Asked]) ->
         answer = asking.ask(members, reserve, "CMCPUR of the pair")
         trail.append(answer)
         if answer.passed:
-            return replace(leader(pair), members=members, processors=processors, reserve=reserve)
+            return replace(leader(pair), members=members, processors=processors, reserve=reserve, missed=None)
     return None

@@ -141,7 +141,7 @@ class Looking:
             if doubt.enough:
                 return replace(_best(tuning, seen, holds, known.breaks), stopped_at=tuning.probability)
             chosen = settles_most(doubt, known)
-        one, reserve = chosen or raises_most(guide, unknown, _room(tuning, best, holds))
+        one, reserve = chosen or raises_most(guide, unknown, _room(tuning, best, holds), holds=holds is not None)
         return _question(guide, best, one, reserve)
 
     def _looked_at(self, known: Candidates) -> Layouts:

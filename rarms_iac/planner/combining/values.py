@@ -18,6 +18,12 @@ class Coi:
     criticality: int  # the highest of its members'
     processors: int  # VPs of its partition
     reserve: int  # whole per cent of each of them
+    missed: int | None = None  # the highest CR at which it was shown to miss an APT; None: right below its reserve
+
+    @property
+    def at_least(self) -> int:
+        """What it truly needs at least, as `cost`: what it reserves is the safe side of what was measured."""
+        return self.cost if self.missed is None else min(self.cost, self.processors * (self.missed + 1))
 
     @property
     def cost(self) -> int:

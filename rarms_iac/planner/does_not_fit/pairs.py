@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import combinations
 
-from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime, show_percent
 from rarms_iac.model.system import CpuWish, Host
 from rarms_iac.planner.combining.candidates import Candidate, Candidates, candidates_of
 from rarms_iac.planner.combining.layouts import Layouts
+from rarms_iac.planner.combining.measured import coi_of
 from rarms_iac.planner.combining.objective import Objective
 from rarms_iac.planner.combining.values import Coi
 from rarms_iac.planner.does_not_fit.levers import largest
@@ -93,7 +93,7 @@ def layout_to_combine(problem: Problem, trial: Trial) -> str | None:
     known = _Known(
         problem=problem,
         by_member={member: one for one in groups.values() for member in names_of(one.members)},
-        cois=tuple(_coi(one, next(iter(problem.claims[one.name].values()))) for one in groups.values()),
+        cois=tuple(coi_of(one, next(iter(problem.claims[one.name].values()))) for one in groups.values()),
     )
     works = Counted(works=trial.works, left=LAYOUTS)
 
@@ -153,16 +153,6 @@ class _Known:
     def may_share(self, members: Sequence[str]) -> bool:
         compound = self.compound(members)
         return compound is not None and all(may_share(*pair) for pair in combinations(compound.groups, 2))
-
-
-def _coi(group: Group, claim: Claim) -> Coi:
-    return Coi(
-        name=group.name,
-        members=names_of(group.members),
-        criticality=group.criticality,
-        processors=claim.processors,
-        reserve=claim.reserve,
-    )
 
 
 def _can_share(problem: Problem) -> list[Group]:

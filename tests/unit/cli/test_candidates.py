@@ -75,6 +75,15 @@ def test_what_was_measured_of_a_compound_is_told(here: Path) -> None:
     ]
 
 
+def test_its_interval_begins_where_its_parts_were_shown_to_miss(here: Path) -> None:
+    leave(here, ["speech"], {21: 150.0, 29: 100.0, 30: 90.0})
+
+    assert '30 %"]' in labels(here)[1]
+    assert "path+speech<br/>20 % to" in labels(here)[3], (
+        "speech missed for sure at 21 % only, and there are two processors"
+    )
+
+
 def test_dot_and_json_show_the_same_graph(here: Path) -> None:
     dot = rarms("graph", "--candidates", "--format", "dot", "-f", str(here)).lines
     assert '  "path" -> "path+speech";' in dot

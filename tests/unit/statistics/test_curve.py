@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.model.measurement import Setting
-from rarms_iac.statistics.curve import Curve, LeastReserve, curve_of, least_reserve
+from rarms_iac.statistics.curve import Curve, LeastReserve, curve_of, highest_missed, least_reserve
 from tests.builders import a_run, at_least, at_most
 from tests.measured import a_series, noisy
 
@@ -48,6 +48,19 @@ def test_all_members_and_all_indexes_must_hold() -> None:
     fast, slow = measured({20: 100.0, 40: 50.0}), measured({20: 400.0, 40: 200.0})
 
     assert least_reserve([(fast, at_most(110)), (slow, at_most(300))]) == LeastReserve(reserve=31, interpolated=True)
+
+
+def test_the_highest_setting_that_misses_for_sure_lies_below_the_noise() -> None:
+    settings = [
+        Setting(reserve=reserve, series=(a_series(noisy(reserve, mean, variation=0.25)),))
+        for reserve, mean in {20: 400.0, 28: 330.0, 30: 303.0, 32: 296.0, 40: 200.0}.items()
+    ]
+    curve = curve_of(settings, "coi", "mean_response_time", RUN)
+
+    assert highest_missed([(curve, at_most(300))]) == 28
+    assert least_reserve([(curve, at_most(300))]) == LeastReserve(reserve=33, interpolated=True)
+    assert highest_missed([(curve, at_most(300)), (measured({39: 90.0, 40: 50.0}), at_most(60))]) == 39
+    assert highest_missed([(curve, at_most(900))]) == 0
 
 
 def test_no_line_is_drawn_across_a_reservation_without_a_steady_state() -> None:

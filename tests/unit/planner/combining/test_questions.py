@@ -268,6 +268,16 @@ def test_what_else_was_measured_counts_once_there_would_be_an_answer() -> None:
     assert [one.says for one in found.breaks] == ["b+c meets its thresholds with less than b needs"]
 
 
+def test_a_compound_is_looked_for_down_to_what_its_parts_were_shown_to_miss() -> None:
+    of = tuple(replace(one, missed=missed) for one, missed in zip(cois(a=40, b=30), (34, None), strict=True))
+    found, trail = search(tuning_of(of, objective(of, 60), anyone), Asking(oracle=Needs({("a", "b"): 36})))
+
+    assert isinstance(found, Best)
+    assert (found.proved, found.total, found.cois[0].missed) == (True, 36, None)
+    assert min(one.reserve for one in trail) == 35
+    assert graph_of(candidates_of(of, anyone, most=100)).nodes["a+b"]["low"] == 35
+
+
 def test_of_many_only_the_least_critical_are_looked_at() -> None:
     of = cois(**{f"n{at:02}": 10 for at in range(16)})
     pair = ("n14", "n15")
