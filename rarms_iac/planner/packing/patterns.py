@@ -4,9 +4,10 @@ Column generation prices with it, and bounds are exact because its profits are w
 """
 
 from collections.abc import Callable, Sequence
+from operator import getitem, sub
 
 from rarms_iac.planner.packing.density import Pattern, by_density
-from rarms_iac.planner.packing.program import Kind, Mask, Program, members
+from rarms_iac.planner.packing.program import Kind, Mask, Program, Sizes, members
 
 GRAIN = 128
 """Steps in which a large dimension is bounded; sizes are rounded down, so the bound stays one."""
@@ -91,9 +92,8 @@ class _Knapsack:
             for size in self.sizes
         ]
         self.tables = [_table([one[d] for one in coarse], self.profits, self.scales[d]) for d in range(len(self.room))]
-        self.together: _Table | None = None
         if len(self.room) > 1:  # all dimensions added up: cuts where none alone is full
-            self.together = _table(_in_sum(self.sizes, self.room), self.profits, GRAIN * len(self.room))
+            self.tables.append(_table(_in_sum(self.sizes, self.room), self.profits, GRAIN * len(self.room)))
 
     def search(self, nodes: int, above: int) -> tuple[Pattern | None, bool]:
         """The best set of so much profit, and whether nothing was left untried."""
@@ -103,19 +103,18 @@ class _Knapsack:
         left = nodes
         count, profits, sizes = len(self.ordered), self.profits, self.sizes
         conflicts, fits = self.program.conflicts, self.program.fits
-        bound = self._bound()
+        rows, levels_of = list(zip(*self.tables, strict=True)), self._levels()
 
         def down(number: int, free: tuple[int, ...], profit: int, items: Mask, banned: Mask) -> None:
             nonlocal best_profit, best_items, left
-            while number < count:
-                if profit + bound(number, free) <= best_profit or left <= 0:
-                    return
+            levels = levels_of(free)
+            # What the items from the number on can still bring is the least of what each table says.
+            while number < count and profit + min(map(getitem, rows[number], levels)) > best_profit and left > 0:
                 left -= 1
-                item, size = self.ordered[number], sizes[number]
-                after = tuple(map(int.__sub__, free, size))
-                bit = 1 << item
+                after = tuple(map(sub, free, sizes[number]))
+                bit = 1 << self.ordered[number]
                 if min(after) >= 0 and not banned & bit and (fits is None or fits(self.at, items | bit)):
-                    gained = profit + profits[number]
+                    item, gained = self.ordered[number], profit + profits[number]
                     if gained > best_profit:
                         best_profit, best_items = gained, items | bit
                     down(number + 1, after, gained, items | bit, banned | conflicts[item])
@@ -138,24 +137,17 @@ class _Knapsack:
                 free -= self.sizes[number][0]
         return Pattern(profit=table[0][self.room[0]], items=items)
 
-    def _bound(self) -> Callable[[int, tuple[int, ...]], int]:
-        """What items from a number on can still bring, given what is free."""
-        tables, rooms = self.tables, tuple(max(1, room) for room in self.room)
+    def _levels(self) -> Callable[[Sizes], Sequence[int]]:
+        """By table: the place of what is free."""
+        rooms, scales = tuple(max(1, room) for room in self.room), tuple(self.scales)
         if len(rooms) == 1:
-            (table,), (room,), (scale,) = tables, rooms, self.scales
-            return lambda number, free: table[number][free[0] * scale // room]
-        together, scales = self.together, tuple(self.scales)
-        assert together is not None
+            return lambda free: (free[0] * scales[0] // rooms[0],)
 
-        def least(number: int, free: tuple[int, ...]) -> int:
-            best = together[number][sum([left * GRAIN // room for left, room in zip(free, rooms, strict=True)])]
-            for table, left, scale, room in zip(tables, free, scales, rooms, strict=True):
-                one = table[number][left * scale // room]
-                if one < best:
-                    best = one
-            return best
+        def levels(free: Sizes) -> Sequence[int]:
+            alone = [left * scale // room for left, scale, room in zip(free, scales, rooms, strict=True)]
+            return (*alone, sum([left * GRAIN // room for left, room in zip(free, rooms, strict=True)]))
 
-        return least
+        return levels
 
 
 def _scale(room: int) -> int:
