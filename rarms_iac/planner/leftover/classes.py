@@ -204,10 +204,14 @@ def _address(inside: str, name: str) -> str:
 
 
 def registry_values(one: ClassValues) -> Mapping[str, RegistryValue]:
-    """The class's whole key, with types: the booleans are text (FACTS 6.1)."""
+    """The class's whole key, with types: the booleans are text (FACTS 6.1).
+
+    Threads of a class that is not of the background depend on which window has the focus (FACTS 6.2), which is no
+    order of criticalities.
+    """
     return {
         "Affinity": _number(one.affinity),
-        "Background Only": _text("False"),
+        "Background Only": _text("True"),
         "BackgroundPriority": _number(one.background_priority),
         "Clock Rate": _number(CLOCK_RATE),
         "GPU Priority": _number(GPU_PRIORITY),

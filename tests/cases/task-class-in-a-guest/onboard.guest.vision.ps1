@@ -586,7 +586,7 @@ try {
         Serial = 0
         Total = 1
         Undo = 'onboard.guest.vision.undo.ps1'
-        UndoDigest = '681b3ca45a6078c15e142835782ce2f3af5e02f17a91146de6a4fe0df2847baf'
+        UndoDigest = '8b34497ee74c12b1df2311702cc7ec1aaa7e17ff71f6985172f789cdb5577e4e'
         Guest = $true
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -608,11 +608,11 @@ try {
         Needs = @('partition/vision', 'partition/vision/task/MotionControl')
         Read = { Read-GuestTaskClass -Task 'MotionControl' -Application 'robot' -Replace $false }
         Before = @{ 'taken' = $false }
-        After = @{ 'exists' = $true; 'record' = 'robot'; 'set' = '83ae0cee1cdc'; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:False'; 'value:BackgroundPriority' = 'dword:7'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:7'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
+        After = @{ 'exists' = $true; 'record' = 'robot'; 'set' = '59f2d42fe4cf'; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:True'; 'value:BackgroundPriority' = 'dword:7'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:7'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
         Set = {
-            Save-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest '83ae0cee1cdc'
+            Save-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest '59f2d42fe4cf'
             Write-TaskValue -Task 'MotionControl' -Name 'Affinity' -Type 'DWord' -Value 0
-            Write-TaskValue -Task 'MotionControl' -Name 'Background Only' -Type 'String' -Value 'False'
+            Write-TaskValue -Task 'MotionControl' -Name 'Background Only' -Type 'String' -Value 'True'
             Write-TaskValue -Task 'MotionControl' -Name 'BackgroundPriority' -Type 'DWord' -Value 7
             Write-TaskValue -Task 'MotionControl' -Name 'Clock Rate' -Type 'DWord' -Value 10000
             Write-TaskValue -Task 'MotionControl' -Name 'GPU Priority' -Type 'DWord' -Value 8

@@ -608,7 +608,7 @@ try {
         Needs = @('partition/vision', 'partition/vision/task/MotionControl')
         Undoes = 0
         Read = { Read-GuestTaskClass -Task 'MotionControl' -Application 'robot' -Replace $false }
-        Before = @{ 'record' = 'robot'; 'set' = '83ae0cee1cdc' }
+        Before = @{ 'record' = 'robot'; 'set' = '59f2d42fe4cf' }
         After = @{ 'record' = ''; 'set' = '' }
         Set = {
             Restore-TaskClass -Task 'MotionControl' -Application 'robot'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         39f17abc58a6, manifest 1dcdbb02daa5, rarms 0.1.0
+# Plan         f7a467884547, manifest 1dcdbb02daa5, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -557,12 +557,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '39f17abc58a6'
+        Plan = 'f7a467884547'
         Application = 'robot'
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'af5a4ef38cdac44477572d4c11bfa737af7cff70e1fd038e37cb6c30f180481d'
+        UndoDigest = '6099b1107579d9ea57ddec1406c463f0b7d5a8583a8ea53b9ee55c64af8f5d95'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -583,26 +583,26 @@ try {
         Needs = @('task/Localization')
         Read = { Read-TaskClass -Task 'Localization' }
         Before = @{ 'record' = 'robot'; 'set' = '83ae0cee1cdc' }
-        After = @{ 'record' = 'robot'; 'set' = '46788b181ea1' }
+        After = @{ 'record' = 'robot'; 'set' = 'ed6954abc738' }
         Set = {
-            Write-TaskRecord -Task 'Localization' -Application 'robot' -Digest '46788b181ea1' -Before 'null'
+            Write-TaskRecord -Task 'Localization' -Application 'robot' -Digest 'ed6954abc738' -Before 'null'
         }
     }
 
-    # 2/4  task/Localization: set BackgroundPriority 7 -> 5, Priority 7 -> 5
+    # 2/4  task/Localization: set Background Only False -> True, BackgroundPriority 7 -> 5, Priority 7 -> 5
     # why: its values differ; threads see it when their Windows starts again
     # at:  rarms.yaml:13:51
     Add-Step -Definition @{
         Number = 1
         Address = 'task/Localization'
-        Action = 'set BackgroundPriority 7 -> 5, Priority 7 -> 5'
+        Action = 'set Background Only False -> True, BackgroundPriority 7 -> 5, Priority 7 -> 5'
         Needs = @('task/Localization')
         Read = { Read-TaskClass -Task 'Localization' }
         Before = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:False'; 'value:BackgroundPriority' = 'dword:7'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:7'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
-        After = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:False'; 'value:BackgroundPriority' = 'dword:5'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:5'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
+        After = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:True'; 'value:BackgroundPriority' = 'dword:5'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:5'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
         Set = {
             Write-TaskValue -Task 'Localization' -Name 'Affinity' -Type 'DWord' -Value 0
-            Write-TaskValue -Task 'Localization' -Name 'Background Only' -Type 'String' -Value 'False'
+            Write-TaskValue -Task 'Localization' -Name 'Background Only' -Type 'String' -Value 'True'
             Write-TaskValue -Task 'Localization' -Name 'BackgroundPriority' -Type 'DWord' -Value 5
             Write-TaskValue -Task 'Localization' -Name 'Clock Rate' -Type 'DWord' -Value 10000
             Write-TaskValue -Task 'Localization' -Name 'GPU Priority' -Type 'DWord' -Value 8
@@ -622,26 +622,26 @@ try {
         Needs = @('task/MotionControl')
         Read = { Read-TaskClass -Task 'MotionControl' }
         Before = @{ 'record' = 'robot'; 'set' = '432731d71cf4' }
-        After = @{ 'record' = 'robot'; 'set' = '83ae0cee1cdc' }
+        After = @{ 'record' = 'robot'; 'set' = '59f2d42fe4cf' }
         Set = {
-            Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest '83ae0cee1cdc' -Before 'null'
+            Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest '59f2d42fe4cf' -Before 'null'
         }
     }
 
-    # 4/4  task/MotionControl: set BackgroundPriority 8 -> 7, Priority 7 -> 7
+    # 4/4  task/MotionControl: set Background Only False -> True, BackgroundPriority 8 -> 7, Priority 7 -> 7
     # why: its values differ; threads see it when their Windows starts again
     # at:  rarms.yaml:12:51
     Add-Step -Definition @{
         Number = 3
         Address = 'task/MotionControl'
-        Action = 'set BackgroundPriority 8 -> 7, Priority 7 -> 7'
+        Action = 'set Background Only False -> True, BackgroundPriority 8 -> 7, Priority 7 -> 7'
         Needs = @('task/MotionControl')
         Read = { Read-TaskClass -Task 'MotionControl' }
         Before = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:False'; 'value:BackgroundPriority' = 'dword:8'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'sz:7'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
-        After = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:False'; 'value:BackgroundPriority' = 'dword:7'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:7'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
+        After = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:True'; 'value:BackgroundPriority' = 'dword:7'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:7'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
         Set = {
             Write-TaskValue -Task 'MotionControl' -Name 'Affinity' -Type 'DWord' -Value 0
-            Write-TaskValue -Task 'MotionControl' -Name 'Background Only' -Type 'String' -Value 'False'
+            Write-TaskValue -Task 'MotionControl' -Name 'Background Only' -Type 'String' -Value 'True'
             Write-TaskValue -Task 'MotionControl' -Name 'BackgroundPriority' -Type 'DWord' -Value 7
             Write-TaskValue -Task 'MotionControl' -Name 'Clock Rate' -Type 'DWord' -Value 10000
             Write-TaskValue -Task 'MotionControl' -Name 'GPU Priority' -Type 'DWord' -Value 8

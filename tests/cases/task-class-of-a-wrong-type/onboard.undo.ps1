@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         39f17abc58a6, manifest 1dcdbb02daa5, rarms 0.1.0
+# Plan         f7a467884547, manifest 1dcdbb02daa5, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -557,7 +557,7 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '39f17abc58a6'
+        Plan = 'f7a467884547'
         Application = 'robot'
         Serial = 1
         Total = 4
@@ -573,17 +573,17 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/4  task/MotionControl: undo: set BackgroundPriority 8 -> 7, Priority 7 -> 7
+    # 1/4  task/MotionControl: undo: set Background Only False -> True, BackgroundPriority 8 -> 7, Priority 7 -> 7
     # why: its values differ; threads see it when their Windows starts again
     # at:  rarms.yaml:12:51
     Add-Step -Definition @{
         Number = 0
         Address = 'task/MotionControl'
-        Action = 'undo: set BackgroundPriority 8 -> 7, Priority 7 -> 7'
+        Action = 'undo: set Background Only False -> True, BackgroundPriority 8 -> 7, Priority 7 -> 7'
         Needs = @('task/MotionControl')
         Undoes = 3
         Read = { Read-TaskClass -Task 'MotionControl' }
-        Before = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:False'; 'value:BackgroundPriority' = 'dword:7'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:7'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
+        Before = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:True'; 'value:BackgroundPriority' = 'dword:7'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:7'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
         After = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:False'; 'value:BackgroundPriority' = 'dword:8'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'sz:7'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
         Set = {
             Write-TaskValue -Task 'MotionControl' -Name 'Affinity' -Type 'DWord' -Value 0
@@ -607,24 +607,24 @@ try {
         Needs = @('task/MotionControl')
         Undoes = 2
         Read = { Read-TaskClass -Task 'MotionControl' }
-        Before = @{ 'record' = 'robot'; 'set' = '83ae0cee1cdc' }
+        Before = @{ 'record' = 'robot'; 'set' = '59f2d42fe4cf' }
         After = @{ 'record' = 'robot'; 'set' = '432731d71cf4' }
         Set = {
             Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest '432731d71cf4' -Before 'null'
         }
     }
 
-    # 3/4  task/Localization: undo: set BackgroundPriority 7 -> 5, Priority 7 -> 5
+    # 3/4  task/Localization: undo: set Background Only False -> True, BackgroundPriority 7 -> 5, Priority 7 -> 5
     # why: its values differ; threads see it when their Windows starts again
     # at:  rarms.yaml:13:51
     Add-Step -Definition @{
         Number = 2
         Address = 'task/Localization'
-        Action = 'undo: set BackgroundPriority 7 -> 5, Priority 7 -> 5'
+        Action = 'undo: set Background Only False -> True, BackgroundPriority 7 -> 5, Priority 7 -> 5'
         Needs = @('task/Localization')
         Undoes = 1
         Read = { Read-TaskClass -Task 'Localization' }
-        Before = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:False'; 'value:BackgroundPriority' = 'dword:5'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:5'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
+        Before = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:True'; 'value:BackgroundPriority' = 'dword:5'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:5'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
         After = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:False'; 'value:BackgroundPriority' = 'dword:7'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:7'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
         Set = {
             Write-TaskValue -Task 'Localization' -Name 'Affinity' -Type 'DWord' -Value 0
@@ -648,7 +648,7 @@ try {
         Needs = @('task/Localization')
         Undoes = 0
         Read = { Read-TaskClass -Task 'Localization' }
-        Before = @{ 'record' = 'robot'; 'set' = '46788b181ea1' }
+        Before = @{ 'record' = 'robot'; 'set' = 'ed6954abc738' }
         After = @{ 'record' = 'robot'; 'set' = '83ae0cee1cdc' }
         Set = {
             Write-TaskRecord -Task 'Localization' -Application 'robot' -Digest '83ae0cee1cdc' -Before 'null'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         369034ed8833, manifest a9326d298f28, rarms 0.1.0
+# Plan         c26c33f7de49, manifest a9326d298f28, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -557,12 +557,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '369034ed8833'
+        Plan = 'c26c33f7de49'
         Application = 'robot'
         Serial = 0
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'c4d6fcdb5784aabd6cf82f85ed9d9ea73957614036160259f846f8456645f634'
+        UndoDigest = 'af408cbfb7d15494dc0ba9806153489608b1fae356970056f9060ee1d0d2a361'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -583,26 +583,26 @@ try {
         Needs = @('task/Games')
         Read = { Read-TaskClass -Task 'Games' }
         Before = @{ 'record' = ''; 'set' = '' }
-        After = @{ 'record' = 'robot'; 'set' = '87f85213b779' }
+        After = @{ 'record' = 'robot'; 'set' = '55e1eaac32c9' }
         Set = {
-            Write-TaskRecord -Task 'Games' -Application 'robot' -Digest '87f85213b779' -Before '{"Affinity":{"data":0,"kind":"dword"},"Background Only":{"data":"False","kind":"sz"},"Clock Rate":{"data":10000,"kind":"dword"},"GPU Priority":{"data":8,"kind":"dword"},"Priority":{"data":2,"kind":"dword"},"SFIO Priority":{"data":"Normal","kind":"sz"},"Scheduling Category":{"data":"Medium","kind":"sz"}}'
+            Write-TaskRecord -Task 'Games' -Application 'robot' -Digest '55e1eaac32c9' -Before '{"Affinity":{"data":0,"kind":"dword"},"Background Only":{"data":"False","kind":"sz"},"Clock Rate":{"data":10000,"kind":"dword"},"GPU Priority":{"data":8,"kind":"dword"},"Priority":{"data":2,"kind":"dword"},"SFIO Priority":{"data":"Normal","kind":"sz"},"Scheduling Category":{"data":"Medium","kind":"sz"}}'
         }
     }
 
-    # 2/2  task/Games: set BackgroundPriority 4, Priority 2 -> 4
+    # 2/2  task/Games: set Background Only False -> True, BackgroundPriority 4, Priority 2 -> 4
     # why: the manifest replaces it; threads see it when their Windows starts again
     # at:  rarms.yaml:12:50
     Add-Step -Definition @{
         Number = 1
         Address = 'task/Games'
-        Action = 'set BackgroundPriority 4, Priority 2 -> 4'
+        Action = 'set Background Only False -> True, BackgroundPriority 4, Priority 2 -> 4'
         Needs = @('task/Games')
         Read = { Read-TaskClass -Task 'Games' }
         Before = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:False'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:2'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, clock rate, gpu priority, priority, scheduling category, sfio priority' }
-        After = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:False'; 'value:BackgroundPriority' = 'dword:4'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:4'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
+        After = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:True'; 'value:BackgroundPriority' = 'dword:4'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:4'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
         Set = {
             Write-TaskValue -Task 'Games' -Name 'Affinity' -Type 'DWord' -Value 0
-            Write-TaskValue -Task 'Games' -Name 'Background Only' -Type 'String' -Value 'False'
+            Write-TaskValue -Task 'Games' -Name 'Background Only' -Type 'String' -Value 'True'
             Write-TaskValue -Task 'Games' -Name 'BackgroundPriority' -Type 'DWord' -Value 4
             Write-TaskValue -Task 'Games' -Name 'Clock Rate' -Type 'DWord' -Value 10000
             Write-TaskValue -Task 'Games' -Name 'GPU Priority' -Type 'DWord' -Value 8

@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         369034ed8833, manifest a9326d298f28, rarms 0.1.0
+# Plan         c26c33f7de49, manifest a9326d298f28, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -557,7 +557,7 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '369034ed8833'
+        Plan = 'c26c33f7de49'
         Application = 'robot'
         Serial = 0
         Total = 2
@@ -573,17 +573,17 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/2  task/Games: undo: set BackgroundPriority 4, Priority 2 -> 4
+    # 1/2  task/Games: undo: set Background Only False -> True, BackgroundPriority 4, Priority 2 -> 4
     # why: the manifest replaces it; threads see it when their Windows starts again
     # at:  rarms.yaml:12:50
     Add-Step -Definition @{
         Number = 0
         Address = 'task/Games'
-        Action = 'undo: set BackgroundPriority 4, Priority 2 -> 4'
+        Action = 'undo: set Background Only False -> True, BackgroundPriority 4, Priority 2 -> 4'
         Needs = @('task/Games')
         Undoes = 1
         Read = { Read-TaskClass -Task 'Games' }
-        Before = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:False'; 'value:BackgroundPriority' = 'dword:4'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:4'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
+        Before = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:True'; 'value:BackgroundPriority' = 'dword:4'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:4'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
         After = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:False'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:2'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, clock rate, gpu priority, priority, scheduling category, sfio priority' }
         Set = {
             Write-TaskValue -Task 'Games' -Name 'Affinity' -Type 'DWord' -Value 0
@@ -607,7 +607,7 @@ try {
         Needs = @('task/Games')
         Undoes = 0
         Read = { Read-TaskClass -Task 'Games' }
-        Before = @{ 'record' = 'robot'; 'set' = '87f85213b779' }
+        Before = @{ 'record' = 'robot'; 'set' = '55e1eaac32c9' }
         After = @{ 'record' = ''; 'set' = '' }
         Set = {
             Clear-TaskRecord -Task 'Games' -Application 'robot'

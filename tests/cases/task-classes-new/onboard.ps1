@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         397b7a85e810, manifest 1dcdbb02daa5, rarms 0.1.0
+# Plan         c35f75fef3ef, manifest 1dcdbb02daa5, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -557,12 +557,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '397b7a85e810'
+        Plan = 'c35f75fef3ef'
         Application = 'robot'
         Serial = 0
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'de0ca142e834d8411c754edd423120eb8bddb65bda6876b8f4b0056680ba5d1d'
+        UndoDigest = '0747584bcfd72f9fc8c294da9625c56696a2aa2737a2a5b2c4730a707e2677ce'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -583,26 +583,26 @@ try {
         Needs = @('task/Localization')
         Read = { Read-TaskClass -Task 'Localization' }
         Before = @{ 'record' = ''; 'set' = '' }
-        After = @{ 'record' = 'robot'; 'set' = '46788b181ea1' }
+        After = @{ 'record' = 'robot'; 'set' = 'ed6954abc738' }
         Set = {
-            Write-TaskRecord -Task 'Localization' -Application 'robot' -Digest '46788b181ea1' -Before 'null'
+            Write-TaskRecord -Task 'Localization' -Application 'robot' -Digest 'ed6954abc738' -Before 'null'
         }
     }
 
-    # 2/4  task/Localization: set Affinity 0, Background Only False, BackgroundPriority 5, Clock Rate 10000, GPU Priority 8, Priority 5, SFIO Priority Normal, Scheduling Category Medium
+    # 2/4  task/Localization: set Affinity 0, Background Only True, BackgroundPriority 5, Clock Rate 10000, GPU Priority 8, Priority 5, SFIO Priority Normal, Scheduling Category Medium
     # why: a component names it; threads see it when their Windows starts again
     # at:  rarms.yaml:13:51
     Add-Step -Definition @{
         Number = 1
         Address = 'task/Localization'
-        Action = 'set Affinity 0, Background Only False, BackgroundPriority 5, Clock Rate 10000, GPU Priority 8, Priority 5, SFIO Priority Normal, Scheduling Category Medium'
+        Action = 'set Affinity 0, Background Only True, BackgroundPriority 5, Clock Rate 10000, GPU Priority 8, Priority 5, SFIO Priority Normal, Scheduling Category Medium'
         Needs = @('task/Localization')
         Read = { Read-TaskClass -Task 'Localization' }
         Before = @{ 'exists' = $false; 'values' = '' }
-        After = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:False'; 'value:BackgroundPriority' = 'dword:5'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:5'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
+        After = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:True'; 'value:BackgroundPriority' = 'dword:5'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:5'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
         Set = {
             Write-TaskValue -Task 'Localization' -Name 'Affinity' -Type 'DWord' -Value 0
-            Write-TaskValue -Task 'Localization' -Name 'Background Only' -Type 'String' -Value 'False'
+            Write-TaskValue -Task 'Localization' -Name 'Background Only' -Type 'String' -Value 'True'
             Write-TaskValue -Task 'Localization' -Name 'BackgroundPriority' -Type 'DWord' -Value 5
             Write-TaskValue -Task 'Localization' -Name 'Clock Rate' -Type 'DWord' -Value 10000
             Write-TaskValue -Task 'Localization' -Name 'GPU Priority' -Type 'DWord' -Value 8
@@ -622,26 +622,26 @@ try {
         Needs = @('task/MotionControl')
         Read = { Read-TaskClass -Task 'MotionControl' }
         Before = @{ 'record' = ''; 'set' = '' }
-        After = @{ 'record' = 'robot'; 'set' = '83ae0cee1cdc' }
+        After = @{ 'record' = 'robot'; 'set' = '59f2d42fe4cf' }
         Set = {
-            Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest '83ae0cee1cdc' -Before 'null'
+            Write-TaskRecord -Task 'MotionControl' -Application 'robot' -Digest '59f2d42fe4cf' -Before 'null'
         }
     }
 
-    # 4/4  task/MotionControl: set Affinity 0, Background Only False, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium
+    # 4/4  task/MotionControl: set Affinity 0, Background Only True, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium
     # why: a component names it; threads see it when their Windows starts again
     # at:  rarms.yaml:12:51
     Add-Step -Definition @{
         Number = 3
         Address = 'task/MotionControl'
-        Action = 'set Affinity 0, Background Only False, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium'
+        Action = 'set Affinity 0, Background Only True, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium'
         Needs = @('task/MotionControl')
         Read = { Read-TaskClass -Task 'MotionControl' }
         Before = @{ 'exists' = $false; 'values' = '' }
-        After = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:False'; 'value:BackgroundPriority' = 'dword:7'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:7'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
+        After = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:True'; 'value:BackgroundPriority' = 'dword:7'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:7'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
         Set = {
             Write-TaskValue -Task 'MotionControl' -Name 'Affinity' -Type 'DWord' -Value 0
-            Write-TaskValue -Task 'MotionControl' -Name 'Background Only' -Type 'String' -Value 'False'
+            Write-TaskValue -Task 'MotionControl' -Name 'Background Only' -Type 'String' -Value 'True'
             Write-TaskValue -Task 'MotionControl' -Name 'BackgroundPriority' -Type 'DWord' -Value 7
             Write-TaskValue -Task 'MotionControl' -Name 'Clock Rate' -Type 'DWord' -Value 10000
             Write-TaskValue -Task 'MotionControl' -Name 'GPU Priority' -Type 'DWord' -Value 8

@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         397b7a85e810, manifest 1dcdbb02daa5, rarms 0.1.0
+# Plan         c35f75fef3ef, manifest 1dcdbb02daa5, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -557,7 +557,7 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '397b7a85e810'
+        Plan = 'c35f75fef3ef'
         Application = 'robot'
         Serial = 0
         Total = 4
@@ -573,17 +573,17 @@ try {
         Guard = { Assert-VmHost }
     }
 
-    # 1/4  task/MotionControl: undo: set Affinity 0, Background Only False, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium
+    # 1/4  task/MotionControl: undo: set Affinity 0, Background Only True, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium
     # why: a component names it; threads see it when their Windows starts again
     # at:  rarms.yaml:12:51
     Add-Step -Definition @{
         Number = 0
         Address = 'task/MotionControl'
-        Action = 'undo: set Affinity 0, Background Only False, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium'
+        Action = 'undo: set Affinity 0, Background Only True, BackgroundPriority 7, Clock Rate 10000, GPU Priority 8, Priority 7, SFIO Priority Normal, Scheduling Category Medium'
         Needs = @('task/MotionControl')
         Undoes = 3
         Read = { Read-TaskClass -Task 'MotionControl' }
-        Before = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:False'; 'value:BackgroundPriority' = 'dword:7'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:7'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
+        Before = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:True'; 'value:BackgroundPriority' = 'dword:7'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:7'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
         After = @{ 'exists' = $false; 'values' = '' }
         Set = {
             Clear-TaskClass -Task 'MotionControl'
@@ -600,24 +600,24 @@ try {
         Needs = @('task/MotionControl')
         Undoes = 2
         Read = { Read-TaskClass -Task 'MotionControl' }
-        Before = @{ 'record' = 'robot'; 'set' = '83ae0cee1cdc' }
+        Before = @{ 'record' = 'robot'; 'set' = '59f2d42fe4cf' }
         After = @{ 'record' = ''; 'set' = '' }
         Set = {
             Clear-TaskRecord -Task 'MotionControl' -Application 'robot'
         }
     }
 
-    # 3/4  task/Localization: undo: set Affinity 0, Background Only False, BackgroundPriority 5, Clock Rate 10000, GPU Priority 8, Priority 5, SFIO Priority Normal, Scheduling Category Medium
+    # 3/4  task/Localization: undo: set Affinity 0, Background Only True, BackgroundPriority 5, Clock Rate 10000, GPU Priority 8, Priority 5, SFIO Priority Normal, Scheduling Category Medium
     # why: a component names it; threads see it when their Windows starts again
     # at:  rarms.yaml:13:51
     Add-Step -Definition @{
         Number = 2
         Address = 'task/Localization'
-        Action = 'undo: set Affinity 0, Background Only False, BackgroundPriority 5, Clock Rate 10000, GPU Priority 8, Priority 5, SFIO Priority Normal, Scheduling Category Medium'
+        Action = 'undo: set Affinity 0, Background Only True, BackgroundPriority 5, Clock Rate 10000, GPU Priority 8, Priority 5, SFIO Priority Normal, Scheduling Category Medium'
         Needs = @('task/Localization')
         Undoes = 1
         Read = { Read-TaskClass -Task 'Localization' }
-        Before = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:False'; 'value:BackgroundPriority' = 'dword:5'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:5'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
+        Before = @{ 'exists' = $true; 'value:Affinity' = 'dword:0'; 'value:Background Only' = 'sz:True'; 'value:BackgroundPriority' = 'dword:5'; 'value:Clock Rate' = 'dword:10000'; 'value:GPU Priority' = 'dword:8'; 'value:Priority' = 'dword:5'; 'value:SFIO Priority' = 'sz:Normal'; 'value:Scheduling Category' = 'sz:Medium'; 'values' = 'affinity, background only, backgroundpriority, clock rate, gpu priority, priority, scheduling category, sfio priority' }
         After = @{ 'exists' = $false; 'values' = '' }
         Set = {
             Clear-TaskClass -Task 'Localization'
@@ -634,7 +634,7 @@ try {
         Needs = @('task/Localization')
         Undoes = 0
         Read = { Read-TaskClass -Task 'Localization' }
-        Before = @{ 'record' = 'robot'; 'set' = '46788b181ea1' }
+        Before = @{ 'record' = 'robot'; 'set' = 'ed6954abc738' }
         After = @{ 'record' = ''; 'set' = '' }
         Set = {
             Clear-TaskRecord -Task 'Localization' -Application 'robot'

@@ -98,7 +98,7 @@ def test_all_values_have_their_types() -> None:
 
     assert {name: (value.kind.value, value.data) for name, value in registry_values(one).items()} == {
         "Affinity": ("dword", 0),
-        "Background Only": ("sz", "False"),
+        "Background Only": ("sz", "True"),
         "BackgroundPriority": ("dword", 7),
         "Clock Rate": ("dword", 10000),
         "GPU Priority": ("dword", 8),
