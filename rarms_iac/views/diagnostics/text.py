@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 
 from rarms_iac.model.diagnostics import Diagnostic, Place, Severity
-from rarms_iac.views.diagnostics.layout import visible, wrap
+from rarms_iac.views.diagnostics.layout import columns, hanging, visible, wrap
 from rarms_iac.views.diagnostics.source import Sources, excerpt, line_at, source_lines
 
 WIDTH = 80
@@ -43,8 +43,8 @@ def _files(diagnostics: Sequence[Diagnostic]) -> set[str]:
 
 
 def _block(one: Diagnostic, sources: Mapping[str, Sequence[str]], width: int) -> Iterator[str]:
-    yield f"{one.severity.value}[{one.code}] {visible(one.summary, keep='')}"
-    yield from _where(one)
+    yield from hanging(f"{one.severity.value}[{one.code}] ", visible(one.summary, keep=""), width)
+    yield from _where(one, width)
     if one.place is not None:
         yield from _snippet(one.place, sources, width)
     yield from wrap(one.detail, width, INDENT)
@@ -54,13 +54,23 @@ def _block(one: Diagnostic, sources: Mapping[str, Sequence[str]], width: int) ->
         yield from _snippet(related.place, sources, width)
 
 
-def _where(one: Diagnostic) -> Iterator[str]:
-    """The place; a warning also says its address, which is what `policy.accept` would name."""
+def _where(one: Diagnostic, width: int) -> Iterator[str]:
+    """The place, on several lines where it is too long for one.
+
+    A warning also says its address, which is what `policy.accept` would name.
+    """
     parts = [] if one.place is None else [part for part in (str(one.place), one.place.path) if part]
     if one.address and (one.severity is Severity.WARNING or one.place is None):
         parts.append(f"at {one.address}")
-    if parts:
-        yield INDENT + visible(", ".join(parts), keep="")
+    line = ""
+    for part in (visible(each, keep="") for each in parts):
+        if line and columns(f"{INDENT}{line}, {part}") > width:
+            yield f"{INDENT}{line},"
+            line = part
+        else:
+            line = f"{line}, {part}" if line else part
+    if line:
+        yield INDENT + line
 
 
 def _snippet(place: Place, sources: Mapping[str, Sequence[str]], width: int) -> Iterator[str]:
