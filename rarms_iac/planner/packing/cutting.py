@@ -15,8 +15,17 @@ from rarms_iac.planner.packing.multiples import NODES, best_fill
 
 _GAIN = 1e-6
 
+_ABOVE = SCALE + 8
+"""Patterns of no more weight do not matter: those that are known may have so much, by the rounding of weights."""
+
 _MORE = 12
 """Further patterns of one look, each of sizes that those before left."""
+
+_LOOK = 2_000
+"""A look for patterns counts as the third power of rows, through this."""
+
+_PIVOTS = 100
+"""Pivots that are made in any case."""
 
 _QUICK = 400
 """Sets that are tried for each of those."""
@@ -31,7 +40,7 @@ class Relaxation:
     weights: tuple[int, ...]
     parts: tuple[tuple[Pattern, float], ...]
     pool: tuple[Pattern, ...]  # all patterns that are known
-    work: int  # pivots times rows that it took
+    work: int  # that it took
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +48,7 @@ class Looks:
     """How much is tried, in counts."""
 
     rounds: int = 300
-    work: int = 400_000  # pivots times rows after which no more patterns are looked for
+    work: int = 400_000  # after which no more patterns are looked for: pivots times rows, and what looks count as
     nodes: int = NODES
     sure: bool = True  # whether the bound matters
     own: bool = False  # our own linear program, whatever is installed
@@ -62,20 +71,22 @@ def relaxed(demand: Demand, known: Iterable[Pattern], least: int, looks: Looks) 
     for pattern in known:
         add(pattern)
     bound, value, weights = least, 0.0, [0] * len(demand.counts)
+    look, looked = len(sizes) ** 3 // _LOOK, 0
     for _ in range(looks.rounds):
-        master.solve()
+        looked += look
+        master.solve(max(_PIVOTS, looks.work // len(sizes) - master.pivots))
         duals = master.duals()
         value = sum(dual * demand.counts[at] for at, dual in zip(sizes, duals, strict=True))
         for at, dual in zip(sizes, duals, strict=True):
             weights[at] = max(0, round(dual * SCALE))
-        found = best_fill(demand, weights, SCALE, nodes=looks.nodes, sure=looks.sure)
+        found = best_fill(demand, weights, _ABOVE, nodes=looks.nodes, sure=looks.sure)
         if found.most is not None:
             total = sum(weight * count for weight, count in zip(weights, demand.counts, strict=True))
             bound = max(bound, -(-total // found.most))
         if not found.pattern or (looks.sure and bound >= ceil(value - _GAIN)):
             break
         new = [add(pattern) for pattern in _several(demand, weights, found.pattern)]
-        if not any(new) or master.pivots * len(sizes) > looks.work:
+        if not any(new) or looked + master.pivots * len(sizes) > looks.work:
             break
     numbers = {column: pattern for pattern, column in pool.items()}
     parts = [(numbers[column], part) for column, part in sorted(master.solution().items()) if column in numbers]
@@ -85,7 +96,7 @@ def relaxed(demand: Demand, known: Iterable[Pattern], least: int, looks: Looks) 
         weights=tuple(weights),
         parts=tuple(parts),
         pool=tuple(pool),
-        work=master.pivots * len(sizes),
+        work=looked + master.pivots * len(sizes),
     )
 
 
@@ -105,7 +116,7 @@ def _several(demand: Demand, weights: Sequence[int], first: Pattern) -> list[Pat
     while len(found) <= _MORE:
         for at, _ in found[-1]:
             counts[at] = 0
-        next_ = best_fill(replace(demand, counts=tuple(counts)), weights, SCALE, nodes=_QUICK, sure=False)
+        next_ = best_fill(replace(demand, counts=tuple(counts)), weights, _ABOVE, nodes=_QUICK, sure=False)
         if not next_.pattern:
             break
         found.append(next_.pattern)

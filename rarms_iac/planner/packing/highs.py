@@ -50,8 +50,9 @@ class Highs:
         self._columns += 1
         return self._columns - 1
 
-    def solve(self) -> float:
-        """The value of the optimum."""
+    def solve(self, limit: int = 20_000) -> float:
+        """The value of the optimum, or of what so many pivots made of it."""
+        self._solver.setOptionValue("simplex_iteration_limit", limit * _CHEAPER)
         self._solver.run()
         info = self._solver.getInfo()
         self._pivots += max(0, int(info.simplex_iteration_count))

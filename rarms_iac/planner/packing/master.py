@@ -18,8 +18,8 @@ class Restricted(Protocol):
     def add(self, cost: float, entries: Entries) -> int:
         """One column more; its number."""
 
-    def solve(self) -> float:
-        """The value of the optimum."""
+    def solve(self, limit: int = ...) -> float:
+        """The value of the optimum, or of what so many pivots made of it."""
 
     def duals(self) -> list[float]:
         """By row: what one unit more of its right-hand side would cost."""

@@ -11,6 +11,9 @@ _PARTS = 16
 
 _STEPS = (4, 2, 1)
 
+_MANY = 100
+"""For more sizes than these only the widest step is made."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Surrogate:
@@ -31,7 +34,7 @@ def surrogate(demand: Demand, profits: Sequence[int], gainful: Sequence[int]) ->
     weights = [_PARTS // dimensions or 1] * dimensions
     best = _weighed(demand, weights)
     least = _carries(best, demand, profits, gainful)
-    for step in _STEPS:
+    for step in _STEPS if len(gainful) <= _MANY else _STEPS[:1]:
         for d in range(dimensions):
             for sign in (step, -step):
                 other = [max(0, one + (sign if at == d else 0)) for at, one in enumerate(weights)]
