@@ -69,6 +69,8 @@ def dive(demand: Demand, start: Relaxation, target: int, limits: Limits) -> Dive
         more = _to_the_end(rest, now, target - len(taken) - len(chosen))
         if len(taken) + len(chosen) + len(more) < len(best):
             best = (*taken, *chosen, *more)
+        if not any(rest.counts):
+            break
         again = relaxed(rest, _possible(rest, now.pool), 0, replace(_LOOKS, own=limits.own))
         used += again.work + _AT_LEAST
         if len(taken) + len(chosen) + again.value > target + _NEAR and thoughts < _THOUGHTS:

@@ -8,8 +8,9 @@ import pytest
 
 from rarms_iac.planner import PackedSizes, pack_sizes
 from rarms_iac.planner.packing.completion import completed
-from rarms_iac.planner.packing.cutting import Looks, relaxed
+from rarms_iac.planner.packing.cutting import Looks, Relaxation, relaxed
 from rarms_iac.planner.packing.demand import Demand, demand_of, left_of
+from rarms_iac.planner.packing.diving import Limits, dive
 from rarms_iac.planner.packing.factored import Factored
 from rarms_iac.planner.packing.multiples import best_fill
 from rarms_iac.planner.packing.program import Sizes
@@ -187,3 +188,14 @@ def test_sizes_of_nothing_and_large_units_are_sizes_too() -> None:
 
     assert fits(packed, [(size,) for size in items], (100_000_000,))
     assert (packed.used, packed.gap) == (14, 0)
+
+
+def test_a_dive_may_take_everything_at_once() -> None:
+    demand = demand_of([(60,), (40,), (40,)], (100,))
+    whole = (((0, 1), (1, 1)), 1.0), (((1, 1),), 1.0)
+    start = Relaxation(bound=1, value=2.0, weights=(1, 1), parts=whole, pool=(), work=0)
+
+    found = dive(demand, start, 1, Limits(work=100_000, random=None, own=True))
+
+    assert len(found.patterns) == 2
+    assert not any(left_of(demand.counts, found.patterns))
