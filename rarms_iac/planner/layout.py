@@ -13,7 +13,9 @@ from rarms_iac.model.layout import Infeasible, Layout
 from rarms_iac.model.quantities import show_bytes, show_processors
 from rarms_iac.model.system import Disruption, Measured, System
 from rarms_iac.planner import findings
-from rarms_iac.planner.does_not_fit.conflict import explained, told
+from rarms_iac.planner.does_not_fit.conflict import explained
+from rarms_iac.planner.does_not_fit.room import has_room
+from rarms_iac.planner.does_not_fit.telling import told
 from rarms_iac.planner.does_not_fit.variants import Trial, Variant
 from rarms_iac.planner.first_fit import cost
 from rarms_iac.planner.problem import HostView, Problem, by_name, has_layout, problem_of, solve
@@ -52,13 +54,18 @@ def plan_layout(
         notes += _placement(answer, places)
     else:
 
-        def works(variant: Variant, *, moving: bool = False) -> bool:
-            may_move = moving or limit is Disruption.REMOVAL
-            again = problem_of(variant.system, variant.reservations, variant.views, may_move=may_move)
-            return has_layout(again)
+        def of(variant: Variant) -> Problem:
+            return problem_of(variant.system, variant.reservations, variant.views, may_move=variant.may_move)
 
-        start = Variant(system=system, views=hosts, reservations=reservations)
-        answer = explained(answer, problem, Trial(start=start, works=works))
+        def works(variant: Variant) -> bool:
+            return has_layout(of(variant))
+
+        def may_work(variant: Variant) -> bool:
+            return has_layout(of(variant), has_room)
+
+        may_move = limit is Disruption.REMOVAL
+        start = Variant(system=system, views=hosts, reservations=reservations, may_move=may_move)
+        answer = explained(answer, problem, Trial(start=start, works=works, may_work=may_work))
         notes += told(answer, problem, places)
     return Planning(answer=answer, findings=tuple(notes))
 

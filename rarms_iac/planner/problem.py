@@ -1,6 +1,6 @@
 """What the search is given, made of manifest and hosts; and its answer, turned into a layout."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from rarms_iac.model.capacity import capacity_of, foreign_claims
@@ -134,11 +134,18 @@ def solve(problem: Problem) -> Layout | Infeasible:
     )
 
 
-def has_layout(problem: Problem) -> bool:
-    """Whether `solve` finds a layout; how good it is, and whether that can be certified, is not asked."""
+def _is_placed(items: Sequence[Item], bins: Sequence[Bin]) -> bool:
+    return place(items, bins).hosts is not None
+
+
+def has_layout(problem: Problem, has_room: Callable[[Sequence[Item], Sequence[Bin]], bool] = _is_placed) -> bool:
+    """Whether `solve` finds a layout; how good it is, and whether that can be certified, is not asked.
+
+    `has_room`: whether partitions find room; one that gives up sooner says no where `solve` might find a way.
+    """
     if any(_causes(problem)) or _on_hosts(problem.system)[1]:
         return False
-    return place(problem.items, problem.bins).hosts is not None
+    return has_room(problem.items, problem.bins)
 
 
 def _causes(problem: Problem) -> Iterator[Cause]:

@@ -132,8 +132,8 @@ def more_processors_and_measuring(trial: Trial) -> Anew | None:
         given = Edit("", processors_given(open_, width))
         after = trial.after((given,))
         number = _fewest(hosts, after, measured_anew=True)
-        if number is not None:
-            more = _processors(after.start, hosts, number, measured_anew=True)
+        more = None if number is None else _processors(after.start, hosts, number, measured_anew=True)
+        if more is not None and after.is_planned((more,)):
             names = sorted({one.name for group in groups for one in group.members})
             fixed = f", with `processors: {width}` for {_and(open_)} as now" if open_ else ""
             who = "they" if open_ == names else _and(names)

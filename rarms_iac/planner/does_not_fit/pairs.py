@@ -79,7 +79,8 @@ def pair_to_combine(conflict: Sequence[str], problem: Problem, trial: Trial) -> 
     among = [one for one in _can_share(problem) if one.name in conflict]
     for pair in list(_in_order(among))[:TRIED]:
         for compound in _compounds(pair, problem):
-            if compound.lowest <= compound.highest and trial.fits([compound.edit(compound.lowest)]):
+            edits = [compound.edit(compound.lowest)]
+            if compound.lowest <= compound.highest and trial.fits(edits) and trial.is_planned(edits):
                 return _told(compound, problem, trial)
     return None
 
@@ -95,7 +96,7 @@ def layout_to_combine(problem: Problem, trial: Trial) -> str | None:
         by_member={member: one for one in groups.values() for member in names_of(one.members)},
         cois=tuple(coi_of(one, next(iter(problem.claims[one.name].values()))) for one in groups.values()),
     )
-    works = Counted(works=trial.works, left=LAYOUTS)
+    works = Counted(works=trial.may_work, left=LAYOUTS)
 
     def fits(layout: Sequence[Coi]) -> bool:
         shared = [one for one in layout if one not in known.cois]
@@ -116,6 +117,8 @@ def layout_to_combine(problem: Problem, trial: Trial) -> str | None:
         best = layouts.best()
         if best is not None:
             found = known.compounds(layouts.cois_of(best.blocks))
+            if not trial.is_planned([one.edit(one.lowest) for one in found]):
+                return None
             return _told(found[0], problem, trial) if len(found) == 1 else _all_told(found, problem)
     return None
 

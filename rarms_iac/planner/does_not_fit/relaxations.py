@@ -1,6 +1,7 @@
 """Changes of the manifest with which it would fit. Each is tried by planning it; none is guessed."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import islice
 
 from rarms_iac.model.layout import Relaxation
@@ -31,10 +32,14 @@ def relaxations(problem: Problem, conflict: Sequence[str], trial: Trial) -> tupl
 
     Where no single change is enough, several that are together. What may help and has to be measured stands last.
     """
-    counted = Trial(start=trial.start, works=Counted(works=trial.works, left=TRIALS))
+    counted = replace(trial, may_work=Counted(works=trial.may_work, left=TRIALS))
     few = len(problem.groups) <= TRIED_UP_TO
-    found = list(islice(_in_turns(_single(problem, conflict, counted, few=few)), OFFERED))
-    found = found or list(islice(_together(problem, conflict, counted, few=few), OFFERED))
+
+    def planned(ways: Iterator[Edits]) -> list[Edits]:
+        return list(islice((one for one in ways if trial.is_planned(one)), OFFERED))
+
+    found = planned(_in_turns(_single(problem, conflict, counted, few=few)))
+    found = found or planned(_together(problem, conflict, counted, few=few))
     may = list(_perhaps(problem, conflict, counted)) if few else []
     return (*(Relaxation(says=told(one)) for one in found), *(Relaxation(says=one, may=True) for one in may))
 
@@ -62,12 +67,13 @@ def _single(problem: Problem, conflict: Sequence[str], trial: Trial, *, few: boo
 
 
 def _moving(problem: Problem, trial: Trial) -> Iterator[Edits]:
-    if problem.now and trial.fits((), moving=True):
-        yield (Edit("`--max-disruption removal`, which lets partitions move to another host", _as_it_is),)
+    edit = Edit("`--max-disruption removal`, which lets partitions move to another host", _may_move)
+    if problem.now and not trial.start.may_move and trial.fits((edit,)):
+        yield (edit,)
 
 
-def _as_it_is(variant: Variant) -> Variant:
-    return variant
+def _may_move(variant: Variant) -> Variant:
+    return replace(variant, may_move=True)
 
 
 def _lowered(

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import reduce
-from typing import Protocol
 
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, Percent, ProcessorTime, ShareOfHost, show_amount
@@ -24,14 +23,11 @@ class Variant:
     system: System
     views: Mapping[str, HostView]
     reservations: ReservationSource
+    may_move: bool  # whether partitions may leave their hosts
 
 
-class Works(Protocol):
-    """Whether everything fits."""
-
-    def __call__(self, variant: Variant, *, moving: bool = False) -> bool:
-        """Plan it; `moving`: partitions may leave their hosts."""
-        ...
+Works = Callable[[Variant], bool]
+"""Whether everything fits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,11 +47,16 @@ class Trial:
     """What is varied, and how a variation is tried."""
 
     start: Variant
-    works: Works
+    works: Works  # plans it
+    may_work: Works  # a short search of whether there is room
 
-    def fits(self, edits: Iterable[Edit], *, moving: bool = False) -> bool:
-        """Whether everything fits with all of these."""
-        return self.works(edited(self.start, edits), moving=moving)
+    def fits(self, edits: Iterable[Edit]) -> bool:
+        """Whether everything seems to fit with all of these."""
+        return self.may_work(edited(self.start, edits))
+
+    def is_planned(self, edits: Iterable[Edit]) -> bool:
+        """Whether a plan of it has a layout: asked of what is told."""
+        return self.works(edited(self.start, edits))
 
     def after(self, edits: Iterable[Edit]) -> "Trial":
         """The same, from where these are made."""
@@ -69,10 +70,10 @@ class Counted:
     works: Works
     left: int
 
-    def __call__(self, variant: Variant, *, moving: bool = False) -> bool:
+    def __call__(self, variant: Variant) -> bool:
         """As `Works` says."""
         self.left -= 1
-        return self.left >= 0 and self.works(variant, moving=moving)
+        return self.left >= 0 and self.works(variant)
 
 
 def edited(variant: Variant, edits: Iterable[Edit]) -> Variant:

@@ -113,6 +113,12 @@ def ruled_out(problem: Problem, settings: Settings | None = None) -> Impossible 
     return Impossible(proof=Proof(weights=relaxed.weights)) if relaxed is not None and relaxed.bound else None
 
 
+def finds_room(problem: Problem, settings: Settings | None = None) -> bool:
+    """Whether a packing was found, whatever it costs: as `solve` begins."""
+    first = cheapest(problem)
+    return not isinstance(_any(first, by_volume(first).bound, settings or Settings()), Impossible | GaveUp)
+
+
 def _any(first: Program, least: int, how: Settings) -> Bundles | Impossible | GaveUp:
     """A packing to start from, whatever it costs; or that there is none."""
     start = quick_packing(first, least, how.tries)
