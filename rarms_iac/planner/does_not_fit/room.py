@@ -8,6 +8,9 @@ from rarms_iac.planner.first_fit import Bin, Item, cost, first_fit, free_in
 from rarms_iac.planner.in_numbers import problem_of
 from rarms_iac.planner.search import EXACT_UP_TO, place
 
+SEARCHED_UP_TO = 16
+"""Partitions of which it is searched whether there is room; of more, greedy packings have to find it."""
+
 
 def memory_of(claim: Claim) -> int:
     """In bytes."""
@@ -28,7 +31,7 @@ def has_room(items: Sequence[Item], bins: Sequence[Bin]) -> bool:
     from rarms_iac.planner.packing.solve import Settings, finds_room
 
     limits = Limits(nodes=20, dives=4, first_dive=20, dive=4, patterns=400, cover=20_000, cover_below=2_000)
-    return finds_room(problem_of(items, bins), Settings(limits=limits))
+    return finds_room(problem_of(items, bins), Settings(limits=limits), searching=len(items) <= SEARCHED_UP_TO)
 
 
 def exceeds(items: Sequence[Item], bins: Sequence[Bin], measure: Callable[[Claim], int]) -> tuple[Item, ...] | None:

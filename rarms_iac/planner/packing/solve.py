@@ -113,10 +113,13 @@ def ruled_out(problem: Problem, settings: Settings | None = None) -> Impossible 
     return Impossible(proof=Proof(weights=relaxed.weights)) if relaxed is not None and relaxed.bound else None
 
 
-def finds_room(problem: Problem, settings: Settings | None = None) -> bool:
-    """Whether a packing was found, whatever it costs: as `solve` begins."""
-    first = cheapest(problem)
-    return not isinstance(_any(first, by_volume(first).bound, settings or Settings()), Impossible | GaveUp)
+def finds_room(problem: Problem, settings: Settings | None = None, *, searching: bool = True) -> bool:
+    """Whether a packing was found, whatever it costs, as `solve` begins; without searching, by greedy ones alone."""
+    first, how = cheapest(problem), settings or Settings()
+    least = by_volume(first).bound
+    if not searching:
+        return quick_packing(first, least, how.tries) is not None
+    return not isinstance(_any(first, least, how), Impossible | GaveUp)
 
 
 def _any(first: Program, least: int, how: Settings) -> Bundles | Impossible | GaveUp:
