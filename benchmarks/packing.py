@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 from benchmarks.packings import FAMILIES, HARD, Instance, instance
 from benchmarks.timing import Figure, report
-from rarms_iac.planner.packing.certificate import claim_of, problem_data
-from rarms_iac.planner.packing.checker import Wrong, check
+from rarms_iac.planner.certifying.checker import Wrong, check
+from rarms_iac.planner.certifying.claim import claim_of, problem_data
 from rarms_iac.planner.packing.solve import Packed, solve
 
 EACH = 60

@@ -13,9 +13,9 @@ from rarms_iac.model.capacity import Capacity
 from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.planner import PackedSizes, pack_sizes
-from rarms_iac.planner.first_fit import Bin, Item
-from rarms_iac.planner.packing.master import installed
-from rarms_iac.planner.search import Found, place
+from rarms_iac.planner.packing.linear.master import installed
+from rarms_iac.planner.placing.first_fit import Bin, Item
+from rarms_iac.planner.placing.place import Found, place
 
 SECONDS = 10.0
 MIB = 1 << 20

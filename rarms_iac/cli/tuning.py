@@ -26,13 +26,13 @@ from rarms_iac.planner.combining.measured import measured_coi
 from rarms_iac.planner.combining.objective import Objective
 from rarms_iac.planner.combining.oracle import Unanswered
 from rarms_iac.planner.combining.values import Coi, Members
-from rarms_iac.planner.first_fit import Item, cost, free_in
 from rarms_iac.planner.groups import Group, may_share
 from rarms_iac.planner.layout import plan_layout
+from rarms_iac.planner.placing.first_fit import Item, cost, free_in
+from rarms_iac.planner.placing.place import place
 from rarms_iac.planner.prediction.members import NOTHING, Predictor, alone_in, predictor_of
 from rarms_iac.planner.problem import Problem, host_view, problem_of
 from rarms_iac.planner.reservations import names_of, rests_on_a_log
-from rarms_iac.planner.search import place
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.statistics.curve import curves_of, holds
 

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rarms_iac.planner.packing.equal import PackedSizes, pack_sizes
+    from rarms_iac.planner.packing.plain.equal import PackedSizes, pack_sizes
 
 __all__ = ["PackedSizes", "pack_sizes"]
 
@@ -12,6 +12,6 @@ def __getattr__(name: str) -> object:
     """The packing is imported when it is asked for: most commands never do, and starting up would wait for it."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from rarms_iac.planner.packing import equal
+    from rarms_iac.planner.packing.plain import equal
 
     return getattr(equal, name)

@@ -17,10 +17,10 @@ from rarms_iac.planner.does_not_fit.conflict import explained
 from rarms_iac.planner.does_not_fit.room import has_room
 from rarms_iac.planner.does_not_fit.telling import told
 from rarms_iac.planner.does_not_fit.variants import Trial, Variant
-from rarms_iac.planner.first_fit import cost
+from rarms_iac.planner.placing.first_fit import cost
+from rarms_iac.planner.placing.place import Verdict
 from rarms_iac.planner.problem import HostView, Problem, by_name, has_layout, problem_of, solve
 from rarms_iac.planner.reservations import ReservationSource
-from rarms_iac.planner.search import Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

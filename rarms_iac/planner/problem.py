@@ -9,10 +9,10 @@ from rarms_iac.model.plan import Claim
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Host, RunsOn, System
 from rarms_iac.planner import findings
-from rarms_iac.planner.first_fit import Bin, Item
 from rarms_iac.planner.groups import Group, company, groups_of
+from rarms_iac.planner.placing.first_fit import Bin, Item
+from rarms_iac.planner.placing.place import Found, place, placement_of
 from rarms_iac.planner.reservations import ReservationSource
-from rarms_iac.planner.search import Found, place, placement_of
 from rarms_iac.planner.sizes import Sized, size
 
 

@@ -11,7 +11,7 @@ from rarms_iac.planner.does_not_fit.sentences import find_no_room, memory_exceed
 from rarms_iac.planner.does_not_fit.smaller import certified_impossible, hosts_of
 from rarms_iac.planner.does_not_fit.smallest import smallest
 from rarms_iac.planner.does_not_fit.variants import Trial
-from rarms_iac.planner.first_fit import Bin, Item, cost, free_in
+from rarms_iac.planner.placing.first_fit import Bin, Item, cost, free_in
 from rarms_iac.planner.problem import Problem
 
 

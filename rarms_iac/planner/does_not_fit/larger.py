@@ -20,8 +20,8 @@ from rarms_iac.planner.does_not_fit.variants import (
     processors_given,
     without_logs,
 )
-from rarms_iac.planner.first_fit import free_in
 from rarms_iac.planner.groups import Group, groups_of
+from rarms_iac.planner.placing.first_fit import free_in
 from rarms_iac.planner.problem import HostView, Problem
 from rarms_iac.planner.reservations import rests_on_a_log
 

@@ -18,8 +18,8 @@ from rarms_iac.planner.combining.objective import Objective
 from rarms_iac.planner.combining.values import Coi
 from rarms_iac.planner.does_not_fit.levers import largest
 from rarms_iac.planner.does_not_fit.variants import Counted, Edit, Trial, Variant, edited
-from rarms_iac.planner.first_fit import cost, free_in
 from rarms_iac.planner.groups import Group, may_share
+from rarms_iac.planner.placing.first_fit import cost, free_in
 from rarms_iac.planner.prediction.members import Predictor, alone_in, expected_of, predictor_of
 from rarms_iac.planner.problem import Problem
 from rarms_iac.planner.reservations import names_of, rests_on_a_log

@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterator, Sequence
 
 from rarms_iac.model.plan import Claim
 from rarms_iac.planner.does_not_fit.smaller import by_hosts, hosts_of
-from rarms_iac.planner.first_fit import Bin, Item, cost, first_fit, free_in
-from rarms_iac.planner.in_numbers import problem_of
-from rarms_iac.planner.search import EXACT_UP_TO, place
+from rarms_iac.planner.placing.first_fit import Bin, Item, cost, first_fit, free_in
+from rarms_iac.planner.placing.in_numbers import problem_of
+from rarms_iac.planner.placing.place import EXACT_UP_TO, place
 
 SEARCHED_UP_TO = 16
 """Partitions of which it is searched whether there is room; of more, greedy packings have to find it."""

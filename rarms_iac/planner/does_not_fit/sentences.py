@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from fractions import Fraction
 
 from rarms_iac.model.quantities import plain, show_bytes, show_percent, show_processors
-from rarms_iac.planner.first_fit import Bin, Item, cost, free_in
+from rarms_iac.planner.placing.first_fit import Bin, Item, cost, free_in
 
 LISTED_UP_TO = 12
 """Names in a sentence; more are counted."""

@@ -3,10 +3,10 @@
 from collections.abc import Iterator, Sequence
 from itertools import islice
 
-from rarms_iac.planner.certified import certificate_of
-from rarms_iac.planner.first_fit import Bin, Item, cost
-from rarms_iac.planner.in_numbers import problem_of
-from rarms_iac.planner.search import EXACT_UP_TO
+from rarms_iac.planner.certifying.named import certificate_of
+from rarms_iac.planner.placing.first_fit import Bin, Item, cost
+from rarms_iac.planner.placing.in_numbers import problem_of
+from rarms_iac.planner.placing.place import EXACT_UP_TO
 
 LOOKED_AT = 60
 """Groups of partitions that are searched for a placement of their own, at most."""
@@ -59,7 +59,7 @@ def _largest_first(one: Item) -> tuple[int, int, str]:
 
 def certified_impossible(items: Sequence[Item], bins: Sequence[Bin]) -> str:
     """JSON of a certificate that the partitions have no placement, as the checker accepted it; empty: none."""
-    from rarms_iac.planner.packing.certificate import claim_of
+    from rarms_iac.planner.certifying.claim import claim_of
     from rarms_iac.planner.packing.solve import ruled_out
 
     if not items or not bins or any(not one.claims for one in items):

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 
 from rarms_iac.planner.does_not_fit.room import exceeds, memory_of
 from rarms_iac.planner.does_not_fit.smaller import alone, hosts_of
-from rarms_iac.planner.first_fit import Bin, Item, cost, first_fit
-from rarms_iac.planner.in_numbers import problem_of
-from rarms_iac.planner.search import EXACT_UP_TO, place
+from rarms_iac.planner.placing.first_fit import Bin, Item, cost, first_fit
+from rarms_iac.planner.placing.in_numbers import problem_of
+from rarms_iac.planner.placing.place import EXACT_UP_TO, place
 
 SEARCHES = 60
 """Sets of which it is searched whether they find room; one that was not searched counts as if it did."""

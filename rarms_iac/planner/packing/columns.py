@@ -9,9 +9,9 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from rarms_iac.planner.packing.linear.simplex import Master
 from rarms_iac.planner.packing.patterns import best_pattern
 from rarms_iac.planner.packing.program import Mask, Program, members, pattern_charge, pattern_cost
-from rarms_iac.planner.packing.simplex import Master
 
 SCALE = 1_000_000
 """What one unit of cost is in weights."""

@@ -11,12 +11,12 @@ import pytest
 from rarms_iac.model.capacity import Capacity
 from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
+from rarms_iac.planner.certifying.checker import Wrong, check
+from rarms_iac.planner.certifying.claim import problem_data
 from rarms_iac.planner.does_not_fit.smaller import alone, certified_impossible
-from rarms_iac.planner.first_fit import Bin, Item
-from rarms_iac.planner.in_numbers import problem_of
-from rarms_iac.planner.packing.certificate import problem_data
-from rarms_iac.planner.packing.checker import Wrong, check
-from rarms_iac.planner.search import place
+from rarms_iac.planner.placing.first_fit import Bin, Item
+from rarms_iac.planner.placing.in_numbers import problem_of
+from rarms_iac.planner.placing.place import place
 from tests.effort import LONG
 from tests.packings import lies
 

@@ -8,9 +8,9 @@ import pytest
 from rarms_iac.model.layout import Cause, Infeasible
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner import findings
+from rarms_iac.planner.certifying.checker import check
 from rarms_iac.planner.does_not_fit.telling import told
 from rarms_iac.planner.layout import Planning, plan_layout
-from rarms_iac.planner.packing.checker import check
 from rarms_iac.planner.problem import problem_of
 from rarms_iac.planner.reservations import FixedReservations
 from tests.builders import a_component, a_host, a_system

@@ -10,8 +10,8 @@ from rarms_iac.model.capacity import Capacity
 from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.planner.does_not_fit.smallest import smallest
-from rarms_iac.planner.first_fit import Bin, Item
-from rarms_iac.planner.search import place
+from rarms_iac.planner.placing.first_fit import Bin, Item
+from rarms_iac.planner.placing.place import place
 from tests.effort import examples
 from tests.unit.planner.does_not_fit.test_certified import a_fleet, can_be_placed
 

@@ -1,9 +1,9 @@
 """Fewest moves, one set of hosts after another: the best there is, and certified, whatever kinds of host there are."""
 
 from benchmarks.packings import instance
+from rarms_iac.planner.certifying.checker import check
+from rarms_iac.planner.certifying.claim import claim_of, problem_data
 from rarms_iac.planner.packing.branch import Limits
-from rarms_iac.planner.packing.certificate import claim_of, problem_data
-from rarms_iac.planner.packing.checker import check
 from rarms_iac.planner.packing.host_sets import ByHosts, fewest_by_hosts
 from rarms_iac.planner.packing.program import fewest_moves, value_of
 from rarms_iac.planner.packing.solve import Impossible, Packed, solve

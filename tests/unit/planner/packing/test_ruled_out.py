@@ -5,8 +5,8 @@ from random import Random
 
 import pytest
 
-from rarms_iac.planner.packing.certificate import claim_of, problem_data
-from rarms_iac.planner.packing.checker import check
+from rarms_iac.planner.certifying.checker import check
+from rarms_iac.planner.certifying.claim import claim_of, problem_data
 from rarms_iac.planner.packing.dual import too_heavy
 from rarms_iac.planner.packing.program import Problem, Sizes
 from rarms_iac.planner.packing.solve import ruled_out

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from benchmarks.packings import FAMILIES, instance
+from rarms_iac.planner.certifying.checker import check
+from rarms_iac.planner.certifying.claim import claim_of, problem_data
 from rarms_iac.planner.packing.branch import Limits
-from rarms_iac.planner.packing.certificate import claim_of, problem_data
-from rarms_iac.planner.packing.checker import check
 from rarms_iac.planner.packing.columns import Weights
 from rarms_iac.planner.packing.cover import covered
 from rarms_iac.planner.packing.program import cheapest

@@ -4,8 +4,8 @@ import importlib.util
 from collections.abc import Sequence
 from typing import Protocol
 
-from rarms_iac.planner.packing.factored import Factored
-from rarms_iac.planner.packing.simplex import Entries
+from rarms_iac.planner.packing.linear.factored import Factored
+from rarms_iac.planner.packing.linear.simplex import Entries
 
 
 class Restricted(Protocol):
@@ -43,6 +43,6 @@ def restricted(right: Sequence[float], penalties: Sequence[float], *, own: bool)
     """
     if own or not installed():
         return Factored(right=list(right), penalties=list(penalties))
-    from rarms_iac.planner.packing.highs import Highs
+    from rarms_iac.planner.packing.linear.highs import Highs
 
     return Highs(right, penalties)

@@ -6,7 +6,7 @@ believed: bounds are made of its duals as of our own, by exact knapsacks.
 
 from collections.abc import Sequence
 
-from rarms_iac.planner.packing.simplex import TOLERANCE, Entries
+from rarms_iac.planner.packing.linear.simplex import TOLERANCE, Entries
 
 _OPTIONS: tuple[tuple[str, bool | int | str], ...] = (
     ("output_flag", False),

@@ -4,12 +4,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from random import Random
 
-from rarms_iac.planner.packing.completion import completed
-from rarms_iac.planner.packing.cutting import Looks, relaxed
-from rarms_iac.planner.packing.demand import Demand, Pattern, bins_of, demand_of
-from rarms_iac.planner.packing.diving import Limits, dive
-from rarms_iac.planner.packing.filling import best_fit, filled
-from rarms_iac.planner.packing.fullest import fullest
+from rarms_iac.planner.packing.plain.completion import completed
+from rarms_iac.planner.packing.plain.cutting import Looks, relaxed
+from rarms_iac.planner.packing.plain.demand import Demand, Pattern, bins_of, demand_of
+from rarms_iac.planner.packing.plain.diving import Limits, dive
+from rarms_iac.planner.packing.plain.filling import best_fit, filled
+from rarms_iac.planner.packing.plain.fullest import fullest
 from rarms_iac.planner.packing.program import Sizes
 
 _FULLEST = 2_000

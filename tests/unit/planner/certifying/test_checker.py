@@ -15,9 +15,9 @@ from typing import Any
 
 import pytest
 
-from rarms_iac.planner.packing import checker
-from rarms_iac.planner.packing.certificate import claim_of, problem_data
-from rarms_iac.planner.packing.checker import Wrong, check
+from rarms_iac.planner.certifying import checker
+from rarms_iac.planner.certifying.checker import Wrong, check
+from rarms_iac.planner.certifying.claim import claim_of, problem_data
 from rarms_iac.planner.packing.program import Problem
 from rarms_iac.planner.packing.solve import GaveUp, Impossible, Packed, solve
 from tests.effort import LONG

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from rarms_iac.planner.packing.dual import above, rounded
 from rarms_iac.planner.packing.heuristics import quick_packing
-from rarms_iac.planner.packing.large import pack_many
+from rarms_iac.planner.packing.plain.large import pack_many
 from rarms_iac.planner.packing.program import Problem, Sizes, assignment_of, cheapest
 from rarms_iac.planner.packing.solve import Packed, solve
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from rarms_iac.model.capacity import packs_by_size
 from rarms_iac.model.plan import Claim
-from rarms_iac.planner.first_fit import Bin, Item, cost, free_in
+from rarms_iac.planner.placing.first_fit import Bin, Item, cost, free_in
 
 Value = tuple[int, int, int]
 """Partitions without a host, reservation in per cent of one logical processor, moves: the less the better."""

@@ -5,8 +5,8 @@ from fractions import Fraction
 from rarms_iac.model.capacity import Capacity, fits
 from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
-from rarms_iac.planner.first_fit import Bin, Item
-from rarms_iac.planner.search import place
+from rarms_iac.planner.placing.first_fit import Bin, Item
+from rarms_iac.planner.placing.place import place
 
 CELL = Capacity(logical_processors=8, processors=LogicalProcessors(Fraction(8)), memory=Bytes(32 << 30))
 CELLS = [Bin(name=f"cell-{number:02}", capacity=CELL, taken=()) for number in range(50)]

@@ -4,8 +4,8 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from rarms_iac.planner.packing.demand import Demand, Pattern, in_doubles, running
-from rarms_iac.planner.packing.surrogate import Surrogate, surrogate
+from rarms_iac.planner.packing.plain.demand import Demand, Pattern, in_doubles, running
+from rarms_iac.planner.packing.plain.surrogate import Surrogate, surrogate
 
 NODES = 4_000
 """Sets that are tried before a table, or a bound, is enough."""

@@ -7,14 +7,14 @@ from random import Random
 import pytest
 
 from rarms_iac.planner import PackedSizes, pack_sizes
-from rarms_iac.planner.packing.completion import completed
-from rarms_iac.planner.packing.cutting import Looks, Relaxation, relaxed
-from rarms_iac.planner.packing.demand import Demand, demand_of, left_of
-from rarms_iac.planner.packing.diving import Limits, dive
-from rarms_iac.planner.packing.factored import Factored
-from rarms_iac.planner.packing.multiples import best_fill
+from rarms_iac.planner.packing.linear.factored import Factored
+from rarms_iac.planner.packing.linear.simplex import Master
+from rarms_iac.planner.packing.plain.completion import completed
+from rarms_iac.planner.packing.plain.cutting import Looks, Relaxation, relaxed
+from rarms_iac.planner.packing.plain.demand import Demand, demand_of, left_of
+from rarms_iac.planner.packing.plain.diving import Limits, dive
+from rarms_iac.planner.packing.plain.multiples import best_fill
 from rarms_iac.planner.packing.program import Sizes
-from rarms_iac.planner.packing.simplex import Master
 from tests.effort import examples
 
 
@@ -151,7 +151,7 @@ def test_many_vectors_come_with_a_bound_that_holds() -> None:
 
 @pytest.mark.needs("highspy")
 def test_another_solver_gives_the_same_values_and_only_bounds_that_hold() -> None:
-    from rarms_iac.planner.packing.master import restricted
+    from rarms_iac.planner.packing.linear.master import restricted
 
     for seed in range(examples(5)):
         random = Random(seed)

@@ -5,8 +5,8 @@ from math import gcd
 
 from rarms_iac.model.capacity import WHOLE, fits
 from rarms_iac.model.plan import Claim
-from rarms_iac.planner.first_fit import Bin, Item, cost, free_in
 from rarms_iac.planner.packing.program import Problem, Processors, Sizes
+from rarms_iac.planner.placing.first_fit import Bin, Item, cost, free_in
 
 
 def problem_of(items: Sequence[Item], bins: Sequence[Bin]) -> Problem:

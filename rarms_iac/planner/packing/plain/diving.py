@@ -4,10 +4,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from random import Random
 
-from rarms_iac.planner.packing.completion import completed
-from rarms_iac.planner.packing.cutting import Looks, Relaxation, relaxed
-from rarms_iac.planner.packing.demand import Demand, Pattern, left_of
-from rarms_iac.planner.packing.filling import filled
+from rarms_iac.planner.packing.plain.completion import completed
+from rarms_iac.planner.packing.plain.cutting import Looks, Relaxation, relaxed
+from rarms_iac.planner.packing.plain.demand import Demand, Pattern, left_of
+from rarms_iac.planner.packing.plain.filling import filled
 
 _NEAR = 0.02
 """What the bins of a relaxation may be above a whole number: it is not looked for patterns to the very end."""

@@ -7,7 +7,7 @@ the packing, and what it leaves open the others cannot (after Gent's and Korf's 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from rarms_iac.planner.packing.demand import Demand, Pattern, in_doubles
+from rarms_iac.planner.packing.plain.demand import Demand, Pattern, in_doubles
 from rarms_iac.planner.packing.program import Sizes
 
 _FILLS = 200

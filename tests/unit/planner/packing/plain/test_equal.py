@@ -7,7 +7,7 @@ from random import Random
 import pytest
 
 from rarms_iac.planner import pack_sizes
-from rarms_iac.planner.packing.equal import PackedSizes
+from rarms_iac.planner.packing.plain.equal import PackedSizes
 from tests.effort import examples
 from tests.packings import every_packing
 
@@ -67,7 +67,7 @@ def test_nothing_takes_no_bins_and_what_does_not_fit_is_told() -> None:
 
 
 def test_the_example_of_the_page_runs() -> None:
-    page = (Path(__file__).parents[4] / "docs" / "packing.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[5] / "docs" / "packing.md").read_text(encoding="utf-8")
     example = page.split("```python\n")[1].split("```")[0]
     told: dict[str, object] = {}
 

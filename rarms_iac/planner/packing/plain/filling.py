@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from operator import truediv
 
-from rarms_iac.planner.packing.demand import Demand, Pattern, left_of
-from rarms_iac.planner.packing.multiples import best_fill
-from rarms_iac.planner.packing.surrogate import by_share
+from rarms_iac.planner.packing.plain.demand import Demand, Pattern, left_of
+from rarms_iac.planner.packing.plain.multiples import best_fill
+from rarms_iac.planner.packing.plain.surrogate import by_share
 
 _NODES = 300
 

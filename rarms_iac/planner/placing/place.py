@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 from rarms_iac.model.capacity import fits
 from rarms_iac.model.layout import Placement
 from rarms_iac.model.plan import Claim
-from rarms_iac.planner.certified import certificate_of
-from rarms_iac.planner.first_fit import Bin, Item, all_fit, cost, first_fit, free_in
-from rarms_iac.planner.in_numbers import problem_of
+from rarms_iac.planner.certifying.named import certificate_of
 from rarms_iac.planner.packing.program import Problem
+from rarms_iac.planner.placing.first_fit import Bin, Item, all_fit, cost, first_fit, free_in
+from rarms_iac.planner.placing.in_numbers import problem_of
 
 if TYPE_CHECKING:  # the search is imported where there is something to search
     from rarms_iac.planner.packing.solve import Impossible, Packed
@@ -75,8 +75,8 @@ def _beyond(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
     quick = first_fit(items, bins)
     bound = _bound(items)
     if quick is None or _value(items, quick) != bound:
-        from rarms_iac.planner.many import place_many
-        from rarms_iac.planner.staying import staying
+        from rarms_iac.planner.placing.many import place_many
+        from rarms_iac.planner.placing.staying import staying
 
         stay = staying(items, bins)
         better = place_many(items, bins, stay.names, (bound[0], stay.moves), _repacked)
@@ -183,7 +183,7 @@ def placement_of(found: Found) -> Placement | None:
 def _verdict(found: Found) -> tuple[Verdict, str]:
     """What may be said of the placement, and the certificate where there is one: what was packed, and the claim."""
     if found.problem is not None and found.result is not None:
-        from rarms_iac.planner.packing.certificate import claim_of
+        from rarms_iac.planner.certifying.claim import claim_of
 
         claim = claim_of(found.problem, found.result)
         if claim is not None:

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from math import ceil
 
 from rarms_iac.planner.packing.columns import SCALE
-from rarms_iac.planner.packing.demand import Demand, Pattern
-from rarms_iac.planner.packing.master import Restricted, restricted
-from rarms_iac.planner.packing.multiples import NODES, best_fill
+from rarms_iac.planner.packing.linear.master import Restricted, restricted
+from rarms_iac.planner.packing.plain.demand import Demand, Pattern
+from rarms_iac.planner.packing.plain.multiples import NODES, best_fill
 
 _GAIN = 1e-6
 

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rarms_iac.planner.first_fit import Bin, Item, cost, free_in
-from rarms_iac.planner.packing.demand import bins_of, demand_of
-from rarms_iac.planner.packing.multiples import best_fill
+from rarms_iac.planner.packing.plain.demand import bins_of, demand_of
+from rarms_iac.planner.packing.plain.multiples import best_fill
+from rarms_iac.planner.placing.first_fit import Bin, Item, cost, free_in
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rarms_iac.planner.packing.demand import Demand
+from rarms_iac.planner.packing.plain.demand import Demand
 
 _UNIT = 4_096
 _PARTS = 16

@@ -8,11 +8,11 @@ from random import Random
 from rarms_iac.model.capacity import Capacity
 from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
-from rarms_iac.planner.first_fit import Bin, Item, all_fit, cost, first_fit
-from rarms_iac.planner.many import improve
-from rarms_iac.planner.park import Park
-from rarms_iac.planner.search import place
-from rarms_iac.planner.staying import staying
+from rarms_iac.planner.placing.first_fit import Bin, Item, all_fit, cost, first_fit
+from rarms_iac.planner.placing.many import improve
+from rarms_iac.planner.placing.park import Park
+from rarms_iac.planner.placing.place import place
+from rarms_iac.planner.placing.staying import staying
 from tests.effort import examples
 
 MIB = 1 << 20

@@ -7,7 +7,7 @@ rows that one column alone has first, so that it stays short.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from rarms_iac.planner.packing.simplex import TOLERANCE, Entries, Master
+from rarms_iac.planner.packing.linear.simplex import TOLERANCE, Entries, Master
 
 _AGAIN = 40
 """Factors that are added before the product is made anew."""

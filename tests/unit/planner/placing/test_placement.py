@@ -10,12 +10,12 @@ from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.model.system import Disruption, System
-from rarms_iac.planner.first_fit import Bin, Item
+from rarms_iac.planner.certifying.checker import check
 from rarms_iac.planner.layout import Planning, plan_layout
-from rarms_iac.planner.packing.checker import check
+from rarms_iac.planner.placing.first_fit import Bin, Item
+from rarms_iac.planner.placing.place import place
 from rarms_iac.planner.problem import HostView
 from rarms_iac.planner.reservations import FixedReservations
-from rarms_iac.planner.search import place
 from tests.builders import a_component, a_host, a_system
 from tests.planning import PLACES
 

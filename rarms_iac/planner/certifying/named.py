@@ -18,8 +18,8 @@ def certificate_of(problem: Problem, claim: Mapping[str, object], items: Sequenc
         items: names of the partitions, in the problem's order.
         hosts: names of the hosts, in the problem's order.
     """
-    from rarms_iac.planner.packing.certificate import problem_data
-    from rarms_iac.planner.packing.checker import Wrong, check
+    from rarms_iac.planner.certifying.checker import Wrong, check
+    from rarms_iac.planner.certifying.claim import problem_data
 
     data = problem_data(problem)
     try:

@@ -1,0 +1,1 @@
+"""What is claimed of a packing, and the checker of it, which imports nothing of what made it."""

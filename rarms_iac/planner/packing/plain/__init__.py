@@ -1,0 +1,1 @@
+"""Plain sizes, or vectors, into equal bins: many items, and published instances."""
