@@ -1,6 +1,6 @@
 """What the search is given, made of manifest and hosts; and its answer, turned into a layout."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from rarms_iac.model.capacity import capacity_of, foreign_claims
@@ -12,7 +12,7 @@ from rarms_iac.planner import findings
 from rarms_iac.planner.groups import Group, company, groups_of
 from rarms_iac.planner.placing.first_fit import Bin, Item
 from rarms_iac.planner.placing.place import Found, place, placement_of
-from rarms_iac.planner.reservations import ReservationSource
+from rarms_iac.planner.reservations import ReservationSource, rests_on_a_log
 from rarms_iac.planner.sizes import Sized, size
 
 
@@ -55,10 +55,12 @@ def problem_of(
     """The problem that the search is given."""
     groups = groups_of(system)
     now = {name: host for host in sorted(views, reverse=True) for name in views[host].present}
-    kinds = _kinds(system, reservations)
+    alike = _kinds(system, lambda host: host.logical_processors)
+    alike_in_logs = _kinds(system, lambda host: (host.logical_processors, reservations.depends_on(host)))
     claims: dict[str, Mapping[str, Claim]] = {}
     blocked: dict[str, tuple[Cause, ...]] = {}
     for group in groups:
+        kinds = alike_in_logs if rests_on_a_log(group) else alike
         claims[group.name], blocked[group.name] = _claims(group, system, kinds, reservations)
     return Problem(
         system=system,
@@ -78,12 +80,12 @@ def by_name(hosts: Mapping[str, Host]) -> Iterable[Host]:
     return (hosts[name] for name in sorted(hosts))
 
 
-def _kinds(system: System, reservations: ReservationSource) -> Mapping[str, tuple[Host, ...]]:
+def _kinds(system: System, depends_on: Callable[[Host], Hashable]) -> Mapping[str, tuple[Host, ...]]:
     """Hosts that cannot be told apart by what a partition gets on them, by the name of the first."""
     kinds: dict[str, list[Host]] = {}
-    first: dict[object, str] = {}
+    first: dict[Hashable, str] = {}
     for host in by_name(system.hosts):
-        alike = first.setdefault((host.logical_processors, reservations.depends_on(host)), host.name)
+        alike = first.setdefault(depends_on(host), host.name)
         kinds.setdefault(alike, []).append(host)
     return {name: tuple(hosts) for name, hosts in kinds.items()}
 

@@ -20,6 +20,9 @@ from rarms_iac.planner.does_not_fit.variants import (
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.problem import Problem
 
+READ_UP_TO = 8
+"""Changes that are told together: nobody makes more of them from a list."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lever:
@@ -76,7 +79,7 @@ def one_lowered(lever: Lever, trial: Trial) -> Edits | None:
 def several_lowered(levers: Sequence[Lever], trial: Trial) -> Edits | None:
     """Several together, the least critical first, none without need and each as little as helps.
 
-    None: all of them together are not enough.
+    None: all of them together are not enough, or more are needed than are read.
     """
     can = [one for one in levers if one.levels]
     chosen: list[Edits] = [one.at(one.levels[0]) for one in can]
@@ -87,7 +90,8 @@ def several_lowered(levers: Sequence[Lever], trial: Trial) -> Edits | None:
     for at in reversed(range(len(chosen))):
         rest = trial.after(_flat(chosen[:at] + chosen[at + 1 :]))
         chosen[at] = () if rest.fits(()) else one_lowered(can[at], rest) or chosen[at]
-    return _flat(chosen) or None
+    edits = _flat(chosen)
+    return edits if 0 < len(edits) <= READ_UP_TO else None
 
 
 def _flat(chosen: Sequence[Edits]) -> Edits:
