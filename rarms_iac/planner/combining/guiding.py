@@ -20,6 +20,9 @@ BEYOND = 0.2
 LIKE = 30
 """What is expected of needs below those of a part counts as if it had been seen of so many compounds."""
 
+MARGIN = 1.5
+"""So many times fewer of them than the probability allows: the hypotheses themselves are not quite right."""
+
 BETTER = 5
 """Worlds with a better layout among those that are looked at, where the probability asked for is just reached."""
 
@@ -144,7 +147,7 @@ def doubt_of(guide: Guide, layouts: Layouts, than: Value, probability: float) ->
     """
     ranked = takewhile(lambda one: one.value[0] <= than[0], layouts.ranked())
     sets = [(one.mask, layouts.less_than(than, one.mask, one.rest)) for one in ranked if one.value < than]
-    number = ceil((BETTER + 1) / (1.0 - probability))  # rule of succession (P. Laplace, 1774)
+    number = ceil(MARGIN * (BETTER + 1) / (1.0 - probability))  # rule of succession (P. Laplace, 1774)
     found = []
     for looked_at, world in enumerate(worlds(layouts, guide.outlook, guide.belief, number), start=1):
         blocks = world.better(sets)

@@ -10,7 +10,7 @@ SLACK = 2
 
 ASSUMED = f"a compound needs at least what any part of it needs (on several processors: at most {SLACK} points less)"
 
-SELDOM = 0.03
+SELDOM = 0.1
 """Part of these compounds that do, as one expects before any was asked."""
 
 

@@ -100,7 +100,7 @@ def test_the_pair_to_combine_is_of_the_least_critical_and_only_may_help() -> Non
 
     assert pair_in(system, logs) == (
         "combining path and speech in one partition may be enough: the two need 40 % to 79 % of onboard then "
-        "(predicted: 61 %), and up to 60 % fits (`rarms tune` measures it)"
+        "(predicted: 58 %), and up to 60 % fits (`rarms tune` measures it)"
     )
     for reserve, does in (("60 %", True), ("61 %", False)):
         both = PartitionWish(name="path", components=("path", "speech"), cpu=a_cpu(reserve=reserve))
