@@ -29,7 +29,7 @@ from rarms_iac.planner.combining.values import Coi, Members
 from rarms_iac.planner.groups import Group, may_share
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.placing.first_fit import Item, cost, free_in
-from rarms_iac.planner.placing.place import place
+from rarms_iac.planner.placing.place import Found, place
 from rarms_iac.planner.prediction.members import NOTHING, Predictor, alone_in, predictor_of
 from rarms_iac.planner.problem import Problem, host_view, problem_of
 from rarms_iac.planner.reservations import names_of, rests_on_a_log
@@ -71,20 +71,20 @@ class Subject:
         """These together in P1, against the load that they must stand up to."""
         return experiment_of(self.system, self.bench, members, interference_of(self.system, members), samples)
 
-    def objective(self) -> Objective:
+    def objective(self, room: "Room") -> Objective:
         """What makes a layout the better one here."""
         return Objective(
             capacity=self.capacity,
-            fits=self.fits,
+            fits=room.fits,
             minimise=self.system.policy.minimise,
             criticalities={name: self.system.components[name].criticality for one in self.cois for name in one.members},
         )
 
-    def fits(self, layout: Sequence[Coi]) -> bool:
-        """Whether the hosts can keep these promises beside what is not tuned."""
+    def placed(self, layout: Sequence[Coi]) -> Found:
+        """These beside what is not tuned, on the hosts."""
         tuned = {one.name for one in self.cois}
         others = [one for one in self.problem.items if one.name not in tuned]
-        return place([*others, *map(self._item, layout)], self.problem.bins).hosts is not None
+        return place([*others, *map(self._item, layout)], self.problem.bins)
 
     def _item(self, one: Coi) -> Item:
         if one in self.cois:
@@ -99,6 +99,20 @@ class Subject:
         """Where all of them may run."""
         limits = [self.system.components[each].hosts for each in members]
         return tuple(name for name in self.hosts.chosen if all(one is None or name in one for one in limits))
+
+
+@dataclass(slots=True, kw_only=True)
+class Room:
+    """Says which layouts fit, and keeps whether any was refused only because it is not known that it fits."""
+
+    subject: Subject
+    unsure: bool = False
+
+    def fits(self, layout: Sequence[Coi]) -> bool:
+        """Whether the hosts can keep these promises; no where no placement was found."""
+        found = self.subject.placed(layout)
+        self.unsure = self.unsure or (found.hosts is None and not found.proven)
+        return found.hosts is not None
 
 
 def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) -> Subject:

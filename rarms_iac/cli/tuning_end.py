@@ -9,7 +9,7 @@ from rarms_iac.cli.candidates import recorded_answers
 from rarms_iac.cli.datalogs import measured_reservations, measurements_of
 from rarms_iac.cli.hosts import Hosts, observed
 from rarms_iac.cli.manifests import system_of
-from rarms_iac.cli.tuning import Subject, TuningStopped
+from rarms_iac.cli.tuning import Room, Subject, TuningStopped
 from rarms_iac.datalog.tuning import TunedPartition
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.layout import Layout
@@ -104,8 +104,9 @@ def _by_the_paper(before: End, asking: Asking, *, repeat: bool) -> End:
 def _by_the_graph(before: End, asking: Asking, probability: float | None) -> End:
     subject = before.subject
     most = min((subject.highest(one.members) for one in subject.cois), default=WHOLE)
+    room = Room(subject=subject)
     tuning = replace(
-        tuning_of(subject.cois, subject.objective(), asking.may_share, most=most),
+        tuning_of(subject.cois, subject.objective(room), asking.may_share, most=most),
         predictor=subject.predictor,
         probability=probability,
     )
@@ -113,7 +114,8 @@ def _by_the_graph(before: End, asking: Asking, probability: float | None) -> End
     recorded = recorded_answers(measured, subject.bench, tuning.candidates, {subject.bench.name: subject.state})
     found, trail = search(tuning, asking, recorded=recorded)
     if not isinstance(found, Best):
-        return replace(before, ending="unable", trail=trail, proved=found.proved, breaks=found.breaks)
+        proved = found.proved and not room.unsure
+        return replace(before, ending="unable", trail=trail, proved=proved, breaks=found.breaks)
     ending: Ending = "successful" if set(found.cois) != set(subject.cois) else "nothing_to_do"
     for one in found.cois:
         if one not in subject.cois:
@@ -123,8 +125,8 @@ def _by_the_graph(before: End, asking: Asking, probability: float | None) -> End
         ending=ending,
         cois=found.cois,
         trail=trail,
-        proved=found.proved,
-        probability=found.probability,
+        proved=found.proved and not room.unsure,
+        probability=None if room.unsure else found.probability,
         breaks=found.breaks,
     )
 

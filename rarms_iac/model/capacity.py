@@ -16,6 +16,9 @@ WHOLE = 100
 SEARCH_NODES = 5_000
 """How far the exact packing looks before it says no: a count, not a time, so that equal inputs have equal answers."""
 
+SEARCHED_UP_TO = 500
+"""Virtual processors that it looks at: the stack grows by a frame each, and first fit is good at many small ones."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Capacity:
@@ -76,33 +79,54 @@ def load_of(claims: Iterable[Claim]) -> Load:
 
 
 def fits(capacity: Capacity, claims: Iterable[Claim]) -> bool:
-    """Whether the host can keep all these promises at once.
+    """Whether the host can keep all these promises at once; no where that is not known, as of `holds`."""
+    return holds(capacity, claims) is True
+
+
+@dataclass(slots=True)
+class Effort:
+    """Steps that searches for places may still take together: a count, so that equal inputs have equal answers."""
+
+    left: int
+
+
+def holds(capacity: Capacity, claims: Iterable[Claim], effort: Effort | None = None) -> bool | None:
+    """Whether the host can keep all these promises at once; None: the search for places gave up.
 
     What is kept for the host counts against the sum only: its own virtual processors lie on every logical one, so it
     can use what is left on each (FACTS 2, minroot).
     """
     together = tuple(claims)
     load = load_of(together)
-    return (
-        load.percent <= WHOLE * capacity.processors
-        and load.memory <= capacity.memory
-        and packs(together, capacity.logical_processors)
-    )
+    if load.percent > WHOLE * capacity.processors or load.memory > capacity.memory:
+        return False
+    return packed(together, capacity.logical_processors, effort)
 
 
 def packs(claims: Iterable[Claim], logical_processors: int) -> bool:
     """Whether every reserved virtual processor finds a logical one that has so much left (FACTS 1.2).
 
+    Where the exact search gives up, the answer is no: a promise that cannot be shown to hold is not made.
+    """
+    return packed(claims, logical_processors) is True
+
+
+def packed(claims: Iterable[Claim], logical_processors: int, effort: Effort | None = None) -> bool | None:
+    """The same; None: the exact search gave up, so that neither is known.
+
+    It takes `SEARCH_NODES` steps at most, and where an effort is given, no more than that has left.
+
     A reserve is not guaranteed to a partition of more virtual processors than the host has logical ones, so such a
-    one does not pack. Where the exact search gives up, the answer is no: a promise that cannot be shown to hold is
-    not made.
+    one does not pack.
     """
     reserved = [claim for claim in claims if claim.reserve and claim.processors]
     if any(claim.processors > logical_processors for claim in reserved):
         return False
     if load_of(reserved).percent > WHOLE * logical_processors:
         return False
-    return packs_by_size(reserved, logical_processors) or _search(_sizes(reserved), logical_processors)
+    if packs_by_size(reserved, logical_processors):
+        return True
+    return _search(_sizes(reserved), logical_processors, effort or Effort(SEARCH_NODES))
 
 
 def packs_by_size(claims: Iterable[Claim], logical_processors: int) -> bool:
@@ -136,13 +160,16 @@ def _first_fit(sizes: list[int], free: list[int]) -> bool:
     return True
 
 
-def _search(sizes: list[int], bins: int) -> bool:
-    """Depth first over the sizes, largest first; what is left on all processors is tried once, in whatever order."""
+def _search(sizes: list[int], bins: int, effort: Effort) -> bool | None:
+    """Depth first over the sizes, largest first; what is left on all processors is tried once, in whatever order.
+
+    None: it gave up.
+    """
     if _first_fit(sizes, [WHOLE] * bins):
         return True
     waiting = [*accumulate(reversed(sizes), initial=0)][::-1]  # by number: what is still to be placed
     failed = set[tuple[int, ...]]()  # what was left, whose sum tells the number
-    nodes = SEARCH_NODES
+    allowed = nodes = min(SEARCH_NODES, effort.left)
 
     def place(number: int, free: tuple[int, ...]) -> bool:
         nonlocal nodes
@@ -161,5 +188,10 @@ def _search(sizes: list[int], bins: int) -> bool:
         failed.add(free)
         return False
 
-    # The stack grows by one frame a size; very many small ones are what first fit is good at.
-    return len(sizes) <= 500 and place(0, (WHOLE,) * bins)
+    if len(sizes) > SEARCHED_UP_TO:
+        return None
+    found = place(0, (WHOLE,) * bins)
+    effort.left -= allowed - max(0, nodes)
+    if found:
+        return True
+    return False if nodes >= 0 else None

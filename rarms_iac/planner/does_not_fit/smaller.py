@@ -5,7 +5,7 @@ from itertools import islice
 
 from rarms_iac.planner.certifying.named import certificate_of
 from rarms_iac.planner.placing.first_fit import Bin, Item, cost
-from rarms_iac.planner.placing.in_numbers import problem_of
+from rarms_iac.planner.placing.in_numbers import gave_up, problem_of
 from rarms_iac.planner.placing.place import EXACT_UP_TO
 
 LOOKED_AT = 60
@@ -32,8 +32,9 @@ def alone(items: Sequence[Item], bins: Sequence[Bin]) -> tuple[Item, ...] | None
     from rarms_iac.planner.packing.solve import ruled_out
 
     for some in islice(_groups(items), LOOKED_AT):
-        found = ruled_out(problem_of(some, hosts_of(some, bins)))
-        if found is None:
+        problem = problem_of(some, hosts_of(some, bins))
+        found = ruled_out(problem)
+        if found is None or gave_up(problem):
             continue
         if found.proof is None or found.proof.tried:
             return some

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from rarms_iac.planner.does_not_fit.room import exceeds, memory_of
 from rarms_iac.planner.does_not_fit.smaller import alone, hosts_of
 from rarms_iac.planner.placing.first_fit import Bin, Item, cost, first_fit
-from rarms_iac.planner.placing.in_numbers import problem_of
+from rarms_iac.planner.placing.in_numbers import gave_up, problem_of
 from rarms_iac.planner.placing.place import EXACT_UP_TO, place
 
 SEARCHES = 60
@@ -75,7 +75,8 @@ class _Asked:
         if first_fit(some, self.bins) is not None:
             return False
         if all(len(one.claims) == 1 for one in some):
-            return place(some, self.bins).hosts is None
+            found = place(some, self.bins)
+            return found.hosts is None and found.proven
         from rarms_iac.planner.packing.dual import too_heavy
         from rarms_iac.planner.packing.solve import ruled_out
 
@@ -83,7 +84,7 @@ class _Asked:
         if len(some) > EXACT_UP_TO:
             return too_heavy(problem) is not None
         self.left -= 1
-        return self.left >= 0 and ruled_out(problem) is not None
+        return self.left >= 0 and ruled_out(problem) is not None and not gave_up(problem)
 
     def placed_nowhere(self, some: Sequence[Item]) -> bool:
         """Whether the search that places partitions has shown that it cannot place these."""

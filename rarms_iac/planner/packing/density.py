@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from itertools import accumulate
 
 from rarms_iac.planner.packing.program import Kind, Mask, Program, Sizes
+from rarms_iac.planner.packing.worth import by_worth
 
 TRIED = 1_000
 """Sets after which this gives up."""
@@ -190,7 +191,7 @@ class _Line:
 
 def _lined_up(kind: Kind, size_of: dict[int, Sizes], profits: Sequence[int]) -> _Line:
     one_of, room = _in_one(kind, size_of)
-    ordered = sorted(size_of, key=lambda item: (-profits[item] / (one_of[item] + 1e-3), item))
+    ordered = by_worth(size_of, profits, one_of)
     gains, ones = [max(0, profits[item]) for item in ordered], [one_of[item] for item in ordered]
     return _Line(
         items=ordered,

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from rarms_iac.model.capacity import WHOLE, Capacity, Load, fits, load_of
+from rarms_iac.model.capacity import WHOLE, Capacity, Load, fits, holds, load_of
 from rarms_iac.model.plan import Claim
 
 
@@ -37,12 +37,23 @@ def free_in(one: Bin) -> Load:
 
 
 def all_fit(items: Sequence[Item], bins: Sequence[Bin], hosts: Mapping[str, str]) -> bool:
-    """Whether every host that is used can keep all that is promised there."""
+    """Whether every host that is used can keep all that is promised there; no where that is not known."""
+    return all_hold(items, bins, hosts) is True
+
+
+def all_hold(items: Sequence[Item], bins: Sequence[Bin], hosts: Mapping[str, str]) -> bool | None:
+    """The same; None: of some host it is not known, and of none that it cannot."""
     there: dict[str, list[Claim]] = {one.name: list(one.taken) for one in bins}
     for item in items:
         there[hosts[item.name]].append(item.claims[hosts[item.name]])
     used = set(hosts.values())
-    return all(fits(one.capacity, there[one.name]) for one in bins if one.name in used)
+    unknown = False
+    for one in bins:
+        held = holds(one.capacity, there[one.name]) if one.name in used else True
+        if held is False:
+            return False
+        unknown = unknown or held is None
+    return None if unknown else True
 
 
 def first_fit(items: Sequence[Item], bins: Sequence[Bin]) -> dict[str, str] | None:

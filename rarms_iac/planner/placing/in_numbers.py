@@ -1,12 +1,16 @@
 """Partitions and hosts as the whole numbers that packings are made of."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from math import gcd
 
-from rarms_iac.model.capacity import WHOLE, fits
+from rarms_iac.model.capacity import WHOLE, Effort, holds
 from rarms_iac.model.plan import Claim
 from rarms_iac.planner.packing.program import Problem, Processors, Sizes
 from rarms_iac.planner.placing.first_fit import Bin, Item, cost, free_in
+
+STEPS = 100_000
+"""Steps in which places for virtual processors are searched for, in all questions of a packing together."""
 
 
 def problem_of(items: Sequence[Item], bins: Sequence[Bin]) -> Problem:
@@ -35,7 +39,7 @@ def problem_of(items: Sequence[Item], bins: Sequence[Bin]) -> Problem:
         opening=(0,) * len(bins),
         costs=tuple(map(tuple, costs)),
         now=tuple(numbers.get(item.now) for item in items),
-        fits=_fitting(items, bins, kinds) if any(narrow) else None,
+        fits=_Fitting(items=items, bins=bins, kinds=kinds) if any(narrow) else None,
         alike=tuple(kinds),
         processors=tuple(_processors(items, one) if much else None for one, much in zip(bins, narrow, strict=True)),
     )
@@ -88,14 +92,29 @@ def _in(size: Sizes, units: Sequence[int]) -> Sizes:
     return tuple(one // unit for one, unit in zip(size, units, strict=True))
 
 
-def _fitting(items: Sequence[Item], bins: Sequence[Bin], kinds: Sequence[int]) -> Callable[[int, Sequence[int]], bool]:
-    known: dict[tuple[int, tuple[int, ...]], bool] = {}
+@dataclass(slots=True, kw_only=True)
+class _Fitting:
+    """Answers whether a host can keep some of the partitions, each question once."""
 
-    def asked(host: int, some: Sequence[int]) -> bool:
-        what = (kinds[host], tuple(some))
-        if what not in known:
-            one = bins[host]
-            known[what] = fits(one.capacity, [*one.taken, *(items[at].claims[one.name] for at in some)])
-        return known[what]
+    items: Sequence[Item]
+    bins: Sequence[Bin]
+    kinds: Sequence[int]
+    effort: Effort = field(default_factory=lambda: Effort(STEPS))  # of all questions together
+    gave_up: bool = False  # whether an answer was no because it is not known
+    _known: dict[tuple[int, tuple[int, ...]], bool] = field(default_factory=dict)
 
-    return asked
+    def __call__(self, host: int, some: Sequence[int]) -> bool:
+        """As `Problem.fits` says."""
+        what = (self.kinds[host], tuple(some))
+        if what not in self._known:
+            one = self.bins[host]
+            claims = [*one.taken, *(self.items[at].claims[one.name] for at in some)]
+            held = holds(one.capacity, claims, self.effort)
+            self.gave_up = self.gave_up or held is None
+            self._known[what] = held is True
+        return self._known[what]
+
+
+def gave_up(problem: Problem) -> bool:
+    """Whether, so far, a host was taken not to keep what it may keep: what was ruled out by that is not proved."""
+    return isinstance(problem.fits, _Fitting) and problem.fits.gave_up

@@ -9,13 +9,12 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from rarms_iac.model.capacity import fits
 from rarms_iac.model.layout import Placement
 from rarms_iac.model.plan import Claim
 from rarms_iac.planner.certifying.named import certificate_of
 from rarms_iac.planner.packing.program import Problem
-from rarms_iac.planner.placing.first_fit import Bin, Item, all_fit, cost, first_fit, free_in
-from rarms_iac.planner.placing.in_numbers import problem_of
+from rarms_iac.planner.placing.first_fit import Bin, Item, all_hold, cost, first_fit, free_in
+from rarms_iac.planner.placing.in_numbers import gave_up, problem_of
 
 if TYPE_CHECKING:  # the search is imported where there is something to search
     from rarms_iac.planner.packing.solve import Impossible, Packed
@@ -61,7 +60,8 @@ def place(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
         return Found(hosts=None, proven=True)
     if all(len(one.claims) == 1 for one in ordered):
         only = {item.name: next(iter(item.claims)) for item in ordered}
-        return Found(hosts=only if all_fit(ordered, hosts, only) else None, proven=True)
+        held = all_hold(ordered, hosts, only)
+        return Found(hosts=only if held else None, proven=held is not None)
     if len(ordered) <= EXACT_UP_TO:
         return _exactly(ordered, hosts)
     return _beyond(ordered, hosts)
@@ -133,8 +133,9 @@ def _beside(free: Sequence[Item], fixed: Sequence[Item], bins: Sequence[Bin]) ->
     there: dict[str, list[Claim]] = {one.name: list(one.taken) for one in bins}
     for one in fixed:
         there[only[one.name]].append(one.claims[only[one.name]])
-    if not all(fits(one.capacity, there[one.name]) for one in bins if one.name in set(only.values())):
-        return Found(hosts=None, proven=True)
+    held = all_hold(fixed, bins, only)
+    if not held:
+        return Found(hosts=None, proven=held is not None)
     found = _exactly(free, [replace(one, taken=tuple(there[one.name])) for one in bins])
     if found.hosts is None:
         return Found(hosts=None, proven=found.proven)
@@ -198,19 +199,20 @@ def _exactly(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
     problem = problem_of(items, bins)
     result = solve(problem)
     if not isinstance(result, Packed):
-        impossible = isinstance(result, Impossible)
-        return Found(
-            hosts=None, proven=impossible, problem=problem, result=result if isinstance(result, Impossible) else None
-        )
+        impossible = result if isinstance(result, Impossible) else None
+        proven = impossible is not None and not gave_up(problem)
+        return Found(hosts=None, proven=proven, problem=problem, result=impossible)
     value = (result.cost.value, result.moves.value)
-    proven = value == (result.cost.bound, result.moves.bound)
+    # What was taken not to fit may fit where that was not known: then nothing is known of better ones.
+    bound = _bound(items) if gave_up(problem) else (result.cost.bound, result.moves.bound)
+    proven = value == bound
     where = (_first_by_name(problem, value) if proven else None) or result.hosts
     return Found(
         hosts={item.name: bins[at].name for item, at in zip(items, where, strict=True)},
         proven=proven,
         chosen=True,
         value=value,
-        bound=(result.cost.bound, result.moves.bound),
+        bound=bound,
         avoided=_avoided(items, _anew(items, bins, problem, result), value),
         packed=tuple(one.name for one in items),
         among=tuple(one.name for one in bins),

@@ -10,7 +10,7 @@ import pytest
 from rarms_iac.cli.hosts import hosts_of, observed
 from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.options import HostOptions, ManifestOptions
-from rarms_iac.cli.tuning import Subject, TuningStopped, bench_of, subject_of_tuning
+from rarms_iac.cli.tuning import Room, Subject, TuningStopped, bench_of, subject_of_tuning
 from rarms_iac.cli.tuning_end import End, findings_of
 from rarms_iac.planner.combining.findings import CONTRADICTION
 from rarms_iac.planner.combining.paper import Asking
@@ -71,8 +71,10 @@ def test_a_compound_stays_where_the_partition_of_its_name_runs(here: Path) -> No
     vision = next(one for one in subject.cois if one.name == "vision")
     both = Coi(name="paths", members=("paths", "video"), criticality=20, processors=2, reserve=31)
 
-    assert not subject.fits([vision, both]), "paths runs on onboard, and there is room for 30 % only"
-    assert subject.fits([vision, Coi(name="paths", members=both.members, criticality=20, processors=2, reserve=30)])
+    room = Room(subject=subject)
+    assert not room.fits([vision, both]), "paths runs on onboard, and there is room for 30 % only"
+    assert room.fits([vision, Coi(name="paths", members=both.members, criticality=20, processors=2, reserve=30)])
+    assert not room.unsure
 
 
 class Once:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from rarms_iac.planner.packing.plain.demand import Demand, Pattern, in_doubles, running
 from rarms_iac.planner.packing.plain.surrogate import Surrogate, surrogate
+from rarms_iac.planner.packing.worth import by_worth
 
 NODES = 4_000
 """Sets that are tried before a table, or a bound, is enough."""
@@ -80,7 +81,7 @@ class _Search:
         nodes: int,
     ) -> None:
         ones = whole.takes
-        self.order = sorted(gainful, key=lambda at: (-profits[at] / (ones[at] + 1e-3), at))
+        self.order = by_worth(gainful, profits, ones)
         self.sizes = [demand.sizes[at] for at in self.order]
         self.gains = [profits[at] for at in self.order]
         self.ones = [ones[at] for at in self.order]
@@ -189,11 +190,10 @@ def _by_profit(demand: Demand, profits: Sequence[int], gainful: Sequence[int], w
 def _carried(demand: Demand, profits: Sequence[int], gainful: Sequence[int], whole: Surrogate) -> int:
     """What a bin carries at most where sizes may be in it in parts."""
     left, carried = whole.room, 0
-    for at in sorted(gainful, key=lambda at: -profits[at] / (whole.takes[at] + 1e-3)):
+    for at in by_worth(gainful, profits, whole.takes):
         takes, count = whole.takes[at], _most(demand, at)
         if takes * count > left:
-            # The order is by floating point: what follows may be worth a little more for its size.
-            return carried + -(-profits[at] * left // takes) + carried // 1_000 + 1
+            return carried + -(-profits[at] * left // takes)
         left -= takes * count
         carried += profits[at] * count
     return carried
