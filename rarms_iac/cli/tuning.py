@@ -124,7 +124,16 @@ def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) ->
     platforms = sorted({hosts.system.hosts[name].platform for name in hosts.chosen})
     if len(platforms) > 1:
         says = f"The hosts are of the platforms {', '.join(platforms)}, and measurements hold for one."
-        raise Halted(ExitCode.NO, [findings.PLATFORMS.at(None, says, "Name the hosts of one with --host.")])
+        raise Halted(
+            ExitCode.NO,
+            [
+                findings.PLATFORMS.at(
+                    None,
+                    says,
+                    "Name the hosts of one with --host; hosts that are alike may share one: `platform: NAME` on each.",
+                )
+            ],
+        )
     system, places = hosts.system, hosts.opened.loaded.places
     reservations = measured_reservations(measurements_of(system, hosts.folder, hosts.source), states)
     views = {name: host_view(state, system.application.name) for name, state in states.items()}

@@ -36,7 +36,7 @@ TITLES = {
 
 
 def drift_text(hosts: Sequence[HostDrift], *, width: int = WIDTH) -> str:
-    """The whole answer; `->` leads from what is there to what the manifest wants."""
+    """The whole answer: of each difference what is there, and what the manifest wants."""
     lines = [line for host in hosts if host.drifted for line in ("", *_host(host, width))]
     if any(one.kind is not DriftKind.UNUSED for host in hosts for one in host.drifted):
         lines += ["", *wrap("`rarms plan` shows what would make it as the manifest wants it.", width, "")]
@@ -53,7 +53,7 @@ def _host(host: HostDrift, width: int) -> Iterator[str]:
         for attribute in attributes_of(change, host.facts) if change is not None else ():
             if attribute.differs and attribute.before is not None and attribute.after is not None:
                 before, after = visible(attribute.before, keep=""), visible(attribute.after, keep="")
-                yield f"      {attribute.name}  {before} -> {after}"
+                yield from hanging("      ", f"{attribute.name} is {before}, wanted {after}", width, more=2)
 
 
 def _summary(hosts: Sequence[HostDrift]) -> str:

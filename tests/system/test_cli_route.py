@@ -249,7 +249,7 @@ def test_drift_tells_a_changed_host_from_a_changed_manifest(robot: Robot) -> Non
 
     assert (still.code, not_applied.code, changed.code) == (0, 5, 2)
     assert "  partition/control: not applied yet" in not_applied.lines
-    assert "      reserve  30 % -> 35 %" in not_applied.lines
+    assert "      reserve is 30 %, wanted 35 %" in not_applied.lines
     assert "  partition/display: changed on the host" in changed.lines
 
 

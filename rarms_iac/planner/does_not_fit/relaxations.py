@@ -13,6 +13,7 @@ from rarms_iac.planner.does_not_fit.larger import (
 )
 from rarms_iac.planner.does_not_fit.levers import Lever, apts_of, one_lowered, reserves_of, several_lowered
 from rarms_iac.planner.does_not_fit.pairs import layout_to_combine, pair_to_combine
+from rarms_iac.planner.does_not_fit.unmeasured import to_be_measured_elsewhere
 from rarms_iac.planner.does_not_fit.variants import Counted, Edit, Edits, Trial, Variant, told
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.problem import Problem
@@ -41,6 +42,7 @@ def relaxations(problem: Problem, conflict: Sequence[str], trial: Trial) -> tupl
     found = planned(_in_turns(_single(problem, conflict, counted, few=few)))
     found = found or planned(_together(problem, conflict, counted, few=few))
     may = list(_perhaps(problem, conflict, counted)) if few else []
+    may += [one for one in (to_be_measured_elsewhere(problem, conflict),) if one]
     return (*(Relaxation(says=told(one)) for one in found), *(Relaxation(says=one, may=True) for one in may))
 
 

@@ -1,4 +1,4 @@
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import replace
 from fractions import Fraction
 
@@ -42,9 +42,17 @@ def a_log(
     )
 
 
+NOT_MEASURED = "new"
+"""The platform of hosts that no log is of."""
+
+
 def planned(system: System, logs: Logs) -> Planning:
-    kinds = dict.fromkeys(system.hosts, "onboard")
-    source = MeasuredReservations(kinds=kinds, logs={("onboard", names): log for names, log in logs.items()})
+    kinds = {name: host.platform for name, host in system.hosts.items()}
+    platforms = set(kinds.values()) - {NOT_MEASURED}
+    everywhere: Mapping[tuple[Hashable, tuple[str, ...]], MeasuredTogether | NotMeasured] = {
+        (kind, names): log for names, log in logs.items() for kind in platforms
+    }
+    source = MeasuredReservations(kinds=kinds, logs=everywhere)
     return plan_layout(system, source, {}, PathPlaces())
 
 

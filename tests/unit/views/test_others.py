@@ -30,7 +30,7 @@ def test_drift_says_what_differs_and_who_moved() -> None:
     shown = drift_text(a_drift(DriftKind.HOST_CHANGED, DriftKind.NOT_APPLIED)).splitlines()
 
     assert "  partition/vision: changed on the host" in shown
-    assert "      reserve  50 % -> 40 %" in shown
+    assert "      reserve is 50 %, wanted 40 %" in shown
     assert shown[-1].startswith("Drift: 1 changed on the host, 1 not applied yet.")
 
 

@@ -8,7 +8,7 @@ from fractions import Fraction
 from rarms_iac.model.layout import Infeasible, Layout, Relaxation
 from rarms_iac.model.system import AtMost, PartitionWish, System
 from tests.builders import a_component, a_cpu, a_host, a_system, at_most
-from tests.unit.planner.test_measured_reservations import Logs, a_log, planned
+from tests.unit.planner.test_measured_reservations import NOT_MEASURED, Logs, a_log, planned
 
 APT = {"mean_response_time": at_most(100)}
 LINE = re.compile(r"([a-z]+): mean_response_time at most ([0-9.]+) ms instead of 100 ms")
@@ -296,3 +296,14 @@ def test_several_ways_out_are_a_list_and_apts_that_belong_together_are_one_of_th
     assert [head, together] == ["Each of these alone would fit:", "- all of these:"], told.advice
     assert len(apts) > 1
     assert all(one.startswith("  - ") and LINE.search(one) for one in apts)
+
+
+def test_where_nothing_was_measured_on_another_host_that_is_told() -> None:
+    system = a_robot()
+    spare = a_host("spare", platform=NOT_MEASURED)
+    larger = replace(system, hosts={**system.hosts, "spare": spare})
+    kept = {name: replace(one, hosts=("onboard",)) for name, one in system.components.items()}
+
+    told = "measuring on spare may help: nothing says what they need there (`rarms measure --host spare`)"
+    assert [one.says for one in ways(larger, LOGS) if "spare" in one.says] == [told]
+    assert not any("spare" in one.says for one in ways(replace(larger, components=kept), LOGS))
