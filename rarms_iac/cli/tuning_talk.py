@@ -47,14 +47,18 @@ class AskingConsent:
         self._said: dict[Members, bool] = {}
 
     def allows(self, members: Members, *, settings: int, gain: int) -> bool:
-        """As `Consent` says; an empty answer is no."""
+        """As `Consent` says; an empty answer, or the input's end, is no, and what is neither is asked anew."""
         if members not in self._said:
             terminal = self._session.terminal
             terminal.flush()
             saves = show_processors(Fraction(gain, 100))
             takes = "one setting" if settings == 1 else f"{settings} settings"
-            terminal.status(f"Try {_together(members)}? About {takes}, or fewer; saves at most {saves}. [y/N] ")
-            self._said[members] = sys.stdin.readline().strip().lower() in {"y", "yes"}
+            says = f"Try {_together(members)}? About {takes}, or fewer; saves at most {saves}. [y/N] "
+            question = "\n".join(wrap(says, terminal.width, "")) + " "
+            terminal.status(question)
+            while (said := sys.stdin.readline().strip().lower()) not in {"", "y", "yes", "n", "no"}:
+                terminal.status(f"Say y or n: {question}")
+            self._said[members] = said in {"y", "yes"}
         return self._said[members]
 
 

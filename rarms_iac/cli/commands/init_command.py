@@ -40,7 +40,6 @@ def command(session: Session, *, folder: str, name: str | None, as_json: bool) -
     if as_json:
         session.terminal.data(to_json(WrittenOutput(files=(path.as_posix(),))))
     else:
-        session.terminal.talk(
-            f"Wrote {path.as_posix()}. Edit it, then: rarms validate, rarms measure, rarms plan, rarms apply."
-        )
+        session.terminal.talk(f"Wrote {path.as_posix()}.")
+        session.terminal.talk("Edit it, then: rarms validate, rarms measure, rarms plan, rarms apply.")
     return ExitCode.DONE

@@ -264,9 +264,10 @@ def test_asked_first_it_measures_only_what_was_said_yes_to(here: Path) -> None:
     assert "saves at most " in no.err
     assert not (here / "measurements" / "onboard" / "paths+video").exists()
 
-    yes = rarms("tune", "--interactive", "--samples", "60", "--json", stdin="y\n" * 9, at_a_terminal=True)
+    yes = rarms("tune", "--interactive", "--samples", "60", "--json", stdin="maybe\n" + "y\n" * 9, at_a_terminal=True)
     assert yes.code == 0, yes.err
-    assert yes.err.count("Try paths and video?") == 1, "once for each combination"
+    assert yes.err.count("Try paths and video?") == 2, "once for each combination, and where the answer was none"
+    assert yes.err.count("Say y or n: ") == 1
     assert json.loads(yes.out)["ending"] == "successful"
 
 
