@@ -11,11 +11,13 @@ from fractions import Fraction
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, ProcessorTime, show_bytes
 from rarms_iac.model.system import CpuWish, Host
 from rarms_iac.planner.does_not_fit.levers import largest
+from rarms_iac.planner.does_not_fit.sentences import together
 from rarms_iac.planner.does_not_fit.variants import (
     Edit,
     Edits,
     Trial,
     Variant,
+    flat,
     hosts_become,
     processors_given,
     without_logs,
@@ -50,17 +52,13 @@ def memory_that_is_missing(problem: Problem, trial: Trial) -> Edits:
     if alone:
         return (min(alone, key=lambda one: one[0])[1],)
     chosen: list[Edits] = [(_memory(light.start, name, most),) for name, most in could]
-    if not light.fits(_flat(chosen)):
+    if not light.fits(flat(chosen)):
         return ()
     for at, (name, most) in enumerate(could):
-        rest = light.after(_flat(chosen[:at] + chosen[at + 1 :]))
+        rest = light.after(flat(chosen[:at] + chosen[at + 1 :]))
         least = None if rest.fits(()) else _least_memory(name, most, rest)
         chosen[at] = () if rest.fits(()) else chosen[at] if least is None else (least,)
-    return _flat(chosen)
-
-
-def _flat(chosen: Sequence[Edits]) -> Edits:
-    return tuple(edit for edits in chosen for edit in edits)
+    return flat(chosen)
 
 
 def _could_use(problem: Problem) -> list[tuple[str, int]]:
@@ -135,8 +133,8 @@ def more_processors_and_measuring(trial: Trial) -> Anew | None:
         more = None if number is None else _processors(after.start, hosts, number, measured_anew=True)
         if more is not None and after.is_planned((more,)):
             names = sorted({one.name for group in groups for one in group.members})
-            fixed = f", with `processors: {width}` for {_and(open_)} as now" if open_ else ""
-            who = "they" if open_ == names else _and(names)
+            fixed = f", with `processors: {width}` for {together(open_)} as now" if open_ else ""
+            who = "they" if open_ == names else together(names)
             says = f"{more.says} may be enough{fixed}: what {who} then need has to be measured there (`rarms measure`)"
             return Anew(says=says, edits=(given, more))
     return None
@@ -181,7 +179,7 @@ def _fewest(hosts: Sequence[Host], trial: Trial, *, measured_anew: bool) -> int 
 def _processors(variant: Variant, hosts: Sequence[Host], more: int, *, measured_anew: bool) -> Edit:
     larger, seen = _larger(variant, hosts, more)
     number = "one" if more == 1 else str(more)
-    where = hosts[0].name if len(hosts) == 1 else f"each of {_and([one.name for one in hosts])}"
+    where = hosts[0].name if len(hosts) == 1 else f"each of {together([one.name for one in hosts])}"
     says = f"{number} more logical processor{'' if more == 1 else 's'} on {where}"
     edit = hosts_become(larger, seen, says)
     if measured_anew:
@@ -202,7 +200,3 @@ def _larger(variant: Variant, hosts: Sequence[Host], more: int) -> tuple[Mapping
             seen[host.name] = replace(view, facts=replace(view.facts, logical_processors=there))
     said = max(max(one.logical_processors, has[one.name] + more) for one in hosts)
     return {one.name: replace(one, logical_processors=said) for one in hosts}, seen
-
-
-def _and(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -14,6 +14,7 @@ from rarms_iac.planner.does_not_fit.variants import (
     Trial,
     amount_like,
     component_reserves,
+    flat,
     partition_reserves,
     relaxed,
 )
@@ -83,19 +84,15 @@ def several_lowered(levers: Sequence[Lever], trial: Trial) -> Edits | None:
     """
     can = [one for one in levers if one.levels]
     chosen: list[Edits] = [one.at(one.levels[0]) for one in can]
-    kept = largest(len(can), lambda fewer: trial.fits(_flat(chosen[: len(can) - fewer])))
+    kept = largest(len(can), lambda fewer: trial.fits(flat(chosen[: len(can) - fewer])))
     if kept is None:
         return None
     del chosen[len(can) - kept :]
     for at in reversed(range(len(chosen))):
-        rest = trial.after(_flat(chosen[:at] + chosen[at + 1 :]))
+        rest = trial.after(flat(chosen[:at] + chosen[at + 1 :]))
         chosen[at] = () if rest.fits(()) else one_lowered(can[at], rest) or chosen[at]
-    edits = _flat(chosen)
+    edits = flat(chosen)
     return edits if 0 < len(edits) <= READ_UP_TO else None
-
-
-def _flat(chosen: Sequence[Edits]) -> Edits:
-    return tuple(edit for edits in chosen for edit in edits)
 
 
 def largest(number: int, works: Callable[[int], bool]) -> int | None:

@@ -17,6 +17,7 @@ from rarms_iac.planner.combining.measured import coi_of
 from rarms_iac.planner.combining.objective import Objective
 from rarms_iac.planner.combining.values import Coi
 from rarms_iac.planner.does_not_fit.levers import largest
+from rarms_iac.planner.does_not_fit.sentences import together
 from rarms_iac.planner.does_not_fit.variants import Counted, Edit, Trial, Variant, edited
 from rarms_iac.planner.groups import Group, may_share
 from rarms_iac.planner.placing.first_fit import cost, free_in
@@ -212,8 +213,8 @@ def _told(compound: Compound, problem: Problem, trial: Trial) -> str:
     expected = _expected(compound, problem)
     predicted = "" if expected is None else f" (predicted: {compound.share(expected)})"
     return (
-        f"combining {_and(compound.names)} in one partition may be enough: the {_number(len(compound.groups))} need "
-        f"{compound.share(lowest)} to {compound.share(highest)} of {_or(compound)} then{predicted}, and up to "
+        f"combining {together(compound.names)} in one partition may be enough: "
+        f"the {_number(len(compound.groups))} need {compound.share(lowest)} to {compound.share(highest)} of {_or(compound)} then{predicted}, and up to "
         f"{compound.share(lowest + more)} fits (`rarms tune` measures it)"
     )
 
@@ -223,7 +224,7 @@ def _all_told(compounds: Sequence[Compound], problem: Problem) -> str:
     for one in compounds:
         expected = _expected(one, problem)
         predicted = "" if expected is None else f" (predicted: {one.share(expected)})"
-        parts.append(f"{_and(one.names)}: at least {one.share(one.lowest)} of {_or(one)}{predicted}")
+        parts.append(f"{together(one.names)}: at least {one.share(one.lowest)} of {_or(one)}{predicted}")
     return "\n  - ".join(
         ["no pair is enough; combining all of these may be (`rarms tune` measures what they need)", *parts]
     )
@@ -242,7 +243,3 @@ def _number(parts: int) -> str:
 def _or(compound: Compound) -> str:
     names = [one.name for one in compound.hosts]
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
-
-
-def _and(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

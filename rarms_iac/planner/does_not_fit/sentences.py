@@ -77,4 +77,9 @@ def _processors(host: Bin) -> str:
 def _listed(words: Sequence[str]) -> str:
     if len(words) > LISTED_UP_TO:
         return f"{', '.join(words[:LISTED_UP_TO])} and {len(words) - LISTED_UP_TO} others"
+    return together(words)
+
+
+def together(words: Sequence[str]) -> str:
+    """`a, b and c`."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

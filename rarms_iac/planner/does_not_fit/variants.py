@@ -168,3 +168,8 @@ def amount_like(before: CpuAmount, steps: int) -> CpuAmount:
 
 def _with(variant: Variant, system: System) -> Variant:
     return replace(variant, system=system)
+
+
+def flat(chosen: Sequence[Edits]) -> Edits:
+    """All changes of these as one."""
+    return tuple(edit for edits in chosen for edit in edits)

@@ -68,7 +68,7 @@ def _first_fit(items: Sequence[Item], bins: Sequence[Bin], make_room: "type[_Roo
     """Largest first, each where it is or costs least and has room; every virtual processor gets its place at once."""
     rooms = {one.name: make_room(one) for one in bins}
     hosts: dict[str, str] = {}
-    for item in sorted(items, key=_largest_first):
+    for item in sorted(items, key=largest_first):
         for name in _preferred(item):
             if rooms[name].take(item.claims[name]):
                 hosts[item.name] = name
@@ -137,7 +137,8 @@ class _SureRoom(_Room):
         return False
 
 
-def _largest_first(item: Item) -> tuple[int, int, str]:
+def largest_first(item: Item) -> tuple[int, int, str]:
+    """Sorts by reservation, then memory, then name."""
     return (
         -max(cost(claim) for claim in item.claims.values()),
         -max(claim.memory for claim in item.claims.values()),

@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from random import Random
 
 from rarms_iac.planner.packing.plain.large import pack_many
-from rarms_iac.planner.placing.first_fit import Bin, Item, all_fit, cost, free_in
-from rarms_iac.planner.placing.park import Park, Value, largest_first, price
+from rarms_iac.planner.placing.first_fit import Bin, Item, all_fit, cost, free_in, largest_first
+from rarms_iac.planner.placing.park import Park, Value, price
 
 Repack = Callable[[Sequence[Item], Sequence[Bin]], Mapping[str, str] | None]
 """Packs a few partitions onto a few hosts as well as it can; None where it finds no way."""

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from rarms_iac.model.capacity import packs_by_size
 from rarms_iac.model.plan import Claim
-from rarms_iac.planner.placing.first_fit import Bin, Item, cost, free_in
+from rarms_iac.planner.placing.first_fit import Bin, Item, cost, free_in, largest_first
 
 Value = tuple[int, int, int]
 """Partitions without a host, reservation in per cent of one logical processor, moves: the less the better."""
@@ -99,12 +99,3 @@ class Park:
 def price(item: Item, host: str) -> tuple[int, int]:
     """What it costs there, and whether that is a move."""
     return cost(item.claims[host]), int(bool(item.now) and item.now != host)
-
-
-def largest_first(item: Item) -> tuple[int, int, str]:
-    """Sorts by reservation, then memory, then name."""
-    return (
-        -max(cost(claim) for claim in item.claims.values()),
-        -max(claim.memory for claim in item.claims.values()),
-        item.name,
-    )
