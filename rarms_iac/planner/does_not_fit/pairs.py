@@ -214,8 +214,8 @@ def _told(compound: Compound, problem: Problem, trial: Trial) -> str:
     predicted = "" if expected is None else f" (predicted: {compound.share(expected)})"
     return (
         f"combining {together(compound.names)} in one partition may be enough: "
-        f"the {_number(len(compound.groups))} need {compound.share(lowest)} to {compound.share(highest)} of {_or(compound)} then{predicted}, and up to "
-        f"{compound.share(lowest + more)} fits (`rarms tune` measures it)"
+        f"the {_number(len(compound.groups))} need {compound.share(lowest)} to {compound.share(highest)} "
+        f"of {_or(compound)} then{predicted}, and up to {compound.share(lowest + more)} fits (`rarms tune` measures it)"
     )
 
 
