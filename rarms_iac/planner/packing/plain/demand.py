@@ -26,6 +26,11 @@ class Demand:
             sum(self.sizes[number][d] * count for number, count in pattern) <= room for d, room in enumerate(self.room)
         )
 
+    def most_in_a_bin(self, at: int) -> int:
+        """How many of a size one bin holds at most."""
+        rooms = zip(self.room, self.sizes[at], strict=True)
+        return min([self.counts[at], *(room // takes for room, takes in rooms if takes)])
+
 
 def demand_of(items: Sequence[Sizes], room: Sizes) -> Demand:
     """The items by size, each dimension in the largest unit that all sizes are multiples of."""

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from rarms_iac.planner.packing.plain.demand import Demand, Pattern, in_doubles, running
-from rarms_iac.planner.packing.plain.surrogate import Surrogate, surrogate
+from rarms_iac.planner.packing.plain.surrogate import Surrogate, carried, surrogate
 from rarms_iac.planner.packing.worth import by_worth
 
 NODES = 4_000
@@ -46,7 +46,7 @@ def best_fill(demand: Demand, profits: Sequence[int], above: int, *, nodes: int 
     gainful = [at for at, profit in enumerate(profits) if profit > 0 and demand.counts[at] > 0]
     if not gainful:
         return Fill(profit=above, pattern=(), most=above)
-    cells = sum(_most(demand, at).bit_length() for at in gainful) * demand.room[0]
+    cells = sum(demand.most_in_a_bin(at).bit_length() for at in gainful) * demand.room[0]
     one_dimension = len(demand.room) == 1
     if one_dimension and cells <= TABLE:
         return _by_room(demand, profits, gainful, above)
@@ -60,12 +60,6 @@ def best_fill(demand: Demand, profits: Sequence[int], above: int, *, nodes: int 
         return _by_profit(demand, profits, gainful, whole, above)
     found, complete = _Search(demand, profits, gainful, whole, above, nodes * _LAST).run()
     return found if complete else replace(found, most=_by_profit(demand, profits, gainful, whole, above).most)
-
-
-def _most(demand: Demand, at: int) -> int:
-    """How many of a size one bin holds at most."""
-    rooms = zip(demand.room, demand.sizes[at], strict=True)
-    return min([demand.counts[at], *(room // takes for room, takes in rooms if takes)])
 
 
 class _Search:
@@ -85,7 +79,7 @@ class _Search:
         self.sizes = [demand.sizes[at] for at in self.order]
         self.gains = [profits[at] for at in self.order]
         self.ones = [ones[at] for at in self.order]
-        self.caps = [_most(demand, at) for at in self.order]
+        self.caps = [demand.most_in_a_bin(at) for at in self.order]
         self.room, self.one_room = demand.room, whole.room
         self.sums = running([one * cap for one, cap in zip(self.ones, self.caps, strict=True)])
         self.totals = running([gain * cap for gain, cap in zip(self.gains, self.caps, strict=True)])
@@ -132,7 +126,7 @@ class _Search:
 def _by_room(demand: Demand, profits: Sequence[int], gainful: Sequence[int], above: int) -> Fill:
     """In one dimension: by room, the most that the sizes up to a number bring; several of a size as 1, 2, 4 at once."""
     room = demand.room[0]
-    parts = [(at, some) for at in gainful for some in in_doubles(_most(demand, at))]
+    parts = [(at, some) for at in gainful for some in in_doubles(demand.most_in_a_bin(at))]
     row = [0] * (room + 1)
     rows = [row]
     for at, some in parts:
@@ -165,8 +159,8 @@ def _by_profit(demand: Demand, profits: Sequence[int], gainful: Sequence[int], w
     The rounding makes it a bound; in one dimension the best that it knows is a fill.
     """
     grain = max(1, above // _GRAINS)
-    parts = [(at, some) for at in gainful for some in in_doubles(_most(demand, at))]
-    top = _carried(demand, profits, gainful, whole) // grain + sum(_most(demand, at) for at in gainful) + 1
+    parts = [(at, some) for at in gainful for some in in_doubles(demand.most_in_a_bin(at))]
+    top = carried(whole, demand, profits, gainful) // grain + sum(demand.most_in_a_bin(at) for at in gainful) + 1
     row = [0, *[whole.room + 1] * top]
     rows = [row]
     for at, some in parts:
@@ -185,18 +179,6 @@ def _by_profit(demand: Demand, profits: Sequence[int], gainful: Sequence[int], w
     if profit <= above:
         return Fill(profit=above, pattern=(), most=most * grain)
     return Fill(profit=profit, pattern=tuple(sorted(counts.items())), most=most * grain)
-
-
-def _carried(demand: Demand, profits: Sequence[int], gainful: Sequence[int], whole: Surrogate) -> int:
-    """What a bin carries at most where sizes may be in it in parts."""
-    left, carried = whole.room, 0
-    for at in by_worth(gainful, profits, whole.takes):
-        takes, count = whole.takes[at], _most(demand, at)
-        if takes * count > left:
-            return carried + -(-profits[at] * left // takes)
-        left -= takes * count
-        carried += profits[at] * count
-    return carried
 
 
 def _less(row: list[int], takes: int, gain: int) -> list[int]:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rarms_iac.planner.packing.plain.demand import Demand
+from rarms_iac.planner.packing.worth import by_worth
 
 _UNIT = 4_096
 _PARTS = 16
@@ -33,14 +34,14 @@ def surrogate(demand: Demand, profits: Sequence[int], gainful: Sequence[int]) ->
         return Surrogate(takes=[size[0] for size in demand.sizes], room=demand.room[0])
     weights = [_PARTS // dimensions or 1] * dimensions
     best = _weighed(demand, weights)
-    least = _carries(best, demand, profits, gainful)
+    least = carried(best, demand, profits, gainful)
     for step in _STEPS if len(gainful) <= _MANY else _STEPS[:1]:
         for d in range(dimensions):
             for sign in (step, -step):
                 other = [max(0, one + (sign if at == d else 0)) for at, one in enumerate(weights)]
                 tried = _weighed(demand, other)
-                if any(other) and (carries := _carries(tried, demand, profits, gainful)) < least:
-                    weights, best, least = other, tried, carries
+                if any(other) and (less := carried(tried, demand, profits, gainful)) < least:
+                    weights, best, least = other, tried, less
     return best
 
 
@@ -53,16 +54,16 @@ def _weighed(demand: Demand, weights: Sequence[int]) -> Surrogate:
     return Surrogate(takes=takes, room=_UNIT * sum(weights))
 
 
-def _carries(one: Surrogate, demand: Demand, profits: Sequence[int], gainful: Sequence[int]) -> float:
-    """What a bin carries where sizes may be in it in parts."""
-    takes, left, carried = one.takes, one.room, 0.0
-    for at in sorted(gainful, key=lambda at: -profits[at] / (takes[at] + 1e-3)):
-        there = takes[at] * demand.counts[at]
-        if there >= left:
-            return carried + profits[at] * left / takes[at]
-        left -= there
-        carried += profits[at] * demand.counts[at]
-    return carried
+def carried(one: Surrogate, demand: Demand, profits: Sequence[int], gainful: Sequence[int]) -> int:
+    """What a bin carries at most, in whole profit: as if sizes might be in it in parts."""
+    takes, left, most = one.takes, one.room, 0
+    for at in by_worth(gainful, profits, takes):
+        count = demand.most_in_a_bin(at)
+        if takes[at] * count > left:
+            return most + profits[at] * left // takes[at]
+        left -= takes[at] * count
+        most += profits[at] * count
+    return most
 
 
 def by_share(demand: Demand) -> list[int]:

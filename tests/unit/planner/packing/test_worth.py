@@ -5,6 +5,7 @@ from random import Random
 from rarms_iac.planner.packing.patterns import best_pattern
 from rarms_iac.planner.packing.plain.demand import Demand
 from rarms_iac.planner.packing.plain.multiples import best_fill
+from rarms_iac.planner.packing.plain.surrogate import Surrogate, carried
 from rarms_iac.planner.packing.program import Kind, Program
 from rarms_iac.planner.packing.worth import by_worth
 from tests.effort import examples
@@ -20,6 +21,13 @@ def test_a_bin_of_many_small_ones_is_not_overlooked() -> None:
     demand = Demand(sizes=((100_000,), (1,), (99_999,)), counts=(1, 100_000, 1), room=(100_000,))
 
     assert best_fill(demand, [100_000_050, 1_001, 1], 100_000_060).profit == 100_100_000
+
+
+def test_sizes_that_take_nothing_of_what_is_counted_are_carried_beside_a_bin_that_is_full() -> None:
+    demand = Demand(sizes=((100, 1), (1, 0)), counts=(1, 1), room=(100_000, 1))
+    full = Surrogate(takes=(1, 0), room=1)
+
+    assert carried(full, demand, [5_000, 1], [0, 1]) == 5_001
 
 
 def test_no_better_set_is_there_where_none_is_found() -> None:
