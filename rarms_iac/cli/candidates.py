@@ -14,7 +14,7 @@ from rarms_iac.model.state import State
 from rarms_iac.model.system import Host, PartitionWish, System
 from rarms_iac.planner.combining.candidates import Candidates, Mask, candidates_of, informed, named
 from rarms_iac.planner.combining.guiding import Guide, guide_of
-from rarms_iac.planner.combining.measured import measured_coi
+from rarms_iac.planner.combining.measured import coi_as_measured
 from rarms_iac.planner.combining.nodes import Node, nodes_of
 from rarms_iac.planner.combining.values import WHOLE, Asked, Members
 from rarms_iac.planner.groups import Group, groups_of, may_share
@@ -77,7 +77,7 @@ def _known(measured: Measurements, opened: Opened) -> tuple[Candidates, Guide]:
     if host is None:
         found = plan_layout(system, reservations, {}, opened.loaded.places).findings
         raise Halted(ExitCode.NO, [one for one in found if has_errors([one])], opened.loaded.sources)
-    cois = [measured_coi(one, problem.claims[one.name][host.name], reservations, host) for one in groups]
+    cois = [coi_as_measured(one, problem.claims[one.name][host.name], reservations, host) for one in groups]
     candidates = candidates_of(cois, lambda names: _may_share(groups, names), most=WHOLE)
     known = informed(candidates, recorded_answers(measured, host, candidates, {}))
     return known, guide_of(known, predictor_of(alone_in(groups, reservations, host)))

@@ -22,7 +22,7 @@ from rarms_iac.model.plan import Claim
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Host, System
 from rarms_iac.planner.combining import findings
-from rarms_iac.planner.combining.measured import measured_coi
+from rarms_iac.planner.combining.measured import coi_as_measured
 from rarms_iac.planner.combining.objective import Objective
 from rarms_iac.planner.combining.oracle import Unanswered
 from rarms_iac.planner.combining.values import Coi, Members
@@ -142,7 +142,7 @@ def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) ->
         found = plan_layout(system, reservations, views, places).findings
         raise Halted(ExitCode.NO, [one for one in found if has_errors([one])], hosts.opened.loaded.sources)
     groups = [one for one in problem.groups if _can_be_tuned(one, problem, bench)]
-    cois = tuple(measured_coi(one, problem.claims[one.name][bench.name], reservations, bench) for one in groups)
+    cois = tuple(coi_as_measured(one, problem.claims[one.name][bench.name], reservations, bench) for one in groups)
     tuned = {one.name for one in cois}
     chosen = [one for one in problem.bins if one.name in hosts.chosen]
     others = sum(min(map(cost, one.claims.values())) for one in problem.items if one.name not in tuned)

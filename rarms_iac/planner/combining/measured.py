@@ -6,27 +6,24 @@ from rarms_iac.model.plan import Claim
 from rarms_iac.model.system import Host
 from rarms_iac.planner.combining.values import Coi
 from rarms_iac.planner.groups import Group
-from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, names_of
+from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, ReservationSource, names_of
 from rarms_iac.statistics.curve import highest_missed
 
 
-def coi_of(group: Group, claim: Claim) -> Coi:
-    """What a partition holds, at what it reserves."""
-    return Coi(
+def coi_as_measured(group: Group, claim: Claim, reservations: ReservationSource, host: Host) -> Coi:
+    """What a partition holds, with the highest CR at which its data log for this host shows that it misses an APT.
+
+    Where it reserves more than the log asks for, because the manifest fixes that, nothing less is thought of.
+    """
+    coi = Coi(
         name=group.name,
         members=names_of(group.members),
         criticality=group.criticality,
         processors=claim.processors,
         reserve=claim.reserve,
     )
-
-
-def measured_coi(group: Group, claim: Claim, reservations: MeasuredReservations, host: Host) -> Coi:
-    """The same, with the highest CR at which its data log for this host shows that it misses an APT.
-
-    Where it reserves more than the log asks for, because the manifest fixes that, nothing less is thought of.
-    """
-    coi = coi_of(group, claim)
+    if not isinstance(reservations, MeasuredReservations):
+        return coi
     log, least = reservations.log(group.members, host), reservations.least(group.members, host)
     if not isinstance(log, MeasuredTogether) or least is None:
         return coi

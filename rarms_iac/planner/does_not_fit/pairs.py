@@ -11,9 +11,9 @@ from itertools import combinations
 
 from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime, show_percent
 from rarms_iac.model.system import CpuWish, Host
-from rarms_iac.planner.combining.candidates import Candidate, Candidates, candidates_of
+from rarms_iac.planner.combining.candidates import Candidate, Candidates, candidates_of, compound_of
 from rarms_iac.planner.combining.layouts import Layouts
-from rarms_iac.planner.combining.measured import coi_of
+from rarms_iac.planner.combining.measured import coi_as_measured
 from rarms_iac.planner.combining.objective import Objective
 from rarms_iac.planner.combining.values import Coi
 from rarms_iac.planner.does_not_fit.levers import largest
@@ -45,13 +45,22 @@ class Compound:
 
     groups: tuple[Group, ...]
     hosts: tuple[Host, ...]
-    wide: int  # virtual processors of the widest of them
-    needs: tuple[int, ...]  # of each, in per cent of one logical processor
+    parts: tuple[Coi, ...]  # each as it was measured there
+
+    @property
+    def wide(self) -> int:
+        """Virtual processors of the widest of them."""
+        return max(one.processors for one in self.parts)
+
+    @property
+    def needs(self) -> tuple[int, ...]:
+        """What each reserves, in per cent of one logical processor."""
+        return tuple(one.cost for one in self.parts)
 
     @property
     def lowest(self) -> int:
-        """Together they need at least what the neediest needs alone, in per cent of each virtual processor."""
-        return -(-max(self.needs) // self.wide)
+        """What they need at least together, in per cent of each virtual processor, as `rarms tune` takes it."""
+        return compound_of(self.parts).reserve
 
     @property
     def highest(self) -> int:
@@ -95,7 +104,7 @@ def layout_to_combine(problem: Problem, trial: Trial) -> str | None:
     known = _Known(
         problem=problem,
         by_member={member: one for one in groups.values() for member in names_of(one.members)},
-        cois=tuple(coi_of(one, next(iter(problem.claims[one.name].values()))) for one in groups.values()),
+        cois=tuple(_coi(one, next(iter(problem.claims[one.name])), problem) for one in groups.values()),
     )
     works = Counted(works=trial.may_work, left=LAYOUTS)
 
@@ -190,9 +199,12 @@ def _compounds(groups: Sequence[Group], problem: Problem) -> Iterator[Compound]:
             alike = host.logical_processors, tuple(one[name] for one in claims)
             kinds.setdefault(alike, []).append(host)
     for hosts in kinds.values():
-        here = [one[hosts[0].name] for one in claims]
-        wide = max(one.processors for one in here)
-        yield Compound(groups=tuple(groups), hosts=tuple(hosts), wide=wide, needs=tuple(map(cost, here)))
+        parts = tuple(_coi(one, hosts[0].name, problem) for one in groups)
+        yield Compound(groups=tuple(groups), hosts=tuple(hosts), parts=parts)
+
+
+def _coi(group: Group, host: str, problem: Problem) -> Coi:
+    return coi_as_measured(group, problem.claims[group.name][host], problem.reservations, problem.system.hosts[host])
 
 
 def _combined(variant: Variant, compound: Compound, percent: int) -> Variant:
