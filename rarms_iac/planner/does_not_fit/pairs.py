@@ -15,9 +15,9 @@ from rarms_iac.planner.combining.candidates import Candidate, Candidates, candid
 from rarms_iac.planner.combining.layouts import Layouts
 from rarms_iac.planner.combining.measured import coi_as_measured
 from rarms_iac.planner.combining.objective import Objective
-from rarms_iac.planner.combining.values import Coi
+from rarms_iac.planner.combining.values import WHOLE, Coi
 from rarms_iac.planner.does_not_fit.levers import largest
-from rarms_iac.planner.does_not_fit.sentences import together
+from rarms_iac.planner.does_not_fit.sentences import number, together
 from rarms_iac.planner.does_not_fit.variants import Counted, Edit, Trial, Variant, edited
 from rarms_iac.planner.groups import Group, may_share
 from rarms_iac.planner.placing.first_fit import cost, free_in
@@ -33,10 +33,6 @@ LAYOUTS = 40
 
 PREDICTED = 250
 """Compounds of which is worked out what they will probably need: all that eight can be."""
-
-WHOLE = 100
-
-_NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -226,7 +222,7 @@ def _told(compound: Compound, problem: Problem, trial: Trial) -> str:
     predicted = "" if expected is None else f" (predicted: {compound.share(expected)})"
     return (
         f"combining {together(compound.names)} in one partition may be enough: "
-        f"the {_number(len(compound.groups))} need {compound.share(lowest)} to {compound.share(highest)} "
+        f"the {number(len(compound.groups))} need {compound.share(lowest)} to {compound.share(highest)} "
         f"of {_or(compound)} then{predicted}, and up to {compound.share(lowest + more)} fits (`rarms tune` measures it)"
     )
 
@@ -246,10 +242,6 @@ def _expected(compound: Compound, problem: Problem) -> int | None:
     predictor: Predictor = predictor_of(alone_in(compound.groups, problem.reservations, compound.hosts[0]))
     members = names_of(member for group in compound.groups for member in group.members)
     return expected_of(predictor, members, compound.wide, compound.needs)
-
-
-def _number(parts: int) -> str:
-    return _NUMBERS[parts] if parts < len(_NUMBERS) else str(parts)
 
 
 def _or(compound: Compound) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from rarms_iac.model.plan import Claim
 from rarms_iac.planner.does_not_fit.smaller import by_hosts, hosts_of
 from rarms_iac.planner.placing.first_fit import Bin, Item, cost, first_fit, free_in
-from rarms_iac.planner.placing.in_numbers import problem_of
+from rarms_iac.planner.placing.in_numbers import in_whole_numbers
 from rarms_iac.planner.placing.place import EXACT_UP_TO, place
 
 SEARCHED_UP_TO = 16
@@ -31,7 +31,7 @@ def has_room(items: Sequence[Item], bins: Sequence[Bin]) -> bool:
     from rarms_iac.planner.packing.solve import Settings, finds_room
 
     limits = Limits(nodes=20, dives=4, first_dive=20, dive=4, patterns=400, cover=20_000, cover_below=2_000)
-    return finds_room(problem_of(items, bins), Settings(limits=limits), searching=len(items) <= SEARCHED_UP_TO)
+    return finds_room(in_whole_numbers(items, bins), Settings(limits=limits), searching=len(items) <= SEARCHED_UP_TO)
 
 
 def exceeds(items: Sequence[Item], bins: Sequence[Bin], measure: Callable[[Claim], int]) -> tuple[Item, ...] | None:

@@ -69,9 +69,13 @@ def _verb(parts: Sequence[str]) -> str:
 
 
 def _processors(host: Bin) -> str:
-    number = host.capacity.logical_processors
-    word = _WORDS[number] if number < len(_WORDS) else plain(number)
-    return f"{word} logical processor{'' if number == 1 else 's'}"
+    many = host.capacity.logical_processors
+    return f"{number(many)} logical processor{'' if many == 1 else 's'}"
+
+
+def number(many: int) -> str:
+    """A small number as a word."""
+    return _WORDS[many] if many < len(_WORDS) else plain(many)
 
 
 def _listed(words: Sequence[str]) -> str:

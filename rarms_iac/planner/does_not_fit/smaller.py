@@ -5,7 +5,7 @@ from itertools import islice
 
 from rarms_iac.planner.certifying.named import certificate_of
 from rarms_iac.planner.placing.first_fit import Bin, Item, cost
-from rarms_iac.planner.placing.in_numbers import gave_up, problem_of
+from rarms_iac.planner.placing.in_numbers import gave_up, in_whole_numbers
 from rarms_iac.planner.placing.place import EXACT_UP_TO
 
 LOOKED_AT = 60
@@ -32,7 +32,7 @@ def alone(items: Sequence[Item], bins: Sequence[Bin]) -> tuple[Item, ...] | None
     from rarms_iac.planner.packing.solve import ruled_out
 
     for some in islice(_groups(items), LOOKED_AT):
-        problem = problem_of(some, hosts_of(some, bins))
+        problem = in_whole_numbers(some, hosts_of(some, bins))
         found = ruled_out(problem)
         if found is None or gave_up(problem):
             continue
@@ -67,7 +67,7 @@ def certified_impossible(items: Sequence[Item], bins: Sequence[Bin]) -> str:
         return ""
     ordered = sorted(items, key=lambda one: one.name)
     hosts = sorted(hosts_of(items, bins), key=lambda one: one.name)
-    problem = problem_of(ordered, hosts)
+    problem = in_whole_numbers(ordered, hosts)
     names = [one.name for one in ordered], [one.name for one in hosts]
     by_sums = certificate_of(problem, {"impossible": None}, *names)
     found = None if by_sums else ruled_out(problem)

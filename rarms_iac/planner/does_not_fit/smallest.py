@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from rarms_iac.planner.does_not_fit.room import exceeds, memory_of
 from rarms_iac.planner.does_not_fit.smaller import alone, hosts_of
 from rarms_iac.planner.placing.first_fit import Bin, Item, cost, first_fit
-from rarms_iac.planner.placing.in_numbers import gave_up, problem_of
+from rarms_iac.planner.placing.in_numbers import gave_up, in_whole_numbers
 from rarms_iac.planner.placing.place import EXACT_UP_TO, place
 
 SEARCHES = 60
@@ -80,7 +80,7 @@ class _Asked:
         from rarms_iac.planner.packing.dual import too_heavy
         from rarms_iac.planner.packing.solve import ruled_out
 
-        problem = problem_of(some, hosts_of(some, self.bins))
+        problem = in_whole_numbers(some, hosts_of(some, self.bins))
         if len(some) > EXACT_UP_TO:
             return too_heavy(problem) is not None
         self.left -= 1

@@ -28,21 +28,22 @@ def too_heavy(problem: Problem) -> tuple[int, ...] | None:
             min((size[d] for row in problem.sizes if (size := row[item]) is not None), default=0)
             for item in range(problem.items)
         ]
-        for weigh in _functions(sizes, max(rooms)):
+        for weigh in functions(sizes, max(rooms)):
             found = _fewest([weigh(size) for size in sizes], sum(map(weigh, rooms)))
             if found is not None and (best is None or found.count(0) > best.count(0)):
                 best = found
     return best
 
 
-def _functions(sizes: Sequence[int], room: int) -> Iterator[Callable[[int], int]]:
+def functions(sizes: Sequence[int], room: int, thresholds: int = THRESHOLDS) -> Iterator[Callable[[int], int]]:
+    """Those that are tried for these sizes in such a room, with so many thresholds at most."""
     if not room:
         return
     for k in range(1, PARTS):
-        yield partial(rounded, capacity=room, k=k)
-    thresholds = sorted({size for size in sizes if 0 < 2 * size <= room})
-    for threshold in thresholds[:: 1 + len(thresholds) // THRESHOLDS]:
-        yield partial(above, capacity=room, threshold=threshold)
+        yield partial(_rounded, capacity=room, k=k)
+    halves = sorted({size for size in sizes if 0 < 2 * size <= room})
+    for threshold in halves[:: -(-len(halves) // thresholds) or 1]:
+        yield partial(_above, capacity=room, threshold=threshold)
 
 
 def _fewest(weights: Sequence[int], most: int) -> tuple[int, ...] | None:
@@ -56,13 +57,13 @@ def _fewest(weights: Sequence[int], most: int) -> tuple[int, ...] | None:
     return None
 
 
-def rounded(size: int, capacity: int, k: int) -> int:
+def _rounded(size: int, capacity: int, k: int) -> int:
     """The size, in k-ths of itself: what is no whole part of k + 1 in a bin is rounded down to one in k."""
     parts = (k + 1) * size
     return size * k if parts % capacity == 0 else parts // capacity * capacity
 
 
-def above(size: int, capacity: int, threshold: int) -> int:
+def _above(size: int, capacity: int, threshold: int) -> int:
     """The size; nothing where it is below the threshold, and all of a bin where only that much is left beside it."""
     if size > capacity - threshold:
         return capacity

@@ -13,7 +13,7 @@ STEPS = 100_000
 """Steps in which places for virtual processors are searched for, in all questions of a packing together."""
 
 
-def problem_of(items: Sequence[Item], bins: Sequence[Bin]) -> Problem:
+def in_whole_numbers(items: Sequence[Item], bins: Sequence[Bin]) -> Problem:
     """The same in whole numbers: per cent of processors, memory, virtual processors of more than half a logical one.
 
     Whether virtual processors find their logical ones is asked beyond that, but where all are as wide as their hosts.

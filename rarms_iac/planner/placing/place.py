@@ -14,7 +14,7 @@ from rarms_iac.model.plan import Claim
 from rarms_iac.planner.certifying.named import certificate_of
 from rarms_iac.planner.packing.program import Problem
 from rarms_iac.planner.placing.first_fit import Bin, Item, all_hold, cost, first_fit, free_in
-from rarms_iac.planner.placing.in_numbers import gave_up, problem_of
+from rarms_iac.planner.placing.in_numbers import gave_up, in_whole_numbers
 
 if TYPE_CHECKING:  # the search is imported where there is something to search
     from rarms_iac.planner.packing.solve import Impossible, Packed
@@ -113,7 +113,7 @@ def _at_their_least(found: Found, items: Sequence[Item], bins: Sequence[Bin]) ->
         found,
         packed=tuple(one.name for one in items),
         among=tuple(numbers),
-        problem=problem_of(items, bins),
+        problem=in_whole_numbers(items, bins),
         result=Packed(hosts=where, cost=cheapest, moves=Level(value=0, bound=0, proof=None)),
     )
 
@@ -159,7 +159,7 @@ def _repacked(items: Sequence[Item], bins: Sequence[Bin]) -> Mapping[str, str] |
         replace(one, claims={host: claim for host, claim in one.claims.items() if host in names}) for one in items
     ]
     limits = Limits(nodes=4, dives=2, first_dive=8, dive=4, patterns=200, cover=20_000, cover_below=1_000)
-    result = solve(problem_of(inside, bins), Settings(limits=limits, tries=20))
+    result = solve(in_whole_numbers(inside, bins), Settings(limits=limits, tries=20))
     if not isinstance(result, Packed):
         return None
     return {item.name: bins[at].name for item, at in zip(items, result.hosts, strict=True)}
@@ -196,7 +196,7 @@ def _verdict(found: Found) -> tuple[Verdict, str]:
 def _exactly(items: Sequence[Item], bins: Sequence[Bin]) -> Found:
     from rarms_iac.planner.packing.solve import Impossible, Packed, solve
 
-    problem = problem_of(items, bins)
+    problem = in_whole_numbers(items, bins)
     result = solve(problem)
     if not isinstance(result, Packed):
         impossible = result if isinstance(result, Impossible) else None

@@ -7,7 +7,7 @@ patterns, with the gap to the best of several bounds: the sum of sizes, dual fea
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rarms_iac.planner.packing.dual import above, rounded
+from rarms_iac.planner.packing.dual import functions
 from rarms_iac.planner.packing.heuristics import quick_packing
 from rarms_iac.planner.packing.plain.large import pack_many
 from rarms_iac.planner.packing.program import Problem, Sizes, assignment_of, cheapest
@@ -92,11 +92,6 @@ def least_bins(items: Sequence[Sizes], room: Sizes) -> int:
             continue
         column = [size[d] for size in items]
         bounds.append(-(-sum(column) // capacity))
-        # Fekete and Schepers' u(k), and sizes above a threshold filling a bin while those below it vanish.
-        for k in range(1, 20):
-            whole = sum(rounded(size, capacity, k) for size in column)
-            bounds.append(-(-whole // (k * capacity)))
-        for threshold in sorted({size for size in column if 2 * size <= capacity}):
-            whole = sum(above(size, capacity, threshold) for size in column)
-            bounds.append(-(-whole // capacity))
+        tried = functions(column, capacity, thresholds=len(column))
+        bounds += [-(-sum(map(weigh, column)) // weigh(capacity)) for weigh in tried]
     return max(bounds)

@@ -36,7 +36,9 @@ class Packing:
 
 
 def pack_many(items: Sequence[Sizes], room: Sizes, least: int, *, own: bool = False) -> Packing:
-    """The fewest bins that are found; `least` is a bound that is known. Every item fits alone.
+    """The fewest bins that are found, or `least`, which is enough; every item fits alone.
+
+    The bound is one where none is below `least`.
 
     With `own` the linear program is ours, whatever is installed.
     """

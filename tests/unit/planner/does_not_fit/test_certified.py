@@ -15,7 +15,7 @@ from rarms_iac.planner.certifying.checker import Wrong, check
 from rarms_iac.planner.certifying.claim import problem_data
 from rarms_iac.planner.does_not_fit.smaller import alone, certified_impossible
 from rarms_iac.planner.placing.first_fit import Bin, Item
-from rarms_iac.planner.placing.in_numbers import problem_of
+from rarms_iac.planner.placing.in_numbers import in_whole_numbers
 from rarms_iac.planner.placing.place import place
 from tests.effort import LONG
 from tests.packings import lies
@@ -120,7 +120,7 @@ def test_no_certificate_shows_that_what_can_be_placed_cannot() -> None:
         for some in (items, items[1:]):
             if not some or not can_be_placed(some, bins):
                 continue
-            data = problem_data(problem_of(some, bins))
+            data = problem_data(in_whole_numbers(some, bins))
             for claimed in (*proofs[-8:], *made_up(len(some), len(bins), Random(seed))):
                 with pytest.raises(Wrong):
                     check(data, {"impossible": resized(claimed, len(some), len(bins))})
