@@ -5,6 +5,7 @@ from fractions import Fraction
 
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.terminal import Terminal
+from rarms_iac.model.phrases import in_a_row
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.planner.combining.oracle import Silent
 from rarms_iac.planner.combining.values import Asked, Coi, Members
@@ -19,7 +20,7 @@ class Telling(Silent):
 
     def setting_asked(self, members: Members, reserve: int, why: str) -> None:
         """What is asked, and why."""
-        self._say(f"{_together(members)} in one partition at {reserve} %: {why}.")
+        self._say(f"{in_a_row(members)} in one partition at {reserve} %: {why}.")
 
     def setting_answered(self, answer: Asked) -> None:
         """The answer."""
@@ -28,12 +29,12 @@ class Telling(Silent):
 
     def declined(self, members: Members) -> None:
         """That it is left out."""
-        self._terminal.talk(f"Not combined: {_together(members)}.")
+        self._terminal.talk(f"Not combined: {in_a_row(members)}.")
 
     def combined(self, compound: Coi, before: int) -> None:
         """What it brought."""
         apart, now = (show_processors(Fraction(one, 100)) for one in (before, compound.cost))
-        self._say(f"Combined: {_together(compound.members)}, {apart} apart and {now} together.")
+        self._say(f"Combined: {in_a_row(compound.members)}, {apart} apart and {now} together.")
 
     def _say(self, text: str, indent: str = "") -> None:
         self._terminal.talk("\n".join(wrap(text, self._terminal.width, indent)))
@@ -53,14 +54,10 @@ class AskingConsent:
             terminal.flush()
             saves = show_processors(Fraction(gain, 100))
             takes = "one setting" if settings == 1 else f"{settings} settings"
-            says = f"Try {_together(members)}? About {takes}, or fewer; saves at most {saves}. [y/N] "
+            says = f"Try {in_a_row(members)}? About {takes}, or fewer; saves at most {saves}. [y/N] "
             question = "\n".join(wrap(says, terminal.width, "")) + " "
             terminal.status(question)
             while (said := sys.stdin.readline().strip().lower()) not in {"", "y", "yes", "n", "no"}:
                 terminal.status(f"Say y or n: {question}")
             self._said[members] = said in {"y", "yes"}
         return self._said[members]
-
-
-def _together(members: Members) -> str:
-    return " and ".join(members) if len(members) == 2 else f"{', '.join(members[:-1])} and {members[-1]}"

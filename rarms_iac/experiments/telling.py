@@ -1,6 +1,6 @@
 """What the end of an experiment is told as, where it is not simply a reservation."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from typing import assert_never
 
 from rarms_iac.experiments.conclusions import (
@@ -27,6 +27,7 @@ from rarms_iac.model import thresholds
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import Setting
+from rarms_iac.model.phrases import in_a_row
 from rarms_iac.model.quantities import Unit, show_amount
 from rarms_iac.model.system import Measured, Threshold
 
@@ -60,12 +61,6 @@ def findings_of(
             return
         case _:
             assert_never(conclusion)
-
-
-def listed(reserves: Sequence[int]) -> str:
-    """`43`, `43 and 45`, `43, 44 and 45`: what `%` stands behind."""
-    *others, last = map(str, reserves)
-    return f"{', '.join(others)} and {last}" if others else last
 
 
 def show_value(index: str, value: float) -> str:
@@ -158,8 +153,8 @@ def _less_unknown(
     lowest = f"; {found.failed} % is not shown to be" if found.failed else ""
     yield LESS_UNKNOWN.at(
         places.value("components", experiment.members[0].name, "apt"),
-        f"{experiment.name}: {found.reserve} % is enough{lowest}. Of {listed(found.untold)} % nothing is known: {many} "
-        f"reached no steady state ({component} at {reserve} %: {why}).",
+        f"{experiment.name}: {found.reserve} % is enough{lowest}. Of {in_a_row(found.untold)} % nothing is known: "
+        f"{many} reached no steady state ({component} at {reserve} %: {why}).",
         f"To find out whether less is enough, measure longer: `rarms measure {_asked_for(experiment)} --again "
         "--samples 2000`.",
         address=f"component/{experiment.members[0].name}",

@@ -12,6 +12,7 @@ from rarms_iac.manifest.usual_units import nearest_unit
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
 from rarms_iac.model.indexes import INDEXES
 from rarms_iac.model.names import NAME_PATTERN, TASK_PATTERN
+from rarms_iac.model.phrases import in_a_row
 from rarms_iac.model.spelling import did_you_mean, question
 
 UNKNOWN_KEY = Finding(code="RARMS015", severity=Severity.ERROR, summary="Unknown key")
@@ -114,9 +115,9 @@ def _choice(case: Case) -> Diagnostic:
     says = "nothing (null)" if case.value is None else shown(case.value)
     return NOT_A_CHOICE.at(
         case.place,
-        f"{case.name} is {says}; it can be {_one_of(known)}.",
+        f"{case.name} is {says}; it can be {in_a_row(known, 'or')}.",
         question(did_you_mean(case.value, known) if isinstance(case.value, str) else None)
-        or f"Write {_one_of(known)}.",
+        or f"Write {in_a_row(known, 'or')}.",
     )
 
 
@@ -130,19 +131,19 @@ def _tag(case: Case) -> Diagnostic:
     known = choices_at(path)
     if "kind" not in case.value:
         return MISSING_KEY.at(
-            case.places.value(*path), f"{case.name} needs the key kind.", f"Write kind: {_one_of(known)}."
+            case.places.value(*path), f"{case.name} needs the key kind.", f"Write kind: {in_a_row(known, 'or')}."
         )
     said = case.value["kind"]
     suggestion = did_you_mean(said, known) if isinstance(said, str) else None
     return NOT_A_CHOICE.at(
         case.places.value(*path),
-        f"{dotted(path)} is {shown(said)}; it can be {_one_of(known)}.",
-        question(suggestion) or f"Write {_one_of(known)}.",
+        f"{dotted(path)} is {shown(said)}; it can be {in_a_row(known, 'or')}.",
+        question(suggestion) or f"Write {in_a_row(known, 'or')}.",
     )
 
 
 def _one_of(known: tuple[str, ...]) -> str:
-    return known[0] if len(known) == 1 else f"{', '.join(known[:-1])} or {known[-1]}"
+    return in_a_row(known, "or")
 
 
 def _quantity(case: Case) -> Diagnostic:

@@ -16,9 +16,10 @@ from rarms_iac.experiments.conclusions import (
 )
 from rarms_iac.experiments.measured import Shown, shown, shown_at
 from rarms_iac.experiments.setup import Experiment
-from rarms_iac.experiments.telling import listed, show_threshold, show_value
+from rarms_iac.experiments.telling import show_threshold, show_value
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Setting
+from rarms_iac.model.phrases import in_a_row
 from rarms_iac.model.system import AtLeast, AtMost
 from rarms_iac.statistics.curve import LeastReserve
 from rarms_iac.statistics.told_errors import ERRORS, share
@@ -142,7 +143,7 @@ def _below(one: Measured, failed: int | None) -> str:
 
 def _untold(reserves: Sequence[int]) -> str:
     """Those between, of which nothing is known: they are neither enough nor too little."""
-    return f", {listed(reserves)} % without a steady state" if reserves else ""
+    return f", {in_a_row(reserves)} % without a steady state" if reserves else ""
 
 
 def _planned(one: Measured, reserve: int | None) -> str:

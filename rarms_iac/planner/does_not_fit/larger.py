@@ -8,10 +8,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
+from rarms_iac.model.phrases import in_a_row
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, ProcessorTime, show_bytes
 from rarms_iac.model.system import CpuWish, Host
 from rarms_iac.planner.does_not_fit.levers import largest
-from rarms_iac.planner.does_not_fit.sentences import together
 from rarms_iac.planner.does_not_fit.variants import (
     Edit,
     Edits,
@@ -133,8 +133,8 @@ def more_processors_and_measuring(trial: Trial) -> Anew | None:
         more = None if number is None else _processors(after.start, hosts, number, measured_anew=True)
         if more is not None and after.is_planned((more,)):
             names = sorted({one.name for group in groups for one in group.members})
-            fixed = f", with `processors: {width}` for {together(open_)} as now" if open_ else ""
-            who = "they" if open_ == names else together(names)
+            fixed = f", with `processors: {width}` for {in_a_row(open_)} as now" if open_ else ""
+            who = "they" if open_ == names else in_a_row(names)
             says = f"{more.says} may be enough{fixed}: what {who} then need has to be measured there (`rarms measure`)"
             return Anew(says=says, edits=(given, more))
     return None
@@ -179,7 +179,7 @@ def _fewest(hosts: Sequence[Host], trial: Trial, *, measured_anew: bool) -> int 
 def _processors(variant: Variant, hosts: Sequence[Host], more: int, *, measured_anew: bool) -> Edit:
     larger, seen = _larger(variant, hosts, more)
     number = "one" if more == 1 else str(more)
-    where = hosts[0].name if len(hosts) == 1 else f"each of {together([one.name for one in hosts])}"
+    where = hosts[0].name if len(hosts) == 1 else f"each of {in_a_row([one.name for one in hosts])}"
     says = f"{number} more logical processor{'' if more == 1 else 's'} on {where}"
     edit = hosts_become(larger, seen, says)
     if measured_anew:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import combinations
 
+from rarms_iac.model.phrases import in_a_row, number
 from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime, show_percent
 from rarms_iac.model.system import CpuWish, Host
 from rarms_iac.planner.combining.candidates import Candidate, Candidates, candidates_of, compound_of
@@ -17,7 +18,6 @@ from rarms_iac.planner.combining.measured import coi_as_measured
 from rarms_iac.planner.combining.objective import Objective
 from rarms_iac.planner.combining.values import WHOLE, Coi
 from rarms_iac.planner.does_not_fit.levers import largest
-from rarms_iac.planner.does_not_fit.sentences import number, together
 from rarms_iac.planner.does_not_fit.variants import Counted, Edit, Trial, Variant, edited
 from rarms_iac.planner.groups import Group, may_share
 from rarms_iac.planner.placing.first_fit import cost, free_in
@@ -221,7 +221,7 @@ def _told(compound: Compound, problem: Problem, trial: Trial) -> str:
     expected = _expected(compound, problem)
     predicted = "" if expected is None else f" (predicted: {compound.share(expected)})"
     return (
-        f"combining {together(compound.names)} in one partition may be enough: "
+        f"combining {in_a_row(compound.names)} in one partition may be enough: "
         f"the {number(len(compound.groups))} need {compound.share(lowest)} to {compound.share(highest)} "
         f"of {_or(compound)} then{predicted}, and up to {compound.share(lowest + more)} fits (`rarms tune` measures it)"
     )
@@ -232,7 +232,7 @@ def _all_told(compounds: Sequence[Compound], problem: Problem) -> str:
     for one in compounds:
         expected = _expected(one, problem)
         predicted = "" if expected is None else f" (predicted: {one.share(expected)})"
-        parts.append(f"{together(one.names)}: at least {one.share(one.lowest)} of {_or(one)}{predicted}")
+        parts.append(f"{in_a_row(one.names)}: at least {one.share(one.lowest)} of {_or(one)}{predicted}")
     return "\n  - ".join(
         ["no pair is enough; combining all of these may be (`rarms tune` measures what they need)", *parts]
     )
@@ -245,5 +245,4 @@ def _expected(compound: Compound, problem: Problem) -> int | None:
 
 
 def _or(compound: Compound) -> str:
-    names = [one.name for one in compound.hosts]
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
+    return in_a_row([one.name for one in compound.hosts], "or")

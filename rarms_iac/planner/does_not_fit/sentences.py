@@ -3,13 +3,12 @@
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 
-from rarms_iac.model.quantities import plain, show_bytes, show_percent, show_processors
+from rarms_iac.model.phrases import in_a_row, number
+from rarms_iac.model.quantities import show_bytes, show_percent, show_processors
 from rarms_iac.planner.placing.first_fit import Bin, Item, cost, free_in
 
 LISTED_UP_TO = 12
 """Names in a sentence; more are counted."""
-
-_WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
 
 def processors_exceed(chosen: Sequence[Item], bins: Sequence[Bin]) -> str:
@@ -73,17 +72,7 @@ def _processors(host: Bin) -> str:
     return f"{number(many)} logical processor{'' if many == 1 else 's'}"
 
 
-def number(many: int) -> str:
-    """A small number as a word."""
-    return _WORDS[many] if many < len(_WORDS) else plain(many)
-
-
 def _listed(words: Sequence[str]) -> str:
     if len(words) > LISTED_UP_TO:
         return f"{', '.join(words[:LISTED_UP_TO])} and {len(words) - LISTED_UP_TO} others"
-    return together(words)
-
-
-def together(words: Sequence[str]) -> str:
-    """`a, b and c`."""
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+    return in_a_row(words)
