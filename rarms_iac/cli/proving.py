@@ -267,7 +267,7 @@ def _told_as(one: Tried) -> tuple[Finding, str]:
         case WithinTheNoise() | TooFewSamples() | TooManyFailures():
             return findings.NOT_RESOLVED, "Allow more samples (`--samples 2000`), or raise its reservation."
         case Met() | Missed():
-            again = f"`rarms measure {one.shown.component} --again`"
-            return findings.MISSED, f"Measure it again ({again}), raise its reservation, or relax its APT."
+            again = f"`rarms undo`, then `rarms measure {one.shown.component} --again`"
+            return findings.MISSED, f"Raise its reservation, relax its APT, or measure it again: {again}."
         case _:
             assert_never(one.verdict)
