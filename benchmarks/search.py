@@ -14,12 +14,12 @@ from multiprocessing import Pool
 from benchmarks.shapes import NAMED, NOISES, UNSEEN, Truth, component
 from benchmarks.timing import Figure, report
 from benchmarks.trials import ALLOWED, Bench, Walk, goal_of, walk
-from rarms_iac.experiments.conclusions import Sufficient
-from rarms_iac.experiments.measuring import Strategy
-from rarms_iac.experiments.search import STRATEGIES, Found, Goal, Measure, NotAchievable, Step, Trial, trial_of
-from rarms_iac.experiments.search import values as searched
-from rarms_iac.experiments.search.bisection import halve
-from rarms_iac.experiments.strategies import Agreeing, Searching, Verifying
+from rarms_iac.measuring.conclusions import Sufficient
+from rarms_iac.measuring.measuring import Strategy
+from rarms_iac.measuring.search import STRATEGIES, Found, Goal, Measure, NotAchievable, Step, Trial, trial_of
+from rarms_iac.measuring.search import values as searched
+from rarms_iac.measuring.search.bisection import halve
+from rarms_iac.measuring.strategies import Agreeing, Searching, Verifying
 from rarms_iac.statistics.curve import curves_of, holds
 
 COMPONENTS = 1000

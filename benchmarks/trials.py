@@ -8,14 +8,14 @@ from fractions import Fraction
 from functools import partial
 
 from benchmarks.shapes import PROCESSORS, Truth, deviation_of_logarithm
-from rarms_iac.datalog.columns import DIGITS
-from rarms_iac.experiments.conclusions import Conclusion, Measure
-from rarms_iac.experiments.measuring import Strategy
-from rarms_iac.experiments.search import Goal, Member
+from rarms_iac.measuring.conclusions import Conclusion, Measure
+from rarms_iac.measuring.measuring import Strategy
+from rarms_iac.measuring.search import Goal, Member
 from rarms_iac.model.measurement import Sample, Series, Setting
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.system import AtLeast, AtMost, Closed, Command, Run, SampleCount, Samples, Stop
 from rarms_iac.statistics.verdict import next_look
+from rarms_iac.storage.datalog.columns import DIGITS
 
 ALLOWED = 4000
 """Samples a setting may have: with a CV of 15 % and a correlation of 0.5, a mean is then known within 0.4 %."""

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from rarms_iac.datalog.identity import Subject, header_of, identity_of
-from rarms_iac.datalog.log import DataLog, Header, Provenance, Recorded
 from rarms_iac.model.measurement import Bench, EnvironmentSetup, Sample, Series, Setting
 from rarms_iac.model.system import BusyLoop, Component, Interference, ProviderKind, SchedulerType, TaskWish
+from rarms_iac.storage.datalog.identity import Subject, header_of, identity_of
+from rarms_iac.storage.datalog.log import DataLog, Header, Provenance, Recorded
 from tests.builders import a_component, memory
 
 TAKEN = Provenance(rarms_version="0.1", when="2027-01-31T12:00:00Z")

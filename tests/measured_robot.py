@@ -8,7 +8,7 @@ from random import Random
 
 from rarms_iac.model.measurement import Sample, Series, Setting
 from rarms_iac.model.system import Component, System
-from rarms_iac.reports.building import Logged
+from rarms_iac.views.reports.building import Logged
 from tests.builders import a_component, a_host, a_run, a_system, at_least, at_most
 from tests.builders_measured import a_log, a_subject
 

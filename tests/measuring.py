@@ -6,16 +6,16 @@ from datetime import date
 from pathlib import Path
 
 from rarms_iac.cli.datalogs import path_of, subject_of
-from rarms_iac.datalog.files import append_setting, begin_log
-from rarms_iac.datalog.hashing import Files
-from rarms_iac.datalog.identity import header_of, identity_of
-from rarms_iac.datalog.log import Provenance, Recorded
-from rarms_iac.experiments.setup import interference_of
 from rarms_iac.manifest.load import load
+from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.measurement import Series, Setting
 from rarms_iac.model.system import System
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.reservations import names_of, rests_on_a_log
+from rarms_iac.storage.datalog.files import append_setting, begin_log
+from rarms_iac.storage.datalog.hashing import Files
+from rarms_iac.storage.datalog.identity import header_of, identity_of
+from rarms_iac.storage.datalog.log import Provenance, Recorded
 from tests.builders_measured import a_bench, a_series, a_setting
 
 TAKEN = Provenance(rarms_version="0", when="2026-01-01T00:00:00Z")

@@ -26,9 +26,9 @@ from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import HostPlan, Plan, Purpose
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
-from rarms_iac.planfile.sealing import identified
 from rarms_iac.planner.reservations import ReservationSource
 from rarms_iac.powershell.guests import GuestTask
+from rarms_iac.storage.planfile.sealing import identified
 
 Judge = Callable[[Sequence[Diagnostic]], tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]]
 """Which findings stay, and which the manifest's policy accepts."""

@@ -10,19 +10,19 @@ from rarms_iac.cli.configuration import now
 from rarms_iac.cli.datalogs import is_here, subject_of
 from rarms_iac.cli.hosts import Hosts
 from rarms_iac.cli.problems import Halted
-from rarms_iac.datalog.files import LogUnreadable, read_log
-from rarms_iac.datalog.hashing import Files
-from rarms_iac.datalog.identity import header_of, identity_of
-from rarms_iac.datalog.log import DataLog, Header, Provenance
-from rarms_iac.datalog.paths import log_path
-from rarms_iac.datalog.staleness import Changed, compare, known
-from rarms_iac.experiments.book import Book
-from rarms_iac.experiments.room import called
-from rarms_iac.experiments.setup import Experiment
+from rarms_iac.measuring.book import Book
+from rarms_iac.measuring.room import called
+from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.state import Partition
 from rarms_iac.planner.findings import UNREADABLE
 from rarms_iac.providers.measuring import MeasuringHost
+from rarms_iac.storage.datalog.files import LogUnreadable, read_log
+from rarms_iac.storage.datalog.hashing import Files
+from rarms_iac.storage.datalog.identity import header_of, identity_of
+from rarms_iac.storage.datalog.log import DataLog, Header, Provenance
+from rarms_iac.storage.datalog.paths import log_path
+from rarms_iac.storage.datalog.staleness import Changed, compare, known
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,8 +7,7 @@ from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.datalogs import Measurements, measured_reservations
 from rarms_iac.cli.manifests import Opened
 from rarms_iac.cli.problems import Halted
-from rarms_iac.datalog.paths import log_path
-from rarms_iac.experiments.setup import interference_of
+from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Host, PartitionWish, System
@@ -22,6 +21,7 @@ from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.prediction.members import alone_in, predictor_of
 from rarms_iac.planner.problem import by_name, problem_of
 from rarms_iac.planner.reservations import NotMeasured, names_of, rests_on_a_log
+from rarms_iac.storage.datalog.paths import log_path
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

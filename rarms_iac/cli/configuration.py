@@ -10,10 +10,7 @@ from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, subject_of
 from rarms_iac.cli.locks import held_configurations
 from rarms_iac.cli.problems import Halted
-from rarms_iac.datalog.configuration import Chosen, append_entry, last_chosen, read_entries
-from rarms_iac.datalog.files import LogUnreadable, read_log
-from rarms_iac.datalog.paths import configuration_path
-from rarms_iac.experiments.setup import interference_of
+from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.system import Component, Host
 from rarms_iac.model.thresholds import show_threshold
@@ -21,6 +18,9 @@ from rarms_iac.planner.findings import UNREADABLE
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.reservations import names_of, rests_on_a_log
 from rarms_iac.planner.sizes import Sized, size
+from rarms_iac.storage.datalog.configuration import Chosen, append_entry, last_chosen, read_entries
+from rarms_iac.storage.datalog.files import LogUnreadable, read_log
+from rarms_iac.storage.datalog.paths import configuration_path
 
 
 def record_choices(measured: Measurements, components: Iterable[str] = ()) -> tuple[Path, ...]:

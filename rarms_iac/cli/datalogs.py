@@ -9,13 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from rarms_iac.cli.options import DEFAULT_MANIFEST, ManifestOptions
-from rarms_iac.datalog.files import LogUnreadable, read_log
-from rarms_iac.datalog.hashing import Files
-from rarms_iac.datalog.identity import Subject, identity_of
-from rarms_iac.datalog.log import DataLog
-from rarms_iac.datalog.paths import log_path
-from rarms_iac.datalog.staleness import BenchNow, Comparison, compare
-from rarms_iac.experiments.setup import experiment_of, interference_of
+from rarms_iac.measuring.setup import experiment_of, interference_of
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.measurement import run_of
 from rarms_iac.model.state import HostFacts, State
@@ -32,6 +26,12 @@ from rarms_iac.planner.reservations import (
     to_be_measured,
 )
 from rarms_iac.statistics.curve import Curve, curve_of
+from rarms_iac.storage.datalog.files import LogUnreadable, read_log
+from rarms_iac.storage.datalog.hashing import Files
+from rarms_iac.storage.datalog.identity import Subject, identity_of
+from rarms_iac.storage.datalog.log import DataLog
+from rarms_iac.storage.datalog.paths import log_path
+from rarms_iac.storage.datalog.staleness import BenchNow, Comparison, compare
 
 LISTED = 4
 """Changes that one message names; more are counted."""

@@ -9,8 +9,8 @@ from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.hosts import Hosts
 from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.wiring import open_bench
-from rarms_iac.experiments import findings
-from rarms_iac.experiments.setup import Experiment, experiment_of, interference_of
+from rarms_iac.measuring import findings
+from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
 from rarms_iac.model.spelling import suggestion
 from rarms_iac.model.system import Host, RunsOn
 from rarms_iac.planner.groups import groups_of

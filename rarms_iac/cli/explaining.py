@@ -10,9 +10,7 @@ from rarms_iac.cli.hosts import Hosts, observed
 from rarms_iac.cli.partners import partners
 from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.tuned_before import NOT_LOOKED_FOR, shared, tuned_before, why_together
-from rarms_iac.datalog.files import read_log
-from rarms_iac.datalog.log import DataLog
-from rarms_iac.experiments.setup import interference_of
+from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.capacity import capacity_of, load_of
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.layout import Cause, Layout, PlacedPartition
@@ -33,6 +31,8 @@ from rarms_iac.planner.reservations import (
     rests_on_a_log,
 )
 from rarms_iac.planner.sizes import Sized, size
+from rarms_iac.storage.datalog.files import read_log
+from rarms_iac.storage.datalog.log import DataLog
 from rarms_iac.views import walk as shown
 
 

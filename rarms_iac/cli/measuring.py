@@ -15,14 +15,14 @@ from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.telling import tell
 from rarms_iac.cli.wiring import open_bench
-from rarms_iac.experiments import findings
-from rarms_iac.experiments.book import highest_seed
-from rarms_iac.experiments.measuring import Strategy, Surroundings, measure
-from rarms_iac.experiments.partitions import remove_test_partitions
-from rarms_iac.experiments.room import Room, called, in_the_way, most, room_of
-from rarms_iac.experiments.search import STRATEGIES
-from rarms_iac.experiments.setup import Experiment
-from rarms_iac.experiments.strategies import Agreeing, Searching, Sweeping, Verifying, apts_of, goal_of
+from rarms_iac.measuring import findings
+from rarms_iac.measuring.book import highest_seed
+from rarms_iac.measuring.measuring import Strategy, Surroundings, measure
+from rarms_iac.measuring.partitions import remove_test_partitions
+from rarms_iac.measuring.room import Room, called, in_the_way, most, room_of
+from rarms_iac.measuring.search import STRATEGIES
+from rarms_iac.measuring.setup import Experiment
+from rarms_iac.measuring.strategies import Agreeing, Searching, Sweeping, Verifying, apts_of, goal_of
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.state import Partition
 from rarms_iac.model.system import ProviderKind

@@ -9,10 +9,10 @@ from rarms_iac.cli.books import Kept, kept
 from rarms_iac.cli.experiments import MeasureOptions
 from rarms_iac.cli.hosts import Hosts
 from rarms_iac.cli.locks import held_log
-from rarms_iac.datalog.files import append_pass, begin_log
-from rarms_iac.datalog.log import Pass
-from rarms_iac.experiments.setup import Experiment
+from rarms_iac.measuring.setup import Experiment
 from rarms_iac.providers.measuring import MeasuringHost
+from rarms_iac.storage.datalog.files import append_pass, begin_log
+from rarms_iac.storage.datalog.log import Pass
 
 
 def passes_for(

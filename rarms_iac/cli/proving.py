@@ -21,13 +21,11 @@ from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.telling import tell
 from rarms_iac.cli.wiring import open_bench
-from rarms_iac.datalog.configuration import Proven, ProvenIndex, append_entry
-from rarms_iac.datalog.paths import configuration_path
-from rarms_iac.experiments import findings
-from rarms_iac.experiments.proving import AppliedLayout, Proof, Tried, has_room, prove, with_samples
-from rarms_iac.experiments.room import room_of
-from rarms_iac.experiments.telling import show_measured, show_threshold
-from rarms_iac.experiments.watching import TooManyFailed
+from rarms_iac.measuring import findings
+from rarms_iac.measuring.proving import AppliedLayout, Proof, Tried, has_room, prove, with_samples
+from rarms_iac.measuring.room import room_of
+from rarms_iac.measuring.telling import show_measured, show_threshold
+from rarms_iac.measuring.watching import TooManyFailed
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.measurement import Series
 from rarms_iac.model.state import State
@@ -36,6 +34,8 @@ from rarms_iac.planner.groups import groups_of
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.statistics.steadiness import Unsteady
 from rarms_iac.statistics.verdict import Met, Missed, TooFewSamples, TooManyFailures, WithinTheNoise
+from rarms_iac.storage.datalog.configuration import Proven, ProvenIndex, append_entry
+from rarms_iac.storage.datalog.paths import configuration_path
 from rarms_iac.views.proved import proof_text, prove_json, sampled, verdict_of
 
 USUAL_SEED = 1

@@ -21,19 +21,19 @@ from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.standing import standings_of
 from rarms_iac.cli.terminal import Terminal
 from rarms_iac.cli.tuning_log import tunings_of
-from rarms_iac.datalog.configuration import Proven, ProvenIndex, read_entries
-from rarms_iac.datalog.files import LogUnreadable, read_log
-from rarms_iac.datalog.hashing import Files
-from rarms_iac.datalog.log import DataLog
-from rarms_iac.datalog.paths import FOLDER, configuration_path
-from rarms_iac.experiments.setup import interference_of
+from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.system import Host, System
 from rarms_iac.planner.findings import UNREADABLE
-from rarms_iac.reports.building import Logged, report_of
-from rarms_iac.reports.candidate_drawing import few_enough
-from rarms_iac.reports.model import Combining, Proof, Report
+from rarms_iac.storage.datalog.configuration import Proven, ProvenIndex, read_entries
+from rarms_iac.storage.datalog.files import LogUnreadable, read_log
+from rarms_iac.storage.datalog.hashing import Files
+from rarms_iac.storage.datalog.log import DataLog
+from rarms_iac.storage.datalog.paths import FOLDER, configuration_path
+from rarms_iac.views.reports.building import Logged, report_of
+from rarms_iac.views.reports.candidate_drawing import few_enough
+from rarms_iac.views.reports.model import Combining, Proof, Report
 
 NOTHING_MEASURED = Finding(code="RARMS290", severity=Severity.ERROR, summary="There is nothing to report")
 

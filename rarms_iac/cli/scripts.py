@@ -14,11 +14,11 @@ from rarms_iac.cli.problems import Halted, not_written
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.spelling import suggestion
-from rarms_iac.planfile.sealing import MAX_BYTES, PlanFileError, read_plan
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.inspection.lists import ScriptKind
 from rarms_iac.powershell.outline import Outline, outline
 from rarms_iac.powershell.render import script_name
+from rarms_iac.storage.planfile.sealing import MAX_BYTES, PlanFileError, read_plan
 
 SCRIPT_ORIGIN = "rarms show --script PLAN --out FOLDER"
 

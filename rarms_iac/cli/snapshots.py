@@ -12,8 +12,8 @@ from rarms_iac.diff.readings import is_marked
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import State
-from rarms_iac.planfile.snapshot import MAX_BYTES, SnapshotUnreadable, read_snapshot
 from rarms_iac.storage.codec import NotDecodable
+from rarms_iac.storage.planfile.snapshot import MAX_BYTES, SnapshotUnreadable, read_snapshot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,7 @@ from rarms_iac.diff.drift import DriftKind
 from rarms_iac.diff.left import left_by
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.system import ProviderKind, System
-from rarms_iac.reports.model import Standing
+from rarms_iac.views.reports.model import Standing
 
 SAYS = {
     DriftKind.HOST_CHANGED: "changed on the host",

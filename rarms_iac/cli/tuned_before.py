@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
-from rarms_iac.datalog.files import LogUnreadable
-from rarms_iac.datalog.tuning import TuningRun, read_runs, tuning_path
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.system import Host, System
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.reservations import Names, names_of
+from rarms_iac.storage.datalog.files import LogUnreadable
+from rarms_iac.storage.datalog.tuning import TuningRun, read_runs, tuning_path
 
 STRATEGIES = {"default": "the default strategy", "paper": "the paper's procedure"}
 

@@ -11,11 +11,11 @@ from rarms_iac.cli.measuring import run_experiment
 from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.wiring import open_bench
-from rarms_iac.experiments.conclusions import NoVerdict, Stopped
-from rarms_iac.experiments.findings import CANNOT_MEASURE
-from rarms_iac.experiments.room import most, room_of
-from rarms_iac.experiments.setup import Experiment, experiment_of, interference_of
-from rarms_iac.experiments.strategies import Answering, apts_of, goal_of
+from rarms_iac.measuring.conclusions import NoVerdict, Stopped
+from rarms_iac.measuring.findings import CANNOT_MEASURE
+from rarms_iac.measuring.room import most, room_of
+from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
+from rarms_iac.measuring.strategies import Answering, apts_of, goal_of
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.plan import Claim

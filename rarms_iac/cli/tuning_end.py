@@ -10,7 +10,6 @@ from rarms_iac.cli.datalogs import measured_reservations, measurements_of
 from rarms_iac.cli.hosts import Hosts, observed
 from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.tuning import Room, Subject, TuningStopped
-from rarms_iac.datalog.tuning import TunedPartition
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.quantities import show_processors
@@ -30,6 +29,7 @@ from rarms_iac.planner.combining.values import WHOLE, Asked, Coi, Members, total
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.problem import host_view
+from rarms_iac.storage.datalog.tuning import TunedPartition
 from rarms_iac.views.tuned import Ending, Tuned
 
 

@@ -10,10 +10,10 @@ from rarms_iac.cli.configuration import now
 from rarms_iac.cli.hosts import Hosts
 from rarms_iac.cli.locks import held_configurations
 from rarms_iac.cli.problems import Halted
-from rarms_iac.datalog.files import LogUnreadable
-from rarms_iac.datalog.tuning import TrailSetting, TuningRun, append_run, read_runs, tuning_path
 from rarms_iac.model.system import System
-from rarms_iac.reports.model import Tuning
+from rarms_iac.storage.datalog.files import LogUnreadable
+from rarms_iac.storage.datalog.tuning import TrailSetting, TuningRun, append_run, read_runs, tuning_path
+from rarms_iac.views.reports.model import Tuning
 from rarms_iac.views.tuned import Tuned
 
 

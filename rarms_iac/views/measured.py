@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Literal, assert_never
 
-from rarms_iac.experiments.conclusions import (
+from rarms_iac.measuring.conclusions import (
     Conclusion,
     NotAchievable,
     NotResolved,
@@ -14,9 +14,9 @@ from rarms_iac.experiments.conclusions import (
     Sufficient,
     Swept,
 )
-from rarms_iac.experiments.measured import Shown, shown, shown_at
-from rarms_iac.experiments.setup import Experiment
-from rarms_iac.experiments.telling import show_threshold, show_value
+from rarms_iac.measuring.measured import Shown, shown, shown_at
+from rarms_iac.measuring.setup import Experiment
+from rarms_iac.measuring.telling import show_threshold, show_value
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.phrases import in_a_row

@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Mapping
 
-from rarms_iac.experiments.measured import Shown, shown, shown_of
-from rarms_iac.experiments.setup import Experiment
-from rarms_iac.experiments.telling import show_measured, show_value
+from rarms_iac.measuring.measured import Shown, shown, shown_of
+from rarms_iac.measuring.setup import Experiment
+from rarms_iac.measuring.telling import show_measured, show_value
 from rarms_iac.model.measurement import Series, Setting
 from rarms_iac.model.system import Elapsed, SampleCount
 from rarms_iac.views.diagnostics.layout import hanging, wrap

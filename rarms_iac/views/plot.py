@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from rarms_iac.model.thresholds import show_threshold
-from rarms_iac.reports.model import Shown
-from rarms_iac.reports.scale import UNIT_TEXT, Scale, digits, scale_of
+from rarms_iac.views.reports.model import Shown
+from rarms_iac.views.reports.scale import UNIT_TEXT, Scale, digits, scale_of
 
 HEIGHT = 14
 LABELS = 9  # columns left of the axis

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 from typing import assert_never
 
-from rarms_iac.experiments.proving import Proof, Tried
-from rarms_iac.experiments.telling import show_threshold
+from rarms_iac.measuring.proving import Proof, Tried
+from rarms_iac.measuring.telling import show_threshold
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Series
 from rarms_iac.statistics.steadiness import Unsteady

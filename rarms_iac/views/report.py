@@ -3,17 +3,6 @@
 from collections.abc import Iterator
 from math import isfinite
 
-from rarms_iac.reports.model import Measurement, Report, Shown
-from rarms_iac.reports.summary import (
-    fit_text,
-    fits_of,
-    proofs_of,
-    standing_text,
-    summary_of,
-    trail_of,
-    tuned_of,
-    tuning_text,
-)
 from rarms_iac.statistics.told_errors import ERRORS
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap
@@ -30,6 +19,17 @@ from rarms_iac.views.output.report import (
     ReportTuningOutput,
 )
 from rarms_iac.views.plot import plot_text
+from rarms_iac.views.reports.model import Measurement, Report, Shown
+from rarms_iac.views.reports.summary import (
+    fit_text,
+    fits_of,
+    proofs_of,
+    standing_text,
+    summary_of,
+    trail_of,
+    tuned_of,
+    tuning_text,
+)
 from rarms_iac.views.table import table
 
 

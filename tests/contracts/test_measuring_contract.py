@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.experiments.partitions import set_reserves, shapes_of, standing
+from rarms_iac.measuring.partitions import set_reserves, shapes_of, standing
 from rarms_iac.model.measurement import P1, P2, EnvironmentSetup, Sample
 from rarms_iac.model.system import BusyLoop, Component, Elapsed, SampleCount
 from rarms_iac.providers.interface import Refused

@@ -9,10 +9,10 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from rarms_iac.reports.building import report_of
-from rarms_iac.reports.model import Report
-from rarms_iac.reports.scale import UNIT_TEXT
-from rarms_iac.reports.workbook import workbook
+from rarms_iac.views.reports.building import report_of
+from rarms_iac.views.reports.model import Report
+from rarms_iac.views.reports.scale import UNIT_TEXT
+from rarms_iac.views.reports.workbook import workbook
 from tests.measured_robot import a_robot, the_logs
 
 pytestmark = pytest.mark.needs("libreoffice")

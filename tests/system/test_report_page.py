@@ -16,14 +16,14 @@ import yaml
 
 from rarms_iac.model.quantities import Unit, parse_quantity
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
-from rarms_iac.reports.building import report_of
-from rarms_iac.reports.html import as_html
-from rarms_iac.reports.model import Combining, Standing, Tuning
 from rarms_iac.statistics.curve import curve_of, least_reserve
+from rarms_iac.views.reports.building import report_of
+from rarms_iac.views.reports.html import as_html
+from rarms_iac.views.reports.model import Combining, Standing, Tuning
 from tests.browser import ask, chromium, looks, messages, whole_page
 from tests.measured_robot import a_robot, the_logs
-from tests.unit.datalog.test_tuning import RUN
-from tests.unit.reports.test_candidate_drawing import all_of
+from tests.unit.storage.datalog.test_tuning import RUN
+from tests.unit.views.reports.test_candidate_drawing import all_of
 
 if TYPE_CHECKING:
     from selenium.webdriver.chrome.webdriver import WebDriver

@@ -27,14 +27,14 @@ from rarms_iac.cli.passes import end_passes, passes_for
 from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.telling import tell
-from rarms_iac.datalog.files import LogUnreadable
-from rarms_iac.datalog.log import Pass
-from rarms_iac.experiments.conclusions import NoVerdict, Stopped
-from rarms_iac.experiments.setup import Experiment
-from rarms_iac.experiments.telling import findings_of
+from rarms_iac.measuring.conclusions import NoVerdict, Stopped
+from rarms_iac.measuring.setup import Experiment
+from rarms_iac.measuring.telling import findings_of
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
 from rarms_iac.providers.measuring import MeasuringHost
+from rarms_iac.storage.datalog.files import LogUnreadable
+from rarms_iac.storage.datalog.log import Pass
 from rarms_iac.views.measured import Measured, measure_json, summary_text
 
 STRATEGIES = ("default", "bisection", "paper")

@@ -57,7 +57,7 @@ def command(
         session.terminal.data(report_json(report))
         if out is None:
             return ExitCode.DONE
-    from rarms_iac.reports.html import as_html
+    from rarms_iac.views.reports.html import as_html
 
     page, file = as_html(replace(report, combining=combining_of(source))), out or DEFAULT_FILE
     if file == "-":

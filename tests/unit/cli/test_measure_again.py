@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.cli.locks import held_log
-from rarms_iac.datalog.files import read_log
-from rarms_iac.datalog.log import DataLog
 from rarms_iac.storage import disk
+from rarms_iac.storage.datalog.files import read_log
+from rarms_iac.storage.datalog.log import DataLog
 from tests.crashing import Crash, CrashingDisk, When
 from tests.effort import LONG
 from tests.unit.cli.running import Ran, rarms

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from rarms_iac.experiments.conclusions import Stopped, Sufficient
-from rarms_iac.experiments.setup import Experiment, experiment_of
+from rarms_iac.measuring.conclusions import Stopped, Sufficient
+from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.system import System
 from rarms_iac.statistics.told_errors import ERRORS

@@ -1,7 +1,7 @@
 from dataclasses import replace
 from fractions import Fraction
 
-from rarms_iac.experiments.setup import experiment_of
+from rarms_iac.measuring.setup import experiment_of
 from rarms_iac.model.measurement import Sample, Series, Setting
 from rarms_iac.model.system import SampleCount
 from rarms_iac.views.measuring import MeasuringProgress, done_of

@@ -6,11 +6,11 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.model.indexes import find_index
-from rarms_iac.reports.building import report_of
-from rarms_iac.reports.model import Shown
 from rarms_iac.statistics.curve import curve_of
 from rarms_iac.views.plot import ASCII, UNICODE, plot_text
 from rarms_iac.views.report import report_text
+from rarms_iac.views.reports.building import report_of
+from rarms_iac.views.reports.model import Shown
 from tests.builders import a_run, at_most
 from tests.measured_robot import a_robot, the_logs
 

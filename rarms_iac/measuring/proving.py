@@ -1,0 +1,176 @@
+"""The end of the use scenario: all components together in the layout that is applied, every PI beside its APT."""
+
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from typing import assert_never
+
+from rarms_iac.measuring.measured import Shown
+from rarms_iac.measuring.partitions import load_shape, set_reserves, standing
+from rarms_iac.measuring.room import LEAST_MEMORY, Room, left_beside, left_memory
+from rarms_iac.measuring.watching import TooManyFailed, watch
+from rarms_iac.model.measurement import P2, Series, run_of
+from rarms_iac.model.system import Component, Interference, SampleCount
+from rarms_iac.providers.measuring import Inside, MeasuringHost, Running, Work
+from rarms_iac.statistics.estimates import Estimate
+from rarms_iac.statistics.steadiness import Unsteady
+from rarms_iac.statistics.verdict import (
+    Met,
+    Missed,
+    TooFewSamples,
+    TooManyFailures,
+    Verdict,
+    WithinTheNoise,
+    judge_each,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AppliedLayout:
+    """What runs where on one host."""
+
+    application: str
+    partitions: Mapping[str, tuple[Component, ...]]  # by name
+    on_host: tuple[Component, ...] = ()  # in the host's own operating system
+
+    @property
+    def components(self) -> tuple[Component, ...]:
+        """All of them, by name."""
+        inside = [one for members in self.partitions.values() for one in members]
+        return tuple(sorted((*inside, *self.on_host), key=lambda one: one.name))
+
+    @property
+    def judged(self) -> tuple[Component, ...]:
+        """Those with thresholds, by name."""
+        return tuple(one for one in self.components if one.apt)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tried:
+    """One index of a component in the layout: what was seen beside its threshold, and the verdict on it."""
+
+    shown: Shown  # its bounds are the verdict's: wrong, on either side, with the verdict's error
+    verdict: Verdict
+
+    @property
+    def met(self) -> bool:
+        """Whether it was shown to meet its threshold: within the noise or without a steady state it was not."""
+        return isinstance(self.verdict, Met)
+
+    @property
+    def error(self) -> float | None:
+        """The probability that the verdict is wrong; None: there is no verdict."""
+        return self.verdict.error if isinstance(self.verdict, Met | Missed) else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proof:
+    """What a layout showed."""
+
+    host: str
+    layout: AppliedLayout
+    series: Mapping[str, Series]  # by component, of those with thresholds
+    tried: tuple[Tried, ...]  # every index of every threshold, components by name
+
+    @property
+    def not_met(self) -> tuple[Tried, ...]:
+        """The indexes that were not shown to meet their thresholds."""
+        return tuple(one for one in self.tried if not one.met)
+
+
+def with_samples(layout: AppliedLayout, samples: int | None) -> AppliedLayout:
+    """The same with so many samples of each component; None: as each `run.until` says."""
+    if samples is None:
+        return layout
+
+    def changed(components: Iterable[Component]) -> tuple[Component, ...]:
+        until = SampleCount(samples=samples)
+        return tuple(replace(one, run=replace(run_of(one), until=until)) for one in components)
+
+    partitions = {name: changed(members) for name, members in layout.partitions.items()}
+    return replace(layout, partitions=partitions, on_host=changed(layout.on_host))
+
+
+def prove(
+    host: MeasuringHost,
+    layout: AppliedLayout,
+    load: Interference | None,
+    room: Room,
+    *,
+    seed: int,
+    should_stop: Callable[[], bool],
+    looked: Callable[[Mapping[str, Series]], None],
+) -> Proof | TooManyFailed | None:
+    """Run everything, each component as long as its `run.until` says; P2 is there only for a load that was asked for.
+
+    None: an end was asked for. Whoever calls holds the host's lock.
+
+    Raises:
+        HostError: the host did not do what was asked.
+    """
+
+    def is_enough(seen: Mapping[str, Series]) -> bool:
+        looked(seen)
+        return False
+
+    with ExitStack() as ends:
+        inside = [Inside(partition=name, components=members) for name, members in sorted(layout.partitions.items())]
+        if layout.on_host:
+            inside.append(Inside(partition="", components=layout.on_host))
+        if load is not None:
+            _make_load(host, layout.application, room, ends)
+            inside.append(Inside(partition=P2, load=load))
+        work = Work(
+            application=layout.application,
+            inside=tuple(inside),
+            until={one.name: run_of(one).until for one in layout.judged},
+            seed=seed,
+        )
+        running: Running = ends.enter_context(host.run(work))
+        seen = watch(running, layout.judged, is_enough, should_stop)
+    if seen is None or isinstance(seen, TooManyFailed):
+        return seen
+    return Proof(host=host.name, layout=layout, series=seen, tried=tried_of(layout.judged, seen))
+
+
+def tried_of(components: tuple[Component, ...], seen: Mapping[str, Series]) -> tuple[Tried, ...]:
+    """The verdict on every index of these, each series looked at whole and once."""
+    return tuple(
+        _tried(one, index, verdict)
+        for one in components
+        for index, verdict in judge_each(seen[one.name], one.apt, run_of(one)).items()
+    )
+
+
+def _tried(component: Component, index: str, verdict: Verdict) -> Tried:
+    found, why = _seen(verdict)
+    shown = Shown(component=component.name, index=index, threshold=component.apt[index], estimate=found, why=why)
+    return Tried(shown=shown, verdict=verdict)
+
+
+def _seen(verdict: Verdict) -> tuple[Estimate | None, str]:
+    """What the verdict on a single index rests on, or why there is nothing."""
+    match verdict:
+        case Met(judged=(only,)) | Missed(judged=(only,)) | WithinTheNoise(judged=(only,)):
+            return only.estimate, ""
+        case Unsteady(why=why) | TooFewSamples(why=why):
+            return None, why
+        case TooManyFailures(failed=failed, allowed=allowed):
+            return None, f"{failed} samples failed, and {allowed} may"
+        case Met() | Missed() | WithinTheNoise():
+            raise ValueError("a verdict on one index was asked for")
+        case _:
+            assert_never(verdict)
+
+
+def has_room(room: Room) -> bool:
+    """Whether a P2 fits beside what runs."""
+    return left_memory(room) >= LEAST_MEMORY
+
+
+def _make_load(host: MeasuringHost, application: str, room: Room, ends: ExitStack) -> None:
+    """P2 with what is left of the host: what is reserved stays reserved, and the load takes the rest."""
+    memory = left_memory(room)
+    shape = load_shape(room.capacity.logical_processors, memory)
+    ends.enter_context(standing(host, application, (shape,)))
+    set_reserves(host, application, (shape,), {P2: left_beside(room, memory)})

@@ -1,0 +1,166 @@
+"""A setting as one line: columns of numbers rather than an object a sample, so that a reviewer can read along.
+
+Times are kept to a tenth of a microsecond. What is usual is left out: a success, a count of one, no failure.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import cast
+
+from rarms_iac.model.measurement import Sample, Series, Setting
+from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
+from rarms_iac.storage.datalog.log import Provenance, Recorded
+
+DIGITS = 4
+"""Decimals of a millisecond."""
+
+_SETTING = frozenset({"reserve", "beside", "seed", "series", "provenance"})
+_SERIES = frozenset(
+    {"component", "elapsed_ms", "cpu_ms", "began_ms", "response_ms", "unsuccessful", "count", "failures"}
+)
+_NUMBER: frozenset[type] = frozenset({int, float})
+_ANSWER: frozenset[type] = frozenset({int, float, type(None)})
+
+
+def as_recorded(setting: Setting) -> Setting:
+    """The setting as it will be read back: its times rounded.
+
+    Whoever decides by what was measured decides by this, so that a run that goes on from its log decides the same.
+    """
+    return replace(setting, series=tuple(_rounded_series(one) for one in setting.series))
+
+
+def line_of(recorded: Recorded) -> dict[str, Json]:
+    """The record of a setting."""
+    setting = as_recorded(recorded.setting)
+    return {
+        "reserve": setting.reserve,
+        "beside": setting.beside,
+        "seed": setting.seed,
+        "series": [_columns(one) for one in setting.series],
+        "provenance": encode(recorded.provenance),
+    }
+
+
+def setting_in(line: Mapping[str, Json]) -> Recorded:
+    """The setting that a record says.
+
+    Raises:
+        NotDecodable: it is none.
+    """
+    _fields(line, _SETTING, _SETTING, "")
+    series = line["series"]
+    if not isinstance(series, list):
+        raise NotDecodable("series", "it is no array")
+    reserve = _whole(line, "reserve")
+    if not 1 <= reserve <= 100:
+        raise NotDecodable("reserve", f"{reserve} is no per cent from 1 to 100")
+    setting = Setting(
+        reserve=reserve,
+        beside=_whole(line, "beside"),
+        seed=_whole(line, "seed"),
+        series=tuple(_series(one, f"series[{at}]") for at, one in enumerate(series)),
+    )
+    return Recorded(setting=setting, provenance=decode(Provenance, line["provenance"]))
+
+
+def _rounded_series(one: Series) -> Series:
+    return replace(
+        one,
+        samples=tuple(map(_rounded, one.samples)),
+        elapsed_ms=round(one.elapsed_ms, DIGITS),
+        cpu_ms=None if one.cpu_ms is None else round(one.cpu_ms, DIGITS),
+    )
+
+
+def _rounded(one: Sample) -> Sample:
+    answer = None if one.response_ms is None else round(one.response_ms, DIGITS)
+    return replace(one, began_ms=round(one.began_ms, DIGITS), response_ms=answer)
+
+
+def _columns(one: Series) -> dict[str, Json]:
+    samples = one.samples
+    columns: dict[str, Json] = {
+        "component": one.component,
+        "elapsed_ms": one.elapsed_ms,
+        "cpu_ms": one.cpu_ms,
+        "began_ms": [each.began_ms for each in samples],
+        "response_ms": [each.response_ms for each in samples],
+    }
+    unsuccessful: list[Json] = [at for at, each in enumerate(samples) if not each.successful]
+    failures: dict[str, Json] = {str(at): each.failure for at, each in enumerate(samples) if each.failure}
+    if unsuccessful:
+        columns["unsuccessful"] = unsuccessful
+    if any(each.count != 1 for each in samples):
+        columns["count"] = [each.count for each in samples]
+    if failures:
+        columns["failures"] = failures
+    return columns
+
+
+def _series(data: Json, path: str) -> Series:
+    if not isinstance(data, dict):
+        raise NotDecodable(path, "it is no object")
+    _fields(data, _SERIES - {"unsuccessful", "count", "failures"}, _SERIES, path)
+    began, response = _column(data, "began_ms", _NUMBER, path), _column(data, "response_ms", _ANSWER, path)
+    count = _column(data, "count", _NUMBER, path) if "count" in data else [1.0] * len(began)
+    if not len(began) == len(response) == len(count):
+        raise NotDecodable(path, "its columns are of different lengths")
+    missed = set(_indexes(data.get("unsuccessful", []), len(began), f"{path}.unsuccessful"))
+    failures = _failures(data.get("failures", {}), len(began), f"{path}.failures")
+    name, elapsed, cpu = data["component"], data["elapsed_ms"], data["cpu_ms"]
+    if type(name) is not str or type(elapsed) not in _NUMBER or type(cpu) not in _ANSWER:
+        raise NotDecodable(path, "its component, elapsed_ms or cpu_ms is of a wrong type")
+    samples = tuple(
+        Sample(
+            began_ms=start,
+            response_ms=answer,
+            successful=at not in missed,
+            count=float(much),
+            failure=failures.get(at, ""),
+        )
+        for at, (start, answer, much) in enumerate(zip(began, response, count, strict=True))
+    )
+    return Series(component=name, samples=samples, elapsed_ms=cast("float", elapsed), cpu_ms=cast("float | None", cpu))
+
+
+def _fields(data: Mapping[str, Json], needed: frozenset[str], known: frozenset[str], path: str) -> None:
+    where = f"{path}." if path else ""
+    if missing := needed - data.keys():
+        raise NotDecodable(where + min(missing), "the field is missing")
+    if unknown := data.keys() - known:
+        raise NotDecodable(where + min(unknown), "there is no such field")
+
+
+def _whole(data: Mapping[str, Json], name: str) -> int:
+    value = data[name]
+    if type(value) is not int:
+        raise NotDecodable(name, "it is no whole number")
+    return value
+
+
+def _column(data: Mapping[str, Json], name: str, types: frozenset[type], path: str) -> Sequence[float]:
+    """NOTE: checked as a whole, because a log holds many thousand numbers."""
+    column = data[name]
+    if not isinstance(column, list) or not set(map(type, column)) <= types:
+        raise NotDecodable(f"{path}.{name}", "it is no array of numbers")
+    return cast("Sequence[float]", column)
+
+
+def _indexes(data: Json, length: int, path: str) -> Sequence[int]:
+    if not isinstance(data, list) or not set(map(type, data)) <= {int}:
+        raise NotDecodable(path, "it is no array of whole numbers")
+    found = cast("Sequence[int]", data)
+    if found and (min(found) < 0 or max(found) >= length):
+        raise NotDecodable(path, f"it names a sample that is not there: there are {length}")
+    return found
+
+
+def _failures(data: Json, length: int, path: str) -> Mapping[int, str]:
+    if not isinstance(data, dict) or not all(type(one) is str for one in data.values()):
+        raise NotDecodable(path, "it is no object of texts")
+    if not all(key.isascii() and key.isdecimal() for key in data):
+        raise NotDecodable(path, "its keys are no numbers of samples")
+    found = {int(key): cast("str", says) for key, says in data.items()}
+    _indexes(cast("Json", list(found)), length, path)
+    return found

@@ -1,0 +1,101 @@
+"""Data logs as files: read whole, begun anew, or a setting longer."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from rarms_iac.storage.append import Damaged, append, read_records
+from rarms_iac.storage.append import line_of as sealed_line
+from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
+from rarms_iac.storage.datalog.columns import line_of, setting_in
+from rarms_iac.storage.datalog.log import FORMAT, DataLog, Header, Pass, Recorded
+from rarms_iac.storage.replace import replace
+
+ITS_FIELD = "pass"
+"""The one field of a pass's record; of several records of a pass the last holds."""
+
+
+class LogUnreadable(Exception):
+    """The file is no whole data log; `says` tells why and where."""
+
+    def __init__(self, path: Path, line: int, says: str) -> None:
+        super().__init__(f"{path}:{line}: {says}")
+        self.path = path
+        self.line = line
+        self.says = says
+
+
+def begin_log(path: Path, header: Header) -> None:
+    """Make the file a log without settings, whatever it was; its folder is made. It is on the disk on return.
+
+    Raises:
+        OSError: it cannot be written; what was there is still there.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    line = encode(header)
+    assert isinstance(line, dict)
+    replace(path, sealed_line(line))
+
+
+def append_pass(path: Path, one: Pass) -> None:
+    """Add that a pass begins, or has ended, to a log that was begun. It is on the disk on return.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    append(path, {ITS_FIELD: encode(one)})
+
+
+def append_setting(path: Path, recorded: Recorded) -> None:
+    """Add a setting to a log that was begun. It is on the disk on return; a torn last line gives way.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    append(path, line_of(recorded))
+
+
+def read_log(path: Path) -> DataLog | None:
+    """The log, without a last line that a crash tore; None where there is no file, or one without a whole header.
+
+    Raises:
+        LogUnreadable: it is damaged, of another version, or no data log.
+        OSError: it cannot be read.
+    """
+    try:
+        records = read_records(path)
+    except Damaged as damage:
+        raise LogUnreadable(path, damage.line, damage.says) from None
+    except NotDecodable as problem:
+        raise LogUnreadable(path, 1, str(problem)) from None
+    if not records:
+        return None
+    first, *rest = records
+    header = _header(path, first)
+    recorded: list[Recorded] = []
+    passes: dict[int, Pass] = {}
+    for line, record in enumerate(rest, start=2):
+        try:
+            if ITS_FIELD in record:
+                one = _pass_in(record)
+                passes[one.seed] = one
+            else:
+                recorded.append(setting_in(record))
+        except NotDecodable as problem:
+            raise LogUnreadable(path, line, str(problem)) from None
+    return DataLog(header=header, recorded=tuple(recorded), passes=tuple(passes.values()))
+
+
+def _pass_in(record: Mapping[str, Json]) -> Pass:
+    if unknown := record.keys() - {ITS_FIELD}:
+        raise NotDecodable(min(unknown), "there is no such field")
+    return decode(Pass, record[ITS_FIELD])
+
+
+def _header(path: Path, record: dict[str, Json]) -> Header:
+    version = record.get("format_version")
+    if version != FORMAT:
+        raise LogUnreadable(path, 1, f"it is of the format {version!r}, and this rarms reads {FORMAT}")
+    try:
+        return decode(Header, record)
+    except NotDecodable as problem:
+        raise LogUnreadable(path, 1, str(problem)) from None

@@ -1,0 +1,141 @@
+"""The identity of a data log: what can change the PI, in named parts, so that a stale log can say what changed.
+
+In it: `run`, `memory`, `processors`, limit and weight, `task`, `simulation`, the interference, and the files that
+belong to them. Not in it: `apt`, `criticality`, the reserve, placement. What has its default is left out, so that a
+field that a later rarms adds makes no log stale.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from enum import Enum
+from fractions import Fraction
+from typing import Any, get_type_hints
+
+from rarms_iac.model.measurement import Bench, EnvironmentSetup
+from rarms_iac.model.quantities import Bytes, Milliseconds, Percent, show_bytes
+from rarms_iac.model.system import Component, Interference, Run, TaskWish
+from rarms_iac.storage.datalog.log import Header, Identity
+from rarms_iac.storage.digest import canonical, digest
+
+FILE = "file "
+"""What the part of a file begins with; its path follows, below the manifest's folder."""
+
+IN_THE_FILES = frozenset({"run.files"})
+"""Said by the files themselves: which pattern named them changes nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Subject:
+    """What is measured: components in one partition against a load, as the manifest has them."""
+
+    platform: str
+    components: tuple[Component, ...]  # by name
+    setup: EnvironmentSetup
+    load: Interference
+    tasks: Mapping[str, TaskWish]  # what the manifest fixes of task classes
+
+
+def identity_of(subject: Subject, files: Mapping[str, str], interpreters: Mapping[str, str]) -> Identity:
+    """The parts of a subject; `files` and `interpreters` are digests by path, as `hashing` finds them."""
+    parts = dict(_setup_parts(subject))
+    for one in subject.components:
+        parts.update(_component_parts(one, subject.tasks))
+    parts.update({f"{FILE}{path}": value for path, value in files.items()})
+    return Identity(parts=dict(sorted(parts.items())), interpreters=dict(sorted(interpreters.items())))
+
+
+def header_of(subject: Subject, identity: Identity, bench: Bench) -> Header:
+    """What the log of a subject begins with."""
+    return Header(
+        platform=subject.platform,
+        digest=identity_digest(identity),
+        identity=identity,
+        bench=bench,
+        setup=subject.setup,
+    )
+
+
+def identity_digest(identity: Identity) -> str:
+    """The digest of the parts, which a header shows and a reader compares at a glance."""
+    return digest(dict(identity.parts))
+
+
+def _setup_parts(subject: Subject) -> Iterator[tuple[str, str]]:
+    setup = subject.setup
+    yield "processors", str(setup.processors)
+    yield "memory", show_bytes(setup.memory)
+    yield "limit", f"{setup.limit} %"
+    yield "weight", str(setup.weight)
+    yield from parts_of(f"interference.{setup.interference}", subject.load)
+
+
+def _component_parts(one: Component, tasks: Mapping[str, TaskWish]) -> Iterator[tuple[str, str]]:
+    if one.run is not None:
+        for name, text in parts_of("run", one.run):
+            if name not in IN_THE_FILES:
+                yield f"{one.name}.{name}", text
+    if one.simulation is not None:
+        yield from parts_of(f"{one.name}.simulation", one.simulation)
+    if one.task is not None:
+        yield f"{one.name}.task", one.task
+        fixed = tasks.get(one.task)
+        if fixed is not None:
+            yield from parts_of(f"tasks.{one.task}", fixed, without=frozenset({"name", "replace_shipped"}))
+
+
+def parts_of(name: str, value: Any, *, without: frozenset[str] = frozenset()) -> Iterator[tuple[str, str]]:
+    """What a value of the model says, flat: a dotted name and a text each; a field at its default is left out."""
+    if name not in _WITHOUT_KIND and not isinstance(value, Run):
+        yield name, type(value).__name__
+    hints = get_type_hints(type(value))
+    for one in fields(value):
+        inner = getattr(value, one.name)
+        if one.name in without or inner == _default(one):
+            continue
+        yield from _inner(f"{name}.{one.name}", inner, hints[one.name])
+
+
+_WITHOUT_KIND = frozenset({"run.samples", "run.stop"})
+
+
+def _inner(name: str, value: Any, hint: Any) -> Iterator[tuple[str, str]]:
+    if is_dataclass(value):
+        yield from parts_of(name, value)
+    elif isinstance(value, Mapping):
+        for key in sorted(value):
+            yield from _inner(f"{name}.{key}", value[key], None)
+    else:
+        yield name, _text(value, hint)
+
+
+def _text(value: Any, hint: Any) -> str:
+    if isinstance(value, tuple):
+        return canonical(list(value))
+    if isinstance(value, Enum):
+        return str(value.value)
+    if isinstance(value, Fraction):
+        unit = " ms" if _is(hint, Milliseconds) else " %" if _is(hint, Percent) else ""
+        return f"{_decimal(value)}{unit}"
+    if _is(hint, Bytes):
+        return show_bytes(value)
+    return "none" if value is None else str(value)
+
+
+def _is(hint: Any, unit: Any) -> bool:
+    return hint is unit or unit in getattr(hint, "__args__", ())
+
+
+def _decimal(value: Fraction) -> str:
+    """The exact number: as a decimal where it is one, as manifests write it."""
+    scaled = value * 10**18
+    if scaled.denominator != 1:
+        return str(value)
+    whole, rest = divmod(abs(scaled.numerator), 10**18)
+    sign = "-" if value < 0 else ""
+    return f"{sign}{whole}.{rest:018d}".rstrip("0").rstrip(".")
+
+
+def _default(one: Any) -> Any:
+    if one.default is not MISSING:
+        return one.default
+    return one.default_factory() if one.default_factory is not MISSING else MISSING

@@ -1,0 +1,118 @@
+"""Whether a data log still holds: what changed since, what only warns, and what cannot be looked at here."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from rarms_iac.model.measurement import Bench
+from rarms_iac.model.system import ProviderKind, SchedulerType
+from rarms_iac.storage.datalog.identity import FILE
+from rarms_iac.storage.datalog.log import Header, Identity
+
+ABSENT = "nothing"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchNow:
+    """What is known of a host; None: it was not looked at."""
+
+    provider: ProviderKind
+    logical_processors: int
+    guest_image: str | None = None
+    processor: str | None = None
+    smt: bool | None = None
+    scheduler: SchedulerType | None = None
+    os_build: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Changed:
+    """One part that is not as it was measured."""
+
+    part: str
+    before: str
+    after: str
+
+    def __str__(self) -> str:
+        """`vision.run.until.samples: 200 -> 300`; of a file, only that it changed."""
+        if not self.part.startswith(FILE):
+            return f"{self.part}: {self.before} -> {self.after}"
+        return f"{self.part} " + ("is new" if self.before == ABSENT else "changed")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """A log beside what is now."""
+
+    changed: tuple[Changed, ...]  # it is stale, if there are any
+    warns: tuple[Changed, ...]  # could matter: the build of the operating system, an interpreter
+    unverified: tuple[str, ...]  # files that are not here, so that nobody can tell
+
+
+def compare(header: Header, identity: Identity, bench: BenchNow) -> Comparison:
+    """What differs between a log and what would be measured now."""
+    return Comparison(
+        changed=(*_parts(header, identity), *_bench(header.bench, bench)),
+        warns=(*_interpreters(header.identity, identity), *_build(header.bench, bench)),
+        unverified=tuple(
+            part.removeprefix(FILE)
+            for part in header.identity.parts
+            if part.startswith(FILE) and part not in identity.parts
+        ),
+    )
+
+
+def known(bench: Bench) -> BenchNow:
+    """A host that was looked at whole."""
+    return BenchNow(
+        provider=bench.provider,
+        logical_processors=bench.logical_processors,
+        guest_image=bench.guest_image,
+        processor=bench.processor,
+        smt=bench.smt,
+        scheduler=bench.scheduler,
+        os_build=bench.os_build,
+    )
+
+
+def _parts(header: Header, now: Identity) -> Iterator[Changed]:
+    was = header.identity.parts
+    for part in sorted({*was, *now.parts}):
+        before, after = was.get(part, ABSENT), now.parts.get(part, ABSENT)
+        is_missing_here = part.startswith(FILE) and after == ABSENT
+        if before != after and not is_missing_here:
+            yield Changed(part=part, before=before, after=after)
+
+
+def _bench(was: Bench, now: BenchNow) -> Iterator[Changed]:
+    for part, before, after in (
+        ("provider", was.provider.value, now.provider.value),
+        ("processor model", was.processor, now.processor),
+        ("logical processors", was.logical_processors, now.logical_processors),
+        ("SMT", was.smt, now.smt),
+        ("scheduler", was.scheduler.value, _told(now.scheduler)),
+        ("guest image", was.guest_image, now.guest_image),
+    ):
+        if after is not None and before != after:
+            yield Changed(part=part, before=_said(before), after=_said(after))
+
+
+def _told(scheduler: SchedulerType | None) -> str | None:
+    return None if scheduler in (None, SchedulerType.UNKNOWN) else scheduler.value
+
+
+def _said(value: str | int) -> str:
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    return str(value) or ABSENT
+
+
+def _interpreters(was: Identity, now: Identity) -> Iterator[Changed]:
+    for word in sorted(was.interpreters.keys() & now.interpreters.keys()):
+        before, after = was.interpreters[word], now.interpreters[word]
+        if before != after:
+            yield Changed(part=f"program {word}", before=before, after=after)
+
+
+def _build(was: Bench, now: BenchNow) -> Iterator[Changed]:
+    if now.os_build is not None and was.os_build != now.os_build:
+        yield Changed(part="build of the operating system", before=str(was.os_build), after=str(now.os_build))

@@ -1,0 +1,120 @@
+"""The log of tuning: what each run of `rarms tune` asked for, in order, and what came of it; one a platform.
+
+JSON Lines like a data log. A plan rests on none of it: what was measured stands in the data logs, what was decided in
+the manifest. It is there for whoever asks why components share a partition.
+"""
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Literal
+
+from rarms_iac.model.quantities import show_percent
+from rarms_iac.storage.append import Damaged, append, read_records
+from rarms_iac.storage.codec import NotDecodable, decode, encode
+from rarms_iac.storage.datalog.files import LogUnreadable
+from rarms_iac.storage.datalog.paths import FOLDER
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TunedPartition:
+    """A partition as tuning left it."""
+
+    name: str
+    components: tuple[str, ...]  # the most critical first
+    processors: int
+    reserve: int  # whole per cent of each of them
+    parts: int  # what its parts reserved apart, in per cent of one logical processor
+
+    @property
+    def reserved(self) -> int:
+        """In per cent of one logical processor."""
+        return self.processors * self.reserve
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrailSetting:
+    """A setting that was asked for."""
+
+    components: tuple[str, ...]
+    reserve: int  # CR
+    worse: tuple[str, ...]  # those that were not shown to meet every threshold; none: it was enough
+    predicted: int | None = None  # the CR that was expected to be enough; None: nothing predicted it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TuningRun:
+    """One run to its end; amounts in per cent of one logical processor."""
+
+    kind: Literal["tuning"] = "tuning"
+    when: str  # UTC, as 2027-01-31T12:00:00Z
+    rarms_version: str
+    strategy: Literal["default", "paper"]
+    ending: Literal["successful", "unable", "nothing_to_do"]
+    message: str
+    capacity: int
+    before: int
+    after: int
+    proved: bool  # that no other layout is better
+    contradictions: tuple[str, ...]
+    partitions: tuple[TunedPartition, ...]
+    trail: tuple[TrailSetting, ...]
+    written: bool  # into the manifest
+    probability: float | None = None  # that no other layout is better; None: it is proved, or nothing is claimed
+
+    @property
+    def claim(self) -> str:
+        """What is said of other layouts."""
+        return claim_of(self.proved, self.probability)
+
+
+def claim_of(proved: bool, probability: float | None) -> str:
+    """`proved`; `not proved, at least 95 %`; or just `not proved`."""
+    if proved:
+        return "proved"
+    return "not proved" if probability is None else f"not proved, at least {show_percent(_percent(probability))}"
+
+
+def _percent(probability: float) -> Fraction:
+    return Fraction(str(probability)) * 100
+
+
+def tuning_path(folder: Path, platform: str) -> Path:
+    """Where it lies, below the manifest's folder; components have folders there, so it is nobody's."""
+    return folder / FOLDER / platform / "tuning.jsonl"
+
+
+def append_run(path: Path, run: TuningRun) -> None:
+    """Add a run, unless the last one says the same; the log and its folder are made. On the disk on return.
+
+    Raises:
+        LogUnreadable: the log is damaged.
+        OSError: it cannot be written.
+    """
+    last = read_runs(path)[-1:]
+    if last and replace(last[0], when=run.when, rarms_version=run.rarms_version) == run:
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    record = encode(run)
+    assert isinstance(record, dict)
+    append(path, record)
+
+
+def read_runs(path: Path) -> tuple[TuningRun, ...]:
+    """All runs, oldest first; none where there is no file.
+
+    Raises:
+        LogUnreadable: the log is damaged, or holds something else.
+        OSError: it cannot be read.
+    """
+    try:
+        records = read_records(path)
+    except Damaged as damage:
+        raise LogUnreadable(path, damage.line, damage.says) from None
+    runs: list[TuningRun] = []
+    for line, record in enumerate(records, start=1):
+        try:
+            runs.append(decode(TuningRun, record))
+        except NotDecodable as problem:
+            raise LogUnreadable(path, line, str(problem)) from None
+    return tuple(runs)

@@ -1,0 +1,145 @@
+"""Data logs beside the manifest -> report model. Reads no file: whoever calls hands the logs down."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from rarms_iac.model.indexes import find_index
+from rarms_iac.model.measurement import run_of
+from rarms_iac.model.quantities import in_processors, per_virtual_processor, show_bytes, show_percent, show_processors
+from rarms_iac.model.system import Component, Host, Measured, System
+from rarms_iac.planner.groups import groups_of
+from rarms_iac.planner.reservations import fixed, names_of, rests_on_a_log, to_be_measured
+from rarms_iac.statistics.curve import curve_of
+from rarms_iac.storage.datalog.log import DataLog
+from rarms_iac.views.reports.model import Capacity, Fixed, Measurement, Proof, Report, Shown, Standing
+from rarms_iac.views.reports.settings import points_of
+
+WITHOUT_APT = "mean_response_time"
+"""What is shown of a component that has no threshold yet."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Logged:
+    """A data log with what is known of it."""
+
+    path: str  # below the manifest's folder
+    log: DataLog
+    asked: bool = True  # the planner would look here: these members, this load
+    stale: tuple[str, ...] = ()  # what changed since; empty: it holds
+
+
+def report_of(
+    system: System, logs: Sequence[Logged], proofs: Sequence[Proof] = (), standings: Sequence[Standing] = ()
+) -> Report:
+    """Everything that these logs show of the system; what they say of components that are gone is left out."""
+    known = [one for one in logs if all(name in system.components for name in one.log.header.setup.members)]
+    measurements = sorted((_measurement(system, one) for one in known), key=_order)
+    rested = {one.components for one in measurements if one.rests}
+    return Report(
+        application=system.application.name,
+        description=system.application.description,
+        measurements=tuple(measurements),
+        capacities=tuple(_capacity(system, platform) for platform in sorted(_platforms(system))),
+        unmeasured=tuple(
+            names_of(group.members)
+            for group in groups_of(system)
+            if rests_on_a_log(group) and names_of(group.members) not in rested
+        ),
+        proofs=tuple(proofs),
+        standings=tuple(standings),
+    )
+
+
+def _order(one: Measurement) -> tuple[str, bool, int, str, str]:
+    return one.platform, not one.rests, -one.criticality, one.name, one.interference
+
+
+def _measurement(system: System, logged: Logged) -> Measurement:
+    header = logged.log.header
+    members = [system.components[name] for name in header.setup.members]
+    names = tuple(one.name for one in members)
+    group = next((one for one in groups_of(system) if names_of(one.members) == names), None)
+    host = _platforms(system).get(header.platform, [None])[0]
+    processors = header.setup.processors
+    return Measurement(
+        components=names,
+        platform=header.platform,
+        interference=header.setup.interference,
+        path=logged.path,
+        processors=processors,
+        criticality=max(one.criticality for one in members),
+        rests=logged.asked and not logged.stale and group is not None and rests_on_a_log(group),
+        fixed=names
+        if group is not None and not to_be_measured(members) and all(one.cpu.reserve for one in members)
+        else (),
+        floor=0 if host is None or len(members) == 1 else per_virtual_processor(fixed(members, host), processors),
+        stale=logged.stale,
+        indexes=tuple(one for member in members for one in _indexes(logged.log, member)),
+        settings=logged.log.settings,
+        facts=tuple(_facts(logged.log)),
+    )
+
+
+def _indexes(log: DataLog, one: Component) -> Iterator[Shown]:
+    for name in one.apt or (WITHOUT_APT,):
+        index = find_index(name)
+        assert index is not None, "the manifest's names of indexes are checked"
+        curve = curve_of(log.settings, one.name, name, run_of(one))
+        points = points_of(log.counting, one.name, name, one.apt, run_of(one))
+        yield Shown(component=one.name, index=index, threshold=one.apt.get(name), curve=curve, points=points)
+
+
+def _platforms(system: System) -> Mapping[str, list[Host]]:
+    platforms: dict[str, list[Host]] = {}
+    for host in system.hosts.values():
+        platforms.setdefault(host.platform, []).append(host)
+    return platforms
+
+
+def _capacity(system: System, platform: str) -> Capacity:
+    hosts = _platforms(system)[platform]
+    kept = sum((in_processors(one.keep_for_host.processor, one.logical_processors) for one in hosts), Fraction(0))
+    processors = sum(one.logical_processors for one in hosts)
+    return Capacity(
+        platform=platform,
+        hosts=tuple(sorted(one.name for one in hosts)),
+        processors=processors,
+        capacity=processors - kept,
+        fixed=tuple(_fixed(system, hosts)),
+    )
+
+
+def _fixed(system: System, hosts: Sequence[Host]) -> Iterator[Fixed]:
+    """What the manifest itself reserves on these hosts, as their first would."""
+    host, names = hosts[0], {one.name for one in hosts}
+    for group in groups_of(system):
+        if rests_on_a_log(group) or not all(one.hosts is None or names & set(one.hosts) for one in group.members):
+            continue
+        own = group.wish.cpu.reserve
+        if own is None or isinstance(own, Measured):
+            amount = fixed(group.members, host)
+        else:
+            amount = in_processors(own, host.logical_processors)
+        if amount:
+            yield Fixed(name=group.name, components=names_of(group.members), amount=amount)
+
+
+def _facts(log: DataLog) -> Iterator[tuple[str, str]]:
+    bench, setup = log.header.bench, log.header.setup
+    when = sorted(one.provenance.when for one in log.counting)
+    if when:
+        yield "Measured", when[0] if when[0] == when[-1] else f"{when[0]} to {when[-1]}"
+        yield "By rarms", ", ".join(sorted({one.provenance.rarms_version for one in log.counting}))
+    yield "Machine", f"{bench.processor}, {show_processors(bench.logical_processors)}{', SMT' if bench.smt else ''}"
+    yield "Provider", f"{bench.provider.value}, scheduler {bench.scheduler.value}"
+    if bench.os_build:
+        yield "Build of the operating system", str(bench.os_build)
+    if bench.guest_image:
+        yield "Guest image", bench.guest_image
+    yield "Partition", f"{setup.processors} VPs, {show_bytes(setup.memory)}"
+    yield "Limit and weight", f"{show_percent(setup.limit)}, {setup.weight}"
+    beside = sorted({name for one in log.counting for name in one.provenance.beside})
+    if beside:
+        yield "Ran beside it", ", ".join(beside)
+    yield "Identity", log.header.digest

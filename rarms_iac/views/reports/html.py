@@ -1,0 +1,130 @@
+"""The report as one HTML file: no network, nothing beside it, and a policy that lets nothing else in.
+
+The content security policy names the digests of the page's own style and script; everything else is refused by the
+browser, so that no text of a manifest or a log can become code even if escaping failed.
+"""
+
+import json
+from base64 import b64encode
+from fractions import Fraction
+from functools import cache
+from hashlib import sha256
+from typing import TYPE_CHECKING
+
+from rarms_iac.statistics.told_errors import ERRORS
+from rarms_iac.storage.shipped import shipped
+from rarms_iac.views.reports.candidate_drawing import Drawing, drawing_of
+from rarms_iac.views.reports.model import Combining, Report
+from rarms_iac.views.reports.page import RESERVES, Card, cards_of, data_of
+from rarms_iac.views.reports.summary import (
+    Fit,
+    fit_text,
+    fits_of,
+    proofs_of,
+    standing_text,
+    summary_of,
+    trail_of,
+    tuned_of,
+    tuning_text,
+)
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+FOLDER = "templates/report"
+
+
+def as_html(report: Report) -> bytes:
+    """The whole page in UTF-8 with LF; the same report gives the same bytes."""
+    from markupsafe import Markup
+
+    cards = cards_of(report)
+    style = _read("report.css") + _placed(cards)
+    script = _read("report.js")
+    text = (
+        _environment()
+        .get_template("report.html.j2")
+        .render(
+            application=report.application,
+            descriptions=[report.description] if report.description else [],
+            cards=cards,
+            summary=summary_of(report),
+            bars=[_bar(one) for one in fits_of(report)],
+            proved=[proofs_of(report)] if report.proofs else [],
+            tunings=[(one.platform, tuning_text(one), trail_of(one), tuned_of(one)) for one in report.tunings],
+            combinings=[] if report.combining is None else [_combining(report.combining)],
+            standings=[
+                ("standing differs" if one.differs else "standing", one.host, standing_text(one))
+                for one in report.standings
+            ],
+            reserves=RESERVES,
+            errors=ERRORS,
+            style=Markup(style),  # noqa: S704 - ours, to the byte
+            script=Markup(script),  # noqa: S704 - ours, to the byte
+            data=Markup(_inert(data_of(report, cards))),  # noqa: S704 - no sign that HTML reads is left in it
+            policy=_policy(style, script),
+        )
+    )
+    return text.encode("utf-8", "replace")
+
+
+def _bar(fit: Fit) -> dict[str, str]:
+    """What is reserved against what there is, in per cent of the processors."""
+    processors = fit.of.processors
+    return {
+        "platform": fit.of.platform,
+        "hosts": ", ".join(fit.of.hosts),
+        "says": fit_text(fit),
+        "room": f"{float(100 * fit.of.capacity / processors):.3f}",
+        "used": f"{float(min(100 * fit.total / processors, Fraction(100))):.3f}",
+        "kind": "used" if fit.fits else "used over",
+    }
+
+
+def _combining(combining: Combining) -> tuple[Drawing, str]:
+    """The drawing, and a word on what it leaves out."""
+    more = (
+        f" {combining.left_out} more are not drawn: rarms graph --candidates lists all." if combining.left_out else ""
+    )
+    return drawing_of(combining.nodes), more
+
+
+def _policy(style: str, script: str) -> str:
+    return (
+        f"default-src 'none'; style-src {_digest(style)}; script-src {_digest(script)}; "
+        "base-uri 'none'; form-action 'none'"
+    )
+
+
+def _digest(text: str) -> str:
+    return f"'sha256-{b64encode(sha256(text.encode()).digest()).decode()}'"
+
+
+def _inert(data: object) -> str:
+    """JSON that can end no element: every sign that HTML reads is written as an escape."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _placed(cards: tuple[Card, ...]) -> str:
+    """Where each line begins: a rule each, since the policy allows no style on an element."""
+    return "".join(f"#{plot.id}-line {{ top: {plot.line}%; }}\n" for card in cards for plot in card.plots)
+
+
+@cache
+def _environment() -> "Environment":
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    return Environment(
+        loader=FileSystemLoader(str(shipped(FOLDER)), encoding="utf-8"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        newline_sequence="\n",
+    )
+
+
+def _read(name: str) -> str:
+    return (shipped(FOLDER) / name).read_text(encoding="utf-8").replace("\r\n", "\n")

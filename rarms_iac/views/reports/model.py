@@ -1,0 +1,190 @@
+"""What a report tells, as plain values: the curves that were looked up, and what each threshold would reserve.
+
+Nothing is computed from samples here. Rows come from the curve that the planner asks (DESIGN section 2), so page,
+terminal, spreadsheet and planner cannot differ.
+"""
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+from rarms_iac.model.indexes import PerformanceIndex
+from rarms_iac.model.measurement import Setting
+from rarms_iac.model.system import Threshold
+from rarms_iac.planner.combining.nodes import Node
+from rarms_iac.statistics.curve import Curve, LeastReserve, least_reserve
+from rarms_iac.storage.datalog.tuning import TuningRun
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """The curve at one whole per cent."""
+
+    reserve: int  # CR, per cent of the partition's own processors
+    value: float  # in the index's unit
+    low: float  # the band; may be infinite
+    high: float
+    safe: float  # the side of the band that a reservation rests on
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Point:
+    """What one setting showed of an index."""
+
+    reserve: int
+    value: float | None  # None: the samples say nothing of it
+    low: float
+    high: float
+    samples: int
+    failed: int
+    effective: float  # samples that count as independent
+    verdict: str = ""  # empty: there is no threshold
+    error: float | None = None  # how probably the verdict is wrong
+    remark: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shown:
+    """An index of a component against the reserve."""
+
+    component: str
+    index: PerformanceIndex
+    threshold: Threshold | None  # the APT
+    curve: Curve
+    points: tuple[Point, ...]  # by reserve, then as they were measured
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """The curve at every whole per cent where there is one, as everybody looks it up."""
+        found = ((reserve, self.curve.value_at(reserve)) for reserve in range(1, 101))
+        return tuple(
+            Row(
+                reserve=reserve,
+                value=point.value,
+                low=point.lower,
+                high=point.upper,
+                safe=point.upper if self.index.smaller_is_better else point.lower,
+            )
+            for reserve, point in found
+            if point is not None
+        )
+
+    @property
+    def least(self) -> LeastReserve | None:
+        """What the APT alone asks for; None: no APT, or none that was measured meets it."""
+        return None if self.threshold is None else least_reserve([(self.curve, self.threshold)])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measurement:
+    """A data log: the components of one test partition, measured against one interfering load."""
+
+    components: tuple[str, ...]
+    platform: str
+    interference: str
+    path: str  # of the data log, below the manifest's folder
+    processors: int  # VPs of the partition
+    criticality: int  # the highest of its members'
+    rests: bool  # reservations rest on it; otherwise it is there to compare
+    fixed: tuple[str, ...] = ()  # its components, if the manifest says what they reserve
+    floor: int = 0  # per cent that the manifest fixes for some of several members: the least that they get
+    stale: tuple[str, ...] = ()  # what changed since; nothing rests on a stale log
+    indexes: tuple[Shown, ...] = ()
+    settings: tuple[Setting, ...] = ()  # with every sample, in the order in which they were measured
+    facts: tuple[tuple[str, str], ...] = ()  # where it comes from, for people: name, value
+
+    @property
+    def name(self) -> str:
+        """As the data log's folder is called: `path-planning+video-streaming`."""
+        return "+".join(self.components)
+
+    @property
+    def wants(self) -> bool:
+        """Whether there is an APT that decides."""
+        return any(one.threshold is not None for one in self.indexes)
+
+    @property
+    def least(self) -> LeastReserve | None:
+        """The least per cent at which every APT holds; None: no APT, or none that was measured is enough."""
+        return least_reserve([(one.curve, one.threshold) for one in self.indexes if one.threshold is not None])
+
+    @property
+    def reserve(self) -> int | None:
+        """What the partition gets: that, or what the manifest fixes where it is more."""
+        least = self.least
+        return None if least is None else max(least.reserve, self.floor)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fixed:
+    """A reserve that the manifest itself says."""
+
+    name: str  # of the partition
+    components: tuple[str, ...]
+    amount: Fraction  # LPs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Capacity:
+    """What the hosts of a platform can promise."""
+
+    platform: str
+    hosts: tuple[str, ...]
+    processors: int
+    capacity: Fraction  # LPs, without what is kept for the hosts
+    fixed: tuple[Fixed, ...] = ()  # promised by the manifest itself
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proof:
+    """What a component showed in the applied layout."""
+
+    component: str
+    index: PerformanceIndex
+    threshold: str  # as it was then: at most 100 ms
+    value: float | None
+    lower: float | None  # None: the samples say nothing about this side
+    upper: float | None
+    met: bool
+    verdict: str  # met, missed, within the noise, no steady state, cannot be told
+    error: float | None  # that the verdict is wrong; None: there is none
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Standing:
+    """How far what the manifest asks for is on a host that could be looked at."""
+
+    host: str
+    is_planned: bool = True  # else there is no layout that could be applied
+    differs: tuple[tuple[str, str], ...] = ()  # address, and how
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tuning:
+    """The last run of `rarms tune` on a platform."""
+
+    platform: str
+    run: TuningRun
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Combining:
+    """What could share a partition, as the manifest is now."""
+
+    nodes: tuple[Node, ...]  # parts before what consists of them
+    left_out: int = 0  # compounds that are not shown, because they are too many
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """Everything that `rarms report` shows."""
+
+    application: str
+    description: str
+    measurements: tuple[Measurement, ...]  # by platform, criticality (falling), name, interference
+    capacities: tuple[Capacity, ...]  # by platform
+    unmeasured: tuple[tuple[str, ...], ...] = ()  # components of a partition that no data log here speaks for
+    proofs: tuple[Proof, ...] = ()
+    standings: tuple[Standing, ...] = ()  # by host
+    tunings: tuple[Tuning, ...] = ()  # by platform
+    combining: Combining | None = None  # None: nothing could be combined, or it is not all measured

@@ -1,0 +1,312 @@
+"""The report model laid out for the page: where every line and point lies, and the values its script looks up.
+
+Lengths are per cent of a plot, from its top left corner. The reserve's axis runs from 0 to 100, so a reserve of 62 %
+lies at 62 %. Nothing here decides anything.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from math import isfinite
+
+from rarms_iac.model.system import AtLeast, AtMost, Threshold
+from rarms_iac.statistics.curve import least_reserve
+from rarms_iac.views.reports.model import Capacity, Measurement, Point, Report, Row, Shown
+from rarms_iac.views.reports.scale import UNIT_TEXT, Scale, digits, exact, scale_of, shown
+from rarms_iac.views.reports.summary import error_text
+
+RESERVES = (0, 20, 40, 60, 80, 100)
+"""Labels of the lower axis."""
+
+SEEN = 0.001
+"""Of a plot's height: a line that is off by less looks the same, a third of a pixel at most."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tick:
+    """A label beside an axis."""
+
+    at: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dot:
+    """A measured point with its interval, and what it tells."""
+
+    x: str
+    y: str
+    top: str
+    bottom: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plot:
+    """One curve as a picture with its movable line."""
+
+    id: str
+    title: str
+    says: str  # what the plot shows, for those who do not see it
+    direction: str  # at_most or at_least
+    unit: str
+    start: str  # the threshold's number where the line begins
+    has_apt: bool
+    line: str  # where the line begins
+    reserve: int | None  # what that threshold reserves
+    ticks: tuple[Tick, ...]
+    band: str  # path
+    curve: str  # path
+    dots: tuple[Dot, ...]
+    of: Shown
+    scale: Scale
+    points: tuple[tuple[str, ...], ...]  # the table of what was measured
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What stands beside the title."""
+        logarithmic = ("(logarithmic scale)",) if self.scale.logarithmic else ()
+        return logarithmic if self.has_apt else (*logarithmic, "(no APT yet)")
+
+    @property
+    def way(self) -> str:
+        """The direction in words."""
+        return self.direction.replace("_", " ")
+
+    @property
+    def foot(self) -> int:
+        """Where the line meets the lower axis; at its left end while it meets nothing, and is `hidden`."""
+        return self.reserve or 0
+
+    @property
+    def reserved(self) -> str:
+        """What stands there."""
+        return "" if self.reserve is None else f"{self.reserve} %"
+
+    @property
+    def hidden(self) -> tuple[str, ...]:
+        """The value of `visibility` where what belongs to the reserve is not to be seen; none where it is."""
+        return ("hidden",) if self.reserve is None else ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Card:
+    """A measurement on the page."""
+
+    id: str
+    of: Measurement
+    plots: tuple[Plot, ...]
+    capacity: Capacity | None
+
+    @property
+    def name(self) -> str:
+        """Its heading."""
+        return " + ".join(self.of.components)
+
+    @property
+    def standing(self) -> str:
+        """What goes behind where it was measured: why no reservation rests on it."""
+        if self.of.stale:
+            return "; stale, nothing rests on it"
+        if self.of.fixed:
+            return "; the manifest fixes the reserve"
+        return "" if self.of.rests else "; to compare, no reservation rests on it"
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What must be known before it is read."""
+        return (f"Changed since it was measured: {'; '.join(self.of.stale)}.",) if self.of.stale else ()
+
+    @property
+    def gaps(self) -> tuple[str, ...]:
+        """What is said in place of plots where there are none."""
+        return () if self.plots else ("Nothing was measured yet.",)
+
+    @property
+    def results(self) -> tuple["Card", ...]:
+        """Itself where a reservation can be read from it."""
+        return (self,) if self.plots else ()
+
+
+def cards_of(report: Report) -> tuple[Card, ...]:
+    """One card a measurement, in the report's order."""
+    capacities = {one.platform: one for one in report.capacities}
+    return tuple(
+        Card(
+            id=f"m{number}",
+            of=one,
+            plots=tuple(plot_of(index, one, f"m{number}-{place}") for place, index in enumerate(one.indexes, 1)),
+            capacity=capacities.get(one.platform),
+        )
+        for number, one in enumerate(report.measurements, 1)
+    )
+
+
+def plot_of(curve: Shown, measurement: Measurement, name: str) -> Plot:
+    """Where everything of a curve lies."""
+    scale = scale_of(curve)
+    threshold = beginning(curve, scale)
+    found = least_reserve([(curve.curve, threshold)])
+    reserve = None if found is None else found.reserve
+    rows = curve.rows
+    together = len(measurement.components) > 1
+    title = curve.index.name.replace("_", " ")
+    return Plot(
+        id=name,
+        title=f"{curve.component}: {title}" if together else title[:1].upper() + title[1:],
+        says=_in_words(curve),
+        direction=curve.index.direction,
+        unit=UNIT_TEXT[curve.index.unit],
+        start=exact(threshold.value, curve.index.unit).split()[0],
+        has_apt=curve.threshold is not None,
+        line=_y(scale, float(threshold.value)),
+        reserve=reserve,
+        ticks=tuple(Tick(at=_y(scale, float(one)), text=digits(float(one))) for one in scale.ticks()),
+        band=_band(rows, scale),
+        curve=_path([(row.reserve, scale.height(row.value)) for row in rows]),
+        dots=tuple(_dots(curve, scale)),
+        of=curve,
+        scale=scale,
+        points=tuple(_told(point, curve) for point in curve.points),
+    )
+
+
+def beginning(curve: Shown, scale: Scale) -> Threshold:
+    """The APT; without one the grid's threshold nearest to the middle of the axis."""
+    if curve.threshold is not None:
+        return curve.threshold
+    middle = (scale.low * scale.high) ** 0.5 if scale.logarithmic else (scale.low + scale.high) / 2
+    number = round(Fraction(middle) / scale.step)
+    value = min(max(number, scale.first), scale.last) * scale.step
+    return AtMost(value=value) if curve.index.smaller_is_better else AtLeast(value=value)
+
+
+def _in_words(curve: Shown) -> str:
+    name = f"{curve.index.name.replace('_', ' ')} of {curve.component}"
+    if not curve.curve.points:
+        return f"The {name} is not known."
+    first, last, unit = curve.curve.points[0], curve.curve.points[-1], curve.index.unit
+    return (
+        f"The {name} goes from {shown(first.value, unit)} at a reserve of {first.reserve:.0f} % "
+        f"to {shown(last.value, unit)} at {last.reserve:.0f} %."
+    )
+
+
+def _y(scale: Scale, value: float) -> str:
+    return _number(100 - 100 * scale.height(value))
+
+
+def _number(value: float) -> str:
+    return f"{value:.2f}".rstrip("0").rstrip(".")
+
+
+def _path(points: Sequence[tuple[float, float]]) -> str:
+    """Straight lines through points whose height is 0 at the bottom and 1 at the top."""
+    return "M" + "L".join(f"{_number(x)} {_number(100 - 100 * height)}" for x, height in corners(points))
+
+
+def corners(points: Sequence[tuple[float, float]]) -> Sequence[tuple[float, float]]:
+    """The fewest of the points whose straight lines pass all others within `SEEN` of a plot's height.
+
+    Points go from left to right and have heights from 0 to 1 (halving at the farthest, Douglas and Peucker 1973).
+    """
+    if len(points) < 3:
+        return points
+    (left, start), (right, end) = points[0], points[-1]
+    slope = (end - start) / (right - left)
+    off = [abs(height - start - slope * (x - left)) for x, height in points]
+    farthest = max(range(len(points)), key=off.__getitem__)
+    if off[farthest] < SEEN:
+        return (points[0], points[-1])
+    return (*corners(points[: farthest + 1])[:-1], *corners(points[farthest:]))
+
+
+def _band(rows: Sequence[Row], scale: Scale) -> str:
+    if not rows:
+        return ""
+    above = _path([(row.reserve, scale.height(row.high)) for row in rows])
+    below = [(row.reserve, scale.height(row.low)) for row in rows]
+    return f"{above}L{_path(below[::-1])[1:]}Z"
+
+
+def _dots(curve: Shown, scale: Scale) -> Iterator[Dot]:
+    for point in curve.points:
+        if point.value is not None:
+            yield Dot(
+                x=f"{point.reserve}",
+                y=_y(scale, point.value),
+                top=_y(scale, point.high),
+                bottom=_y(scale, point.low),
+                text=", ".join(one for one in _told(point, curve)[:4] if one),
+            )
+
+
+def _told(point: Point, curve: Shown) -> tuple[str, ...]:
+    """Reserve, value, interval, samples, verdict with its error, remarks."""
+    unit = curve.index.unit
+    inside = "" if point.value is None else f"{digits(point.low)} to {shown(point.high, unit)}"
+    failed = f", {point.failed} failed" if point.failed else ""
+    return (
+        f"{point.reserve} %",
+        "no answer" if point.value is None else shown(point.value, unit),
+        inside,
+        f"{point.samples} samples{failed}",
+        f"{point.verdict}{error_text(point)}",
+        point.remark,
+    )
+
+
+def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:
+    """What the page's script looks up: the same numbers, to the last bit, as the planner's curve holds."""
+    return {
+        "capacities": [
+            {
+                "name": ", ".join(one.hosts),
+                "platform": one.platform,
+                "capacity": float(100 * one.capacity),
+                "processors": one.processors,
+                "fixed": [[list(part.components), float(100 * part.amount)] for part in one.fixed],
+            }
+            for one in report.capacities
+        ],
+        "cards": [
+            {
+                "id": card.id,
+                "name": card.of.name,
+                "platform": card.of.platform,
+                "processors": card.of.processors,
+                "rests": card.of.rests,
+                "fixed": list(card.of.fixed),
+                "floor": card.of.floor,
+                "plots": [_plot_data(plot) for plot in card.plots],
+            }
+            for card in cards
+        ],
+    }
+
+
+def _plot_data(plot: Plot) -> dict[str, object]:
+    of, scale = plot.of, plot.scale
+    return {
+        "id": plot.id,
+        "component": of.component,
+        "index": of.index.name,
+        "direction": plot.direction,
+        "unit": plot.unit,
+        "apt": plot.has_apt,
+        "start": plot.start,
+        "low": scale.low,
+        "high": scale.high,
+        "logarithmic": scale.logarithmic,
+        "mantissa": scale.mantissa,
+        "exponent": scale.exponent,
+        "first": scale.first,
+        "last": scale.last,
+        "measured": [round(point.reserve) for point in of.curve.points],
+        "rows": [[row.reserve, row.value, _finite(row.safe)] for row in of.rows],
+    }
+
+
+def _finite(value: float) -> float | None:
+    """JSON knows no infinity: null stands for a side that meets nothing."""
+    return value if isfinite(value) else None

@@ -1,0 +1,242 @@
+"""The summary: levels and bandwidths, a row a threshold, and each platform's total against its capacity."""
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
+from rarms_iac.model.thresholds import show_threshold
+from rarms_iac.planner.prediction.floor import ASSUMED
+from rarms_iac.statistics.told_errors import wrong
+from rarms_iac.views.reports.model import Capacity, Measurement, Point, Proof, Report, Shown, Standing, Tuning
+from rarms_iac.views.reports.scale import shown
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Level:
+    """A component's level of performance and what it costs."""
+
+    component: str
+    index: str
+    level: str  # the APT
+    shows: str  # what the curve says at the reserve
+    reserve: str
+    bandwidth: str  # LPs
+    verdict: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fit:
+    """What all reservations of a platform add up to."""
+
+    of: Capacity
+    total: Fraction  # LPs
+    missing: tuple[str, ...]  # measurements whose APTs no reserve meets: not in the total
+
+    @property
+    def headroom(self) -> Fraction:
+        """LPs that nobody is promised; below nothing where it does not fit."""
+        return self.of.capacity - self.total
+
+    @property
+    def fits(self) -> bool:
+        """Whether the hosts can promise it."""
+        return self.total <= self.of.capacity and not self.missing
+
+
+def summary_of(report: Report) -> tuple[Level, ...]:
+    """Most critical first; what is fixed and what is not measured at the end."""
+    return (
+        *(_level(one, index) for one in report.measurements if one.rests for index in one.indexes if index.threshold),
+        *(_fixed(part.name, part.amount) for one in report.capacities for part in one.fixed),
+        *(_absent(names) for names in report.unmeasured),
+    )
+
+
+def _level(measurement: Measurement, one: Shown) -> Level:
+    assert one.threshold is not None
+    reserve = reserved_for(measurement, one)
+    point = None if reserve is None else one.curve.value_at(reserve)
+    return Level(
+        component=one.component,
+        index=one.index.name,
+        level=show_threshold(one.index, one.threshold),
+        shows="" if point is None else shown(point.value, one.index.unit),
+        reserve="none is enough" if reserve is None else show_percent(reserve),
+        bandwidth="" if reserve is None else show_processors(guaranteed(reserve, measurement.processors)),
+        verdict=verdict_of(one, reserve),
+    )
+
+
+def reserved_for(measurement: Measurement, one: Shown) -> int | None:
+    """What the index's partition gets; where no reserve is enough for all of its indexes, what this one asks for."""
+    if one.least is None:
+        return None
+    return one.least.reserve if measurement.reserve is None else measurement.reserve
+
+
+def verdict_of(one: Shown, reserve: int | None) -> str:
+    """What is known of the APT at this reserve, in words."""
+    if reserve is None:
+        return "not achieved at any reserve that was measured"
+    told = [point for point in one.points if point.reserve == reserve]
+    return f"measured: {told[-1].verdict}{error_text(told[-1])}" if told else "interpolated: not itself measured"
+
+
+def error_text(point: Point) -> str:
+    """How probably the verdict is wrong, as the end of a sentence; nothing where nobody says."""
+    return "" if point.error is None else f" ({wrong(point.error)})"
+
+
+def _fixed(name: str, amount: Fraction) -> Level:
+    return Level(
+        component=name,
+        index="",
+        level="",
+        shows="",
+        reserve="",
+        bandwidth=show_processors(amount),
+        verdict="fixed by the manifest",
+    )
+
+
+def _absent(names: tuple[str, ...]) -> Level:
+    says = f"not measured: run rarms measure {' '.join(names)}{' --together' if len(names) > 1 else ''}"
+    return Level(component=" + ".join(names), index="", level="", shows="", reserve="", bandwidth="", verdict=says)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proven:
+    """A row of what was proven."""
+
+    component: str
+    index: str
+    level: str
+    shows: str
+    met: bool
+    result: str
+
+    @property
+    def kind(self) -> str:
+        """The classes of its result."""
+        return "strong" if self.met else "strong missed"
+
+
+def proofs_of(report: Report) -> tuple[Proven, ...]:
+    """What all components showed together, in the report's order."""
+    return tuple(_proven(one) for one in report.proofs)
+
+
+def _proven(one: Proof) -> Proven:
+    return Proven(
+        component=one.component,
+        index=one.index.name,
+        level=one.threshold,
+        shows=_band(one),
+        met=one.met,
+        result=one.verdict
+        + ("" if one.error is None else f" ({wrong(one.error)})")
+        + (f": {one.note}" if one.note else ""),
+    )
+
+
+def _band(one: Proof) -> str:
+    """`94.1 ms, 93.5 ms to 94.8 ms`, as far as the samples tell."""
+    if one.value is None:
+        return "cannot be told"
+    value = shown(one.value, one.index.unit)
+    if one.lower is None or one.upper is None:
+        return value
+    return f"{value}, {shown(one.lower, one.index.unit)} to {shown(one.upper, one.index.unit)}"
+
+
+def fits_of(report: Report) -> tuple[Fit, ...]:
+    """One a platform, in the report's order."""
+    return tuple(_fit(report, one) for one in report.capacities)
+
+
+def _fit(report: Report, capacity: Capacity) -> Fit:
+    here = [one for one in report.measurements if one.rests and one.platform == capacity.platform]
+    total = sum((part.amount for part in capacity.fixed), Fraction(0))
+    for one in here:
+        total += guaranteed(one.reserve or 0, one.processors)
+    return Fit(of=capacity, total=total, missing=tuple(one.name for one in here if one.wants and one.reserve is None))
+
+
+def fit_text(fit: Fit) -> str:
+    """As `70 % reserved of 100 % (1.4 LP of 2 LP). Headroom of onboard: 30 % (0.6 LP).`."""
+
+    def share(amount: Fraction) -> str:
+        return f"{_figure(100 * amount / fit.of.processors)} %"
+
+    def processors(amount: Fraction) -> str:
+        return f"{_figure(amount)} LP"
+
+    left, capacity, hosts = fit.headroom, fit.of.capacity, ", ".join(fit.of.hosts)
+    room = f"Headroom of {hosts}: {share(left)} ({processors(left)})"
+    over = f"Over {hosts} by {share(-left)} ({processors(-left)})"
+    return (
+        f"{share(fit.total)} reserved of {share(capacity)} ({processors(fit.total)} of {processors(capacity)}). "
+        f"{room if left >= 0 else over}."
+    )
+
+
+def tuning_text(one: Tuning) -> str:
+    """What came of it, and whether it is the best there is."""
+    run = one.run
+    before, after, capacity = (_processors(amount) for amount in (run.before, run.after, run.capacity))
+    result = f"{before} became {after} of {capacity}" if run.before != run.after else f"{before} of {capacity}"
+    proof = f" No other layout is better, if {ASSUMED}." if run.proved else ""
+    if run.probability is not None:
+        proof = f" {run.claim.capitalize()}: so likely no other layout is better, as far as predictions have erred."
+    broken = f" Nothing is proved: {'; '.join(run.contradictions)}." if run.contradictions else ""
+    written = "" if run.written or run.ending != "successful" else " The manifest was left as it is."
+    named = (run.message or run.ending.replace("_", " ")).capitalize()
+    return f"{named}: {result} ({run.strategy} strategy, {run.when}).{proof}{broken}{written}"
+
+
+def trail_of(one: Tuning) -> tuple[tuple[str, str, str, str], ...]:
+    """A row a setting that was asked for, in order: components, CR, what was predicted, answer."""
+    return tuple(
+        (
+            " + ".join(asked.components),
+            show_percent(asked.reserve),
+            "" if asked.predicted is None else show_percent(asked.predicted),
+            f"not met for sure by {', '.join(asked.worse)}" if asked.worse else "all thresholds met",
+        )
+        for asked in one.run.trail
+    )
+
+
+def tuned_of(one: Tuning) -> tuple[tuple[str, str, str, str, str], ...]:
+    """A row a partition as it was left: name, components, CR, what it reserves, what its parts reserved apart."""
+    return tuple(
+        (
+            part.name,
+            ", ".join(part.components),
+            show_percent(part.reserve),
+            _processors(part.reserved),
+            _processors(part.parts),
+        )
+        for part in one.run.partitions
+    )
+
+
+def _processors(percent: int) -> str:
+    return show_processors(Fraction(percent, 100))
+
+
+def standing_text(one: Standing) -> str:
+    """Whether what the manifest asks for is on the host, and what brings it there."""
+    if not one.is_planned:
+        return "Nothing can be applied as it is: rarms plan tells why."
+    if not one.differs:
+        return "Applied: the host is as the manifest wants it."
+    told: dict[str, list[str]] = {}
+    for address, says in one.differs:
+        told.setdefault(says, []).append(address)
+    parts = "; ".join(f"{says}: {', '.join(addresses)}" for says, addresses in told.items())
+    return f"{parts[:1].upper()}{parts[1:]}. rarms plan shows what is to be done, rarms apply does it."
+
+
+def _figure(value: Fraction) -> str:
+    return f"{float(value):.2f}".rstrip("0").rstrip(".")

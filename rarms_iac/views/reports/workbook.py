@@ -1,0 +1,177 @@
+"""The report as a spreadsheet: a summary, and a sheet a data log with its settings, its curve and a chart."""
+
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+from io import BytesIO
+from typing import TYPE_CHECKING
+
+from rarms_iac.model.quantities import guaranteed
+from rarms_iac.views.reports.model import Measurement, Report, Shown
+from rarms_iac.views.reports.scale import UNIT_TEXT
+from rarms_iac.views.reports.summary import fits_of, reserved_for, verdict_of
+from rarms_iac.views.reports.tables import Cell, Rows, finite, sample_rows, setting_rows, trail_rows
+
+if TYPE_CHECKING:
+    from xlsxwriter import Workbook
+    from xlsxwriter.worksheet import Worksheet
+
+MOST_ROWS = 1_048_576
+LONGEST_NAME = 31  # of a sheet
+MADE = datetime(2000, 1, 1, tzinfo=UTC)
+"""Stands in every file, so that the same report gives the same bytes."""
+
+SUMMARY = (
+    "component",
+    "index",
+    "direction",
+    "threshold",
+    "unit",
+    "expected at the reserve",
+    "reserve (% of the partition's VPs)",
+    "bandwidth (LP)",
+    "interpolated",
+    "verdict",
+)
+
+CURVE = ("reserve (%)", "value", "safe side", "from", "to")
+
+
+class TooManyRows(Exception):
+    """A sheet ends before the samples do."""
+
+    def __init__(self, rows: int, limit: int) -> None:
+        super().__init__(f"{rows} rows, and a sheet holds {limit}")
+        self.rows = rows
+        self.limit = limit
+
+
+def workbook(report: Report, *, samples: bool = False, most_rows: int = MOST_ROWS) -> bytes:
+    """The whole file (XLSX).
+
+    Raises:
+        TooManyRows: the samples do not fit one sheet.
+    """
+    from xlsxwriter import Workbook
+
+    data = BytesIO()
+    book = Workbook(data, {"in_memory": True, "strings_to_formulas": False, "strings_to_urls": False})
+    book.set_properties({"title": report.application, "created": MADE.replace(tzinfo=None)})
+    _summary(book, report)
+    names = _names(report.measurements)
+    for name, one in zip(names, report.measurements, strict=True):
+        _measurement(book, name, one)
+    _rows(book, book.add_worksheet("settings"), setting_rows(report))
+    if report.tunings:
+        _rows(book, book.add_worksheet("tuning"), trail_rows(report.tunings))
+    if samples:
+        rows = list(sample_rows(report))
+        if len(rows) > most_rows:
+            raise TooManyRows(len(rows), most_rows)
+        _rows(book, book.add_worksheet("samples"), rows)
+    book.close()
+    return data.getvalue()
+
+
+def _names(measurements: Sequence[Measurement]) -> list[str]:
+    """A name a sheet: the components', short enough and unlike every other."""
+    names: list[str] = []
+    taken = {"summary", "settings", "samples", "tuning"}
+    for one in measurements:
+        name, number = one.name[:LONGEST_NAME], 1
+        while name.lower() in taken:
+            number += 1
+            name = f"{one.name[: LONGEST_NAME - len(str(number)) - 1]} {number}"
+        taken.add(name.lower())
+        names.append(name)
+    return names
+
+
+def _summary(book: "Workbook", report: Report) -> None:
+    sheet = book.add_worksheet("summary")
+    last = _rows(book, sheet, (SUMMARY, *_levels(report)))
+    totals: list[Sequence[Cell]] = [("platform", "hosts", "capacity (LP)", "reserved (LP)", "headroom (LP)", "fits")]
+    for fit in fits_of(report):
+        numbers = (float(fit.of.capacity), float(fit.total), float(fit.headroom))
+        totals.append((fit.of.platform, ", ".join(fit.of.hosts), *numbers, "yes" if fit.fits else "no"))
+    _rows(book, sheet, totals, top=last + 1)
+
+
+def _levels(report: Report) -> Iterator[Sequence[Cell]]:
+    for one in report.measurements:
+        for index in one.indexes if one.rests else ():
+            if index.threshold is not None:
+                yield _level(one, index)
+    for capacity in report.capacities:
+        for part in capacity.fixed:
+            yield part.name, None, None, None, None, None, None, float(part.amount), None, "fixed by the manifest"
+
+
+def _level(one: Measurement, index: Shown) -> Sequence[Cell]:
+    assert index.threshold is not None
+    reserve = reserved_for(one, index)
+    point = None if reserve is None else index.curve.value_at(reserve)
+    measured = {each.reserve for each in index.points}
+    return (
+        index.component,
+        index.index.name,
+        index.index.direction,
+        float(index.threshold.value),
+        UNIT_TEXT[index.index.unit],
+        None if point is None else finite(point.value),
+        reserve,
+        None if reserve is None else float(guaranteed(reserve, one.processors)),
+        "" if reserve is None else "no" if reserve in measured else "yes",
+        verdict_of(index, reserve),
+    )
+
+
+def _measurement(book: "Workbook", name: str, one: Measurement) -> None:
+    """Its curves below each other, each with its chart beside it."""
+    sheet = book.add_worksheet(name)
+    top = 0
+    for index in one.indexes:
+        unit = UNIT_TEXT[index.index.unit]
+        title = f"{index.index.name} of {index.component} ({unit})"
+        sheet.write_string(top, 0, title, book.add_format({"bold": True}))
+        measured = {point.reserve: finite(point.value) for point in index.points if point.value is not None}
+        curve = [
+            (row.reserve, *map(finite, (row.value, row.safe, row.low, row.high)), measured.get(row.reserve))
+            for row in index.rows
+        ]
+        header = tuple(f"{word} ({unit})" if place else word for place, word in enumerate(CURVE))
+        last = _rows(book, sheet, ((*header, f"measured ({unit})"), *curve), top=top + 1)
+        if curve:
+            _chart(book, sheet, name, title, top + 2, last - 1)
+        top = max(last + 1, top + 22)
+
+
+def _chart(book: "Workbook", sheet: "Worksheet", name: str, title: str, first: int, last: int) -> None:
+    chart = book.add_chart({"type": "scatter", "subtype": "straight"})
+    for column, words, dots in ((1, "curve", False), (2, "safe side", False), (5, "measured", True)):
+        chart.add_series(
+            {
+                "name": words,
+                "categories": [name, first, 0, last, 0],
+                "values": [name, first, column, last, column],
+                "marker": {"type": "circle", "size": 6} if dots else {"type": "none"},
+                "line": {"none": True} if dots else {"width": 2, "dash_type": "dash" if column == 2 else "solid"},
+            }
+        )
+    chart.set_title({"name": title, "overlay": False, "name_font": {"size": 12}})
+    chart.set_x_axis({"name": "reserve (% of the partition's VPs)", "min": 0, "max": 100})
+    chart.set_y_axis({"name": title})
+    chart.set_size({"width": 640, "height": 360})
+    sheet.insert_chart(first - 2, 7, chart)
+
+
+def _rows(book: "Workbook", sheet: "Worksheet", rows: Rows, top: int = 0) -> int:
+    """Writes the rows, the first one as their header; the number of the row below them."""
+    header, at = book.add_format({"bold": True, "bottom": 1, "text_wrap": True, "valign": "top"}), top
+    for at, row in enumerate(rows, top):
+        for column, cell in enumerate(row):
+            if isinstance(cell, str):
+                sheet.write_string(at, column, cell, header if at == top else None)
+            elif cell is not None:
+                sheet.write_number(at, column, cell)
+    sheet.set_column(0, 19, 16)
+    return at + 1

@@ -1,0 +1,207 @@
+"""Strategies on components without noise: what they measure, and what they find."""
+
+from dataclasses import replace
+from math import log
+
+import pytest
+
+from rarms_iac.measuring.search import (
+    STRATEGIES,
+    Found,
+    Goal,
+    Measure,
+    Member,
+    NotAchievable,
+    NotResolved,
+    Step,
+    Trial,
+    trial_of,
+)
+from rarms_iac.measuring.search.bracket import MOST_UNTOLD, Bracket, below, bracket_of
+from rarms_iac.measuring.search.observations import questions
+from rarms_iac.model.measurement import Sample, Series, Setting
+from rarms_iac.model.system import SampleCount
+from rarms_iac.statistics.verdict import Missed
+from tests.builders import a_run, at_least, at_most
+from tests.effort import examples
+from tests.measured import a_series, noisy
+
+RUN = replace(a_run(), deadline=None)
+LONG_RUN = replace(RUN, until=SampleCount(samples=60))
+GOAL = Goal(members=(Member(name="coi", apt={"mean_response_time": at_most(100)}, run=RUN),), processors=2)
+
+
+def walk(strategy: str, least: int) -> tuple[list[int], Step]:
+    """The settings a strategy measures, and its end, where the APT is met from a reservation on (101: never)."""
+    history: list[Trial] = []
+    while True:
+        step = STRATEGIES[strategy](history, GOAL)
+        if not isinstance(step, Measure):
+            return [trial.reserve for trial in history], step
+        times = noisy(step.reserve, 80.0 if step.reserve >= least else 120.0, variation=0.01, count=100)
+        history.append(trial_of(Setting(reserve=step.reserve, series=(a_series(times),)), GOAL))
+
+
+def test_the_paper_walks_by_ten_and_stops_at_the_first_that_passes() -> None:
+    assert walk("paper", 62) == ([10, 20, 30, 40, 50, 60, 70], Found(reserve=70, failed=60))
+    assert walk("paper", 3) == ([10], Found(reserve=10, failed=None))
+
+
+def test_the_paper_ends_with_its_message() -> None:
+    settings, step = walk("paper", 101)
+
+    assert settings == [10, 20, 30, 40, 50, 60, 70, 80, 90, 100]
+    assert isinstance(step, NotAchievable)
+    assert step.message == "Threshold performance is not achievable on this platform."
+
+
+@pytest.mark.parametrize("least", [1, 2, 37, 99, 100])
+def test_halving_finds_the_least_whole_per_cent(least: int) -> None:
+    settings, step = walk("bisection", least)
+
+    assert step == Found(reserve=least, failed=least - 1 or None)
+    assert len(settings) <= 8
+    assert len(set(settings)) == len(settings)
+
+
+def test_halving_ends_when_all_of_the_platform_is_not_enough() -> None:
+    settings, step = walk("bisection", 101)
+
+    assert settings[-1] == 100
+    assert isinstance(step, NotAchievable)
+
+
+@pytest.mark.parametrize("least", [1, 2, 37, 62, 99, 100])
+def test_the_default_ends_with_a_measured_pass_and_a_measured_fail_close_below(least: int) -> None:
+    settings, step = walk("default", least)
+
+    assert isinstance(step, Found)
+    assert least <= step.reserve <= least + 1
+    assert step.reserve in settings
+    assert step.reserve == 1 or (step.failed in settings and step.reserve - step.failed <= 3)
+
+
+def test_the_default_gives_up_only_after_all_of_the_platform() -> None:
+    settings, step = walk("default", 101)
+
+    assert settings[-1] == 100
+    assert isinstance(step, NotAchievable)
+
+
+def test_the_same_history_gives_the_same_step() -> None:
+    assert walk("default", 62) == walk("default", 62)
+
+
+def test_a_periodic_component_needs_the_cpu_time_of_all_of_its_time_for_its_throughput() -> None:
+    """2 ms of work every 33 ms are 6 % of a processor, however busy it is while a job runs."""
+    jobs = tuple(Sample(began_ms=33.0 * number, response_ms=4.0, successful=True) for number in range(100))
+    series = Series(component="coi", samples=jobs, elapsed_ms=3300.0, cpu_ms=200.0)
+    goal = Goal(members=(Member(name="coi", apt={"throughput": at_least(24)}, run=RUN),), processors=2)
+    (asked,) = questions([trial_of(Setting(reserve=50, series=(series,)), goal)], goal)
+    (seen,) = asked.observations
+
+    assert seen.served is not None
+    assert seen.served - seen.level == pytest.approx(log(200 / 33))
+
+
+def test_the_error_of_a_setting_is_shared_by_its_members() -> None:
+    """All meet their thresholds exactly, so each verdict `Missed` is wrong: too many would show with sixteen."""
+    tries, count = examples(100), 16
+    goal = Goal(
+        members=tuple(
+            Member(name=f"coi-{one}", apt={"mean_response_time": at_most(100)}, run=LONG_RUN) for one in range(count)
+        ),
+        processors=2,
+        error=0.05,
+    )
+    wrong = 0
+    for seed in range(tries):
+        series = tuple(
+            a_series(noisy(seed * count + one, 100.0, count=60), component=f"coi-{one}") for one in range(count)
+        )
+        verdicts = trial_of(Setting(reserve=50, series=series), goal).verdicts.values()
+        wrong += any(isinstance(one, Missed) for one in verdicts)
+
+    assert wrong <= goal.error * tries + 2.4 * (goal.error * (1 - goal.error) * tries) ** 0.5
+
+
+def unsteady(strategy: str, least: int, silent: range, level: float = 80.0) -> tuple[list[int], Step]:
+    """The same where settings in this range never become steady: jobs take half of the level, and later all of it."""
+    history: list[Trial] = []
+    while isinstance(step := STRATEGIES[strategy](history, GOAL), Measure):
+        assert len(history) < 40
+        mean = 80.0 if step.reserve >= least else 120.0
+        times = noisy(step.reserve, mean, variation=0.01, count=100)
+        if step.reserve in silent:
+            times = [time * level / mean * (0.5 if at < 50 else 1.0) for at, time in enumerate(times)]
+        history.append(trial_of(Setting(reserve=step.reserve, series=(a_series(times),)), GOAL))
+    return [trial.reserve for trial in history], step
+
+
+@pytest.mark.parametrize(
+    ("strategy", "silent"),
+    [
+        ("default", range(45, 46)),
+        ("default", range(40, 60)),
+        ("bisection", range(50, 51)),
+        ("bisection", range(40, 60)),
+    ],
+)
+def test_a_setting_without_a_steady_state_is_no_verdict_so_the_search_goes_on_below(
+    strategy: str, silent: range
+) -> None:
+    settings, step = unsteady(strategy, 20, silent)
+
+    assert isinstance(step, Found)
+    assert set(settings) & set(silent)
+    assert 20 <= step.reserve <= 21
+    assert step.failed in settings
+    assert 0 < step.reserve - step.failed <= 3
+    assert len(set(settings)) == len(settings)
+
+
+@pytest.mark.parametrize("strategy", ["default", "bisection"])
+def test_where_the_answer_is_without_a_steady_state_the_next_above_is_found_and_less_is_not_called_a_fail(
+    strategy: str,
+) -> None:
+    settings, step = unsteady(strategy, 45, range(40, 51), level=100.0)
+
+    assert isinstance(step, Found)
+    assert step.reserve == 51
+    assert step.failed is None or step.failed < 40
+    assert len(set(settings)) == len(settings) <= 20
+
+
+@pytest.mark.parametrize("strategy", ["default", "bisection"])
+@pytest.mark.parametrize("level", [90.0, 150.0])
+def test_a_component_that_never_is_steady_takes_few_settings(strategy: str, level: float) -> None:
+    settings, step = unsteady(strategy, 1, range(1, 101), level)
+
+    assert step == NotResolved(why="at 100 % coi has no steady state")
+    assert len(settings) <= MOST_UNTOLD + 1
+
+
+def test_a_lower_setting_that_passes_stands_below_one_without_a_steady_state() -> None:
+    times = noisy(1, 80.0, variation=0.01, count=100)
+    passing = trial_of(Setting(reserve=20, series=(a_series(times),)), GOAL)
+    broken = [time * (0.5 if at < 50 else 1.0) for at, time in enumerate(times)]
+    silent = trial_of(Setting(reserve=45, series=(a_series(broken),)), GOAL)
+
+    assert silent.untold
+    assert not silent.failed
+    assert bracket_of([passing, silent]) == Bracket(failed=0, passed=20)
+    assert bracket_of([silent]) == Bracket(failed=0, passed=None, untold=(45,))
+    assert below([passing, silent], 60) == (None, (45,))
+
+
+def test_a_member_that_misses_fails_a_setting_whatever_the_others_are() -> None:
+    goal = Goal(
+        members=tuple(Member(name=name, apt={"mean_response_time": at_most(100)}, run=RUN) for name in ("a", "b")),
+        processors=2,
+    )
+    rising = a_series([50.0 + at for at in range(100)], component="a")
+    slow = a_series(noisy(1, 120.0, variation=0.01, count=100), component="b")
+    quick = a_series(noisy(1, 80.0, variation=0.01, count=100), component="b")
+
+    assert trial_of(Setting(reserve=45, series=(rising, slow)), goal).failed
+    assert trial_of(Setting(reserve=45, series=(rising, quick)), goal).untold

@@ -1,0 +1,389 @@
+"""The loop of measuring, on a host whose answers are known by hand: 40 ms of work at 50 % take 80 ms."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.measuring.book import Book
+from rarms_iac.measuring.conclusions import Measure, NotAchievable, NotResolved, NoVerdict, Stopped, Sufficient, Swept
+from rarms_iac.measuring.measuring import Ended, Strategy, Surroundings, measure
+from rarms_iac.measuring.partitions import remove_test_partitions
+from rarms_iac.measuring.reporter import Silent
+from rarms_iac.measuring.room import room_of
+from rarms_iac.measuring.search import STRATEGIES, settled
+from rarms_iac.measuring.setup import Experiment, experiment_of
+from rarms_iac.measuring.strategies import Agreeing, Searching, Sweeping, Verifying, goal_of
+from rarms_iac.model.measurement import run_of
+from rarms_iac.model.system import SampleCount
+from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuringHost
+from rarms_iac.providers.simulated.scheduling.values import JobDone, Machine
+from rarms_iac.statistics.curve import LeastReserve, curves_of, least_reserve
+from rarms_iac.storage import disk
+from rarms_iac.storage.datalog.identity import Subject, header_of, identity_of
+from rarms_iac.storage.datalog.log import Provenance
+from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most
+from tests.builders_measured import a_series
+from tests.crashing import Crash, CrashingDisk, When
+from tests.effort import LONG
+from tests.fluid import fluid
+
+TAKEN = Provenance(rarms_version="0", when="2027-01-31T12:00:00Z")
+SYSTEM = a_system(
+    components=[
+        a_component(
+            "vision",
+            apt={"mean_response_time": at_most(84)},
+            run=a_run(until=SampleCount(samples=60)),
+            simulation=a_simulation(work="40 ms", varies="2 %"),
+        ),
+        a_component(
+            "speech",
+            apt={"mean_response_time": at_most(200)},
+            run=a_run(until=SampleCount(samples=60)),
+            simulation=a_simulation(work="40 ms", varies="2 %"),
+        ),
+    ]
+)
+
+
+def an_experiment(*members: str) -> Experiment:
+    return experiment_of(SYSTEM, SYSTEM.hosts["onboard"], members or ("vision",), "busy-loop")
+
+
+class Bench:
+    """A folder with a host and a data log; each call opens both anew, as a new process would."""
+
+    def __init__(self, folder: Path, *members: str) -> None:
+        self.folder = folder
+        self.experiment = an_experiment(*members)
+        self.ran: list[float] = []  # what P1 reserved in each simulation that was begun
+
+    def host(self, simulate: Simulate = fluid) -> SimulatedMeasuringHost:
+        def counted(machine: Machine, seed: int) -> Iterator[JobDone]:
+            self.ran += [one.reserve for one in machine.machines if one.components]
+            return simulate(machine, seed)
+
+        return SimulatedMeasuringHost(a_host(), self.folder / "onboard.json", counted)
+
+    def book(self, seed: int | None = None) -> Book:
+        one = self.experiment
+        subject = Subject(platform="onboard", components=one.members, setup=one.setup, load=one.load, tasks={})
+        header = header_of(subject, identity_of(subject, {}, {}), self.host().bench())
+        return Book(path=self.folder / "logs" / "log.jsonl", header=header, provenance=lambda: TAKEN, seed=seed)
+
+    def search(self, name: str = "bisection", most: int = 100) -> Searching:
+        goal = goal_of(self.experiment)
+        return Searching(goal=goal, next_step=STRATEGIES[name], most=most, only_its_own=name == "paper")
+
+    def measure(
+        self,
+        strategy: Strategy | None = None,
+        *,
+        simulate: Simulate = fluid,
+        should_stop: Callable[[], bool] = lambda: False,
+        seed: int = 1,
+        only: int | None = None,
+    ) -> Ended:
+        host = self.host(simulate)
+        with host.lock("a test"):
+            remove_test_partitions(host)
+            around = Surroundings(
+                host=host,
+                room=lambda: room_of(a_host(), host.observe(), "robot"),
+                seed=seed,
+                reporter=Silent(),
+                should_stop=should_stop,
+            )
+            return measure(self.experiment, strategy or self.search(), self.book(only), around)
+
+    @property
+    def recorded(self) -> list[int]:
+        return [one.reserve for one in self.book().settings()]
+
+    @property
+    def machines(self) -> list[str]:
+        return [one.settings.name for one in self.host().observe().partitions]
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    return Bench(tmp_path)
+
+
+def test_the_papers_walk_ends_at_the_first_ten_that_is_not_worse(bench: Bench) -> None:
+    ended = bench.measure(bench.search("paper"))
+
+    assert ended.conclusion == Sufficient(reserve=50, failed=40, error=0.0325)
+    assert bench.recorded == [10, 20, 30, 40, 50]
+    assert [one.beside for one in ended.settings] == [90, 80, 70, 60, 50]
+    assert bench.ran == [10, 20, 30, 40, 50]
+    assert bench.machines == []
+
+
+def test_a_search_finds_a_whole_per_cent_with_a_measured_fail_below(bench: Bench) -> None:
+    ended = bench.measure()
+
+    assert isinstance(ended.conclusion, Sufficient)
+    assert 47 <= ended.conclusion.reserve <= 49
+    assert ended.conclusion.failed == ended.conclusion.reserve - 1
+    assert ended.new == len(bench.recorded)
+
+
+def test_what_is_measured_is_never_run_again(bench: Bench) -> None:
+    first = bench.measure()
+    bench.ran.clear()
+    again = bench.measure()
+
+    assert bench.ran == []
+    assert again.conclusion == first.conclusion
+    assert again.settings == first.settings
+    assert again.new == 0
+
+
+def test_the_papers_walk_is_its_own_whatever_else_was_measured(bench: Bench) -> None:
+    bench.measure(Sweeping(reserves=(20, 45, 90)))
+    bench.ran.clear()
+    ended = bench.measure(bench.search("paper"))
+
+    assert ended.conclusion == Sufficient(reserve=50, failed=40, error=0.0325)
+    assert bench.ran == [10, 30, 40, 50]
+
+
+def test_a_threshold_that_nothing_meets_is_not_achievable(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    bench.experiment = replace(
+        bench.experiment,
+        members=(replace(bench.experiment.members[0], apt={"mean_response_time": at_most(30)}),),
+    )
+
+    assert bench.measure(bench.search("paper")).conclusion == NotAchievable(reserve=100, error=0.01)
+    assert bench.recorded == [*range(10, 101, 10)]
+
+
+def test_a_search_stays_within_what_the_host_can_give(bench: Bench) -> None:
+    assert bench.measure(bench.search(most=45)).conclusion == NotAchievable(reserve=45, error=0.01)
+    assert max(bench.ran) == 45
+
+
+def test_several_components_in_one_partition_must_all_meet_their_thresholds(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, "speech", "vision")
+    ended = bench.measure(bench.search("paper"))
+
+    assert ended.conclusion == Sufficient(reserve=50, failed=40, error=0.0325)
+    assert [one.component for one in ended.settings[0].series] == ["speech", "vision"]
+
+
+def test_the_task_classes_of_the_members_are_in_p1_as_a_plan_would_set_them(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, "speech", "vision")
+    speech, vision = bench.experiment.members
+    bench.experiment = replace(
+        bench.experiment,
+        members=(
+            replace(speech, task="SpeechRecognition", criticality=10),
+            replace(vision, task="ObjectIdentification", criticality=40),
+        ),
+    )
+    priorities: dict[str, int] = {}
+
+    def looking(machine: Machine, seed: int) -> Iterator[JobDone]:
+        priorities.update({one.component: one.priority for each in machine.machines for one in each.components})
+        return fluid(machine, seed)
+
+    bench.measure(Sweeping(reserves=(50,)), simulate=looking)
+
+    assert priorities["vision"] > priorities["speech"] > 16
+
+
+def test_a_sweep_runs_every_setting_to_its_end(bench: Bench) -> None:
+    ended = bench.measure(Sweeping(reserves=(10, 55, 100)))
+
+    assert ended.conclusion == Swept()
+    assert [len(one.series[0].samples) for one in ended.settings] == [60, 60, 60]
+
+
+def test_another_seed_measures_all_of_it_again_beside_the_first(bench: Bench) -> None:
+    bench.measure(Sweeping(reserves=(10, 55)))
+    second = bench.measure(Sweeping(reserves=(10, 55)), seed=2, only=2)
+
+    assert second.new == 2
+    assert [(one.reserve, one.seed) for one in bench.book().settings()] == [(10, 1), (55, 1), (10, 2), (55, 2)]
+    assert second.settings[0].series != bench.book(1).settings()[0].series
+
+
+def test_verifying_measures_what_lies_between_settings(bench: Bench) -> None:
+    bench.measure(Sweeping(reserves=(40, 60)))
+    ended = bench.measure(Verifying(goal=goal_of(bench.experiment), most=100))
+
+    assert isinstance(ended.conclusion, Sufficient)
+    assert ended.conclusion.reserve in bench.recorded
+    assert 47 <= ended.conclusion.reserve <= 50
+
+
+def test_verifying_says_when_the_host_has_too_little_left(bench: Bench) -> None:
+    bench.measure(Sweeping(reserves=(40, 60)))
+    ended = bench.measure(Verifying(goal=goal_of(bench.experiment), most=20))
+
+    assert isinstance(ended.conclusion, NotResolved)
+    assert "20 % left" in ended.conclusion.says
+    assert ended.new == 0
+
+
+def agreeing(bench: Bench) -> Agreeing:
+    return Agreeing(search=bench.search("default"), verifying=Verifying(goal=goal_of(bench.experiment), most=100))
+
+
+def test_a_search_ends_with_the_reservation_that_a_plan_takes_measured_itself(bench: Bench) -> None:
+    """Each threshold lies another part of a point from where the search decides."""
+    for threshold in (80, 81, 82, 83, 84, 85):
+        vision = replace(an_experiment().members[0], apt={"mean_response_time": at_most(threshold)})
+        bench.experiment = replace(an_experiment(), members=(vision,))
+        ended = bench.measure(agreeing(bench))
+        curves = curves_of(ended.settings, bench.experiment.runs, {"vision": vision.apt})
+
+        assert isinstance(ended.conclusion, Sufficient)
+        assert least_reserve(curves) == LeastReserve(reserve=ended.conclusion.reserve, interpolated=False)
+        assert ended.conclusion.reserve in bench.recorded
+
+
+def test_a_threshold_at_the_floor_is_never_met_for_sure(bench: Bench) -> None:
+    """A plan could reserve nothing for it: so measuring says that, too, and not that it is not achievable."""
+    vision = replace(an_experiment().members[0], apt={"mean_response_time": at_most(84)})
+    bench.experiment = replace(an_experiment(), members=(vision,))
+
+    def flat(machine: Machine, seed: int) -> Iterator[JobDone]:
+        reserve = max(one.reserve for one in machine.machines if one.components)
+        for number, job in enumerate(fluid(machine, seed)):
+            yield replace(job, response=168.0 if reserve < 60 else 85.5 if number % 2 else 81.5)
+
+    ended = bench.measure(agreeing(bench), simulate=flat)
+
+    assert isinstance(ended.conclusion, NotResolved)
+    assert ended.conclusion.says.startswith("at 100 % vision is within the noise")
+    within = bench.measure(bench.search("bisection", most=80), simulate=flat, seed=2, only=2)
+    assert isinstance(within.conclusion, NotResolved)
+    assert within.conclusion.says.startswith("at 80 % vision is within the noise")
+
+
+def test_more_failed_samples_than_are_allowed_end_without_a_verdict(bench: Bench) -> None:
+    def dying(machine: Machine, seed: int) -> Iterator[JobDone]:
+        for number, job in enumerate(fluid(machine, seed)):
+            yield replace(job, answered=False) if number == 7 else job
+
+    ended = bench.measure(simulate=dying)
+
+    assert isinstance(ended.conclusion, NoVerdict)
+    assert ended.conclusion.component == "vision"
+    assert "no answer within" in ended.conclusion.failures[0]
+    assert bench.recorded == []
+    assert bench.machines == []
+
+
+def test_who_is_asked_to_stop_drops_the_running_setting_and_goes_on_later(bench: Bench) -> None:
+    looks = iter(range(1_000_000))
+    stopped = bench.measure(bench.search("paper"), should_stop=lambda: next(looks) > 100)
+
+    assert stopped.conclusion == Stopped()
+    assert bench.recorded == [10, 20][: len(bench.recorded)]
+    assert bench.machines == []
+    before = list(bench.recorded)
+    bench.ran.clear()
+    assert bench.measure(bench.search("paper")).conclusion == Sufficient(reserve=50, failed=40, error=0.0325)
+    assert bench.ran == [one for one in (10, 20, 30, 40, 50) if one not in before]
+
+
+class DeadDisk(CrashingDisk):
+    """Once crashed, it stays so: what a clean-up tries after the end of the process did not happen."""
+
+    def _effect(self, name: str, do: Callable[[], None], half: Callable[[], None] = lambda: None) -> None:
+        if self.at and len(self.effects) >= self.at:
+            raise Crash
+        super()._effect(name, do, half)
+
+
+def test_killed_at_any_write_the_next_run_goes_on_and_leaves_nothing_behind(tmp_path: Path) -> None:
+    reserves = (30, 60)
+
+    def a_bench(name: str) -> Bench:
+        bench = Bench(tmp_path / name)
+        bench.folder.mkdir()
+        bench.experiment = with_samples(bench.experiment, 5)
+        return bench
+
+    def run(bench: Bench, on: CrashingDisk) -> Ended:
+        with disk.use(on):
+            return bench.measure(Sweeping(reserves=reserves))
+
+    whole = a_bench("whole")
+    counting = CrashingDisk(0)
+    run(whole, counting)
+    left_behind, recorded = set[int](), set[int]()
+    for at, when in moments(counting.effects):
+        bench = a_bench(f"{at}-{when.value}")
+        with pytest.raises(Crash):
+            run(bench, DeadDisk(at, when))
+        left_behind.add(len(bench.machines))
+        known = bench.recorded
+        recorded.add(len(known))
+        bench.ran.clear()
+        assert run(bench, CrashingDisk(0)).conclusion == Swept()
+        assert bench.ran == [one for one in reserves if one not in known]
+        assert bench.book().settings() == whole.book().settings()
+        assert bench.machines == []
+        assert list(bench.folder.glob(".*.new")) == []
+
+    assert left_behind == {0, 1, 2}
+    assert recorded == {0, 1, 2}
+
+
+def moments(effects: Sequence[str]) -> Sequence[tuple[int, When]]:
+    """All that a kill can leave on the disk; in a usual run every fourth of them."""
+    return list(_all_moments(effects))[:: 1 if LONG else 4]
+
+
+def _all_moments(effects: Sequence[str]) -> Iterator[tuple[int, When]]:
+    """Something half written, or the last thing done. Flushes change nothing."""
+    for at, name in enumerate(effects, start=1):
+        if name.startswith(("append", "write")):
+            yield at, When.HALF
+        if not name.startswith(("flush", "write")):
+            yield at, When.AFTER
+
+
+def with_samples(experiment: Experiment, samples: int) -> Experiment:
+    members = tuple(
+        replace(one, run=replace(run_of(one), until=SampleCount(samples=samples))) for one in experiment.members
+    )
+    return replace(experiment, members=members)
+
+
+def test_a_maximum_that_is_met_so_far_is_watched_to_the_end_and_one_that_is_missed_is_not(bench: Bench) -> None:
+    vision = replace(bench.experiment.members[0], apt={"maximum_response_time": at_most(100)})
+    bench.experiment = replace(bench.experiment, members=(vision,))
+    ended = bench.measure()
+
+    counts = {one.reserve: len(one.series[0].samples) for one in ended.settings}
+    assert isinstance(ended.conclusion, Sufficient)
+    assert counts[ended.conclusion.reserve] == 60
+    assert min(counts.values()) < 60
+
+
+def test_the_first_setting_goes_on_until_its_level_is_known_as_precisely_as_the_search_asks(bench: Bench) -> None:
+    bench.experiment = with_samples(bench.experiment, 400)
+    asked = bench.search("default").step(())
+    jobs = [76.0 if number % 2 else 84.0 for number in range(200)]
+    few, many = ({"vision": a_series("vision", jobs[:count])} for count in (40, 160))
+
+    assert isinstance(asked, Measure)
+    assert settled(few, goal_of(bench.experiment))
+    assert not asked.settled(few)
+    assert asked.settled(many)
+
+
+def test_what_is_decided_again_from_the_log_is_what_was_decided_before(bench: Bench) -> None:
+    """Early ends are decided while samples come in, and judged anew from what was recorded."""
+    ended = bench.measure()
+    replayed = bench.search().step(bench.book().settings())
+
+    assert replayed == ended.conclusion

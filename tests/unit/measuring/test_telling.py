@@ -1,0 +1,80 @@
+"""What an end is told as: an end that is a no always has a finding that says so."""
+
+import pytest
+
+from rarms_iac.measuring.conclusions import NotAchievable, Sufficient
+from rarms_iac.measuring.measuring import NoPlaces
+from rarms_iac.measuring.setup import experiment_of
+from rarms_iac.measuring.telling import findings_of
+from rarms_iac.model.measurement import Setting
+from tests.builders import a_component, a_simulation, a_system, at_most
+from tests.builders_measured import a_series, a_setting
+
+APT = {"mean_response_time": at_most(84), "maximum_response_time": at_most(90)}
+SYSTEM = a_system(components=[a_component("vision", apt=APT, simulation=a_simulation())])
+EXPERIMENT = experiment_of(SYSTEM, SYSTEM.hosts["onboard"], ("vision",), "busy-loop")
+
+
+def told(times: list[float]) -> list[str]:
+    settings = (a_setting(100, a_series("vision", times)),)
+    found = list(findings_of(EXPERIMENT, NotAchievable(reserve=100, error=0.01), settings, NoPlaces()))
+    assert {one.code for one in found} == {"RARMS110"}
+    return [one.detail for one in found]
+
+
+def test_the_indexes_that_are_on_the_wrong_side_are_named() -> None:
+    (only,) = told([82.0, 86.5] * 30)
+
+    assert "mean_response_time" in only
+
+
+def test_what_is_on_the_right_side_and_not_for_sure_is_told_of_as_well() -> None:
+    """A mean of 83.9 ms, known to within a millisecond, does not show that it is at most 84 ms."""
+    assert len(told([81.4, 86.4] * 30)) == len(APT)
+
+
+def test_a_series_without_a_steady_state_is_told_as_such() -> None:
+    says = " ".join(told([40.0 + number for number in range(100)]))
+
+    assert "cannot be told: its response times still changed within 100 samples" in says
+
+
+def drifting(reserve: int) -> Setting:
+    return a_setting(reserve, a_series("vision", [40.0 + number for number in range(100)]))
+
+
+@pytest.mark.parametrize(
+    ("failed", "untold", "says"),
+    [
+        (None, (45,), "vision: 46 % is enough. Of 45 % nothing is known: it reached no steady state"),
+        (20, (44, 45), "46 % is enough; 20 % is not shown to be. Of 44 and 45 % nothing is known: they reached no"),
+        (43, (44, 45), None),
+        (45, (), None),
+        (20, (), None),
+    ],
+)
+def test_less_that_may_be_enough_is_told_of_where_settings_between_say_nothing(
+    failed: int | None, untold: tuple[int, ...], says: str | None
+) -> None:
+    end = Sufficient(reserve=46, failed=failed, error=0.03, untold=untold)
+    component = a_component("vision", apt=APT, simulation=a_simulation(), reserve=None)
+    system = a_system(components=[component])
+    experiment = experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
+
+    found = list(findings_of(experiment, end, tuple(map(drifting, untold)), NoPlaces()))
+
+    assert [one.code for one in found] == (["RARMS267"] if says else [])
+    assert all(says is not None and says in one.detail for one in found)
+    assert all("(vision at 45 %: its response times still changed" in one.detail for one in found)
+
+
+@pytest.mark.parametrize(("reserve", "codes"), [("30 %", ["RARMS266"]), ("measured", []), (None, [])])
+def test_a_reservation_that_is_fixed_and_measured_is_told_of(reserve: str | None, codes: list[str]) -> None:
+    component = a_component("vision", apt=APT, simulation=a_simulation(), reserve=reserve)
+    system = a_system(components=[component])
+    experiment = experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
+
+    found = list(findings_of(experiment, Sufficient(reserve=21, failed=20, error=0.03), (), NoPlaces()))
+
+    assert [one.code for one in found] == codes
+    assert all("21 %" in one.detail and "reserves 30 %" in one.detail for one in found)

@@ -1,0 +1,73 @@
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.storage.datalog.configuration import Chosen, Proven, ProvenIndex, append_entry, last_chosen, read_entries
+from rarms_iac.storage.datalog.files import LogUnreadable
+from rarms_iac.storage.datalog.paths import configuration_path
+from tests.builders_measured import a_bench, a_subject
+
+
+def chosen(reserve: int = 62) -> Chosen:
+    return Chosen(
+        component="vision",
+        when="2027-01-31T12:00:00Z",
+        rarms_version="0",
+        apt={"mean_response_time": "at most 100 ms"},
+        partition="vision",
+        reserve=reserve,
+        interpolated=False,
+        task="ObjectIdentification",
+        data_log="measurements/onboard/vision/busy-loop.jsonl",
+        identity="0" * 64,
+        setup=a_subject().setup,
+        bench=a_bench(),
+    )
+
+
+def proven() -> Proven:
+    return Proven(
+        component="vision",
+        when="2027-01-31T13:00:00Z",
+        rarms_version="0",
+        host="onboard",
+        partition="vision",
+        reserve=62,
+        beside=("speech",),
+        indexes=(
+            ProvenIndex(
+                index="mean_response_time",
+                threshold="at most 100 ms",
+                value=97.5,
+                lower=97.0,
+                upper=98.0,
+                met=True,
+                verdict="met",
+                error=0.01,
+            ),
+        ),
+    )
+
+
+def test_entries_read_back_and_the_last_choice_holds(tmp_path: Path) -> None:
+    path = configuration_path(tmp_path, "onboard", "vision")
+    for one in (chosen(62), chosen(70), proven()):
+        append_entry(path, one)
+
+    entries = read_entries(path)
+
+    assert entries == (chosen(62), chosen(70), proven())
+    assert last_chosen(entries) == chosen(70)
+    assert last_chosen(()) is None
+    assert read_entries(tmp_path / "none.jsonl") == ()
+
+
+def test_a_damaged_log_names_its_line(tmp_path: Path) -> None:
+    path = configuration_path(tmp_path, "onboard", "vision")
+    append_entry(path, chosen())
+    append_entry(path, replace(proven(), beside=()))
+    path.write_bytes(path.read_bytes().replace(b'"reserve":62', b'"reserve":63', 1))
+
+    with pytest.raises(LogUnreadable, match=":1: the record is damaged"):
+        read_entries(path)

@@ -1,0 +1,147 @@
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rarms_iac.model.measurement import Sample
+from rarms_iac.storage.append import append
+from rarms_iac.storage.datalog.columns import as_recorded, line_of
+from rarms_iac.storage.datalog.files import LogUnreadable, append_setting, begin_log, read_log
+from rarms_iac.storage.datalog.log import Recorded
+from rarms_iac.storage.datalog.paths import log_path
+from tests.builders_measured import TAKEN, a_header, a_series, a_setting
+
+
+def a_file(folder: Path, *reserves: int) -> Path:
+    path = log_path(folder, "onboard", ["vision", "speech"], "busy-loop")
+    begin_log(path, a_header())
+    for each in reserves:
+        append_setting(path, Recorded(setting=a_setting(each), provenance=TAKEN))
+    return path
+
+
+def test_a_log_lies_where_its_components_platform_and_load_say(tmp_path: Path) -> None:
+    found = log_path(tmp_path, "onboard", ["vision", "speech"], "busy-loop")
+
+    assert found == tmp_path / "measurements" / "onboard" / "speech+vision" / "busy-loop.jsonl"
+
+
+def test_what_is_written_reads_back(tmp_path: Path) -> None:
+    odd = replace(
+        a_series(responses=(88.0, None, 90.25)),
+        samples=(
+            Sample(began_ms=0.0, response_ms=88.123456789, successful=True, count=3.0),
+            Sample(began_ms=88.2, response_ms=None, successful=False, failure="Prüfung \ud800"),
+            Sample(began_ms=99.0, response_ms=1.0, successful=False),
+        ),
+        cpu_ms=None,
+    )
+    path = a_file(tmp_path, 70)
+    append_setting(path, Recorded(setting=a_setting(10, odd), provenance=replace(TAKEN, beside=("other",))))
+
+    log = read_log(path)
+
+    assert log is not None
+    assert log.header == a_header()
+    assert log.settings == (a_setting(70), as_recorded(a_setting(10, odd)))
+    assert log.recorded[1].provenance.beside == ("other",)
+    assert log.settings[1].series[0].samples[0].response_ms == 88.1235
+
+
+def test_a_torn_last_setting_is_dropped_and_gives_way(tmp_path: Path) -> None:
+    path = a_file(tmp_path, 10, 20)
+    path.write_bytes(path.read_bytes()[:-40])
+
+    torn = read_log(path)
+    append_setting(path, Recorded(setting=a_setting(30), provenance=TAKEN))
+    mended = read_log(path)
+
+    assert torn is not None
+    assert [one.reserve for one in torn.settings] == [10]
+    assert mended is not None
+    assert [one.reserve for one in mended.settings] == [10, 30]
+
+
+def test_a_damaged_earlier_setting_is_an_error_that_names_its_line(tmp_path: Path) -> None:
+    path = a_file(tmp_path, 10, 20)
+    path.write_bytes(path.read_bytes().replace(b'"reserve":10', b'"reserve":11'))
+
+    with pytest.raises(LogUnreadable, match="damaged") as told:
+        read_log(path)
+
+    assert told.value.line == 2
+
+
+def test_the_line_ends_that_git_makes_do_no_harm(tmp_path: Path) -> None:
+    path = a_file(tmp_path, 10, 20)
+    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+
+    log = read_log(path)
+
+    assert log is not None
+    assert [one.reserve for one in log.settings] == [10, 20]
+
+
+def test_where_nothing_is_there_is_no_log(tmp_path: Path) -> None:
+    path = tmp_path / "none.jsonl"
+    assert read_log(path) is None
+    path.write_bytes(b"")
+    assert read_log(path) is None
+
+
+def test_a_log_that_is_begun_anew_has_no_settings(tmp_path: Path) -> None:
+    path = a_file(tmp_path, 10)
+
+    begin_log(path, a_header())
+
+    log = read_log(path)
+    assert log is not None
+    assert log.settings == ()
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "says"),
+    [
+        ("reserve", 0, "no per cent"),
+        ("reserve", "70", "no whole number"),
+        ("colour", "red", "no such field"),
+        ("series", [{"component": "vision"}], "the field is missing"),
+        ("series", {}, "no array"),
+    ],
+)
+def test_what_is_no_setting_says_why(tmp_path: Path, before: str, after: Any, says: str) -> None:
+    path = a_file(tmp_path)
+    line: dict[str, Any] = line_of(Recorded(setting=a_setting(), provenance=TAKEN))
+    append(path, {**line, before: after})
+
+    with pytest.raises(LogUnreadable, match=says):
+        read_log(path)
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "says"),
+    [
+        ("response_ms", [1.0], "different lengths"),
+        ("response_ms", ["1", 2], "no array of numbers"),
+        ("began_ms", [None, 2], "no array of numbers"),
+        ("unsuccessful", [2], "not there"),
+        ("failures", {"x": "died"}, "no numbers of samples"),
+        ("failures", {"1": 4}, "no object of texts"),
+    ],
+)
+def test_columns_that_do_not_fit_say_why(tmp_path: Path, column: str, value: Any, says: str) -> None:
+    path = a_file(tmp_path)
+    line: dict[str, Any] = line_of(Recorded(setting=a_setting(), provenance=TAKEN))
+    append(path, {**line, "series": [{**line["series"][0], column: value}]})
+
+    with pytest.raises(LogUnreadable, match=says):
+        read_log(path)
+
+
+def test_another_version_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "log.jsonl"
+    begin_log(path, replace(a_header(), format_version="rarms-datalog/9"))
+
+    with pytest.raises(LogUnreadable, match="rarms-datalog/9"):
+        read_log(path)

@@ -1,0 +1,242 @@
+import os
+from dataclasses import fields, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rarms_iac.model.measurement import EnvironmentSetup
+from rarms_iac.model.system import (
+    Browser,
+    Call,
+    Command,
+    CommandLoad,
+    Component,
+    Elapsed,
+    Field,
+    Periodic,
+    ProviderKind,
+    Run,
+    RunsOn,
+    Samples,
+    SchedulerType,
+    Simulation,
+    Stop,
+    TaskCategory,
+    TaskWish,
+)
+from rarms_iac.storage.datalog.hashing import Files, file_digest
+from rarms_iac.storage.datalog.identity import Subject, identity_of
+from rarms_iac.storage.datalog.log import Identity
+from rarms_iac.storage.datalog.staleness import BenchNow, compare, known
+from tests.builders import a_component, a_cpu, a_run, at_most, memory, milliseconds
+from tests.builders_measured import a_bench, a_header, a_subject
+
+
+def identity(subject: Subject) -> Identity:
+    return identity_of(subject, {}, {})
+
+
+def vision(**changes: Any) -> Component:
+    one = a_component(run=a_run(), apt={"mean_response_time": at_most(100)}, reserve=None)
+    simulated = Simulation(work=milliseconds("61.6 ms"))
+    return replace(one, **{"simulation": simulated, "task": "ObjectIdentification", **changes})
+
+
+def changed(now: Subject, was: Subject | None = None) -> list[str]:
+    return [str(one) for one in compare(a_header(was or a_subject(vision())), identity(now), known(a_bench())).changed]
+
+
+def test_nothing_changed_is_not_stale() -> None:
+    assert changed(a_subject(vision())) == []
+
+
+def test_what_changed_is_named_with_what_it_was() -> None:
+    now = vision(simulation=Simulation(work=milliseconds("70 ms")), task="SpeechRecognition")
+
+    assert changed(a_subject(now)) == [
+        "vision.simulation.work: 61.6 ms -> 70 ms",
+        "vision.task: ObjectIdentification -> SpeechRecognition",
+    ]
+
+
+OF_A_RUN: dict[str, object] = {
+    "start": Call(module="components.vision", function="look"),
+    "environment": {"MODE": "fast"},
+    "folder": "src",
+    "until": Elapsed(time=milliseconds("20 s")),
+    "timeout": milliseconds("2 s"),
+    "stop": Stop(signal="INT"),
+    "arrival": Periodic(period=milliseconds("33 ms")),
+    "samples": Samples(source="json_lines", response_time=Field(name="response")),
+    "deadline": milliseconds("50 ms"),
+    "failures": 3,
+}
+OF_A_SIMULATION: dict[str, object] = {
+    "work": milliseconds("62 ms"),
+    "blocked": milliseconds("1 ms"),
+    "varies": Fraction(5),
+    "threads": 2,
+    "success_within": milliseconds("400 ms"),
+}
+
+
+@pytest.mark.parametrize("field", [one.name for one in fields(Run)])
+def test_every_field_of_a_run_is_in_the_identity_but_the_patterns_of_its_files(field: str) -> None:
+    if field == "files":
+        assert changed(a_subject(vision(run=replace(a_run(), files=("*.py",))))) == []
+        return
+    now = replace(a_run(), **{field: OF_A_RUN[field]})  # type: ignore[arg-type]  # one value for each field
+    assert changed(a_subject(vision(run=now)))
+
+
+@pytest.mark.parametrize("field", [one.name for one in fields(Simulation)])
+def test_every_field_of_a_simulation_is_in_the_identity(field: str) -> None:
+    other = OF_A_SIMULATION.get(field, 77)
+    now = replace(Simulation(work=milliseconds("61.6 ms")), **{field: other})  # type: ignore[arg-type]  # as above
+    assert changed(a_subject(vision(simulation=now)))
+
+
+IRRELEVANT: dict[str, object] = {
+    "criticality": 99,
+    "apt": {"mean_response_time": at_most(50)},
+    "cpu": a_cpu(reserve="70 %"),
+    "together": ("speech",),
+    "apart": ("speech",),
+    "dedicated": True,
+    "hosts": ("onboard",),
+    "runs_on": RunsOn.HOST,
+    "interference": "browsers",  # the load itself is the set-up's
+    "memory": memory("1 GiB"),  # P1's are the set-up's
+    "processors": 1,
+}
+
+
+@pytest.mark.parametrize("field", [one.name for one in fields(Component)])
+def test_thresholds_criticality_reserve_and_placement_make_no_log_stale(field: str) -> None:
+    if field in {"name", "run", "simulation", "task"}:
+        return
+    assert changed(a_subject(vision(**{field: IRRELEVANT[field]}))) == []
+
+
+@pytest.mark.parametrize(("field", "value"), [("processors", 1), ("memory", 2**30), ("limit", 50), ("weight", 200)])
+def test_what_p1_is_is_in_the_identity(field: str, value: int) -> None:
+    subject = a_subject(vision())
+    setup: EnvironmentSetup = replace(subject.setup, **{field: value})  # type: ignore[arg-type]  # each is a number
+
+    assert [one.partition(":")[0] for one in changed(replace(subject, setup=setup))] == [field]
+
+
+def test_the_load_and_what_is_fixed_of_a_task_class_are_in_the_identity() -> None:
+    task = TaskWish(name="ObjectIdentification", category=TaskCategory.MEDIUM, priority=5)
+
+    assert changed(a_subject(vision(), load=Browser(instances=5))) == [
+        "interference.busy-loop: BusyLoop -> Browser",
+        "interference.busy-loop.instances: nothing -> 5",
+    ]
+    assert changed(a_subject(vision(), tasks={"ObjectIdentification": task}))
+    assert changed(a_subject(vision(), tasks={"MotionControl": replace(task, name="MotionControl")})) == []
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Files:
+    (tmp_path / "components").mkdir()
+    (tmp_path / "components" / "vision.py").write_bytes(b"look()\nsee()\n")
+    (tmp_path / "components" / "model.bin").write_bytes(b"\0\r\n" * 10)
+    return Files(tmp_path)
+
+
+def running(start: Command | Call, *patterns: str) -> Subject:
+    return a_subject(vision(run=replace(a_run(), start=start, files=patterns)))
+
+
+def test_words_modules_and_patterns_name_files_below_the_manifest(files: Files) -> None:
+    by_word = Command(words=("python3", "components/vision.py", "--fast"))
+
+    assert list(files.of(running(by_word))) == ["components/vision.py"]
+    assert list(files.of(running(Call(module="components.vision", function="look")))) == ["components/vision.py"]
+    assert list(files.of(running(Command(words=("x",)), "components/*"))) == [
+        "components/model.bin",
+        "components/vision.py",
+    ]
+
+
+def test_what_lies_outside_the_folder_or_can_be_no_path_is_no_file_of_it(files: Files) -> None:
+    outside = files.folder.parent / "elsewhere.py"
+    outside.write_bytes(b"")
+    words = ("python3", str(outside), "../elsewhere.py", "a\0b", "x" * 5000, "")
+
+    assert files.of(running(Command(words=words), "../*.py")) == {}
+
+
+def test_the_programs_of_a_load_count_too(files: Files) -> None:
+    load = CommandLoad(command=("python3", "components/vision.py"))
+
+    assert list(files.of(a_subject(vision(run=None), load=load))) == ["components/vision.py"]
+
+
+def test_line_ends_of_a_text_do_not_change_its_digest(tmp_path: Path) -> None:
+    text, other, binary, odd = (tmp_path / name for name in ("text", "other", "binary", "odd"))
+    text.write_bytes(b"one\ntwo\n" * 200_000)
+    other.write_bytes(b"one\r\ntwo\r\n" * 200_000)
+    binary.write_bytes(b"\0one\r\n")
+    odd.write_bytes(b"\0one\n")
+
+    assert file_digest(text) == file_digest(other)
+    assert file_digest(binary) != file_digest(odd)
+    odd.write_bytes(b"ends in\r")
+    assert file_digest(odd) != file_digest(text)
+
+
+def test_a_changed_file_makes_stale_a_missing_one_only_unverified(files: Files) -> None:
+    subject = running(Command(words=("python3", "components/vision.py")), "components/*")
+    header = a_header(subject, files.of(subject))
+    (files.folder / "components" / "vision.py").write_bytes(b"look(twice)\n")
+    (files.folder / "components" / "model.bin").unlink()
+    (files.folder / "components" / "new.py").write_bytes(b"")
+
+    now = compare(header, identity_of(subject, Files(files.folder).of(subject), {}), known(a_bench()))
+
+    assert list(map(str, now.changed)) == ["file components/new.py is new", "file components/vision.py changed"]
+    assert now.unverified == ("components/model.bin",)
+
+
+def test_an_interpreter_and_a_build_only_warn() -> None:
+    header = a_header(a_subject(vision()))
+    was = replace(header, identity=replace(header.identity, interpreters={"python3": "aa", "perl": "cc"}))
+    now = replace(identity(a_subject(vision())), interpreters={"python3": "bb"})
+
+    found = compare(was, now, replace(known(a_bench()), os_build=26200))
+
+    assert found.changed == ()
+    assert [one.part for one in found.warns] == ["program python3", "build of the operating system"]
+
+
+def test_interpreters_are_found_where_programs_are(files: Files) -> None:
+    found = files.interpreters(running(Command(words=("python3" if os.name == "posix" else "cmd", "x.py"))))
+
+    assert len(found) == 1
+
+
+def test_the_bench_must_match_as_far_as_it_is_known() -> None:
+    header, now = a_header(a_subject(vision())), identity(a_subject(vision()))
+    other = BenchNow(
+        provider=ProviderKind.HYPERV,
+        logical_processors=4,
+        guest_image="guest.vhdx",
+        processor="another",
+        smt=True,
+        scheduler=SchedulerType.CORE,
+    )
+    unseen = BenchNow(provider=ProviderKind.SIMULATED, logical_processors=2, scheduler=SchedulerType.UNKNOWN)
+
+    assert list(map(str, compare(header, now, other).changed)) == [
+        "provider: simulated -> hyperv",
+        "processor model: simulated -> another",
+        "logical processors: 2 -> 4",
+        "SMT: off -> on",
+        "scheduler: classic -> core",
+        "guest image: nothing -> guest.vhdx",
+    ]
+    assert compare(header, now, unseen).changed == ()

@@ -1,0 +1,64 @@
+"""The log of tuning: a run comes back as it was written, is not written twice, and damage is told."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.storage.datalog.files import LogUnreadable
+from rarms_iac.storage.datalog.tuning import (
+    TrailSetting,
+    TunedPartition,
+    TuningRun,
+    append_run,
+    read_runs,
+    tuning_path,
+)
+
+RUN = TuningRun(
+    when="2026-11-21T12:00:00Z",
+    rarms_version="1",
+    strategy="default",
+    ending="successful",
+    message="successful",
+    capacity=200,
+    before=228,
+    after=194,
+    proved=True,
+    contradictions=(),
+    partitions=(TunedPartition(name="path", components=("path", "stock"), processors=2, reserve=22, parts=78),),
+    trail=(
+        TrailSetting(components=("path", "stock"), reserve=30, worse=()),
+        TrailSetting(components=("path", "stock"), reserve=21, worse=("path",)),
+    ),
+    written=True,
+)
+
+
+def test_runs_come_back_in_order(tmp_path: Path) -> None:
+    path, later = tuning_path(tmp_path, "two-core"), replace(RUN, after=180)
+    assert read_runs(path) == ()
+    append_run(path, RUN)
+    append_run(path, later)
+
+    assert path == tmp_path / "measurements" / "two-core" / "tuning.jsonl"
+    assert read_runs(path) == (RUN, later)
+
+
+def test_a_run_that_says_what_the_last_one_said_is_not_written_again(tmp_path: Path) -> None:
+    path = tuning_path(tmp_path, "two-core")
+    append_run(path, RUN)
+    append_run(path, replace(RUN, when="2026-11-22T12:00:00Z", rarms_version="2"))
+
+    assert read_runs(path) == (RUN,)
+
+
+def test_damage_is_told_with_its_line(tmp_path: Path) -> None:
+    path = tuning_path(tmp_path, "two-core")
+    append_run(path, RUN)
+    append_run(path, replace(RUN, after=180))
+    path.write_bytes(path.read_bytes().replace(b'"after":194', b'"after":195'))
+
+    with pytest.raises(LogUnreadable) as problem:
+        read_runs(path)
+    assert problem.value.line == 1

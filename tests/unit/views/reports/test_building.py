@@ -1,0 +1,174 @@
+"""What a report says of logs: on which a reservation rests, what it costs, and what is missing."""
+
+from dataclasses import replace
+from fractions import Fraction
+
+from rarms_iac.model.system import Component, System
+from rarms_iac.statistics.curve import curves_of, least_reserve
+from rarms_iac.views.reports.building import Logged, report_of
+from rarms_iac.views.reports.model import Report
+from rarms_iac.views.reports.summary import fit_text, fits_of, summary_of
+from tests.builders import a_component, a_cpu, a_host, a_partition, a_run, a_system, at_most
+from tests.builders_measured import a_log, a_series, a_setting, a_subject
+from tests.measured_robot import a_log_of, a_robot, face_detection, path_planning, the_logs
+
+
+def measured(name: str, apt_ms: int | None = 100, criticality: int = 10) -> Component:
+    apt = {} if apt_ms is None else {"mean_response_time": at_most(apt_ms)}
+    return a_component(name, criticality=criticality, reserve="measured", run=a_run(), apt=apt)
+
+
+def with_reserve(system: System, name: str, reserve: str) -> System:
+    changed = replace(system.components[name], cpu=a_cpu(reserve=reserve))
+    return replace(system, components={**system.components, name: changed})
+
+
+def test_a_measurement_says_what_the_planner_takes() -> None:
+    system = a_robot()
+
+    report = report_of(system, the_logs(system))
+
+    for logged, name in zip(the_logs(system), ("face-detection", "speech-recognition"), strict=False):
+        one = system.components[name]
+        assert one.run is not None
+        wanted = least_reserve(curves_of(logged.log.settings, {name: one.run}, {name: one.apt}))
+        assert next(shown for shown in report.measurements if shown.name == name).least == wanted is not None
+
+
+def test_members_of_a_partition_are_shown_with_what_their_partition_gets() -> None:
+    """One would be content with less; what is reserved is what the other needs."""
+    slow, quick = measured("slow", 100), measured("quick", 400)
+    system = a_system(components=[slow, quick], partitions=[a_partition("slow", components=["quick", "slow"])])
+    settings = [
+        a_setting(reserve, a_series("quick", [each] * 60), a_series("slow", [each] * 60))
+        for reserve, each in ((20, 300.0), (60, 90.0))
+    ]
+    logged = Logged(path="x", log=a_log(settings, a_subject(quick, slow)))
+
+    rows = summary_of(report_of(system, [logged]))
+
+    assert [(one.component, one.reserve) for one in rows] == [("quick", "60 %"), ("slow", "60 %")]
+
+
+def test_the_total_is_of_measured_and_fixed_components_in_processors() -> None:
+    system = a_robot()
+
+    [fit] = fits_of(report_of(system, the_logs(system)))
+
+    assert fit.total == Fraction(2 * (60 + 16), 100) + Fraction(2, 10)
+    assert fit.fits
+    assert fit_text(fit) == ("86 % reserved of 100 % (1.72 LP of 2 LP). Headroom of onboard: 14 % (0.28 LP).")
+
+
+def test_a_total_above_the_capacity_is_said_so() -> None:
+    system = with_reserve(a_robot(), "video-streaming", "60 %")
+
+    [fit] = fits_of(report_of(system, the_logs(system)))
+
+    assert not fit.fits
+    assert fit_text(fit).endswith("Over onboard by 36 % (0.72 LP).")
+
+
+def test_what_is_kept_for_the_host_is_no_capacity() -> None:
+    system = a_system(hosts=[a_host(keep_processor="10 %")], components=[measured("vision")])
+
+    [fit] = fits_of(report_of(system, []))
+
+    assert fit.of.capacity == Fraction(18, 10)
+
+
+def test_nothing_rests_on_a_stale_log_and_it_says_what_changed() -> None:
+    system = a_system(components=[measured("vision")])
+    stale = replace(
+        a_log_of(system.components["vision"], face_detection), stale=("vision.run.until.samples: 200 -> 300",)
+    )
+
+    report = report_of(system, [stale])
+
+    assert [(one.rests, one.stale) for one in report.measurements] == [(False, stale.stale)]
+    assert report.unmeasured == (("vision",),)
+
+
+def test_a_log_of_another_load_is_there_to_compare() -> None:
+    system = a_system(components=[measured("vision")])
+    logged = a_log_of(system.components["vision"], face_detection)
+    header = logged.log.header
+    other = replace(header, setup=replace(header.setup, interference="browsers"))
+
+    report = report_of(
+        system, [Logged(path="browsers.jsonl", log=replace(logged.log, header=other), asked=False), logged]
+    )
+
+    assert [(one.interference, one.rests) for one in report.measurements] == [("busy-loop", True), ("browsers", False)]
+
+
+def test_a_reserve_that_the_manifest_fixes_counts_and_its_log_does_not() -> None:
+    system = with_reserve(a_robot(), "face-detection", "40 %")
+
+    report = report_of(system, the_logs(system))
+
+    shown = next(one for one in report.measurements if one.name == "face-detection")
+    assert (shown.rests, shown.fixed) == (False, ("face-detection",))
+    assert [part.name for part in report.capacities[0].fixed] == ["face-detection", "video-streaming"]
+
+
+def test_of_a_partition_that_was_measured_as_one_the_members_own_logs_do_not_count() -> None:
+    both = [measured("vision", criticality=20), measured("planning")]
+    system = a_system(components=both, partitions=[a_partition("vision", components=["vision", "planning"])])
+    together = a_log(
+        [a_setting(50, a_series("planning", [50.0] * 10), a_series("vision", [60.0] * 10))],
+        a_subject(both[1], both[0]),
+    )
+
+    report = report_of(
+        system, [a_log_of(both[0], face_detection), a_log_of(both[1], path_planning), Logged(path="both", log=together)]
+    )
+
+    assert {one.name: one.rests for one in report.measurements} == {
+        "planning+vision": True,
+        "vision": False,
+        "planning": False,
+    }
+    assert [one.least.reserve for one in report.measurements if one.rests and one.least] == [50]
+
+
+def test_a_log_of_a_component_that_is_gone_is_left_out() -> None:
+    gone = measured("gone")
+
+    assert report_of(a_system(), [a_log_of(gone, face_detection)]).measurements == ()
+
+
+def test_a_setting_without_an_answer_is_shown_and_gives_no_point() -> None:
+    one = measured("vision")
+    log = a_log([a_setting(10, a_series(responses=[None] * 5)), a_setting(50)], a_subject(one))
+
+    [shown] = report_of(a_system(components=[one]), [Logged(path="log", log=log)]).measurements[0].indexes
+
+    assert [(point.reserve, point.value is None, point.failed) for point in shown.points] == [
+        (10, True, 5),
+        (50, False, 0),
+    ]
+    assert shown.points[0].verdict == "too many failed samples"
+    assert [row.reserve for row in shown.rows] == [50]
+
+
+def test_the_summary_has_a_row_a_threshold_and_names_what_is_not_measured() -> None:
+    system = a_robot()
+
+    rows = summary_of(report_of(system, the_logs(system)[:1]))
+
+    assert [(row.component, row.level, row.reserve, row.bandwidth) for row in rows] == [
+        ("face-detection", "at most 100 ms", "60 %", "1.2 LP"),
+        ("video-streaming", "", "", "0.2 LP"),
+        ("path-planning", "", "", ""),
+        ("speech-recognition", "", "", ""),
+    ]
+    assert rows[-1].verdict == "not measured: run rarms measure speech-recognition"
+
+
+def empty(report: Report) -> bool:
+    return not (report.measurements or report.unmeasured)
+
+
+def test_a_system_without_thresholds_and_logs_has_an_empty_report() -> None:
+    assert empty(report_of(a_system(), []))

@@ -1,0 +1,163 @@
+"""The page: one file that lets nothing in, escapes everything, and holds the planner's own numbers."""
+
+import hashlib
+import json
+import re
+from base64 import b64encode
+from dataclasses import replace
+from html.parser import HTMLParser
+from itertools import pairwise
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rarms_iac.model.indexes import find_index
+from rarms_iac.views.reports.building import report_of
+from rarms_iac.views.reports.html import as_html
+from rarms_iac.views.reports.model import Proof
+from rarms_iac.views.reports.page import SEEN, corners
+from tests.measured_robot import a_robot, the_logs
+
+SYSTEM = a_robot()
+REPORT = report_of(SYSTEM, the_logs(SYSTEM))
+PAGE = as_html(REPORT).decode()
+
+
+class Elements(HTMLParser):
+    """All elements with their attributes, and the text of each script and style."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.found: list[tuple[str, dict[str, str | None]]] = []
+        self.texts: list[tuple[str, str]] = []
+        self.inside = ""
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.found.append((tag, dict(attrs)))
+        self.inside = tag
+
+    def handle_data(self, data: str) -> None:
+        if self.inside in {"script", "style"} and data.strip():
+            self.texts.append((self.inside, data))
+            self.inside = ""
+
+
+def data_in(page: str) -> dict[str, object]:
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
+    assert found
+    data = json.loads(found[1])
+    assert isinstance(data, dict)
+    return data
+
+
+def test_the_page_names_nothing_outside_of_itself() -> None:
+    attributes = [(tag, name) for tag, values in Elements(PAGE).found for name in values]
+
+    assert {name for _, name in attributes} & {"src", "href", "srcset", "action", "style", "onclick"} == set()
+    assert "url(" not in PAGE
+    assert "@import" not in PAGE
+    assert "://" not in PAGE
+
+
+def test_the_policy_lets_only_the_pages_own_style_and_script_in() -> None:
+    elements = Elements(PAGE)
+    [policy] = [values["content"] for _, values in elements.found if "http-equiv" in values]
+    assert policy is not None
+
+    digests = {
+        kind: f"'sha256-{b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+        for kind, text in elements.texts
+        if not text.startswith("{")
+    }
+
+    assert policy == (
+        f"default-src 'none'; style-src {digests['style']}; script-src {digests['script']}; "
+        "base-uri 'none'; form-action 'none'"
+    )
+
+
+def test_every_row_is_the_curves_own_safe_value_to_the_last_bit() -> None:
+    cards = data_in(PAGE)["cards"]
+    assert isinstance(cards, list)
+
+    for card, measurement in zip(cards, REPORT.measurements, strict=True):
+        for plot, shown in zip(card["plots"], measurement.indexes, strict=True):
+            looked_up = [(at, shown.curve.value_at(at), shown.curve.safe_value_at(at)) for at in range(1, 101)]
+            assert plot["rows"] == [[at, point.value, safe] for at, point, safe in looked_up if point is not None]
+
+
+def test_text_of_a_manifest_never_becomes_markup_or_code() -> None:
+    nasty = "</script><script>alert(1)</script><img src=x onerror=alert(1)> & \u2028 {{ 7 * 7 }}"
+    measurements = tuple(
+        replace(one, platform=nasty, path=nasty, stale=(nasty,), facts=((nasty, nasty),)) for one in REPORT.measurements
+    )
+    capacities = tuple(replace(one, platform=nasty, hosts=(nasty,)) for one in REPORT.capacities)
+
+    page = as_html(
+        replace(REPORT, application=nasty, description=nasty, measurements=measurements, capacities=capacities)
+    ).decode()
+
+    assert [tag for tag, _ in Elements(page).found].count("script") == 2
+    assert "<img" not in page
+    assert "{{ 7 * 7 }}" in page
+    cards = data_in(page)["cards"]
+    assert isinstance(cards, list)
+    assert {card["platform"] for card in cards} == {nasty}
+
+
+def test_lone_surrogates_do_not_stop_the_page() -> None:
+    assert b"robot" in as_html(replace(REPORT, description="\udcff robot"))
+
+
+def test_the_page_is_small_and_the_same_each_time() -> None:
+    assert len(PAGE.encode()) < 200_000
+    assert as_html(report_of(SYSTEM, the_logs(SYSTEM))).decode() == PAGE
+
+
+def test_a_page_of_sixty_components_is_smaller_than_a_megabyte() -> None:
+    page = as_html(replace(REPORT, measurements=REPORT.measurements * 20))
+
+    assert len(REPORT.measurements) == 3
+    assert len(page) < 1_000_000
+
+
+def test_a_line_is_drawn_by_its_corners() -> None:
+    straight = [(float(at), at / 100) for at in range(1, 51)]
+    bent = [*straight, *((float(at), 0.5) for at in range(51, 101))]
+
+    assert corners(straight) == (straight[0], straight[-1])
+    assert corners(bent) == (bent[0], bent[49], bent[-1])
+
+
+@given(st.lists(st.floats(0, 1), min_size=1, max_size=100))
+def test_no_point_lies_visibly_beside_the_line_through_the_corners(heights: list[float]) -> None:
+    points = [(float(at), height) for at, height in enumerate(heights, 1)]
+
+    kept = corners(points)
+
+    for (left, start), (right, end) in pairwise(kept):
+        for x, height in points[int(left) - 1 : int(right)]:
+            assert abs(start + (end - start) * (x - left) / (right - left) - height) <= SEEN
+
+
+def test_proofs_are_a_table_of_their_own() -> None:
+    index = find_index("mean_response_time")
+    assert index is not None
+    proof = Proof(
+        component="face-detection",
+        index=index,
+        threshold="at most 100 ms",
+        value=113.4,
+        lower=112.0,
+        upper=114.8,
+        met=False,
+        verdict="missed",
+        error=0.01,
+    )
+
+    page = as_html(replace(REPORT, proofs=(proof,))).decode()
+
+    assert "All together, in the applied layout" in page
+    assert re.search(r"113 ms, 112 ms to 115 ms.*missed \(wrong in at most 1 %\)", page, re.DOTALL)
+    assert "All together" not in PAGE

@@ -1,0 +1,121 @@
+"""CSV and XLSX: numbers are numbers, every row is there, and no text becomes a formula."""
+
+import csv
+from dataclasses import replace
+from io import BytesIO, StringIO
+
+import openpyxl
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rarms_iac.model.measurement import Sample
+from rarms_iac.views.reports.building import report_of
+from rarms_iac.views.reports.model import Measurement, Report
+from rarms_iac.views.reports.tables import SETTINGS, csv_text, sample_rows, setting_rows
+from rarms_iac.views.reports.workbook import TooManyRows, workbook
+from tests.measured_robot import a_robot, the_logs
+
+SYSTEM = a_robot()
+REPORT = report_of(SYSTEM, the_logs(SYSTEM))
+
+SMALL = replace(REPORT, measurements=tuple(replace(one, settings=one.settings[:1]) for one in REPORT.measurements[:1]))
+
+
+def read(text: str) -> list[list[str]]:
+    return list(csv.reader(StringIO(text)))
+
+
+def with_failure(report: Report, says: str) -> Report:
+    """The first sample of all failed for this reason."""
+    first, *rest = report.measurements
+    setting, *settings = first.settings
+    [series] = setting.series
+    sample = Sample(began_ms=0.0, response_ms=None, successful=False, failure=says)
+    broken = replace(setting, series=(replace(series, samples=(sample, *series.samples[1:])),))
+    changed: Measurement = replace(first, settings=(broken, *settings))
+    return replace(report, measurements=(changed, *rest))
+
+
+def test_csv_has_a_row_a_setting_and_index_with_six_digits_that_count() -> None:
+    header, *rows = read(csv_text(setting_rows(REPORT)))
+
+    assert tuple(header) == SETTINGS
+    assert len(rows) == 10 + 2 * 7 + 3
+    points = [point for one in REPORT.measurements for index in one.indexes for point in index.points]
+    for column, values in (
+        ("value", [point.value for point in points]),
+        ("interval from", [point.low for point in points]),
+        ("interval to", [point.high for point in points]),
+        ("effective samples", [point.effective for point in points]),
+    ):
+        texts = [row[header.index(column)] for row in rows]
+        assert [float(text) for text in texts] == pytest.approx(values, rel=1e-5), column
+        assert all(len(text.replace(".", "").strip("0")) <= 6 for text in texts), column
+    assert [int(row[header.index("samples")]) for row in rows] == [200] * len(rows)
+
+
+def test_csv_of_samples_has_a_row_each() -> None:
+    header, *rows = read(csv_text(sample_rows(REPORT)))
+
+    assert len(rows) == 20 * 200
+    times = [row[header.index(name)] for row in rows for name in ("began (ms)", "response time (ms)")]
+    assert all(float(time) >= 0 and len(time.partition(".")[2]) <= 4 for time in times)
+
+
+@given(st.text())
+def test_no_text_becomes_a_formula(says: str) -> None:
+    [row] = read(csv_text([("=1+1", says, -1.5)]))
+
+    assert row[0] == "'=1+1"
+    assert not row[1].startswith(("=", "+", "-", "@", "\t", "\r", "\n"))
+    assert row[2] == "-1.5"
+
+
+@pytest.mark.parametrize("says", ["=HYPERLINK(1)", "+1", "-1", "@SUM(A1)", "{=1}", "https://example.org"])
+def test_in_a_workbook_texts_are_text(says: str) -> None:
+    book = openpyxl.load_workbook(BytesIO(workbook(with_failure(SMALL, says), samples=True)))
+
+    header, first, *_ = book["samples"].iter_rows()
+    cell = first[[one.value for one in header].index("failure")]
+    assert (cell.value, cell.data_type, cell.hyperlink) == (says, "s", None)
+
+
+def test_a_workbook_has_a_summary_a_sheet_a_log_and_a_chart_a_curve() -> None:
+    book = openpyxl.load_workbook(BytesIO(workbook(REPORT)))
+
+    assert book.sheetnames == ["summary", "face-detection", "speech-recognition", "path-planning", "settings"]
+    assert [charts_of(book[name]) for name in book.sheetnames] == [0, 1, 2, 1, 0]
+    rows = list(book["summary"].iter_rows(values_only=True))
+    assert rows[1][:8] == ("face-detection", "mean_response_time", "at_most", 100, "ms", rows[1][5], 60, 1.2)
+    assert rows[-1][:4] == ("onboard", "onboard", 2, 1.72)
+    shown = REPORT.measurements[0].indexes[0].rows
+    curve = [[float(str(cell)) for cell in row[:3]] for row in list(book["face-detection"].values)[2:93]]
+    assert [reserve for reserve, _, _ in curve] == [row.reserve for row in shown]
+    assert [value for _, value, _ in curve] == pytest.approx([row.value for row in shown], rel=1e-5)
+    assert [safe for _, _, safe in curve] == pytest.approx([row.safe for row in shown], rel=1e-5)
+
+
+def charts_of(sheet: object) -> int:
+    """How many charts openpyxl found in it: it says so only in private."""
+    return len(getattr(sheet, "_charts", ()))
+
+
+def test_the_same_report_gives_the_same_bytes() -> None:
+    assert workbook(SMALL, samples=True) == workbook(SMALL, samples=True)
+
+
+def test_names_of_sheets_are_short_and_differ() -> None:
+    long = [replace(one, components=("x" * 60,)) for one in REPORT.measurements]
+
+    names = openpyxl.load_workbook(BytesIO(workbook(replace(REPORT, measurements=tuple(long))))).sheetnames
+
+    assert len({name.lower() for name in names}) == len(names) == 5
+    assert max(map(len, names)) <= 31
+
+
+def test_more_samples_than_a_sheet_holds_are_refused() -> None:
+    with pytest.raises(TooManyRows) as refused:
+        workbook(SMALL, samples=True, most_rows=200)
+
+    assert (refused.value.rows, refused.value.limit) == (201, 200)
