@@ -80,7 +80,7 @@ def main(words: Sequence[str]) -> int:
             chosen = [one for one in models if what is not of_three or one != "host"]
             cases = [(model, size, seed) for model in chosen for seed in seeds for size in sizes]
             results = _told(workers.map(what, *zip(*cases, strict=True), chunksize=3), what.__name__, len(cases))
-            for model, group in groupby(results, key=lambda one: one.model):
+            for model, group in groupby(results, key=lambda result: result.model):
                 found = list(tell(model, list(group)))
                 figures += found
                 print(table(found), flush=True)
@@ -134,25 +134,26 @@ def _some(all_of_it: Sequence[Done], name: str, what: str) -> int:
 
 
 def _median(results: Sequence[Result]) -> float:
-    return median(one.of_the_walk for one in results)
+    return median(result.of_the_walk for result in results)
 
 
 def _print_settings(name: str, results: Sequence[Result]) -> None:
-    few = [one for one in results if one.components == min(SIZES)]
-    ratios = [one.of_the_walk for one in results]
+    few = [result for result in results if result.components == min(SIZES)]
+    ratios = [result.of_the_walk for result in results]
     print(
-        f"  {name}: {len(results)} instances, {sum(one.asked for one in results)} settings (walk "
-        f"{sum(one.walked for one in results)}, halving {sum(one.halved for one in results)}); of the walk: median "
+        f"  {name}: {len(results)} instances, {sum(result.asked for result in results)} settings (walk "
+        f"{sum(result.walked for result in results)}, halving "
+        f"{sum(result.halved for result in results)}); of the walk: median "
         f"{median(ratios):.2f}, worst {max(ratios):.2f}; of halving: median "
-        f"{median(one.of_halving for one in results):.2f}; n = 4: median {_median(few):.2f} of the walk"
+        f"{median(result.of_halving for result in results):.2f}; n = 4: median {_median(few):.2f} of the walk"
     )
 
 
 def _print_misses(results: Sequence[Result]) -> None:
-    misses = [miss for one in results for miss in one.misses]
-    errors = [abs(one.predicted - one.need) for one in misses]
-    inside = sum(one.low <= one.need <= one.high for one in misses)
-    bias = sum(one.predicted - one.need for one in misses) / len(misses)
+    misses = [miss for result in results for miss in result.misses]
+    errors = [abs(miss.predicted - miss.need) for miss in misses]
+    inside = sum(miss.low <= miss.need <= miss.high for miss in misses)
+    bias = sum(miss.predicted - miss.need for miss in misses) / len(misses)
     print(
         f"    of {len(misses)} compounds that it was not fitted to, what was predicted is off by {median(errors):.1f} "
         f"% CR in the median, {quantiles(errors, n=10)[-1]:.1f} % in one of ten or more ({bias:+.1f} % on average); "
@@ -161,19 +162,19 @@ def _print_misses(results: Sequence[Result]) -> None:
 
 
 def _print_greedy(results: Sequence[Greedy]) -> None:
-    counted = {kind: sum(one.ends == kind for one in results) for kind in ("optimal", "fits", "fails")}
+    counted = {kind: sum(result.ends == kind for result in results) for kind in ("optimal", "fits", "fails")}
     print(
         f"  the paper's greedy: {counted['optimal']} optimal, {counted['fits']} fit otherwise or with another "
-        f"reservation, {counted['fails']} do not fit, in {sum(one.asked for one in results)} settings"
+        f"reservation, {counted['fails']} do not fit, in {sum(result.asked for result in results)} settings"
     )
 
 
 def _right(name: str, results: Sequence[Result], *, with_limit: bool = False) -> Iterable[Figure]:
     """Where the assumption holds the end is the best there is; where it does not, that is said or counted."""
-    sound = [one for one in results if not one.breaks]
+    sound = [result for result in results if not result.breaks]
     missed = sum(not one.optimal for one in sound)
     yield Figure(name=f"{name}: not the best, of {len(sound)}", value=missed, unit="", at_most=0)
-    wrong = [one for one in results if one.breaks]
+    wrong = [result for result in results if result.breaks]
     if wrong:
         silent = sum(not one.optimal and not one.told for one in wrong)
         print(
@@ -182,7 +183,7 @@ def _right(name: str, results: Sequence[Result], *, with_limit: bool = False) ->
             "the best"
         )
     if with_limit:
-        part = sum(not one.optimal for one in results) / len(results)
+        part = sum(not result.optimal for result in results) / len(results)
         yield Figure(name=f"{name}: not the best, of all", value=100 * part, unit="%", at_most=5)
         yield Figure(name=f"{name}: the same, upper limit", value=100 * _upper(part, len(results)), unit="%", at_most=7)
 
@@ -197,7 +198,7 @@ def _upper(part: float, number: int) -> float:
 
 def _stopped(name: str, results: Sequence[Result]) -> Iterable[Figure]:
     at = f"at {100 * CONTENT:.0f} %"
-    short = [one for one in results if one.stopped]
+    short = [result for result in results if result.stopped]
     wrong = sum(not one.optimal for one in short)
     print(f"  {at}: {len(short)} of {len(results)} ended short of the proof, {wrong} of them not with the best")
     if short:
@@ -205,9 +206,9 @@ def _stopped(name: str, results: Sequence[Result]) -> Iterable[Figure]:
 
 
 def _with_noise(model: str, results: Sequence[Result]) -> Iterable[Figure]:
-    held, wrong = sum(one.held for one in results), sum(one.wrong for one in results)
+    held, wrong = sum(result.held for result in results), sum(result.wrong for result in results)
     far, far_from_truth = (sum(not near for near in nears) for nears in _nears(results))
-    told = sum(one.told for one in results)
+    told = sum(result.told for result in results)
     print(
         f"  noise of {NOISE} % CR, {REPEATS} of {REPEATS} repeats: {held} reservations are said to hold, {wrong} do "
         f"not; against what no noise would give {far_from_truth} of {len(results)} are another layout or further off; "
@@ -219,7 +220,7 @@ def _with_noise(model: str, results: Sequence[Result]) -> Iterable[Figure]:
 
 
 def _nears(results: Sequence[Result]) -> tuple[list[bool], list[bool]]:
-    return [one.near for one in results], [one.near_the_truth for one in results]
+    return [result.near for result in results], [result.near_the_truth for result in results]
 
 
 def _of_three(model: str, all_of_it: Sequence[Done]) -> Iterable[Figure]:

@@ -85,12 +85,12 @@ def _means(demands: tuple[Demand, ...], lps: int, reserve: int, until_ms: float)
             VirtualMachine(name="p2", vps=lps, reserve=100 - reserve, loads=(BusyLoops(),)),
         ),
     )
-    seen: dict[str, list[float]] = {one.component: [] for one in demands}
+    seen: dict[str, list[float]] = {demand.component: [] for demand in demands}
     for job in simulate(machine, seed=1, until_ms=until_ms):
         seen[job.component].append(job.response)
         if all(len(each) >= JOBS for each in seen.values()):
             break
-    return tuple(_mean(seen[one.component][WARM_UP:JOBS]) for one in demands)
+    return tuple(_mean(seen[demand.component][WARM_UP:JOBS]) for demand in demands)
 
 
 def _mean(late: list[float]) -> float:

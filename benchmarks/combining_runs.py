@@ -133,7 +133,7 @@ def run(case: Instance, way: Way) -> Result:
         near=_near(reached, best, len(compounds) * case.processors),
         near_the_truth=_near(reached, truly, len(compounds) * case.processors),
         held=len(compounds),
-        wrong=sum(one.reserve < case.needs[one.members] for one in compounds),
+        wrong=sum(compound.reserve < case.needs[compound.members] for compound in compounds),
         misses=tuple(_misses(tuning, trail, case)) if way.predicts else (),
     )
 

@@ -104,19 +104,19 @@ def host(name: str, components: int) -> Host:
     )
 
 
-def empty(one: Host) -> State:
+def empty(host: Host) -> State:
     return State(
         facts=HostFacts(
-            name=one.name,
-            id=f"id-{one.name}",
-            provider=one.provider,
-            computer_name=one.name,
+            name=host.name,
+            id=f"id-{host.name}",
+            provider=host.provider,
+            computer_name=host.name,
             os_build=26100,
             client=False,
             scheduler=SchedulerType.CLASSIC,
             smt=False,
-            logical_processors=one.logical_processors,
-            memory=int(one.memory),
+            logical_processors=host.logical_processors,
+            memory=int(host.memory),
             rights=Rights.PROVEN,
         )
     )
@@ -191,13 +191,13 @@ def figures() -> Iterator[Figure]:
         seconds(lambda: layouts.append(plan_layout(fleet, FixedReservations(), {}, NoPlaces()).answer))
         for _ in range(ROUNDS)
     )
-    if not all(isinstance(one, Layout) for one in layouts):
+    if not all(isinstance(layout, Layout) for layout in layouts):
         raise TypeError("the fleet has a layout")
     yield Figure(name="layout of 1,000 components on 20 hosts", value=1000 * took, unit="ms", at_most=PLANNED_IN_MS)
     observed = applied(fleet)
     plans: list[Prepared] = []
     took = min(seconds(lambda: plans.append(prepare(request(fleet), observed))) for _ in range(ROUNDS))
-    if any(one.plan is None or one.plan.has_changes for one in plans):
+    if any(plan.plan is None or plan.plan.has_changes for plan in plans):
         raise ValueError("a fleet that was applied has no changes")
     yield Figure(name="plan without changes for 1,000 components", value=took, unit="s", at_most=NO_CHANGES_IN_S)
 

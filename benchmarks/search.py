@@ -111,14 +111,14 @@ def _told_apart(goal: Goal, done: Walk, *, strict: bool) -> tuple[set[int], set[
 
     One without a steady state is neither.
     """
-    reserves = {one.reserve for one in done.settings}
-    apts = {one.name: one.apt for one in goal.members}
-    curves = curves_of(done.settings, {one.name: one.run for one in goal.members}, apts)
+    reserves = {setting.reserve for setting in done.settings}
+    apts = {member.name: member.apt for member in goal.members}
+    curves = curves_of(done.settings, {member.name: member.run for member in goal.members}, apts)
     untold = {each for curve, _ in curves for each in curve.untold}
     if strict:
         passed = {each for each in reserves if all(holds(curve, apt, each) for curve, apt in curves)}
     else:
-        passed = {one.reserve for one in done.settings if trial_of(one, goal).passed}
+        passed = {setting.reserve for setting in done.settings if trial_of(setting, goal).passed}
     return passed, reserves - passed - untold
 
 
@@ -148,13 +148,16 @@ def figures(found: Sequence[Result]) -> list[Figure]:
     """Those that have goals, and what stands beside them."""
     ours = [one for one in found if one.strategy == OURS]
     answers = [one for one in ours if one.found]
-    clear = [one for one in answers if one.identifiable]
+    clear = [answer for answer in answers if answer.identifiable]
     worst = max(_not(one.right for one in ours if one.shape == shape) for shape in (*NAMED, *UNSEEN))
     halved = mean(one.samples for one in found if one.strategy == HALVED)
     return [
         Figure(name="not resolved", value=_not(one.found for one in ours), unit="%", at_most=2),
         Figure(
-            name="answers without their certificate", value=_not(one.certified for one in answers), unit="%", at_most=0
+            name="answers without their certificate",
+            value=_not(answer.certified for answer in answers),
+            unit="%",
+            at_most=0,
         ),
         Figure(name="not right", value=_not(one.right for one in ours), unit="%", at_most=1),
         Figure(name="not right, worst shape", value=worst, unit="%", at_most=3),
@@ -165,13 +168,20 @@ def figures(found: Sequence[Result]) -> list[Figure]:
         ),
         Figure(name="samples against bisection", value=mean(one.samples for one in ours) / halved, at_most=1),
         Figure(
-            name="not within 1 point of the truth, all", value=_not(abs(one.over) <= 1 for one in answers), unit="%"
+            name="not within 1 point of the truth, all",
+            value=_not(abs(answer.over) <= 1 for answer in answers),
+            unit="%",
         ),
         Figure(name="  of identifiable ones", value=_not(abs(one.over) <= 1 for one in clear), unit="%", at_most=1),
         Figure(name="identifiable", value=100 * len(clear) / len(answers), unit="%"),
-        Figure(name="over-reservation, mean", value=mean(one.over for one in answers), unit="points", at_most=0.7),
         Figure(
-            name="  99th percentile", value=percentile((one.over for one in answers), 0.99), unit="points", at_most=3
+            name="over-reservation, mean", value=mean(answer.over for answer in answers), unit="points", at_most=0.7
+        ),
+        Figure(
+            name="  99th percentile",
+            value=percentile((answer.over for answer in answers), 0.99),
+            unit="points",
+            at_most=3,
         ),
         *_beside(found),
     ]
@@ -180,9 +190,9 @@ def figures(found: Sequence[Result]) -> list[Figure]:
 def _beside(found: Sequence[Result]) -> Iterable[Figure]:
     for name in BESIDE:
         theirs = [one for one in found if one.strategy == name]
-        yield Figure(name=f"{name}: settings", value=mean(one.settings for one in theirs), unit="")
-        yield Figure(name="  samples", value=mean(one.samples for one in theirs), unit="")
-        yield Figure(name="  not right", value=_not(one.right for one in theirs), unit="%")
+        yield Figure(name=f"{name}: settings", value=mean(their.settings for their in theirs), unit="")
+        yield Figure(name="  samples", value=mean(their.samples for their in theirs), unit="")
+        yield Figure(name="  not right", value=_not(their.right for their in theirs), unit="%")
 
 
 def _not(marks: Iterable[bool]) -> float:

@@ -110,11 +110,11 @@ def _table_3(three: list[Loaded]) -> list[str]:
     ]
 
 
-def _row_3(one: Loaded) -> str:
-    ms = {name: f"{value:.1f}" for name, value in one.response_ms.items()}
+def _row_3(loaded: Loaded) -> str:
+    ms = {name: f"{value:.1f}" for name, value in loaded.response_ms.items()}
     return (
-        f"| {one.browsers} | {one.utilisation:.0f} % | {ms[FDP]} | {ms[SRP]} | {one.success_rate[SRP]:.0f} % "
-        f"| {ms[VSP]} | {one.throughput[VSP]:.1f} /s | {ms[PPP]} |"
+        f"| {loaded.browsers} | {loaded.utilisation:.0f} % | {ms[FDP]} | {ms[SRP]} | {loaded.success_rate[SRP]:.0f} % "
+        f"| {ms[VSP]} | {loaded.throughput[VSP]:.1f} /s | {ms[PPP]} |"
     )
 
 

@@ -70,4 +70,4 @@ def whole_page(driver: "WebDriver", width: int) -> bytes:
 def messages(driver: "WebDriver", log: str) -> list[str]:
     """What the browser logged since it was last asked: `browser` for the page's own, `performance` for requests."""
     entries = driver.get_log(log)  # type: ignore[no-untyped-call]  # selenium says no types here
-    return [str(one["message"]) for one in entries]
+    return [str(entry["message"]) for entry in entries]

@@ -256,11 +256,13 @@ def a_system(
     """One host, one component, the busy loop as interference: a system without a finding."""
     return System(
         application=Application(name=application),
-        hosts={one.name: one for one in ((a_host(),) if hosts is None else hosts)},
-        components={one.name: one for one in ((a_component(),) if components is None else components)},
-        partitions={one.name: one for one in partitions},
+        hosts={host.name: host for host in ((a_host(),) if hosts is None else hosts)},
+        components={
+            component.name: component for component in ((a_component(),) if components is None else components)
+        },
+        partitions={partition.name: partition for partition in partitions},
         interference={"busy-loop": BusyLoop()} if interference is None else interference,
-        tasks={one.name: one for one in tasks},
+        tasks={task.name: task for task in tasks},
         policy=policy or Policy(),
         moved=moved or {},
     )
@@ -304,7 +306,7 @@ class PathPlaces:
 
 def codes(diagnostics: Iterable[Diagnostic]) -> list[str]:
     """The codes of the findings, in their order."""
-    return [one.code for one in diagnostics]
+    return [diagnostic.code for diagnostic in diagnostics]
 
 
 _bytes = memory

@@ -51,7 +51,7 @@ def a_subject(
         platform=platform,
         components=members,
         setup=EnvironmentSetup(
-            members=tuple(one.name for one in members),
+            members=tuple(member.name for member in members),
             interference="busy-loop",
             processors=2,
             memory=memory("512 MiB"),
@@ -72,5 +72,5 @@ def a_header(subject: Subject | None = None, files: Mapping[str, str] | None = N
 def a_log(settings: Sequence[Setting], subject: Subject | None = None) -> DataLog:
     """A log of these settings."""
     return DataLog(
-        header=a_header(subject), recorded=tuple(Recorded(setting=one, provenance=TAKEN) for one in settings)
+        header=a_header(subject), recorded=tuple(Recorded(setting=setting, provenance=TAKEN) for setting in settings)
     )

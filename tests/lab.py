@@ -84,8 +84,8 @@ class Lab:
     def add(self, others: Strangers) -> None:
         """Put machines of somebody else on the first host, by hand."""
         host = next(iter(self.hosts.values()))
-        for one in others.partitions:
-            settings, name = one.settings, one.settings.name
+        for partition in others.partitions:
+            settings, name = partition.settings, partition.settings.name
             create = CreatePartition(partition=name, generation=settings.generation, memory=settings.memory)
             host.execute(create, SOMEBODY)
             cpu = SetCpu(partition=name, reserve=settings.reserve, limit=settings.limit, weight=settings.weight)

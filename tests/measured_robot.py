@@ -45,10 +45,12 @@ def a_measured_setting(name: str, reserve: int, shape: Shape, *, samples: int = 
     return Setting(reserve=reserve, series=(series,), beside=100 - reserve, seed=7)
 
 
-def a_log_of(one: Component, shape: Shape, reserves: Sequence[int] = RESERVES) -> Logged:
+def a_log_of(component: Component, shape: Shape, reserves: Sequence[int] = RESERVES) -> Logged:
     """The component's log against busy loops."""
-    settings = [a_measured_setting(one.name, reserve, shape) for reserve in reserves]
-    return Logged(path=f"measurements/onboard/{one.name}/busy-loop.jsonl", log=a_log(settings, a_subject(one)))
+    settings = [a_measured_setting(component.name, reserve, shape) for reserve in reserves]
+    return Logged(
+        path=f"measurements/onboard/{component.name}/busy-loop.jsonl", log=a_log(settings, a_subject(component))
+    )
 
 
 def a_robot() -> System:

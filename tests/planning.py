@@ -29,7 +29,7 @@ class Route:
 
 
 def layout_of(system: System, *states: State) -> Layout | Infeasible:
-    views = {one.facts.name: host_view(one, system.application.name) for one in states}
+    views = {state.facts.name: host_view(state, system.application.name) for state in states}
     return plan_layout(system, FixedReservations(), views, PLACES).answer
 
 

@@ -83,14 +83,14 @@ class PureHost:
                 gone = self._find(operation.partition, operation.machine)
                 self.state = replace(
                     self.state,
-                    partitions=tuple(one for one in self.state.partitions if one.id != gone.id),
-                    tasks=tuple(one for one in self.state.tasks if one.machine != gone.id),
+                    partitions=tuple(partition for partition in self.state.partitions if partition.id != gone.id),
+                    tasks=tuple(task for task in self.state.tasks if task.machine != gone.id),
                     disks=tuple(
-                        replace(one, machine="") if one.machine == gone.id else one for one in self.state.disks
+                        replace(disk, machine="") if disk.machine == gone.id else disk for disk in self.state.disks
                     ),
                 )
             case RemoveDisk(path=path):
-                self.state = replace(self.state, disks=tuple(one for one in self.state.disks if one.path != path))
+                self.state = replace(self.state, disks=tuple(disk for disk in self.state.disks if disk.path != path))
             case _:
                 old = self._find(operation.partition, operation.machine)
                 self._put(_changed(old, operation))
@@ -98,13 +98,17 @@ class PureHost:
     def _find(self, name: str, machine: str) -> Partition:
         pending = f"{name}.rarms-{self.scope.plan}"
         found = [
-            one
-            for one in self.state.partitions
+            partition
+            for partition in self.state.partitions
             if (
-                one.id == machine
+                partition.id == machine
                 if machine
-                else (one.mark and one.mark.name == name and one.mark.application == self.scope.application)
-                or one.settings.name == pending
+                else (
+                    partition.mark
+                    and partition.mark.name == name
+                    and partition.mark.application == self.scope.application
+                )
+                or partition.settings.name == pending
             )
         ]
         assert len(found) == 1, f"{name!r} stands for {len(found)} machines"
@@ -130,23 +134,27 @@ class PureHost:
         self.state = replace(self.state, partitions=(*self.state.partitions, machine))
 
     def _put(self, changed: Partition) -> None:
-        marks = [one.mark.name for one in self.state.partitions if one.mark and one.id != changed.id]
+        marks = [
+            partition.mark.name for partition in self.state.partitions if partition.mark and partition.id != changed.id
+        ]
         assert changed.mark is None or changed.mark.name not in marks, "a mark stands on two machines"
         self.state = replace(
             self.state,
-            partitions=tuple(changed if one.id == changed.id else one for one in self.state.partitions),
+            partitions=tuple(
+                changed if partition.id == changed.id else partition for partition in self.state.partitions
+            ),
             tasks=tuple(
-                replace(one, inside=changed.mark.name) if changed.mark and one.machine == changed.id else one
-                for one in self.state.tasks
+                replace(task, inside=changed.mark.name) if changed.mark and task.machine == changed.id else task
+                for task in self.state.tasks
             ),
         )
 
     def _task(self, operation: WriteTaskClass | RemoveTaskClass | WriteTaskRecord | EraseTaskRecord) -> None:
         machine = self._find(operation.inside, "").id if operation.inside else ""
         key = (machine, operation.task.lower())
-        others = tuple(one for one in self.state.tasks if (one.machine, one.name.lower()) != key)
+        others = tuple(task for task in self.state.tasks if (task.machine, task.name.lower()) != key)
         now = next(
-            (one for one in self.state.tasks if (one.machine, one.name.lower()) == key),
+            (task for task in self.state.tasks if (task.machine, task.name.lower()) == key),
             TaskClass(name=operation.task, inside=operation.inside, machine=machine),
         )
         match operation:

@@ -178,7 +178,7 @@ def _host_plan(request: Request, wish: HostWish, layout: Layout | None) -> _Part
     )
     return _Part(
         plan=plan,
-        addresses=tuple(str(change.address) for change in (*difference.changes, *(one.step for one in guests))),
+        addresses=tuple(str(change.address) for change in (*difference.changes, *(guest.step for guest in guests))),
         findings=(*difference.findings, *cycle, *findings_on(reviewed), *by_hand(plan, guests, where)),
         guests=guests,
     )

@@ -49,7 +49,7 @@ def applying(plan: str, part: HostPlan) -> Order:
 def finishing(host: str, journal: ScriptRun) -> Order:
     """What the host's journal holds of the unfinished run, whatever plan or manifest there is by now."""
     started = journal.started
-    earlier = {one.number: one.status for one in journal.steps if one.status is not StepStatus.BEGUN}
+    earlier = {step.number: step.status for step in journal.steps if step.status is not StepStatus.BEGUN}
     script = _alone(f"{host}{'.undo' if started.run is RunKind.UNDO else ''}.ps1", started.script)
     return Order(run=started.run, plan=started.plan, script=script, earlier=earlier)
 

@@ -29,27 +29,27 @@ def guest_tasks(
 ) -> tuple[GuestTask, ...]:
     """What is wanted in guests that nobody could look into, as their scripts write it."""
     return tuple(
-        _guest_task(one, application, replaceable, where)
-        for one in sorted(classes, key=lambda one: (one.inside, one.name))
-        if is_below(str(_address(one)), targets)
+        _guest_task(task_class, application, replaceable, where)
+        for task_class in sorted(classes, key=lambda task_class: (task_class.inside, task_class.name))
+        if is_below(str(_address(task_class)), targets)
     )
 
 
-def _guest_task(one: TaskClass, application: str, replaceable: frozenset[str], where: Where) -> GuestTask:
-    assert one.record is not None, "what is wanted is recorded"
+def _guest_task(task_class: TaskClass, application: str, replaceable: frozenset[str], where: Where) -> GuestTask:
+    assert task_class.record is not None, "what is wanted is recorded"
     return GuestTask(
         application=application,
-        partition=one.inside,
-        name=one.name,
-        values=one.values,
-        set=one.record.set,
-        replace=one.name.lower() in replaceable,
-        place=where(_address(one)),
+        partition=task_class.inside,
+        name=task_class.name,
+        values=task_class.values,
+        set=task_class.record.set,
+        replace=task_class.name.lower() in replaceable,
+        place=where(_address(task_class)),
     )
 
 
-def _address(one: TaskClass) -> Address:
-    return Address(partition=one.inside, task=one.name)
+def _address(task_class: TaskClass) -> Address:
+    return Address(partition=task_class.inside, task=task_class.name)
 
 
 def by_hand(host_plan: HostPlan, tasks: Iterable[GuestTask], where: Where) -> Iterator[Diagnostic]:
@@ -57,7 +57,7 @@ def by_hand(host_plan: HostPlan, tasks: Iterable[GuestTask], where: Where) -> It
     if host_plan.facts.provider is not ProviderKind.HYPERV:
         return
     seen = {inside for inside in insides(host_plan) if inside}
-    for inside in sorted(seen | {one.partition for one in tasks}):
+    for inside in sorted(seen | {task.partition for task in tasks}):
         name = script_name(host_plan, inside)
         says = "was looked into" if inside in seen else "could not be looked into: its own record decides what is done"
         yield BY_HAND.at(
@@ -75,7 +75,7 @@ def of_the_host_itself(state: State) -> State:
     """Without what was seen inside the guests of a Hyper-V host: its own script neither sees nor changes that."""
     if state.facts.provider is not ProviderKind.HYPERV:
         return state
-    return replace(state, tasks=tuple(one for one in state.tasks if not one.inside))
+    return replace(state, tasks=tuple(task for task in state.tasks if not task.inside))
 
 
 def with_scripts(plan: Plan, tasks: GuestTasks) -> tuple[Plan, tuple[Diagnostic, ...]]:
@@ -107,7 +107,7 @@ def scripts_of(host_plan: HostPlan, plan: Plan, tasks: Iterable[GuestTask] = ())
     if all(step.address.task and step.address.partition for step in host_plan.steps):
         for undo in (False, True):
             made.pop(script_name(host_plan, undo=undo), None)
-    for inside, classes in groupby(tasks, key=lambda one: one.partition):
+    for inside, classes in groupby(tasks, key=lambda task: task.partition):
         made |= render_guest(host_plan, plan, inside, tuple(classes))
     return dict(sorted(made.items()))
 

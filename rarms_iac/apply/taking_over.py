@@ -19,16 +19,22 @@ def adoption(state: State, application: str, name: str, machine: str, place: Pla
     The mark says what the machine has now, so that the next plan tells what the manifest wants of it.
     """
     address = f"partition/{name}"
-    before = next((one for one in state.partitions if one.id.lower() == machine.lower()), None)
+    before = next((partition for partition in state.partitions if partition.id.lower() == machine.lower()), None)
     if before is None:
-        known = ", ".join(f"{one.settings.name} {one.id}" for one in state.partitions) or "it has no machines"
+        known = (
+            ", ".join(f"{partition.settings.name} {partition.id}" for partition in state.partitions)
+            or "it has no machines"
+        )
         return NO_SUCH_MACHINE.at(
             place, f"{state.facts.name} has no machine {machine}: {known}.", "Give one of these ids.", address=address
         )
     if before.mark is not None:
         says = f"Machine {machine} is partition {before.mark.name!r} of application {before.mark.application!r}."
         return TAKEN.at(place, says, "Release it there first: `rarms release`.", address=address)
-    holder = next((one for one in state.of(application).partitions if one.mark and one.mark.name == name), None)
+    holder = next(
+        (partition for partition in state.of(application).partitions if partition.mark and partition.mark.name == name),
+        None,
+    )
     if holder is not None:
         says = f"Partition {name!r} is machine {holder.id} already."
         return TAKEN.at(place, says, f"Release that one first: `rarms release {name}`.", address=address)
@@ -43,7 +49,9 @@ def adoption(state: State, application: str, name: str, machine: str, place: Pla
 
 def releasing(state: State, application: str, name: str, place: Place | None) -> Release | Diagnostic:
     """The change that takes our mark off this partition; the machine and its settings stay."""
-    ours: dict[str, Partition] = {one.mark.name: one for one in state.of(application).partitions if one.mark}
+    ours: dict[str, Partition] = {
+        partition.mark.name: partition for partition in state.of(application).partitions if partition.mark
+    }
     before = ours.get(name)
     if before is None:
         known = ", ".join(sorted(ours)) or "none"

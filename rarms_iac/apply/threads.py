@@ -27,7 +27,7 @@ def threads_of(decided: Decided, system: System, members: Mapping[str, tuple[str
             task=name,
             category=values.category.value,
             thread_priority=values.thread_priority,
-            components=tuple(one for one in _users(system, members.get(inside, ()), name)),
+            components=tuple(user for user in _users(system, members.get(inside, ()), name)),
         )
         for (inside, name), values in decided.items()
     ]
@@ -36,7 +36,7 @@ def threads_of(decided: Decided, system: System, members: Mapping[str, tuple[str
 
 def _users(system: System, members: tuple[str, ...], task: str) -> Iterator[str]:
     users = [system.components[name] for name in members]
-    named = [one for one in users if one.task is not None and one.task.lower() == task.lower()]
+    named = [user for user in users if user.task is not None and user.task.lower() == task.lower()]
     yield from (one.name for one in most_critical_first(named))
 
 
@@ -47,9 +47,9 @@ def above(threads: tuple[ThreadClass, ...], observed: State, application: str) -
         the partition (empty: the host), the class, and what its threads run at.
     """
     lowest: dict[str, int] = {}
-    for one in threads:
-        lowest[one.inside] = min(one.thread_priority, lowest.get(one.inside, one.thread_priority))
-    wanted = {(one.inside, one.task.lower()) for one in threads}
+    for thread in threads:
+        lowest[thread.inside] = min(thread.thread_priority, lowest.get(thread.inside, thread.thread_priority))
+    wanted = {(thread.inside, thread.task.lower()) for thread in threads}
     for task in observed.tasks:
         is_ours = task.record is not None and task.record.application == application
         if is_ours or task.inside not in lowest or (task.inside, task.name.lower()) in wanted:

@@ -17,8 +17,12 @@ def totals_of(
     A machine that is taken over or let go of changes sides, and keeps what it has. One that is wanted and does not run
     is promised what the layout gives it, as the planner counts it.
     """
-    ours = {one.mark.name: claim_of(one) for one in observed.of(application).partitions if one.mark}
-    renamed: dict[str, str] = {one.id: one.mark.name for one in observed.of(application).partitions if one.mark}
+    ours = {
+        partition.mark.name: claim_of(partition) for partition in observed.of(application).partitions if partition.mark
+    }
+    renamed: dict[str, str] = {
+        partition.id: partition.mark.name for partition in observed.of(application).partitions if partition.mark
+    }
     for step in steps:
         address = step.address
         if address.partition and not address.task:
@@ -34,7 +38,7 @@ def totals_of(
                 others += [claim_of_settings(before.settings)] if before.claims_resources else []
             case _:
                 pass
-    layout = {one.settings.name: claim_of_settings(one.settings) for one in desired.partitions}
+    layout = {partition.settings.name: claim_of_settings(partition.settings) for partition in desired.partitions}
     idle = load_of(layout[name] for name, claim in ours.items() if claim == NO_CLAIM and name in layout)
     mine, theirs = load_of(ours.values()), load_of(others)
     return Totals(

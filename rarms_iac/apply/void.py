@@ -35,7 +35,11 @@ def no_rights(facts: HostFacts, place: Place | None = None) -> Diagnostic:
 
 def ignored(desired: State, places: Places) -> Iterator[Diagnostic]:
     """A host on which the wanted reserves, limits or weights would have no effect, or none that is known."""
-    asked = [one.settings.name for one in desired.partitions if one.settings.reserve or one.settings.limit < 100]
+    asked = [
+        partition.settings.name
+        for partition in desired.partitions
+        if partition.settings.reserve or partition.settings.limit < 100
+    ]
     if asked and _why_ignored(desired.facts):  # a place is looked up only when there is something to tell
         yield from void_scheduler(desired.facts, ", ".join(asked), places.key("hosts", desired.facts.name))
 

@@ -86,7 +86,9 @@ def wanted(
         )
         around = replace(_around(system, state), making=desired.making, criticality=desired.criticality)
         wish = _wish(system, state, desired.state, wishes, around, limit)
-        members = {one.name: one.components for one in planning.answer.partitions if one.host == name}
+        members = {
+            partition.name: partition.components for partition in planning.answer.partitions if partition.host == name
+        }
         members[""] = tuple(one for one, place in planning.answer.on_hosts if place == name)
         threads = threads_of(desired.classes, system, members)
         hosts[name] = replace(wish, by_hand=desired.by_hand, threads=threads)
@@ -95,27 +97,29 @@ def wanted(
 
 def _namesakes(system: System, observed: Mapping[str, State], places: Places) -> Iterator[Diagnostic]:
     """Machines of others called as our partitions: one of them may be what there is no room beside."""
-    names = {one.name for one in groups_of(system)}
+    names = {group.name for group in groups_of(system)}
     for _, state in sorted(observed.items()):
-        for one in state.partitions:
-            is_ours = one.mark is not None and one.mark.application == system.application.name
-            if not is_ours and one.settings.name in names:
-                yield in_the_way(one, partition_place(system, places, one.settings.name))
+        for partition in state.partitions:
+            is_ours = partition.mark is not None and partition.mark.application == system.application.name
+            if not is_ours and partition.settings.name in names:
+                yield in_the_way(partition, partition_place(system, places, partition.settings.name))
 
 
-def _told_first(one: Diagnostic) -> Diagnostic:
+def _told_first(diagnostic: Diagnostic) -> Diagnostic:
     """The same without a line of its own, because findings are told in the order of their lines."""
-    if one.place is None:
-        return one
-    return replace(one, place=None, related=(*one.related, Related(place=one.place, says="wanted here")))
+    if diagnostic.place is None:
+        return diagnostic
+    return replace(
+        diagnostic, place=None, related=(*diagnostic.related, Related(place=diagnostic.place, says="wanted here"))
+    )
 
 
-def _behind_a_namesake(one: Diagnostic) -> Diagnostic:
+def _behind_a_namesake(diagnostic: Diagnostic) -> Diagnostic:
     """What lacks room: ways out were sought beside the namesake, and taking it over may need none of them."""
-    if one.code not in {RESERVATIONS.code, MEMORY.code, PACKING.code}:
-        return one
+    if diagnostic.code not in {RESERVATIONS.code, MEMORY.code, PACKING.code}:
+        return diagnostic
     advice = f"First settle the machine that has a wanted name ({FOREIGN_AT_NAME.code}): it takes room, too."
-    return replace(one, advice=advice)
+    return replace(diagnostic, advice=advice)
 
 
 def _where(
@@ -171,8 +175,8 @@ def judged_disks(system: System, observed: State, machine: Partition) -> Iterato
 
 def _disks_to_go(system: System, observed: State) -> Mapping[str, tuple[Disk, ...]]:
     return {
-        one.id: tuple(judged.disk for judged in judged_disks(system, observed, one) if not judged.stays)
-        for one in observed.of(system.application.name).partitions
+        partition.id: tuple(judged.disk for judged in judged_disks(system, observed, partition) if not judged.stays)
+        for partition in observed.of(system.application.name).partitions
     }
 
 

@@ -56,7 +56,7 @@ def _as_chosen(hosts: Hosts, result: Measured) -> Measured:
     """The same beside the thresholds that the manifest has by now; what was searched for others is not told."""
     system, _ = system_of(hosts.source)
     before = result.experiment
-    members = tuple(replace(one, apt=system.components[one.name].apt) for one in before.members)
+    members = tuple(replace(member, apt=system.components[member.name].apt) for member in before.members)
     if members == before.members:
         return result
     experiment = replace(before, members=members)

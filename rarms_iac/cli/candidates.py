@@ -72,19 +72,21 @@ def _known(measured: Measurements, opened: Opened) -> tuple[Candidates, Guide]:
     system = measured.system
     reservations = measured_reservations(measured, {})
     problem = problem_of(system, reservations, {}, may_move=False)
-    groups = [one for one in problem.groups if rests_on_a_log(one) and all(member.apt for member in one.members)]
+    groups = [
+        group for group in problem.groups if rests_on_a_log(group) and all(member.apt for member in group.members)
+    ]
     host = next((one for one in by_name(system.hosts) if all(one.name in problem.claims[g.name] for g in groups)), None)
     if host is None:
         found = plan_layout(system, reservations, {}, opened.loaded.places).findings
         raise Halted(ExitCode.NO, [one for one in found if has_errors([one])], opened.loaded.sources)
-    cois = [coi_as_measured(one, problem.claims[one.name][host.name], reservations, host) for one in groups]
+    cois = [coi_as_measured(group, problem.claims[group.name][host.name], reservations, host) for group in groups]
     candidates = candidates_of(cois, lambda names: _may_share(groups, names), most=WHOLE)
     known = informed(candidates, recorded_answers(measured, host, candidates, {}))
     return known, guide_of(known, predictor_of(alone_in(groups, reservations, host)))
 
 
 def _may_share(groups: Sequence[Group], names: Members) -> bool:
-    return may_share(*(one for one in groups if names_of(one.members)[0] in names))
+    return may_share(*(group for group in groups if names_of(group.members)[0] in names))
 
 
 def recorded_answers(

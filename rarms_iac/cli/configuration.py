@@ -45,14 +45,14 @@ def _choices(measured: Measurements, components: Iterable[str]) -> tuple[Path, .
             continue
         platforms: dict[str, Host] = {}
         for _, host in sorted(system.hosts.items()):
-            if all(one.hosts is None or host.name in one.hosts for one in group.members):
+            if all(member.hosts is None or host.name in member.hosts for member in group.members):
                 platforms.setdefault(host.platform, host)
         for host in platforms.values():
             sized = size(group, host, reservations)
             least = reservations.least(group.members, host)
             if isinstance(sized, Sized) and least is not None:
                 entries = _entries(measured, group, host, sized.placed.reserve, interpolated=least.interpolated)
-                written += [path for one in entries if (path := _record(measured.folder, host.platform, one))]
+                written += [path for entry in entries if (path := _record(measured.folder, host.platform, entry))]
     return tuple(written)
 
 
@@ -81,21 +81,21 @@ def _entries(
         return ()
     return tuple(
         Chosen(
-            component=one.name,
+            component=member.name,
             when=now(),
             rarms_version=__version__,
-            apt=apt_in_words(one),
+            apt=apt_in_words(member),
             partition=group.name,
             reserve=reserve,
             interpolated=interpolated,
-            task=one.task,
+            task=member.task,
             data_log=path.relative_to(measured.folder).as_posix(),
             identity=log.header.digest,
             setup=log.header.setup,
             bench=log.header.bench,
         )
-        for one in group.members
-        if one.apt
+        for member in group.members
+        if member.apt
     )
 
 

@@ -147,8 +147,8 @@ def _answer(
     return MeasuredTogether(
         path=shown,
         processors=log.header.setup.processors,
-        measured=tuple(sorted({one.reserve for one in log.settings})),
-        curves=curves_in(log, {one.name: one for one in group.members}),
+        measured=tuple(sorted({setting.reserve for setting in log.settings})),
+        curves=curves_in(log, {member.name: member for member in group.members}),
         remarks=tuple(_remarks(log, comparison, group, shown, again)),
         again=again,
     )
@@ -207,7 +207,7 @@ def _remarks(log: DataLog, comparison: Comparison, group: Group, shown: str, aga
 
 
 def _some(things: tuple[object, ...] | list[str]) -> str:
-    told = [str(one) for one in things[:LISTED]]
+    told = [str(thing) for thing in things[:LISTED]]
     more = len(things) - len(told)
     return "; ".join(told) + (f"; and {more} more" if more else "")
 
@@ -219,7 +219,7 @@ def _kind_of(host: Host, states: Mapping[str, State]) -> _Kind:
 
 
 def _may_run_on(group: Group, hosts: list[str]) -> bool:
-    return any(all(one.hosts is None or host in one.hosts for one in group.members) for host in hosts)
+    return any(all(member.hosts is None or host in member.hosts for member in group.members) for host in hosts)
 
 
 def _read(path: Path) -> DataLog | LogUnreadable | None:

@@ -49,7 +49,7 @@ def experiments_for(hosts: Hosts, options: MeasureOptions) -> tuple[Experiment, 
         if system.components[name].runs_on is RunsOn.HOST:
             says = f"{name} runs on the host itself: it has no partition, and no reservation that could be measured."
             raise click.UsageError(says, click.get_current_context())
-    if not options.components and not any(one.apt for one in system.components.values()):
+    if not options.components and not any(component.apt for component in system.components.values()):
         raise _nothing_to_measure(hosts)
     found: list[Experiment] = []
     for members in _members(hosts, options):
@@ -73,7 +73,9 @@ def _members(hosts: Hosts, options: MeasureOptions) -> tuple[tuple[str, ...], ..
     if options.components:
         return tuple((name,) for name in dict.fromkeys(options.components))
     groups = sorted(groups_of(hosts.system), key=lambda group: (-group.criticality, group.name))
-    return tuple(tuple(one.name for one in group.members) for group in groups if any(m.apt for m in group.members))
+    return tuple(
+        tuple(member.name for member in group.members) for group in groups if any(m.apt for m in group.members)
+    )
 
 
 def _benches(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Host]:
@@ -82,7 +84,10 @@ def _benches(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Host]:
     allowed = [
         system.hosts[name]
         for name in hosts.chosen
-        if all(system.components[one].hosts is None or name in (system.components[one].hosts or ()) for one in members)
+        if all(
+            system.components[member].hosts is None or name in (system.components[member].hosts or ())
+            for member in members
+        )
     ]
     able = [host for host in allowed if open_bench(host, hosts.folder, hosts.state_path(host.name)) is not None]
     if not able:

@@ -117,7 +117,7 @@ def explained(measured: Measurements, hosts: Hosts, component: Component) -> Exp
         measured=measured, hosts=hosts, states=states, reservations=reservations, planning=planning, group=group
     )
     found = _found(asked)
-    errors = tuple(one for one in planning.findings if has_errors([one])) if found.cannot else ()
+    errors = tuple(finding for finding in planning.findings if has_errors([finding])) if found.cannot else ()
     return Explained(walk=_walk(asked, found, component), errors=errors)
 
 
@@ -138,7 +138,7 @@ def _walk(asked: _Asked, found: _Found, component: Component) -> shown.Walk:
         measured=None if used is None else _measured(asked.measured, group, found.host, used),
         looked=() if used is None else tuple(_looked(group, used)),
         least=None if used is None else reservations.least(group.members, found.host),
-        remarks=() if used is None else tuple(one.says for one in used.remarks),
+        remarks=() if used is None else tuple(remark.says for remark in used.remarks),
         why_together=tuple(why_together(group, asked.system, before)),
         apart=_apart(asked, found),
         shared=tuple(shared(group, before, found.host)) if rests else (NOT_LOOKED_FOR,),
@@ -167,12 +167,12 @@ def _found(asked: _Asked) -> _Found:
     """In the layout; else where it is, or the first host by name that could have it, or that it may run on."""
     system, group = asked.system, asked.group
     if asked.layout is not None:
-        placed = next(one for one in asked.layout.partitions if one.name == group.name)
+        placed = next(partition for partition in asked.layout.partitions if partition.name == group.name)
         return _Found(host=system.hosts[placed.host], placed=placed)
     allowed = [
         host
         for host in sorted(system.hosts.values(), key=lambda one: (one.name != asked.now, one.name))
-        if all(one.hosts is None or host.name in one.hosts for one in group.members)
+        if all(member.hosts is None or host.name in member.hosts for member in group.members)
     ]
     answers = [(host, size(group, host, asked.reservations)) for host in allowed]
     for host, answer in answers:
@@ -203,7 +203,7 @@ def _fixed_by(group: Group) -> str:
     own = group.wish.cpu.reserve
     if own is not None and not isinstance(own, Measured):
         return f"the manifest's partition {group.name}"
-    names = [one.name for one in group.members if one.cpu.reserve is not None]
+    names = [member.name for member in group.members if member.cpu.reserve is not None]
     return f"the manifest, for {' and '.join(names)}," if names else ""
 
 
@@ -231,9 +231,11 @@ def _measured(measured: Measurements, group: Group, host: Host, log: MeasuredTog
 
 
 def _looked(group: Group, log: MeasuredTogether) -> Iterator[shown.Looked]:
-    for one in group.members:
-        for index, threshold in one.apt.items():
-            yield shown.Looked(member=one.name, index=index, threshold=threshold, curve=log.curves(one.name, index))
+    for member in group.members:
+        for index, threshold in member.apt.items():
+            yield shown.Looked(
+                member=member.name, index=index, threshold=threshold, curve=log.curves(member.name, index)
+            )
 
 
 def _apart(asked: _Asked, found: _Found) -> str:
@@ -248,7 +250,7 @@ def _apart(asked: _Asked, found: _Found) -> str:
     sizes = [
         size(one, found.host, reservations) for one in groups_of(alone.system) if names & set(names_of(one.members))
     ]
-    told = [one.placed for one in sizes if isinstance(one, Sized)]
+    told = [size.placed for size in sizes if isinstance(size, Sized)]
     if len(told) < len(sizes) or len(sizes) == 1:
         return ""
     places = asked.hosts.opened.loaded.places
@@ -265,9 +267,9 @@ def _on_host(asked: _Asked, layout: Layout, found: _Found) -> shown.OnHost:
     view = asked.views.get(found.host.name, HostView())
     capacity = capacity_of(found.host, view.facts)
     others = sorted(
-        (one.name, one.reserved)
-        for one in layout.partitions
-        if one.host == found.host.name and one.name != found.placed.name
+        (partition.name, partition.reserved)
+        for partition in layout.partitions
+        if partition.host == found.host.name and partition.name != found.placed.name
     )
     kept = LogicalProcessors(Fraction(capacity.logical_processors) - capacity.processors)
     foreign = LogicalProcessors(Fraction(load_of(view.claims).percent, 100))
@@ -290,6 +292,6 @@ def _elsewhere(asked: _Asked, found: _Found) -> tuple[Elsewhere, ...]:
 
 
 def _misfit(planning: Planning) -> Iterator[str]:
-    for one in planning.findings:
-        if has_errors([one]):
-            yield f"{one.summary} ({one.code}): {one.detail} {one.advice}"
+    for finding in planning.findings:
+        if has_errors([finding]):
+            yield f"{finding.summary} ({finding.code}): {finding.detail} {finding.advice}"

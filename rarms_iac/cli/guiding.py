@@ -31,7 +31,9 @@ def guide_facts(measured: Measurements, opened: Opened, name: str) -> GuideFacts
     group = next(one for one in groups_of(system) if name in {each.name for each in one.members})
     for _, host in sorted(system.hosts.items()):
         sized = size(group, host, reservations)
-        if isinstance(sized, Sized) and all(one.hosts is None or host.name in one.hosts for one in group.members):
+        if isinstance(sized, Sized) and all(
+            member.hosts is None or host.name in member.hosts for member in group.members
+        ):
             facts = _facts(group, host, sized, reservations, system.components[name])
             classes = classes_of(
                 group.members, system.tasks, group.name, opened.loaded.places, processors=sized.placed.processors
@@ -43,7 +45,7 @@ def guide_facts(measured: Measurements, opened: Opened, name: str) -> GuideFacts
 
 def _task_values(task: str | None, classes: Iterable[ClassValues]) -> tuple[str, ...]:
     """What the class is to have in the registry, in words; every member of the partition counts for it."""
-    mine = (one for one in classes if task is not None and one.name.lower() == task.lower())
+    mine = (task_class for task_class in classes if task is not None and task_class.name.lower() == task.lower())
     return tuple(
         f"{name} = {value.data} ({value.kind.value})" for one in mine for name, value in registry_values(one).items()
     )
@@ -63,7 +65,7 @@ def _facts(
     return GuideFacts(
         component=component.name,
         partition=group.name,
-        beside=tuple(one.name for one in group.members if one.name != component.name),
+        beside=tuple(member.name for member in group.members if member.name != component.name),
         apt=tuple(f"{index} {words}" for index, words in apt_in_words(component).items()),
         platform=host.platform,
         reserve=placed.reserve,

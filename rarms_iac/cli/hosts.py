@@ -65,7 +65,7 @@ def hosts_of(system: System, opened: Opened, source: ManifestOptions, where: Hos
         click.UsageError: one of them is not in the manifest.
         Halted: a snapshot cannot be read.
     """
-    snapshots = {one.host for one in where.snapshots if one.host}
+    snapshots = {snapshot.host for snapshot in where.snapshots if snapshot.host}
     for name in (*where.hosts, *sorted(snapshots)):
         if name not in system.hosts:
             raise click.UsageError(

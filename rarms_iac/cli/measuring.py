@@ -150,14 +150,14 @@ def _strategy(hosts: Hosts, experiment: Experiment, options: MeasureOptions, see
     """
     if options.reserves:
         return Sweeping(reserves=options.reserves)
-    for one in experiment.members:
-        if not one.apt:
-            place = hosts.opened.loaded.places.key("components", one.name)
-            says = f"{one.name} has no `apt`."
-            advice = f"Give it one, or measure chosen settings: rarms measure {one.name} --from 10% --to 100%."
+    for member in experiment.members:
+        if not member.apt:
+            place = hosts.opened.loaded.places.key("components", member.name)
+            says = f"{member.name} has no `apt`."
+            advice = f"Give it one, or measure chosen settings: rarms measure {member.name} --from 10% --to 100%."
             raise Halted(
                 ExitCode.NO,
-                [findings.NO_THRESHOLD.at(place, says, advice, address=f"component/{one.name}")],
+                [findings.NO_THRESHOLD.at(place, says, advice, address=f"component/{member.name}")],
                 hosts.opened.loaded.sources,
             )
     goal = goal_of(experiment)
@@ -178,12 +178,12 @@ def _refuse_what_has_no_demand(hosts: Hosts, experiment: Experiment) -> None:
         Halted: a member or the load is nothing that this host can run (4).
     """
     places, host = hosts.opened.loaded.places, experiment.host
-    for one in experiment.members:
-        if host.provider is ProviderKind.SIMULATED and one.simulation is None:
-            says = f"{host.name} is simulated, and {one.name} does not say what it demands there."
+    for member in experiment.members:
+        if host.provider is ProviderKind.SIMULATED and member.simulation is None:
+            says = f"{host.name} is simulated, and {member.name} does not say what it demands there."
             advice = "Say it: `simulation: { work: 20 ms }`."
             found = findings.NOTHING_TO_RUN.at(
-                places.key("components", one.name), says, advice, address=f"component/{one.name}"
+                places.key("components", member.name), says, advice, address=f"component/{member.name}"
             )
             raise Halted(ExitCode.NO, [found], hosts.opened.loaded.sources)
 
@@ -228,7 +228,9 @@ def _going_on(hosts: Hosts, running: Sequence[Partition]) -> Iterator[Inside]:
     for group in groups_of(hosts.system):
         if group.name in names:
             members = tuple(
-                replace(one, name=f"{one.name} in {group.name}") for one in group.members if one.simulation is not None
+                replace(member, name=f"{member.name} in {group.name}")
+                for member in group.members
+                if member.simulation is not None
             )
             yield Inside(partition=group.name, components=members)
 

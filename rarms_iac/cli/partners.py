@@ -26,9 +26,9 @@ def partners(
     Only pairs of which nothing was measured: of others the data log says more.
     """
     others = [one for one in groups if one.name != group.name and may_share(group, one)]
-    others = [one for one in others if not was_measured(names_of((*group.members, *one.members)))]
+    others = [other for other in others if not was_measured(names_of((*group.members, *other.members)))]
     predictor = predictor_of(alone_in(groups, reservations, host))
-    found = [_told(group, one, host, reservations, predictor) for one in others]
+    found = [_told(group, other, host, reservations, predictor) for other in others]
     return tuple(says for _, says in sorted(one for one in found if one is not None)[:TOLD])
 
 
@@ -37,10 +37,10 @@ def _told(
 ) -> tuple[int, str] | None:
     """With what it saves, below 0, in per cent of one logical processor; None: nothing, or nothing says so."""
     sizes = [size(one, host, reservations) for one in (group, other)]
-    claims = [one.claim for one in sizes if isinstance(one, Sized)]
+    claims = [size.claim for size in sizes if isinstance(size, Sized)]
     if len(claims) < len(sizes):
         return None
-    costs, processors = [cost(one) for one in claims], max(one.processors for one in claims)
+    costs, processors = [cost(claim) for claim in claims], max(claim.processors for claim in claims)
     together = expected_of(predictor, names_of((*group.members, *other.members)), processors, costs)
     if together is None or together * processors >= sum(costs):
         return None

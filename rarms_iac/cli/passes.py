@@ -58,29 +58,29 @@ def asked_for(options: MeasureOptions) -> str:
     """What tells a command from others of the same components, in words."""
     what = options.strategy
     if options.reserves:
-        what = ", ".join(f"{one} %" for one in options.reserves)
+        what = ", ".join(f"{reserve} %" for reserve in options.reserves)
     elif options.verify:
         what = "verify"
     return what if options.samples is None else f"{what}; {options.samples} samples"
 
 
-def _last(one: Kept, asked: str) -> Pass | None:
-    passes = () if one.holds is None else one.holds.passes
+def _last(kept: Kept, asked: str) -> Pass | None:
+    passes = () if kept.holds is None else kept.holds.passes
     return next((each for each in reversed(passes) if each.asked == asked), None)
 
 
-def _of_that_command(one: Kept, asked: str, begun: str | None) -> Pass | None:
+def _of_that_command(kept: Kept, asked: str, begun: str | None) -> Pass | None:
     """The pass that a command has in this log which began then; one that is not ended is gone on with in any case."""
-    last = _last(one, asked)
+    last = _last(kept, asked)
     if begun is None or last is None or (last.ended and last.begun != begun):
         return None
     return last
 
 
-def _begin(hosts: Hosts, one: Kept, asked: str, begun: str, options: MeasureOptions) -> Pass:
-    begins = Pass(seed=1 if one.holds is None else one.holds.highest_seed + 1, asked=asked, begun=begun)
-    with held_log(Path(hosts.folder), one.path, options.lock_timeout_ms):
-        if one.holds is None:
-            begin_log(one.path, one.header)
-        append_pass(one.path, begins)
+def _begin(hosts: Hosts, kept: Kept, asked: str, begun: str, options: MeasureOptions) -> Pass:
+    begins = Pass(seed=1 if kept.holds is None else kept.holds.highest_seed + 1, asked=asked, begun=begun)
+    with held_log(Path(hosts.folder), kept.path, options.lock_timeout_ms):
+        if kept.holds is None:
+            begin_log(kept.path, kept.header)
+        append_pass(kept.path, begins)
     return begins

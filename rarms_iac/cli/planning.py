@@ -98,7 +98,7 @@ def judge_of(hosts: Hosts, wish: Wish) -> Judge:
 
 def code_of_errors(findings: Sequence[Diagnostic]) -> ExitCode:
     """A host that is merely busy may be asked again; everything else is a no, or the host's failure."""
-    codes = {one.code for one in findings if one.severity is Severity.ERROR}
+    codes = {finding.code for finding in findings if finding.severity is Severity.ERROR}
     if NO_RIGHTS.code in codes:
         return ExitCode.FAILED
     return ExitCode.REFUSED if codes == {NOT_AT_REST.code} else ExitCode.NO

@@ -27,7 +27,7 @@ class Halted(Exception):
         *,
         certificate: str = "",
     ) -> None:
-        super().__init__("; ".join(one.summary for one in diagnostics))
+        super().__init__("; ".join(diagnostic.summary for diagnostic in diagnostics))
         self.code = code
         self.diagnostics = tuple(diagnostics)
         self.sources = sources or {}

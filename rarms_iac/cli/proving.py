@@ -91,9 +91,11 @@ def _record(hosts: Hosts, proofs: list[Proof], states: Mapping[str, State]) -> N
     for proof in proofs:
         application = proof.layout.application
         reserves = {
-            one.mark.name: one.settings.reserve for one in states[proof.host].of(application).partitions if one.mark
+            partition.mark.name: partition.settings.reserve
+            for partition in states[proof.host].of(application).partitions
+            if partition.mark
         }
-        where = {one.name: name for name, members in proof.layout.partitions.items() for one in members}
+        where = {member.name: name for name, members in proof.layout.partitions.items() for member in members}
         everyone = tuple(one.name for one in proof.layout.components)
         for component in proof.layout.judged:
             entry = Proven(
@@ -110,17 +112,17 @@ def _record(hosts: Hosts, proofs: list[Proof], states: Mapping[str, State]) -> N
             append_entry(configuration_path(Path(hosts.folder), platform, component.name), entry)
 
 
-def _proven(one: Tried) -> ProvenIndex:
-    seen = one.shown.estimate
+def _proven(tried: Tried) -> ProvenIndex:
+    seen = tried.shown.estimate
     return ProvenIndex(
-        index=one.shown.index,
-        threshold=show_threshold(one.shown.index, one.shown.threshold),
+        index=tried.shown.index,
+        threshold=show_threshold(tried.shown.index, tried.shown.threshold),
         value=seen.value if seen else None,
         lower=seen.lower if seen and isfinite(seen.lower) else None,
         upper=seen.upper if seen and isfinite(seen.upper) else None,
-        met=one.met,
-        verdict=verdict_of(one.verdict),
-        error=one.error,
+        met=tried.met,
+        verdict=verdict_of(tried.verdict),
+        error=tried.error,
     )
 
 
@@ -135,7 +137,7 @@ def _seen_elsewhere(hosts: Hosts, able: tuple[str, ...]) -> dict[str, State]:
 
 def _left_out(hosts: Hosts, layouts: Mapping[str, AppliedLayout]) -> tuple[str, ...]:
     proven = {name for layout in layouts.values() for name in layout.partitions}
-    return tuple(one.name for one in groups_of(hosts.system) if one.name not in proven)
+    return tuple(group.name for group in groups_of(hosts.system) if group.name not in proven)
 
 
 def applied_layouts(
@@ -149,10 +151,10 @@ def applied_layouts(
     system = hosts.system
     application = system.application.name
     running = {
-        one.mark.name: name
+        partition.mark.name: name
         for name, state in everywhere.items()
-        for one in state.of(application).partitions
-        if one.mark and one.settings.running
+        for partition in state.of(application).partitions
+        if partition.mark and partition.settings.running
     }
     groups = groups_of(system)
     if absent := [group.name for group in groups if group.name not in running]:
@@ -186,10 +188,10 @@ def _refuse_what_is_not_applied(hosts: Hosts, states: Mapping[str, State], every
 
 def _on_host(hosts: Hosts, name: str, able: tuple[str, ...]) -> Iterator[Component]:
     """Components of the host's own operating system; who may be on several is on the first."""
-    for one in hosts.system.components.values():
-        allowed = [each for each in able if one.hosts is None or each in one.hosts]
-        if one.runs_on is RunsOn.HOST and allowed[:1] == [name]:
-            yield one
+    for component in hosts.system.components.values():
+        allowed = [each for each in able if component.hosts is None or each in component.hosts]
+        if component.runs_on is RunsOn.HOST and allowed[:1] == [name]:
+            yield component
 
 
 def _able(hosts: Hosts) -> tuple[str, ...]:
@@ -259,15 +261,15 @@ def _not_met(hosts: Hosts, proofs: list[Proof]) -> Iterator[Diagnostic]:
             )
 
 
-def _told_as(one: Tried) -> tuple[Finding, str]:
+def _told_as(tried: Tried) -> tuple[Finding, str]:
     """Which finding a verdict is that is not met, and what to do about it."""
-    match one.verdict:
+    match tried.verdict:
         case Unsteady():
             return findings.NO_STEADY_STATE, "Look for what grows while it runs, or give it more: `--samples 2000`."
         case WithinTheNoise() | TooFewSamples() | TooManyFailures():
             return findings.NOT_RESOLVED, "Allow more samples (`--samples 2000`), or raise its reservation."
         case Met() | Missed():
-            again = f"`rarms undo`, then `rarms measure {one.shown.component} --again`"
+            again = f"`rarms undo`, then `rarms measure {tried.shown.component} --again`"
             return findings.MISSED, f"Raise its reservation, relax its APT, or measure it again: {again}."
         case _:
-            assert_never(one.verdict)
+            assert_never(tried.verdict)

@@ -50,7 +50,7 @@ def reported(source: ManifestOptions, components: tuple[str, ...] = ()) -> Repor
     folder = Path(opened.loaded.folder)
     logs = tuple(_logged(system, folder))
     if components:
-        logs = tuple(one for one in logs if set(one.log.header.setup.members) & set(components))
+        logs = tuple(log for log in logs if set(log.log.header.setup.members) & set(components))
     report = replace(
         report_of(system, logs, tuple(_proofs(system, folder, components)), standings_of(system, opened, source)),
         tunings=tuple(tunings_of(system, folder)),
@@ -67,7 +67,7 @@ def combining_of(source: ManifestOptions) -> Combining | None:
         drawn = nodes_to_draw(measurements_of(system, opened.loaded.folder, source), opened, few_enough)
     except Halted:
         return None
-    if not any(one.parts for one in drawn.nodes):
+    if not any(node.parts for node in drawn.nodes):
         return None
     return Combining(nodes=drawn.nodes, left_out=drawn.left_out)
 
@@ -75,7 +75,9 @@ def combining_of(source: ManifestOptions) -> Combining | None:
 def _nothing(components: tuple[str, ...]) -> Diagnostic:
     of = f" of {', '.join(components)}" if components else ""
     says = f"Below {FOLDER}/ beside the manifest there is no data log{of}."
-    return NOTHING_MEASURED.at(None, says, f"Measure first: `rarms measure{''.join(f' {one}' for one in components)}`.")
+    return NOTHING_MEASURED.at(
+        None, says, f"Measure first: `rarms measure{''.join(f' {component}' for component in components)}`."
+    )
 
 
 def _logged(system: System, folder: Path) -> Iterator[Logged]:
@@ -112,7 +114,7 @@ def _proofs(system: System, folder: Path, components: tuple[str, ...]) -> Iterat
         for name in sorted(components or system.components):
             for entry in _entries(configuration_path(folder, platform, name))[-1:]:
                 said = f"{entry.when}, on {entry.host} at {entry.reserve} %"
-                yield from (_proof(entry, one, said) for one in entry.indexes)
+                yield from (_proof(entry, index, said) for index in entry.indexes)
 
 
 def _entries(path: Path) -> list[Proven]:

@@ -79,7 +79,7 @@ def findings_of(ran: Ran, opened: Opened) -> Iterator[Diagnostic]:
     name, places = ran.component.name, opened.loaded.places
     address = f"component/{name}"
     if ran.ending is Ending.FAILURES:
-        reasons = list(dict.fromkeys(one.failure for one in ran.series.samples if one.failure))
+        reasons = list(dict.fromkeys(sample.failure for sample in ran.series.samples if sample.failure))
         yield TOO_MANY_FAILURES.at(
             places.key("components", name, "run"),
             f'"{name}" had {counted(ran.failed, "failed sample")} and may have {ran.run.failures}: '
@@ -101,7 +101,9 @@ def findings_of(ran: Ran, opened: Opened) -> Iterator[Diagnostic]:
 
 def _chosen(system: System, opened: Opened, wish: RunWish) -> list[tuple[Component, Run]]:
     refuse_unknown(wish.components, system.components, "component")
-    names = tuple(dict.fromkeys(wish.components)) or tuple(one.name for one in system.components.values() if one.run)
+    names = tuple(dict.fromkeys(wish.components)) or tuple(
+        component.name for component in system.components.values() if component.run
+    )
     found = [(system.components[name], system.components[name].run) for name in names]
     lacking = [one.name for one, run in found if run is None] or ([] if found else list(system.components))
     if lacking or not found:
@@ -136,7 +138,7 @@ def _run_group(
     live: bool,
 ) -> list[Ran]:
     runs = [ComponentRun(component.name, run, around) for component, run in group]
-    numbers = {one.component: 0 for one in runs}
+    numbers = {run.component: 0 for run in runs}
     with together(runs) as samples:
         for name, sample in samples:
             numbers[name] += 1

@@ -84,7 +84,7 @@ def chosen(scripts: Sequence[PlanScript], choice: Choice, plan: Plan) -> tuple[P
     for host in choice.hosts:
         if host not in names:
             raise _usage(f"The plan has no host {host!r}.{suggestion(host, names)} It has: {', '.join(names)}.")
-    here = [one for one in scripts if one.host in (choice.hosts or names)]
+    here = [script for script in scripts if script.host in (choice.hosts or names)]
     guests = sorted({one.guest for one in here if one.guest})
     if choice.guest and choice.guest not in guests:
         told = f"It has: {', '.join(guests)}." if guests else "It has none."
@@ -103,9 +103,9 @@ def write_scripts(scripts: Sequence[PlanScript], folder: str) -> tuple[str, ...]
     except OSError as error:
         raise Halted(ExitCode.FAILED, [not_written(folder, error)]) from error
     paths = []
-    for one in scripts:
-        paths.append((Path(folder) / one.name).as_posix())
-        write_file(paths[-1], one.text.encode("ascii"))
+    for script in scripts:
+        paths.append((Path(folder) / script.name).as_posix())
+        write_file(paths[-1], script.text.encode("ascii"))
     return tuple(paths)
 
 
@@ -129,9 +129,9 @@ def kind_of(text: str) -> ScriptKind | None:
     return next((kind for start, kind in _KINDS.items() if any(line.startswith(start) for line in head)), None)
 
 
-def outline_of(one: PlanScript) -> Outline:
+def outline_of(script: PlanScript) -> Outline:
     """What a script of a plan does."""
-    return outline(one.text.encode("ascii"))
+    return outline(script.text.encode("ascii"))
 
 
 def outline_in(path: str, like: PlanScript) -> Outline:
@@ -143,7 +143,7 @@ def outline_in(path: str, like: PlanScript) -> Outline:
     data = read_file(path, MAX_BYTES, SCRIPT_ORIGIN)
     if data.lstrip().startswith((b"{", b"\xef\xbb\xbf{")):
         try:
-            scripts = {one.name: one for one in plan_scripts(read_plan(data))}
+            scripts = {script.name: script for script in plan_scripts(read_plan(data))}
         except PlanFileError as error:
             raise Halted(
                 ExitCode.REFUSED, [error.finding.at(None, f"{path}: {error.says}.", f"{error.advice}.")]

@@ -115,9 +115,9 @@ def select(choice: Choice, measured: Measurements, opened: Opened) -> Selected:
     planning = plan_layout(system, reservations, {}, opened.loaded.places)
     levels = () if group is None else tuple(_levels(group, system, reservations, choice))
     if group is not None and rests_on_a_log(group) and not levels:
-        address = {f"component/{one.name}" for one in group.members} | {f"partition/{group.name}"}
-        why = [one for one in planning.findings if one.address in address]
-        told = [_leading_on(one, logs, choice) for one in why or planning.findings]
+        address = {f"component/{member.name}" for member in group.members} | {f"partition/{group.name}"}
+        why = [finding for finding in planning.findings if finding.address in address]
+        told = [_leading_on(finding, logs, choice) for finding in why or planning.findings]
         raise Halted(ExitCode.NO, told, opened.loaded.sources)
     return Selected(
         selection=Selection(
@@ -189,7 +189,9 @@ def _levels(group: Group, system: System, reservations: MeasuredReservations, ch
     """What the group gets on each platform that it was measured for; hosts in name order."""
     found: dict[str, Level] = {}
     for _, host in sorted(system.hosts.items()):
-        if host.platform in found or any(one.hosts is not None and host.name not in one.hosts for one in group.members):
+        if host.platform in found or any(
+            member.hosts is not None and host.name not in member.hosts for member in group.members
+        ):
             continue
         sized = size(group, host, reservations)
         log = reservations.log(group.members, host)
@@ -221,7 +223,9 @@ def _headrooms(planning: Planning, system: System) -> tuple[Headroom, ...]:
         Headroom(
             host=name,
             processors=capacity_of(host, None).processors
-            - sum((one.reserved for one in planning.answer.partitions if one.host == name), Fraction(0)),
+            - sum(
+                (partition.reserved for partition in planning.answer.partitions if partition.host == name), Fraction(0)
+            ),
             host_processors=host.logical_processors,
         )
         for name, host in sorted(system.hosts.items())
@@ -231,4 +235,11 @@ def _headrooms(planning: Planning, system: System) -> tuple[Headroom, ...]:
 def _why(planning: Planning) -> str:
     if isinstance(planning.answer, Layout):
         return ""
-    return next((f"{one.summary} ({one.code}). {one.detail}" for one in planning.findings if has_errors([one])), "")
+    return next(
+        (
+            f"{finding.summary} ({finding.code}). {finding.detail}"
+            for finding in planning.findings
+            if has_errors([finding])
+        ),
+        "",
+    )

@@ -85,8 +85,10 @@ def _headed(name: str, text: str, session: Session, *, whole: bool) -> str:
     return f"{name}\n{script_text(text, colour=session.terminal.colour, whole=whole)}\n"
 
 
-def _output(one: PlanScript) -> ScriptOutput:
-    return ScriptOutput(name=one.name, host=one.host, guest=one.guest, undo=one.undo, sha256=one.sha256, text=one.text)
+def _output(script: PlanScript) -> ScriptOutput:
+    return ScriptOutput(
+        name=script.name, host=script.host, guest=script.guest, undo=script.undo, sha256=script.sha256, text=script.text
+    )
 
 
 def _raw(session: Session, found: tuple[PlanScript, ...]) -> None:

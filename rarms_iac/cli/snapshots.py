@@ -63,19 +63,19 @@ def read_snapshots(options: Sequence[SnapshotOption], hosts: Sequence[str], chos
     """
     found: dict[str, Snapshot] = {}
     guests: list[GuestSnapshot] = []
-    for one in options:
-        data = read_file(one.file, MAX_BYTES, "rarms snapshot --out FILE")
+    for option in options:
+        data = read_file(option.file, MAX_BYTES, "rarms snapshot --out FILE")
         try:
-            seen = seen_by_script(data, one.host)
-            if one.guest:
-                guests.append(_guest(one, seen))
+            seen = seen_by_script(data, option.host)
+            if option.guest:
+                guests.append(_guest(option, seen))
                 continue
-            snapshot = _snapshot(one, data, seen)
+            snapshot = _snapshot(option, data, seen)
         except (SnapshotUnreadable, NotDecodable) as error:
-            raise no_snapshot(one.file, str(error)) from error
-        name = one.host or _host_of(snapshot, seen, hosts, chosen)
+            raise no_snapshot(option.file, str(error)) from error
+        name = option.host or _host_of(snapshot, seen, hosts, chosen)
         if name in found:
-            raise no_snapshot(one.file, f"{name} has another one already")
+            raise no_snapshot(option.file, f"{name} has another one already")
         found[name] = _named(snapshot, data, name)
     return Snapshots(hosts=found, guests=tuple(guests))
 
@@ -86,20 +86,20 @@ def with_guests(state: State, guests: Sequence[GuestSnapshot], application: str)
     Raises:
         Halted: the host has no such partition, or the file was taken on the host itself.
     """
-    for one in guests:
-        if one.host == state.facts.name:
-            state = _with_guest(state, one, application)
+    for guest in guests:
+        if guest.host == state.facts.name:
+            state = _with_guest(state, guest, application)
     return state
 
 
 def _with_guest(state: State, guest: GuestSnapshot, application: str) -> State:
-    machines = [one for one in state.partitions if is_marked(one, application, guest.partition)]
+    machines = [partition for partition in state.partitions if is_marked(partition, application, guest.partition)]
     if len(machines) != 1:
         raise no_snapshot(guest.file, f"{guest.host} has no partition {guest.partition} of {application}")
     if guest.seen.computer.lower() == state.facts.computer_name.lower():
         raise no_snapshot(guest.file, f"it was taken on {guest.seen.computer}, the host itself, not in a guest")
-    inside = tuple(replace(one, inside=guest.partition, machine=machines[0].id) for one in guest.seen.tasks)
-    tasks = sorted((*state.tasks, *inside), key=lambda one: (one.inside, one.name.lower()))
+    inside = tuple(replace(task, inside=guest.partition, machine=machines[0].id) for task in guest.seen.tasks)
+    tasks = sorted((*state.tasks, *inside), key=lambda task: (task.inside, task.name.lower()))
     return replace(state, tasks=tuple(tasks))
 
 

@@ -28,12 +28,13 @@ class TunedBefore:
     def combined(self, members: Names) -> str:
         """How tuning put just these together; empty: no run of it wrote that."""
         for run in reversed(self.runs):
-            for one in run.partitions:
-                if run.written and tuple(sorted(one.components)) == members:
+            for partition in run.partitions:
+                if run.written and tuple(sorted(partition.components)) == members:
                     claim = f", {run.claim} to be the best" if run.strategy == "default" else ""
                     return (
                         f"`rarms tune` combined them at {run.when}, by {STRATEGIES[run.strategy]}{claim}: CR "
-                        f"{one.reserve} %, {_shown(one.reserved)} instead of {_shown(one.parts)} apart"
+                        f"{partition.reserve} %, {_shown(partition.reserved)} instead of "
+                        f"{_shown(partition.parts)} apart"
                     )
         return ""
 
@@ -76,10 +77,10 @@ def why_together(group: Group, system: System, before: TunedBefore) -> Iterator[
         tuned = before.combined(names_of(group.members))
         by_hand = "no run of `rarms tune` that is on record here wrote it, so it was written by hand"
         yield f"the manifest's `partitions` puts them together ({group.name}); {tuned or by_hand}"
-    for one in group.members:
-        others = [name for name in one.together if name in names_of(group.members)]
+    for member in group.members:
+        others = [name for name in member.together if name in names_of(group.members)]
         if others:
-            yield f"{one.name} says that it must be together with {', '.join(others)}"
+            yield f"{member.name} says that it must be together with {', '.join(others)}"
 
 
 def shared(group: Group, before: TunedBefore, host: Host) -> Iterator[str]:

@@ -32,10 +32,10 @@ def write_partitions(system: System, opened: Opened, compounds: Sequence[Coi]) -
     texts: dict[str, str] = {}
     before: dict[str, str] = {}
     gone = _emptied(system, compounds)
-    for one in compounds:
-        file = _file(system, opened, one.name)
-        members = [each.name for each in most_critical_first(system.components[name] for name in one.members)]
-        texts[file] = set_value(_text(texts, before, file), ("partitions", one.name, "components"), members)
+    for compound in compounds:
+        file = _file(system, opened, compound.name)
+        members = [each.name for each in most_critical_first(system.components[name] for name in compound.members)]
+        texts[file] = set_value(_text(texts, before, file), ("partitions", compound.name, "components"), members)
     for name, heir in gone.items():
         file = opened.loaded.places.key("partitions", name).file
         texts[file] = remove_value(_text(texts, before, file), ("partitions", name), ("partitions", heir))
@@ -47,7 +47,7 @@ def write_partitions(system: System, opened: Opened, compounds: Sequence[Coi]) -
 
 def _emptied(system: System, compounds: Sequence[Coi]) -> Mapping[str, str]:
     """Entries of partitions that lose their members to a compound of another name, by name; with that name."""
-    home = {member: one.name for one in compounds for member in one.members}
+    home = {member: compound.name for compound in compounds for member in compound.members}
     found = {}
     for name, wish in sorted(system.partitions.items()):
         heirs = sorted({home[member] for member in wish.components if home.get(member, name) != name})

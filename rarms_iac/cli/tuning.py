@@ -60,7 +60,7 @@ class Subject:
 
     def may_share(self, members: Members) -> bool:
         """Whether these components may be in one partition, somewhere, and be measured there."""
-        groups = [one for one in self.problem.groups if names_of(one.members)[0] in members]
+        groups = [group for group in self.problem.groups if names_of(group.members)[0] in members]
         return may_share(*groups) and bool(self._homes(members)) and self.highest(members) > 0
 
     def highest(self, members: Members) -> int:
@@ -86,19 +86,19 @@ class Subject:
         others = [one for one in self.problem.items if one.name not in tuned]
         return place([*others, *map(self._item, layout)], self.problem.bins)
 
-    def _item(self, one: Coi) -> Item:
-        if one in self.cois:
-            return next(each for each in self.problem.items if each.name == one.name)
-        memory = sum(self.system.components[name].memory for name in one.members)
-        claim = Claim(processors=one.processors, reserve=one.reserve, memory=memory)
-        homes, now = self._homes(one.members), self.problem.now.get(one.name)
+    def _item(self, coi: Coi) -> Item:
+        if coi in self.cois:
+            return next(each for each in self.problem.items if each.name == coi.name)
+        memory = sum(self.system.components[name].memory for name in coi.members)
+        claim = Claim(processors=coi.processors, reserve=coi.reserve, memory=memory)
+        homes, now = self._homes(coi.members), self.problem.now.get(coi.name)
         # The partition of that name stays where it runs, as the others do.
-        return Item(name=one.name, claims=dict.fromkeys((now,) if now in homes else homes, claim))
+        return Item(name=coi.name, claims=dict.fromkeys((now,) if now in homes else homes, claim))
 
     def _homes(self, members: Members) -> tuple[str, ...]:
         """Where all of them may run."""
         limits = [self.system.components[each].hosts for each in members]
-        return tuple(name for name in self.hosts.chosen if all(one is None or name in one for one in limits))
+        return tuple(name for name in self.hosts.chosen if all(limit is None or name in limit for limit in limits))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -138,13 +138,15 @@ def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) ->
     reservations = measured_reservations(measurements_of(system, hosts.folder, hosts.source), states)
     views = {name: host_view(state, system.application.name) for name, state in states.items()}
     problem = problem_of(system, reservations, views, may_move=False)
-    if any(not problem.claims[one.name] for one in problem.groups) or problem.contradictions:
+    if any(not problem.claims[group.name] for group in problem.groups) or problem.contradictions:
         found = plan_layout(system, reservations, views, places).findings
         raise Halted(ExitCode.NO, [one for one in found if has_errors([one])], hosts.opened.loaded.sources)
-    groups = [one for one in problem.groups if _can_be_tuned(one, problem, bench)]
-    cois = tuple(coi_as_measured(one, problem.claims[one.name][bench.name], reservations, bench) for one in groups)
+    groups = [group for group in problem.groups if _can_be_tuned(group, problem, bench)]
+    cois = tuple(
+        coi_as_measured(group, problem.claims[group.name][bench.name], reservations, bench) for group in groups
+    )
     tuned = {one.name for one in cois}
-    chosen = [one for one in problem.bins if one.name in hosts.chosen]
+    chosen = [host_bin for host_bin in problem.bins if host_bin.name in hosts.chosen]
     others = sum(min(map(cost, one.claims.values())) for one in problem.items if one.name not in tuned)
     capacity = sum(free_in(one).percent for one in chosen) - others
     return Subject(
@@ -177,7 +179,7 @@ def _can_be_tuned(group: Group, problem: Problem, bench: Host) -> bool:
     """One that says of itself what it gets keeps its partition: what was measured of another would not hold there."""
     wish = group.wish
     own = wish.memory is not None or wish.processors is not None or wish.cpu.limit is not None
-    measured = rests_on_a_log(group) and all(one.apt for one in group.members)
+    measured = rests_on_a_log(group) and all(member.apt for member in group.members)
     return measured and not own and wish.cpu.weight is None and bench.name in problem.claims[group.name]
 
 
@@ -234,4 +236,4 @@ def worse_on_the_curve(experiment: Experiment, settings: Sequence[Setting], rese
 
 
 def _but(members: Members, name: str) -> str:
-    return ", ".join(one for one in members if one != name)
+    return ", ".join(member for member in members if member != name)

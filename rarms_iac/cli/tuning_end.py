@@ -131,8 +131,8 @@ def _by_the_graph(before: End, asking: Asking, probability: float | None) -> End
     )
 
 
-def _parts(subject: Subject, one: Coi) -> Sequence[Coi]:
-    return [each for each in subject.cois if set(each.members) <= set(one.members)]
+def _parts(subject: Subject, coi: Coi) -> Sequence[Coi]:
+    return [each for each in subject.cois if set(each.members) <= set(coi.members)]
 
 
 def findings_of(end: End, hosts: Hosts) -> Iterator[Diagnostic]:
@@ -157,14 +157,14 @@ def findings_of(end: End, hosts: Hosts) -> Iterator[Diagnostic]:
             "`--samples 2000`, after removing the compound's data log.",
             address=f"component/{broken.members[0]}",
         )
-    for one in end.compounds:
-        apart = total(_parts(end.subject, one))
-        if one.cost > apart:
+    for compound in end.compounds:
+        apart = total(_parts(end.subject, compound))
+        if compound.cost > apart:
             yield findings.ABOVE_THE_SUM.at(
                 None,
-                f"{', '.join(one.members)} reserve {_shown(one.cost)} together, and {_shown(apart)} apart.",
+                f"{', '.join(compound.members)} reserve {_shown(compound.cost)} together, and {_shown(apart)} apart.",
                 "The paper's procedure counts this as successful; the default strategy drops such compounds.",
-                address=f"partition/{one.name}",
+                address=f"partition/{compound.name}",
             )
 
 

@@ -61,8 +61,8 @@ def drift(
 def _partitions(
     desired: State, observed: State, application: str, unused: frozenset[str], left: frozenset[str] | None
 ) -> Iterator[Drifted]:
-    there = {one.mark.name: one for one in observed.of(application).partitions if one.mark}
-    wanted = {one.settings.name: one for one in desired.partitions}
+    there = {partition.mark.name: partition for partition in observed.of(application).partitions if partition.mark}
+    wanted = {partition.settings.name: partition for partition in desired.partitions}
     for name in sorted({*there, *wanted}):
         address = Address(partition=name, machine=there[name].id if name in there else "")
         kind = _kind(wanted.get(name), there.get(name), is_unused=name in unused)
@@ -118,13 +118,13 @@ def _of(*, host: bool, manifest: bool) -> DriftKind | None:
 
 
 def _tasks(desired: State, observed: State, application: str, unused: frozenset[str]) -> Iterator[Drifted]:
-    kept = {one.settings.name for one in desired.partitions} - unused
+    kept = {partition.settings.name for partition in desired.partitions} - unused
     there = {
-        (one.inside, one.name.lower()): one
-        for one in observed.of(application).tasks
-        if not one.inside or one.inside in kept
+        (task.inside, task.name.lower()): task
+        for task in observed.of(application).tasks
+        if not task.inside or task.inside in kept
     }
-    wanted = {(one.inside, one.name.lower()): one for one in desired.tasks}
+    wanted = {(task.inside, task.name.lower()): task for task in desired.tasks}
     for key in sorted({*there, *wanted}):
         old, new = there.get(key), wanted.get(key)
         named = old or new

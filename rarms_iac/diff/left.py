@@ -18,7 +18,7 @@ def left_by(journal: Journal | ScriptRun | None, application: str) -> frozenset[
         return None
     plan = journal.started.host_plan
     before = {name.removeprefix(_PREFIX) for name in plan.digests if name.startswith(_PREFIX)}
-    whole = [one for one in plan.changes if one.address.partition and not one.address.task]
+    whole = [change for change in plan.changes if change.address.partition and not change.address.task]
     made = {one.address.partition for one in whole if isinstance(one, Create | Adopt)}
     gone = {one.address.partition for one in whole if isinstance(one, Delete | Release)}
     if started.run is RunKind.UNDO:

@@ -27,7 +27,7 @@ def ours_of(
     where: Callable[[Address], Place | None],
 ) -> Ours:
     """What carries our mark, after the manifest's moves."""
-    marked = {one.mark.name: one for one in observed.of(application).partitions if one.mark}
+    marked = {partition.mark.name: partition for partition in observed.of(application).partitions if partition.mark}
     names = renaming(marked, wanted, moved)
     told = [
         _both_exist(name, moved[name], where(Address(partition=name))) for name in names.impossible if name in moved

@@ -53,9 +53,13 @@ def resolve(partitions: Iterable[Partition], name: str, scope: Scope, machine: s
     those under the pending name of this plan. A machine that is merely called so is never ours.
     """
     if machine:
-        return tuple(one for one in partitions if one.id == machine)
+        return tuple(partition for partition in partitions if partition.id == machine)
     pending = scope.pending(name)
-    return tuple(one for one in partitions if is_marked(one, scope.application, name) or one.settings.name == pending)
+    return tuple(
+        partition
+        for partition in partitions
+        if is_marked(partition, scope.application, name) or partition.settings.name == pending
+    )
 
 
 def is_marked(partition: Partition, application: str, name: str) -> bool:
@@ -67,9 +71,9 @@ def is_marked(partition: Partition, application: str, name: str) -> bool:
 def find_task(tasks: Iterable[TaskClass], name: str, *, inside: str, machine: str) -> TaskClass | None:
     """The task class of this name, whatever its case, in this operating system."""
     wanted = name.lower()
-    for one in tasks:
-        if one.inside == inside and one.machine == machine and one.name.lower() == wanted:
-            return one
+    for task in tasks:
+        if task.inside == inside and task.machine == machine and task.name.lower() == wanted:
+            return task
     return None
 
 
@@ -121,9 +125,13 @@ def task_readings(task: TaskClass | None) -> Readings:
     return {**values_readings(task.values), **record_readings(task.record)} if task else _NO_TASK
 
 
-def responsiveness_readings(one: Responsiveness | None) -> Readings:
+def responsiveness_readings(responsiveness: Responsiveness | None) -> Readings:
     """What is read at the address of SystemResponsiveness."""
-    return {**values_readings(one.values), **record_readings(one.record)} if one else _NO_TASK
+    return (
+        {**values_readings(responsiveness.values), **record_readings(responsiveness.record)}
+        if responsiveness
+        else _NO_TASK
+    )
 
 
 def values_readings(values: Mapping[str, RegistryValue]) -> Readings:

@@ -60,8 +60,8 @@ def apply_acceptances(
             may be meant for another command. None: every code.
     """
     valid = {one.code: one for one in policy.accept.values() if silences(one, today)}
-    accepted = tuple(one for one in diagnostics if _covers(valid.get(one.code), one))
-    kept = [one for one in diagnostics if not _covers(valid.get(one.code), one)]
+    accepted = tuple(diagnostic for diagnostic in diagnostics if _covers(valid.get(diagnostic.code), diagnostic))
+    kept = [diagnostic for diagnostic in diagnostics if not _covers(valid.get(diagnostic.code), diagnostic)]
     used = {(one.code, one.address) for one in accepted}
     for one in valid.values():
         if looked_for is None or one.code in looked_for:
@@ -84,11 +84,11 @@ def _covers(acceptance: Acceptance | None, diagnostic: Diagnostic) -> bool:
     return acceptance is not None and bool(diagnostic.address) and diagnostic.address in acceptance.at
 
 
-def _unused(one: Acceptance, used: Collection[tuple[str, str]], places: Places) -> Iterator[Diagnostic]:
-    for number, address in enumerate(one.at):
-        if (one.code, address) not in used:
+def _unused(acceptance: Acceptance, used: Collection[tuple[str, str]], places: Places) -> Iterator[Diagnostic]:
+    for number, address in enumerate(acceptance.at):
+        if (acceptance.code, address) not in used:
             yield UNUSED.at(
-                places.value("policy", "accept", one.code, "at", number),
-                f"{one.code} does not occur at {address}.",
+                places.value("policy", "accept", acceptance.code, "at", number),
+                f"{acceptance.code} does not occur at {address}.",
                 "Remove it, so that the finding is seen should it come back; or correct the address.",
             )

@@ -18,7 +18,7 @@ class CannotFormat(ValueError):
     """The text is no manifest; `diagnostics` say why, as `rarms validate` would."""
 
     def __init__(self, diagnostics: tuple[Diagnostic, ...]) -> None:
-        super().__init__("; ".join(f"{one.place}: {one.detail}" for one in diagnostics))
+        super().__init__("; ".join(f"{diagnostic.place}: {diagnostic.detail}" for diagnostic in diagnostics))
         self.diagnostics = diagnostics
 
 

@@ -112,9 +112,9 @@ def _loaded(trees: list[Tree], system: System | None, places: Places, found: lis
     digest = hashlib.sha256()
     for tree in trees:
         digest.update(hashlib.sha256(tree.source.data).digest())
-    said = [*(one for tree in trees for one in tree.diagnostics), *found]
+    said = [*(diagnostic for tree in trees for diagnostic in tree.diagnostics), *found]
     return Loaded(
-        system=None if has_errors([one for tree in trees for one in tree.diagnostics]) else system,
+        system=None if has_errors([diagnostic for tree in trees for diagnostic in tree.diagnostics]) else system,
         places=places,
         diagnostics=in_order(said),
         sources={tree.source.file: tree.source.lines for tree in trees},

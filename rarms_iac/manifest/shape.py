@@ -32,7 +32,9 @@ def described(path: Path) -> str:
 def _schemas(path: Path) -> list[dict[str, Any]]:
     found = list(_alternatives(manifest_schema()))
     for step in path:
-        found = [one for schema in found for child in _children(schema, step) for one in _alternatives(child)]
+        found = [
+            alternative for schema in found for child in _children(schema, step) for alternative in _alternatives(child)
+        ]
     return found
 
 

@@ -45,4 +45,4 @@ class Book:
 
 def highest_seed(settings: tuple[Setting, ...]) -> int:
     """The last seed that anything was measured with; 0 where nothing was."""
-    return max((one.seed for one in settings), default=0)
+    return max((setting.seed for setting in settings), default=0)

@@ -46,10 +46,10 @@ def shown(setting: Setting, experiment: Experiment) -> tuple[Shown, ...]:
 def shown_of(components: tuple[Component, ...], seen: Mapping[str, Series]) -> tuple[Shown, ...]:
     """The same of series that were seen elsewhere; components without one are left out."""
     return tuple(
-        _shown(one, index, threshold, seen[one.name])
-        for one in components
-        if one.name in seen
-        for index, threshold in one.apt.items()
+        _shown(component, index, threshold, seen[component.name])
+        for component in components
+        if component.name in seen
+        for index, threshold in component.apt.items()
     )
 
 
@@ -59,12 +59,12 @@ def shown_at(reserve: int, settings: Iterable[Setting], experiment: Experiment) 
     Strict, and with the error of a verdict, as a report judges a setting.
     """
     verdicts = [
-        judge(series, one.apt, experiment.runs[one.name], error=VERDICT_ERROR / len(experiment.members))
+        judge(series, member.apt, experiment.runs[member.name], error=VERDICT_ERROR / len(experiment.members))
         for setting in settings
         if setting.reserve == reserve
-        for one in experiment.members
+        for member in experiment.members
         for series in setting.series
-        if series.component == one.name and one.apt
+        if series.component == member.name and member.apt
     ]
     if any(isinstance(verdict, Missed) for verdict in verdicts):
         return "missed"

@@ -89,7 +89,11 @@ def set_reserves(host: StepwiseHost, application: str, shapes: Sequence[Shape], 
     Raises:
         HostError: the host did not do it.
     """
-    now = {one.mark.name: one.settings.reserve for one in host.observe().of(application).partitions if one.mark}
+    now = {
+        partition.mark.name: partition.settings.reserve
+        for partition in host.observe().of(application).partitions
+        if partition.mark
+    }
     for shape in sorted(shapes, key=lambda one: (reserves[one.name] - now.get(one.name, 0), one.name)):
         wanted = reserves[shape.name]
         if now.get(shape.name) != wanted:
@@ -106,7 +110,7 @@ def remove_test_partitions(host: StepwiseHost) -> tuple[str, ...]:
     Raises:
         HostError: one cannot be removed.
     """
-    found = [one for one in host.observe().partitions if is_test_partition(one)]
+    found = [partition for partition in host.observe().partitions if is_test_partition(partition)]
     for one in found:
         _remove(host, one)
     return tuple(sorted(called(one) for one in found))
@@ -132,9 +136,9 @@ def _make(host: StepwiseHost, shape: Shape, scope: Scope) -> None:
         host.execute(operation, scope)
 
 
-def _remove(host: StepwiseHost, one: Partition) -> None:
-    name = called(one)
-    scope = Scope(application=one.mark.application if one.mark else "", plan=MEASURING)
-    if one.state is not RunState.OFF:
-        host.execute(StopPartition(partition=name, grace_ms=0, machine=one.id), scope)
-    host.execute(RemovePartition(partition=name, machine=one.id), scope)
+def _remove(host: StepwiseHost, partition: Partition) -> None:
+    name = called(partition)
+    scope = Scope(application=partition.mark.application if partition.mark else "", plan=MEASURING)
+    if partition.state is not RunState.OFF:
+        host.execute(StopPartition(partition=name, grace_ms=0, machine=partition.id), scope)
+    host.execute(RemovePartition(partition=name, machine=partition.id), scope)

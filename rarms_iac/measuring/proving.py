@@ -36,13 +36,13 @@ class AppliedLayout:
     @property
     def components(self) -> tuple[Component, ...]:
         """All of them, by name."""
-        inside = [one for members in self.partitions.values() for one in members]
+        inside = [member for members in self.partitions.values() for member in members]
         return tuple(sorted((*inside, *self.on_host), key=lambda one: one.name))
 
     @property
     def judged(self) -> tuple[Component, ...]:
         """Those with thresholds, by name."""
-        return tuple(one for one in self.components if one.apt)
+        return tuple(component for component in self.components if component.apt)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +85,7 @@ def with_samples(layout: AppliedLayout, samples: int | None) -> AppliedLayout:
 
     def changed(components: Iterable[Component]) -> tuple[Component, ...]:
         until = SampleCount(samples=samples)
-        return tuple(replace(one, run=replace(run_of(one), until=until)) for one in components)
+        return tuple(replace(component, run=replace(run_of(component), until=until)) for component in components)
 
     partitions = {name: changed(members) for name, members in layout.partitions.items()}
     return replace(layout, partitions=partitions, on_host=changed(layout.on_host))
@@ -136,9 +136,9 @@ def prove(
 def tried_of(components: tuple[Component, ...], seen: Mapping[str, Series]) -> tuple[Tried, ...]:
     """The verdict on every index of these, each series looked at whole and once."""
     return tuple(
-        _tried(one, index, verdict)
-        for one in components
-        for index, verdict in judge_each(seen[one.name], one.apt, run_of(one)).items()
+        _tried(component, index, verdict)
+        for component in components
+        for index, verdict in judge_each(seen[component.name], component.apt, run_of(component)).items()
     )
 
 

@@ -30,20 +30,26 @@ class Room:
     def unreserved(self) -> bool:
         """Whether P1 and P2 can have all of every logical processor between them, as CMCPUR takes for granted."""
         whole = self.capacity.processors == self.capacity.logical_processors
-        return whole and not any(one.reserve and one.processors for one in self.others)
+        return whole and not any(other.reserve and other.processors for other in self.others)
 
 
 def room_of(host: Host, state: State, application: str) -> Room:
     """What this host has to give: partitions of the application count while they run, all others as always."""
     return Room(
         capacity=capacity_of(host, state.facts),
-        others=tuple(claim_of_settings(one.settings) for one in state.partitions if _counts(one, application)),
+        others=tuple(
+            claim_of_settings(partition.settings) for partition in state.partitions if _counts(partition, application)
+        ),
     )
 
 
 def in_the_way(state: State) -> tuple[Partition, ...]:
     """What would run beside P1 and P2 and change what is measured, by name: everything that is not at rest."""
-    running = [one for one in state.partitions if not is_test_partition(one) and one.state not in _AT_REST]
+    running = [
+        partition
+        for partition in state.partitions
+        if not is_test_partition(partition) and partition.state not in _AT_REST
+    ]
     return tuple(sorted(running, key=lambda one: (called(one), one.id)))
 
 
@@ -66,7 +72,7 @@ def load_memory(room: Room, setup: EnvironmentSetup) -> int:
 
 def left_memory(room: Room, taken: int = 0) -> int:
     """Bytes for a P2: the usual, or what is left where that is less; whole MiB."""
-    left = room.capacity.memory - sum(one.memory for one in room.others) - taken
+    left = room.capacity.memory - sum(other.memory for other in room.others) - taken
     return min(USUAL_LOAD_MEMORY, left // MEBIBYTE * MEBIBYTE)
 
 

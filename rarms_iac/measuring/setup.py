@@ -30,7 +30,7 @@ class Experiment:
     @property
     def runs(self) -> dict[str, Run]:
         """How each member runs."""
-        return {one.name: run_of(one) for one in self.members}
+        return {member.name: run_of(member) for member in self.members}
 
 
 def experiment_of(
@@ -48,19 +48,19 @@ def experiment_of(
     names = tuple(sorted(members))
     components = tuple(system.components[name] for name in names)
     wish = _wish(system, names)
-    processors = wish.processors or max(one.processors or host.logical_processors for one in components)
+    processors = wish.processors or max(component.processors or host.logical_processors for component in components)
     setup = EnvironmentSetup(
         members=names,
         interference=interference,
         processors=processors,
-        memory=int(wish.memory if wish.memory is not None else sum(one.memory for one in components)),
+        memory=int(wish.memory if wish.memory is not None else sum(component.memory for component in components)),
         limit=_limit(wish, components, host, processors),
-        weight=wish.cpu.weight or max(one.cpu.weight or USUAL_WEIGHT for one in components),
+        weight=wish.cpu.weight or max(component.cpu.weight or USUAL_WEIGHT for component in components),
     )
     return Experiment(
         application=system.application.name,
         host=host,
-        members=tuple(_with_samples(one, samples) for one in components),
+        members=tuple(_with_samples(component, samples) for component in components),
         load=system.interference[interference],
         setup=setup,
         tasks=system.tasks,
@@ -90,7 +90,7 @@ def _wish(system: System, names: tuple[str, ...]) -> PartitionWish:
 
 def _limit(wish: PartitionWish, components: tuple[Component, ...], host: Host, processors: int) -> int:
     """Fixed by the manifest, in the provider's grain; open: none, as a cap would falsify what is measured."""
-    amounts = [wish.cpu.limit] if wish.cpu.limit is not None else [one.cpu.limit for one in components]
+    amounts = [wish.cpu.limit] if wish.cpu.limit is not None else [component.cpu.limit for component in components]
     total = Fraction(0)
     for amount in amounts:
         if amount is None:

@@ -24,7 +24,9 @@ from rarms_iac.statistics.curve import curves_of, least_reserve
 
 def goal_of(experiment: Experiment) -> Goal:
     """What a search looks for: every APT of every member."""
-    members = tuple(Member(name=one.name, apt=one.apt, run=experiment.runs[one.name]) for one in experiment.members)
+    members = tuple(
+        Member(name=member.name, apt=member.apt, run=experiment.runs[member.name]) for member in experiment.members
+    )
     return Goal(members=members, processors=experiment.setup.processors)
 
 
@@ -45,7 +47,7 @@ class Searching:
 
     def _judged(self, settings: Sequence[Setting]) -> Sequence[Trial]:
         """NOTE: settings are only ever added, and judging one reads all of its samples: each is judged once."""
-        self._trials += [trial_of(one, self.goal) for one in settings[len(self._trials) :]]
+        self._trials += [trial_of(setting, self.goal) for setting in settings[len(self._trials) :]]
         return self._trials
 
     def _replayed(self, trials: Sequence[Trial]) -> Step:
@@ -75,13 +77,13 @@ class Searching:
 
     def _measure(self, trials: Sequence[Trial], reserve: int, precision: float | None) -> Measure:
         """Until it is settled, or to its end: once a setting had no steady state, an early look may see but a part."""
-        if any(one.untold for one in trials):
+        if any(trial.untold for trial in trials):
             return Measure(reserve=reserve)
         return Measure(reserve=reserve, settled=partial(settled, goal=self.goal, precision=precision))
 
     def _at_most(self, trials: Sequence[Trial], precision: float | None) -> Step:
         """More is asked for than the host can give: what it can give decides."""
-        known = [one for one in trials if one.reserve == self.most]
+        known = [trial for trial in trials if trial.reserve == self.most]
         if not known:
             return self._measure(trials, self.most, precision)
         if known[-1].passed:
@@ -101,8 +103,8 @@ class Sweeping:
 
     def step(self, settings: Sequence[Setting]) -> Step:
         """As `Strategy` says."""
-        known = {one.reserve for one in settings}
-        return next((Measure(reserve=one) for one in self.reserves if one not in known), Swept())
+        known = {setting.reserve for setting in settings}
+        return next((Measure(reserve=reserve) for reserve in self.reserves if reserve not in known), Swept())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,7 +116,7 @@ class Answering:
 
     def step(self, settings: Sequence[Setting]) -> Step:
         """As `Strategy` says."""
-        known = any(one.reserve == self.reserve for one in settings)
+        known = any(setting.reserve == self.reserve for setting in settings)
         if known:
             return Swept()
         return Measure(reserve=self.reserve, settled=partial(settled, goal=self.goal, precision=None))
@@ -130,7 +132,9 @@ class Verifying:
     def step(self, settings: Sequence[Setting]) -> Step:
         """As `Strategy` says."""
         members = self.goal.members
-        curves = curves_of(settings, {one.name: one.run for one in members}, {one.name: one.apt for one in members})
+        curves = curves_of(
+            settings, {member.name: member.run for member in members}, {member.name: member.apt for member in members}
+        )
         found = least_reserve(curves)
         if found is None:
             return NotResolved(says=NOTHING_FOR_SURE)
@@ -139,7 +143,7 @@ class Verifying:
             return NotResolved(says=f"{found.reserve} % was looked up, and {left}")
         if found.interpolated:
             return Measure(reserve=found.reserve)
-        lower = [trial_of(one, self.goal) for one in settings if one.reserve < found.reserve]
+        lower = [trial_of(setting, self.goal) for setting in settings if setting.reserve < found.reserve]
         return _sufficient(self.goal, lower, found.reserve)
 
 
@@ -170,7 +174,7 @@ class Agreeing:
             return step
         match self.verifying.step(settings):
             case Sufficient() as planned:
-                known = {one.reserve for one in settings}
+                known = {setting.reserve for setting in settings}
                 return step if planned.reserve == step.reserve else _certified(planned, known)
             case other:
                 return other
@@ -189,4 +193,4 @@ def _certified(planned: Sufficient, known: Collection[int]) -> Step:
 
 def apts_of(experiment: Experiment) -> dict[str, Mapping[str, Threshold]]:
     """The thresholds of each member."""
-    return {one.name: one.apt for one in experiment.members}
+    return {member.name: member.apt for member in experiment.members}

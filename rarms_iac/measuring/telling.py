@@ -78,15 +78,15 @@ def show_threshold(index: str, threshold: Threshold) -> str:
     return thresholds.show_threshold(found, threshold)
 
 
-def show_measured(one: Shown) -> str:
+def show_measured(shown: Shown) -> str:
     """`mean_response_time 94.1 ms (93.5 to 94.8 ms)`."""
-    if one.estimate is None:
-        return f"{one.index} cannot be told: {one.why}"
-    value = show_value(one.index, one.estimate.value)
-    if one.estimate.beyond is not None:
-        return f"{one.index} {value}, beyond which up to {one.estimate.beyond:.2g} % of the jobs may lie"
-    lower, upper = (show_value(one.index, side) for side in (one.estimate.lower, one.estimate.upper))
-    return f"{one.index} {value} ({lower.rpartition(' ')[0]} to {upper})"
+    if shown.estimate is None:
+        return f"{shown.index} cannot be told: {shown.why}"
+    value = show_value(shown.index, shown.estimate.value)
+    if shown.estimate.beyond is not None:
+        return f"{shown.index} {value}, beyond which up to {shown.estimate.beyond:.2g} % of the jobs may lie"
+    lower, upper = (show_value(shown.index, side) for side in (shown.estimate.lower, shown.estimate.upper))
+    return f"{shown.index} {value} ({lower.rpartition(' ')[0]} to {upper})"
 
 
 def _not_achievable(
@@ -148,7 +148,7 @@ def _less_unknown(
     """Where a search would have had a fail close below, and has but settings that say neither."""
     if not found.untold or found.reserve - (found.failed or 0) <= WIDTH:
         return
-    reserve, component, why = _unsteady(one for one in settings if one.reserve == found.untold[-1])[-1]
+    reserve, component, why = _unsteady(setting for setting in settings if setting.reserve == found.untold[-1])[-1]
     many = "it" if len(found.untold) == 1 else "they"
     lowest = f"; {found.failed} % is not shown to be" if found.failed else ""
     yield LESS_UNKNOWN.at(
@@ -162,19 +162,19 @@ def _less_unknown(
 
 
 def _asked_for(experiment: Experiment) -> str:
-    names = " ".join(one.name for one in experiment.members)
+    names = " ".join(member.name for member in experiment.members)
     return f"{names} --together" if len(experiment.members) > 1 else names
 
 
 def _fixed_anyway(experiment: Experiment, reserve: int, places: Places) -> Iterator[Diagnostic]:
     """Of a component measured alone: a plan takes what the manifest fixes, and not this."""
-    for one in experiment.members if len(experiment.members) == 1 else ():
-        if one.cpu.reserve is None or isinstance(one.cpu.reserve, Measured):
+    for member in experiment.members if len(experiment.members) == 1 else ():
+        if member.cpu.reserve is None or isinstance(member.cpu.reserve, Measured):
             continue
         yield FIXED_ANYWAY.at(
-            places.value("components", one.name, "cpu", "reserve"),
-            f"{one.name} meets its thresholds at a CR of {reserve} %, and the manifest reserves "
-            f"{show_amount(one.cpu.reserve)} for it, whatever is measured.",
+            places.value("components", member.name, "cpu", "reserve"),
+            f"{member.name} meets its thresholds at a CR of {reserve} %, and the manifest reserves "
+            f"{show_amount(member.cpu.reserve)} for it, whatever is measured.",
             "For a plan to take what was measured, write `reserve: measured`.",
-            address=f"component/{one.name}",
+            address=f"component/{member.name}",
         )

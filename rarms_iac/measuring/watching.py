@@ -27,7 +27,7 @@ def watch(
 
     `is_enough` is asked when every component has as many samples as `next_look` says. None: an end was asked for.
     """
-    allowed = {one.name: one.run.failures if one.run is not None else 0 for one in components}
+    allowed = {component.name: component.run.failures if component.run is not None else 0 for component in components}
     seen: dict[str, list[Sample]] = {name: [] for name in sorted(allowed)}
     failed: dict[str, list[str]] = {name: [] for name in seen}
     looks_at = next_look(0)

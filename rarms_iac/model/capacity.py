@@ -50,9 +50,9 @@ def claim_of_settings(settings: PartitionSettings) -> Claim:
 def foreign_claims(state: State, application: str) -> tuple[Claim, ...]:
     """What the machines that are not this application's are promised: those that run, start, or start by themselves."""
     return tuple(
-        claim_of_settings(one.settings)
-        for one in state.partitions
-        if one.claims_resources and (one.mark is None or one.mark.application != application)
+        claim_of_settings(partition.settings)
+        for partition in state.partitions
+        if partition.claims_resources and (partition.mark is None or partition.mark.application != application)
     )
 
 

@@ -92,16 +92,18 @@ class Diagnostic:
 def in_order(diagnostics: "list[Diagnostic] | tuple[Diagnostic, ...]") -> tuple[Diagnostic, ...]:
     """The same findings, by place, then code, then text; those without a place come first."""
 
-    def key(one: Diagnostic) -> tuple[str, int, int, str, str, str]:
-        file, line, column = (one.place.file, one.place.line, one.place.column) if one.place else ("", 0, 0)
-        return file, line, column, one.code, one.address, one.detail
+    def key(diagnostic: Diagnostic) -> tuple[str, int, int, str, str, str]:
+        file, line, column = (
+            (diagnostic.place.file, diagnostic.place.line, diagnostic.place.column) if diagnostic.place else ("", 0, 0)
+        )
+        return file, line, column, diagnostic.code, diagnostic.address, diagnostic.detail
 
     return tuple(sorted(diagnostics, key=key))
 
 
 def has_errors(diagnostics: "list[Diagnostic] | tuple[Diagnostic, ...]") -> bool:
     """Whether one of them is an error."""
-    return any(one.severity is Severity.ERROR for one in diagnostics)
+    return any(diagnostic.severity is Severity.ERROR for diagnostic in diagnostics)
 
 
 class Places(Protocol):

@@ -115,4 +115,4 @@ class ScriptRun:
 
     def touched(self) -> frozenset[int]:
         """Numbers of the steps that were begun or done and may have changed something."""
-        return frozenset(one.number for one in self.steps if one.status is not StepStatus.UNCHANGED)
+        return frozenset(step.number for step in self.steps if step.status is not StepStatus.UNCHANGED)

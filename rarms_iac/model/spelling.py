@@ -9,7 +9,7 @@ MOST_CANDIDATES = 400
 def did_you_mean(word: str, candidates: Collection[str]) -> str | None:
     """The nearest of the candidates (ties by name), or None where none is near: about one slip in three letters."""
     allowed = max(len(word) > 1, min(len(word), 32) // 3)
-    near = (one for one in candidates if one != word and abs(len(one) - len(word)) <= allowed)
+    near = (candidate for candidate in candidates if candidate != word and abs(len(candidate) - len(word)) <= allowed)
     compared = [one for one, _ in zip(near, range(MOST_CANDIDATES), strict=False)]
     distances = sorted((distance(_folded(word), _folded(one), allowed), one) for one in compared)
     return distances[0][1] if distances and distances[0][0] <= allowed else None

@@ -241,5 +241,9 @@ class State:
         )
 
 
-def _is_of(one: Responsiveness | None, application: str) -> bool:
-    return one is not None and one.record is not None and one.record.application == application
+def _is_of(responsiveness: Responsiveness | None, application: str) -> bool:
+    return (
+        responsiveness is not None
+        and responsiveness.record is not None
+        and responsiveness.record.application == application
+    )

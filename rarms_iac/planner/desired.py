@@ -49,10 +49,10 @@ def desired_state(system: System, layout: Layout, observed: State, places: Place
     placed on another host is not in the state, and so goes.
     """
     application = system.application.name
-    here = [one for one in layout.partitions if one.host == observed.facts.name]
-    there = {one.mark.name: one for one in observed.of(application).partitions if one.mark}
+    here = [partition for partition in layout.partitions if partition.host == observed.facts.name]
+    there = {partition.mark.name: partition for partition in observed.of(application).partitions if partition.mark}
     current = _current_names(there, {one.name for one in here}, system.moved)
-    placed = {one.name for one in layout.partitions}
+    placed = {partition.name for partition in layout.partitions}
     unused = [one for name, one in sorted(there.items()) if name not in placed and name not in current.values()]
     wanted = [_wanted(one, there.get(current.get(one.name, "")), application) for one in here]
     found, values, problems = _tasks(system, layout, observed, here, current, places)
@@ -62,7 +62,7 @@ def desired_state(system: System, layout: Layout, observed: State, places: Place
         state=State(
             facts=observed.facts,
             partitions=tuple(sorted([*wanted, *map(_kept, unused)], key=lambda one: one.settings.name)),
-            tasks=tuple(one for one in tasks if one.inside not in unseen),
+            tasks=tuple(task for task in tasks if task.inside not in unseen),
             serials=observed.serials,
             responsiveness=_responsiveness(system.hosts[observed.facts.name], observed, application),
         ),
@@ -72,7 +72,7 @@ def desired_state(system: System, layout: Layout, observed: State, places: Place
         making={one.name: one.making for one in here},
         criticality={one.name: one.criticality for one in here},
         classes=values,
-        by_hand=tuple(one for one in tasks if one.inside in unseen),
+        by_hand=tuple(task for task in tasks if task.inside in unseen),
         findings=problems,
     )
 
@@ -84,8 +84,8 @@ def _unseen_guests(tasks: Iterable[TaskClass], observed: State, current: Mapping
     """
     if observed.facts.provider is not ProviderKind.HYPERV:
         return frozenset()
-    seen = {one.inside for one in observed.tasks}
-    return frozenset(one.inside for one in tasks if one.inside and current.get(one.inside, "") not in seen - {""})
+    seen = {task.inside for task in observed.tasks}
+    return frozenset(task.inside for task in tasks if task.inside and current.get(task.inside, "") not in seen - {""})
 
 
 def _current_names(there: Collection[str], here: Collection[str], moved: Mapping[str, str]) -> Mapping[str, str]:
@@ -93,24 +93,24 @@ def _current_names(there: Collection[str], here: Collection[str], moved: Mapping
     return {new: old for old, new in renaming(there, here, moved).new.items() if new in here}
 
 
-def _wanted(one: PlacedPartition, there: Partition | None, application: str) -> Partition:
-    by_hand = one.start is StartMode.MANUAL
+def _wanted(partition: PlacedPartition, there: Partition | None, application: str) -> Partition:
+    by_hand = partition.start is StartMode.MANUAL
     running = (there is not None and there.settings.running) if by_hand else True
     settings = PartitionSettings(
-        name=one.name,
-        generation=one.generation,
-        processors=one.processors,
-        reserve=one.reserve,
-        limit=one.limit,
-        weight=one.weight,
-        memory=one.memory,
+        name=partition.name,
+        generation=partition.generation,
+        processors=partition.processors,
+        reserve=partition.reserve,
+        limit=partition.limit,
+        weight=partition.weight,
+        memory=partition.memory,
         dynamic_memory=False,
         start_action=StartAction.NOTHING if by_hand else StartAction.START,
         stop_action=StopAction.SHUT_DOWN,
         checkpoints=Checkpoints.DISABLED,
         running=running,
     )
-    return _marked(settings, application, one.name, there.id if there else "")
+    return _marked(settings, application, partition.name, there.id if there else "")
 
 
 def _kept(there: Partition) -> Partition:
@@ -173,7 +173,7 @@ def _systems(layout: Layout, host: str, here: Iterable[PlacedPartition]) -> Iter
 
 
 def _task_there(observed: State, inside: str, name: str) -> TaskClass | None:
-    found = [one for one in observed.tasks if one.inside == inside and one.name.lower() == name.lower()]
+    found = [task for task in observed.tasks if task.inside == inside and task.name.lower() == name.lower()]
     return found[0] if found else None
 
 

@@ -66,10 +66,10 @@ class FixedReservations:
 def to_be_measured(members: Iterable[Component]) -> Names:
     """Those whose reserve comes from a measurement, by name."""
 
-    def is_open(one: Component) -> bool:
-        return one.cpu.reserve is Measured.MEASURED or (one.cpu.reserve is None and bool(one.apt))
+    def is_open(component: Component) -> bool:
+        return component.cpu.reserve is Measured.MEASURED or (component.cpu.reserve is None and bool(component.apt))
 
-    return tuple(sorted(one.name for one in members if is_open(one)))
+    return tuple(sorted(member.name for member in members if is_open(member)))
 
 
 def rests_on_a_log(group: Group) -> bool:
@@ -80,9 +80,9 @@ def rests_on_a_log(group: Group) -> bool:
 def fixed(members: Iterable[Component], host: Host) -> LogicalProcessors:
     """What the manifest fixes of the members' reserves, in LPs of this host."""
     total = Fraction(0)
-    for one in members:
-        if one.cpu.reserve is not None and not isinstance(one.cpu.reserve, Measured):
-            total += in_processors(one.cpu.reserve, host.logical_processors)
+    for member in members:
+        if member.cpu.reserve is not None and not isinstance(member.cpu.reserve, Measured):
+            total += in_processors(member.cpu.reserve, host.logical_processors)
     return LogicalProcessors(total)
 
 
@@ -155,7 +155,7 @@ class MeasuredReservations:
         log = self.log(members, host)
         if isinstance(log, NotMeasured):
             return None
-        apts = tuple((one.name, index, threshold) for one in members for index, threshold in one.apt.items())
+        apts = tuple((member.name, index, threshold) for member in members for index, threshold in member.apt.items())
         key = (self.kinds.get(host.name), names_of(members), apts)
         if key not in self._known:
             self._known[key] = least_of(log, apts)
@@ -169,13 +169,13 @@ def least_of(log: MeasuredTogether, apts: Iterable[tuple[str, str, Threshold]]) 
 
 def names_of(members: Iterable[Component]) -> Names:
     """The members' names in order, as data logs are found by."""
-    return tuple(sorted(one.name for one in members))
+    return tuple(sorted(member.name for member in members))
 
 
 def not_met(members: tuple[Component, ...], log: MeasuredTogether) -> NotMeasured:
     """No setting of the log meets every APT of the members."""
     names = to_be_measured(members)
-    told = " and ".join(f"{index} of {one.name}" for one in members for index in one.apt)
+    told = " and ".join(f"{index} of {member.name}" for member in members for index in member.apt)
     if not log.measured:
         says = f"{log.path} holds no setting yet."
     elif log.measured[-1] < 100:

@@ -109,7 +109,7 @@ def cmdlet(name: str, module: str = "") -> Cmdlet | None:
 
 def names() -> tuple[str, ...]:
     """The names of all cmdlets of the tables, sorted."""
-    return tuple(sorted(one.name for one in _tables().values()))
+    return tuple(sorted(table.name for table in _tables().values()))
 
 
 def in_both(name: str, module: str = "") -> bool:
@@ -155,7 +155,11 @@ def _spelling(called: Cmdlet, name: str) -> Iterable[Problem]:
 def _unknown(called: Cmdlet, name: str) -> Problem:
     """An alias, an abbreviation or a mistake: all three may mean another parameter in another version."""
     low = name.lower()
-    aliased = [one.name for one in called.parameters.values() if low in {alias.lower() for alias in one.aliases}]
+    aliased = [
+        parameter.name
+        for parameter in called.parameters.values()
+        if low in {alias.lower() for alias in parameter.aliases}
+    ]
     begun = [one.name for key, one in called.parameters.items() if key.startswith(low)]
     if aliased:
         return Problem(says=f"-{name} is an alias", advice=f"write -{aliased[0]}")
@@ -165,7 +169,7 @@ def _unknown(called: Cmdlet, name: str) -> Problem:
 
 
 def _groups(called: Cmdlet) -> tuple[str, ...]:
-    named = {group for one in called.parameters.values() for group in one.sets}
+    named = {group for parameter in called.parameters.values() for group in parameter.sets}
     return tuple(sorted(named)) or ("",)
 
 
@@ -174,8 +178,8 @@ def _fits(called: Cmdlet, group: str, given: Collection[Parameter], piped: bool)
     if any(group not in one.sets for one in given):
         return False
     missing = [
-        one.sets[group]
-        for one in called.parameters.values()
-        if group in one.sets and one.sets[group].mandatory and one not in given
+        parameter.sets[group]
+        for parameter in called.parameters.values()
+        if group in parameter.sets and parameter.sets[group].mandatory and parameter not in given
     ]
     return all(piped and one.from_pipeline for one in missing)

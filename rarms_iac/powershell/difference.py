@@ -85,7 +85,7 @@ def difference(old: Outline, new: Outline) -> ScriptDifference:
 def _keys(script: Outline) -> dict[tuple[str, tuple[str, ...], int], ScriptStep]:
     found: dict[tuple[str, tuple[str, ...], int], ScriptStep] = {}
     for step in script.steps:
-        kind = (step.address, tuple(one.name for one in step.calls))
+        kind = (step.address, tuple(call.name for call in step.calls))
         at = 0
         while (*kind, at) in found:
             at += 1

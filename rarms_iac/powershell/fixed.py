@@ -66,7 +66,7 @@ def _needs(name: str) -> frozenset[str]:
 def _called(text: str) -> set[str]:
     """The parts whose functions a text calls; what stands in its strings and remarks is no call."""
     where = _where()
-    return {where[one.text] for one in tokens(text) if one.kind is TokenKind.WORD and one.text in where}
+    return {where[token.text] for token in tokens(text) if token.kind is TokenKind.WORD and token.text in where}
 
 
 @cache

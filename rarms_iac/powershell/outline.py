@@ -124,7 +124,7 @@ def _table(node: "Node") -> dict[str, Scalar]:
 
 def _texts(node: "Node") -> tuple[str, ...]:
     """The texts of an array of literals: plain ASCII, as addresses are."""
-    return tuple(one.text for one in tokens(text_of(inner(node))) if one.kind is TokenKind.STRING)
+    return tuple(token.text for token in tokens(text_of(inner(node))) if token.kind is TokenKind.STRING)
 
 
 def _calls(block: "Node") -> Iterator[ScriptCall]:

@@ -196,7 +196,7 @@ def _fill(
     more: Mapping[str, Literal],
 ) -> bytes:
     run = {"kind": literal(kind.value), "total": literal(len(steps)), **_run(host_plan, plan, inside), **more}
-    ready = [_ready(one, len(steps)) for one in steps]
+    ready = [_ready(step, len(steps)) for step in steps]
     parts = parts_for("\n".join([run["guard"], *(text for one in ready for text in one.code)]))
     values = {
         "requirements": _GUEST_REQUIRES if inside else _HOST_REQUIRES,
@@ -236,7 +236,7 @@ def _header(
         "Steps": str(len(steps)),
         "Parts": f"{', '.join(parts)}: what the runtime and these steps call",
     }
-    lost = sorted({one.step.undo.says for one in steps if one.step.undo.level is not UndoLevel.FULL})
+    lost = sorted({step.step.undo.says for step in steps if step.step.undo.level is not UndoLevel.FULL})
     return [f"{name:<12} {remark(text)}" for name, text in lines.items()] + [
         f"{NOT_UNDONE:<12} {remark(text)}" for text in lost
     ]

@@ -83,7 +83,7 @@ def errors(root: "Node") -> tuple["Node", ...]:
     """
     if not root.has_error:
         return ()
-    return tuple(node for node in walk(root) if node.has_error and not any(one.has_error for one in node.children))
+    return tuple(node for node in walk(root) if node.has_error and not any(child.has_error for child in node.children))
 
 
 def literal_of(node: "Node") -> str | None:
@@ -159,7 +159,7 @@ def sound(script: str) -> "Node":
 def disagreement(script: str, root: "Node") -> int:
     """The first line on which tokens and tree see different strings or comments; 0 where they agree."""
     try:
-        seen = {(one.offset, one.end) for one in tokens(script) if one.kind in _TOKEN_TEXTS}
+        seen = {(token.offset, token.end) for token in tokens(script) if token.kind in _TOKEN_TEXTS}
     except NotTokens as no:
         return _line_at(script, no.offset)
     offset = _characters(script)

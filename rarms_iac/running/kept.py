@@ -219,7 +219,7 @@ class Kept:
         while piece := _read(stream):
             events = lines.cut(piece, time.perf_counter())
             if self._deaf.is_set() or self._quiet.is_set():
-                events = [one for one in events if not isinstance(one, Line | TooLong)]
+                events = [event for event in events if not isinstance(event, Line | TooLong)]
             if events:
                 self._put(events)
         self._put([{"event": "gone"}])

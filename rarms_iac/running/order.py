@@ -77,7 +77,7 @@ def order_of_words(
         CannotStart: the program is not there.
     """
     known = around.environment if environment is None else environment
-    found = words if folder.resolve() == around.base.resolve() else tuple(_word(one, around.base) for one in words)
+    found = words if folder.resolve() == around.base.resolve() else tuple(_word(word, around.base) for word in words)
     before = around.inside.words
     program = _program(name, (*before, *found)[0], folder, known)
     if before:

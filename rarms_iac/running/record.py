@@ -98,5 +98,5 @@ class Record:
 
 def earliest(*times: float | None) -> float | None:
     """The first of these times; None where there is none."""
-    known = [one for one in times if one is not None]
+    known = [time for time in times if time is not None]
     return min(known) if known else None

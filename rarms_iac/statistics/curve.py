@@ -177,8 +177,8 @@ def _together(estimates: Sequence[Estimate], index: str) -> Estimate:
         return estimates[0]
     if estimates[0].beyond is not None:  # of an extreme nothing is averaged: what was seen once was seen
         return (min if index == "minimum_response_time" else max)(estimates, key=lambda one: one.value)
-    total = sum(one.effective_samples for one in estimates)
-    parts = [one.effective_samples / total for one in estimates]
+    total = sum(estimate.effective_samples for estimate in estimates)
+    parts = [estimate.effective_samples / total for estimate in estimates]
     value = sum(part * one.value for part, one in zip(parts, estimates, strict=True))
     below = sum((part * (one.value - one.lower)) ** 2 for part, one in zip(parts, estimates, strict=True)) ** 0.5
     above = sum((part * (one.upper - one.value)) ** 2 for part, one in zip(parts, estimates, strict=True)) ** 0.5
@@ -187,19 +187,19 @@ def _together(estimates: Sequence[Estimate], index: str) -> Estimate:
         lower=value - below,
         upper=value + above,
         error=estimates[0].error,
-        samples=sum(one.samples for one in estimates),
+        samples=sum(estimate.samples for estimate in estimates),
         effective_samples=total,
     )
 
 
 def _monotone(reserves: Sequence[int], estimates: Sequence[Estimate], index: str) -> tuple[Point, ...]:
-    fit = _fit_of(index, [one.effective_samples for one in estimates])
+    fit = _fit_of(index, [estimate.effective_samples for estimate in estimates])
     value, lower, upper = (
         fit(side)
         for side in (
-            [one.value for one in estimates],
-            [one.lower for one in estimates],
-            [one.upper for one in estimates],
+            [estimate.value for estimate in estimates],
+            [estimate.lower for estimate in estimates],
+            [estimate.upper for estimate in estimates],
         )
     )
     return tuple(

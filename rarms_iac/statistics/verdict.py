@@ -185,28 +185,28 @@ def without_warm_up(series: Series, first: int) -> Series:
     )
 
 
-def _meets(one: Judged) -> bool:
-    worst, _best = _bounds(one)
+def _meets(judged: Judged) -> bool:
+    worst, _best = _bounds(judged)
     return worst <= 0.0
 
 
-def _misses(one: Judged) -> bool:
-    _worst, best = _bounds(one)
+def _misses(judged: Judged) -> bool:
+    _worst, best = _bounds(judged)
     return best > 0.0
 
 
-def _excess(one: Judged, value: float) -> float:
+def _excess(judged: Judged, value: float) -> float:
     """By how much the value is on the wrong side of the threshold."""
-    match one.threshold:
+    match judged.threshold:
         case AtMost(value=limit):
             return value - float(limit)
         case AtLeast(value=limit):
             return float(limit) - value
 
 
-def _bounds(one: Judged) -> tuple[float, float]:
+def _bounds(judged: Judged) -> tuple[float, float]:
     """The worst and the best excess that the samples allow; an extreme is judged by what was seen."""
-    found = one.estimate
+    found = judged.estimate
     ends = (found.value, found.value) if found.beyond is not None else (found.lower, found.upper)
-    first, second = (_excess(one, end) for end in ends)
+    first, second = (_excess(judged, end) for end in ends)
     return max(first, second), min(first, second)

@@ -137,7 +137,7 @@ def _same(value: Any) -> Json:
 
 def _hints(cls: type) -> list[tuple[Field[Any], Any]]:
     hints = get_type_hints(cls)
-    return [(one, hints[one.name]) for one in fields(cls)]
+    return [(field, hints[field.name]) for field in fields(cls)]
 
 
 def _encode_dataclass(cls: type) -> Encode:
@@ -153,7 +153,9 @@ def _encode_dataclass(cls: type) -> Encode:
 
 def _decode_dataclass(cls: type) -> Decode:
     parts: dict[str, Decode] = {}
-    required = frozenset(one.name for one in fields(cls) if one.default is MISSING and one.default_factory is MISSING)
+    required = frozenset(
+        field.name for field in fields(cls) if field.default is MISSING and field.default_factory is MISSING
+    )
 
     def read(data: Any, path: str) -> Any:
         if not parts:
@@ -170,7 +172,7 @@ def _decode_dataclass(cls: type) -> Decode:
 
 def _kind_of(cls: Any) -> str | None:
     """What a dataclass' `kind` field always says, None where it has none."""
-    if not _is_record(cls) or _KIND not in {one.name for one in fields(cls)}:
+    if not _is_record(cls) or _KIND not in {field.name for field in fields(cls)}:
         return None
     values = get_args(get_type_hints(cls)[_KIND])
     return str(values[0]) if len(values) == 1 else None
@@ -178,9 +180,9 @@ def _kind_of(cls: Any) -> str | None:
 
 def _encode_union(members: tuple[Any, ...]) -> Encode:
     classes = [_bare(member) for member in members]
-    records = [one for one in classes if _is_record(one)]
-    wrapped = {one for one in records if _kind_of(one) is None and len(records) > 1}
-    plain = [one for one in classes if not _is_record(one)]
+    records = [task_class for task_class in classes if _is_record(task_class)]
+    wrapped = {record for record in records if _kind_of(record) is None and len(records) > 1}
+    plain = [task_class for task_class in classes if not _is_record(task_class)]
 
     def write(value: Any) -> Json:
         cls = type(value)
@@ -196,10 +198,10 @@ def _encode_union(members: tuple[Any, ...]) -> Encode:
 
 def _decode_union(members: tuple[Any, ...]) -> Decode:
     classes = [_bare(member) for member in members]
-    records = [one for one in classes if _is_record(one)]
-    plain = [one for one in classes if not _is_record(one)]
-    kinds = {kind: one for one in records if (kind := _kind_of(one)) is not None}
-    wrapped = {one.__name__: one for one in records if _kind_of(one) is None}
+    records = [task_class for task_class in classes if _is_record(task_class)]
+    plain = [task_class for task_class in classes if not _is_record(task_class)]
+    kinds = {kind: record for record in records if (kind := _kind_of(record)) is not None}
+    wrapped = {record.__name__: record for record in records if _kind_of(record) is None}
 
     def read_record(data: dict[str, Any], path: str) -> Any:
         if len(records) == 1:
@@ -247,8 +249,8 @@ def _decode_tuple(arguments: tuple[Any, ...]) -> Decode:
     return read
 
 
-def _decode_mapping(one: Decode) -> Decode:
-    return lambda data, path: {key: one(item, _below(path, key)) for key, item in _object(data, path).items()}
+def _decode_mapping(decode: Decode) -> Decode:
+    return lambda data, path: {key: decode(item, _below(path, key)) for key, item in _object(data, path).items()}
 
 
 def _exactly(cls: Any) -> Decode:

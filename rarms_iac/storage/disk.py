@@ -127,7 +127,7 @@ def use(disk: Disk) -> Iterator[None]:
 
 def make_folders(folder: Path) -> None:
     """Make the folder and those above it, each durable in its parent before the next."""
-    missing = [one for one in (folder, *folder.parents) if not one.exists()]
+    missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     for one in reversed(missing):
         current().make_folder(one)
         current().flush_folder(one.parent)

@@ -52,7 +52,7 @@ def _compound(origin: Any, arguments: tuple[Any, ...], definitions: dict[str, Sc
     if origin is frozenset or (origin is tuple and arguments[1:] == (...,)):
         return {"type": "array", "items": _schema(arguments[0], definitions)}
     if origin is tuple:
-        items = [_schema(one, definitions) for one in arguments]
+        items = [_schema(argument, definitions) for argument in arguments]
         return {"type": "array", "prefixItems": items, "minItems": len(items), "maxItems": len(items)}
     raise TypeError(f"no schema for {origin!r}")
 
@@ -66,17 +66,23 @@ def _record(cls: type, definitions: dict[str, Schema]) -> Schema:
         definitions[name] = {
             "description": cleandoc(cls.__doc__ or ""),
             "type": "object",
-            "properties": {one.name: _schema(hints[one.name], definitions) for one in parts},
-            "required": [one.name for one in parts if one.default is MISSING and one.default_factory is MISSING],
+            "properties": {part.name: _schema(hints[part.name], definitions) for part in parts},
+            "required": [part.name for part in parts if part.default is MISSING and part.default_factory is MISSING],
             "additionalProperties": False,
         }
     return {"$ref": f"#/$defs/{name}"}
 
 
 def _union(members: tuple[Any, ...], definitions: dict[str, Schema]) -> Schema:
-    records = [one for one in members if isinstance(one, type) and is_dataclass(one)]
-    wrapped = [one for one in records if len(records) > 1 and "kind" not in {part.name for part in fields(one)}]
-    return {"anyOf": [_wrapped(one, definitions) if one in wrapped else _schema(one, definitions) for one in members]}
+    records = [member for member in members if isinstance(member, type) and is_dataclass(member)]
+    wrapped = [
+        record for record in records if len(records) > 1 and "kind" not in {part.name for part in fields(record)}
+    ]
+    return {
+        "anyOf": [
+            _wrapped(member, definitions) if member in wrapped else _schema(member, definitions) for member in members
+        ]
+    }
 
 
 def _wrapped(cls: type, definitions: dict[str, Schema]) -> Schema:

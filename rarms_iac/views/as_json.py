@@ -37,8 +37,8 @@ def _strict(schema: dict[str, Any]) -> dict[str, Any]:
         }
         for name, one in schema["$defs"].items()
     }
-    for one in definitions.values():
-        for field in one.get("properties", {}).values():
+    for definition in definitions.values():
+        for field in definition.get("properties", {}).values():
             field.pop("title", None)
             field.pop("default", None)
     return {**schema, "$defs": definitions}

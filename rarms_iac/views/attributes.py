@@ -38,7 +38,7 @@ def attributes_of(change: Change, facts: HostFacts) -> tuple[Attribute, ...]:
             return _pairs(_values(before, facts), {})
         case Update(before=before, after=after):
             pairs = _pairs(_values(before, facts), _values(after, facts))
-            return tuple(replace(one, note=_forces(change, one) or one.note) for one in pairs)
+            return tuple(replace(pair, note=_forces(change, pair) or pair.note) for pair in pairs)
         case Adopt() | Release():
             return (_mark_of(change),)
         case _:
@@ -66,28 +66,28 @@ def _values(resource: Resource, facts: HostFacts) -> _Shown:
             assert_never(resource)
 
 
-def _settings(one: PartitionSettings, facts: HostFacts) -> _Shown:
+def _settings(settings: PartitionSettings, facts: HostFacts) -> _Shown:
     return {
-        "name": (one.name, ""),
-        "processors": (str(one.processors), ""),
-        "reserve": (show_percent(one.reserve), _amount(one, facts)),
-        "limit": (show_percent(one.limit), ""),
-        "weight": (str(one.weight), ""),
-        "memory": (show_bytes(one.memory), ""),
-        "dynamic memory": (_yes(one.dynamic_memory), ""),
-        "generation": (str(one.generation), ""),
-        "when the host starts": (one.start_action.value.replace("_", " "), ""),
-        "when the host stops": (one.stop_action.value.replace("_", " "), ""),
-        "checkpoints": (one.checkpoints.value.replace("_", " "), ""),
-        "running": (_yes(one.running), ""),
+        "name": (settings.name, ""),
+        "processors": (str(settings.processors), ""),
+        "reserve": (show_percent(settings.reserve), _amount(settings, facts)),
+        "limit": (show_percent(settings.limit), ""),
+        "weight": (str(settings.weight), ""),
+        "memory": (show_bytes(settings.memory), ""),
+        "dynamic memory": (_yes(settings.dynamic_memory), ""),
+        "generation": (str(settings.generation), ""),
+        "when the host starts": (settings.start_action.value.replace("_", " "), ""),
+        "when the host stops": (settings.stop_action.value.replace("_", " "), ""),
+        "checkpoints": (settings.checkpoints.value.replace("_", " "), ""),
+        "running": (_yes(settings.running), ""),
     }
 
 
-def _amount(one: PartitionSettings, facts: HostFacts) -> str:
+def _amount(settings: PartitionSettings, facts: HostFacts) -> str:
     """What a reserve is of the host, where that is another number than per cent of its own processors."""
-    if one.processors == facts.logical_processors or not facts.logical_processors:
+    if settings.processors == facts.logical_processors or not facts.logical_processors:
         return ""
-    processors = guaranteed(one.reserve, one.processors)
+    processors = guaranteed(settings.reserve, settings.processors)
     of_host = show_percent(Fraction(processors) * 100 / facts.logical_processors)
     return f"{show_processors(processors)}, {of_host} of the host"
 
@@ -112,11 +112,11 @@ def _pairs(before: _Shown, after: _Shown) -> tuple[Attribute, ...]:
     )
 
 
-def _forces(change: Update, one: Attribute) -> str:
+def _forces(change: Update, attribute: Attribute) -> str:
     """What this attribute makes happen that the others would not, in words."""
-    if not one.differs:
+    if not attribute.differs:
         return ""
-    return _SAID[forced_by(change, one.name.replace(" ", "_"))]
+    return _SAID[forced_by(change, attribute.name.replace(" ", "_"))]
 
 
 _SAID = {"": "", "restart": FORCES_RESTART, "replacement": FORCES_REPLACEMENT}

@@ -25,16 +25,16 @@ def candidates_json(application: str, nodes: Sequence[Node]) -> str:
     """The same for programs."""
     shown = tuple(
         CandidateOutput(
-            name=one.name,
-            members=one.members,
-            parts=one.parts,
-            low=one.low,
-            high=one.high,
-            predicted=one.predicted,
-            measured=one.measured,
-            is_gain=one.is_gain,
+            name=node.name,
+            members=node.members,
+            parts=node.parts,
+            low=node.low,
+            high=node.high,
+            predicted=node.predicted,
+            measured=node.measured,
+            is_gain=node.is_gain,
         )
-        for one in nodes
+        for node in nodes
     )
     return as_json(CandidatesOutput(application=application, candidates=shown))
 
@@ -43,12 +43,12 @@ def _dot(title: str, nodes: Sequence[Node]) -> Iterator[str]:
     yield f"digraph {dot_quoted(title)} {{"
     yield "  graph [rankdir=LR];"
     yield "  node [shape=box, style=rounded];"
-    for one in nodes:
-        style = "" if one.measured and one.is_gain else ', style="rounded,dashed"'
-        yield f"  {dot_quoted(one.name)} [label={dot_quoted(*one.label)}{style}];"
-    for one in nodes:
-        for part in one.parts:
-            yield f"  {dot_quoted(part)} -> {dot_quoted(one.name)};"
+    for node in nodes:
+        style = "" if node.measured and node.is_gain else ', style="rounded,dashed"'
+        yield f"  {dot_quoted(node.name)} [label={dot_quoted(*node.label)}{style}];"
+    for node in nodes:
+        for part in node.parts:
+            yield f"  {dot_quoted(part)} -> {dot_quoted(node.name)};"
     yield "}"
 
 
@@ -58,9 +58,9 @@ def _mermaid(title: str, nodes: Sequence[Node]) -> Iterator[str]:
     yield "---"
     yield "flowchart LR"
     numbers = {one.name: f"n{at}" for at, one in enumerate(nodes)}
-    for one in nodes:
-        yield f'  {numbers[one.name]}["{mermaid_quoted(*one.label)}"]'
-    for one in nodes:
-        arrow = "-->" if one.measured and one.is_gain else "-.->"
-        for part in one.parts:
-            yield f"  {numbers[part]} {arrow} {numbers[one.name]}"
+    for node in nodes:
+        yield f'  {numbers[node.name]}["{mermaid_quoted(*node.label)}"]'
+    for node in nodes:
+        arrow = "-->" if node.measured and node.is_gain else "-.->"
+        for part in node.parts:
+            yield f"  {numbers[part]} {arrow} {numbers[node.name]}"

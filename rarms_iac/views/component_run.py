@@ -38,7 +38,7 @@ class Ran:
     @property
     def failed(self) -> int:
         """How many of the samples are failed ones."""
-        return sum(bool(one.failure) for one in self.series.samples)
+        return sum(bool(sample.failure) for sample in self.series.samples)
 
     @property
     def estimates(self) -> Mapping[str, Estimate | NoEstimate]:
@@ -152,13 +152,13 @@ def _output(ran: Ran) -> RanComponentOutput:
         indexes=tuple(_index(index, found, ran.component.apt.get(index)) for index, found in ran.estimates.items()),
         samples=tuple(
             SampleOutput(
-                began_ms=one.began_ms,
-                response_ms=one.response_ms,
-                successful=one.successful,
-                count=one.count,
-                failure=one.failure,
+                began_ms=sample.began_ms,
+                response_ms=sample.response_ms,
+                successful=sample.successful,
+                count=sample.count,
+                failure=sample.failure,
             )
-            for one in series.samples
+            for sample in series.samples
         ),
     )
 

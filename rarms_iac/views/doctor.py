@@ -29,23 +29,23 @@ def doctor_text(
     application: str, hosts: Sequence[Examined], sources: Sources, accepted: Sequence[Diagnostic] = ()
 ) -> str:
     """The whole answer as text without colour, ending with a line end."""
-    lines = [line for one in hosts for line in (*_facts(one, application), "")]
-    found = [finding for one in hosts for finding in one.findings]
+    lines = [line for host in hosts for line in (*_facts(host, application), "")]
+    found = [finding for host in hosts for finding in host.findings]
     told = as_text(found, sources, accepted=accepted) if found or accepted else HEALTHY + "\n"
     return "\n".join([*lines, told])
 
 
-def _facts(one: Examined, application: str) -> Iterator[str]:
-    facts = one.state.facts
+def _facts(examined: Examined, application: str) -> Iterator[str]:
+    facts = examined.state.facts
     yield f"Host {facts.name} ({facts.provider.value})"
-    rows = [(name, visible(says, keep="")) for name, says in _rows(one, application) if says]
+    rows = [(name, visible(says, keep="")) for name, says in _rows(examined, application) if says]
     widest = max(columns(name) for name, _ in rows)
     for name, says in rows:
         yield f"  {name}{' ' * (widest - columns(name))}  {says}"
 
 
-def _rows(one: Examined, application: str) -> Iterator[tuple[str, str]]:
-    facts, condition = one.state.facts, one.condition
+def _rows(examined: Examined, application: str) -> Iterator[tuple[str, str]]:
+    facts, condition = examined.state.facts, examined.condition
     yield "computer", facts.computer_name
     yield "Windows", _windows(facts)
     yield "PowerShell", condition.powershell or ""
@@ -54,7 +54,7 @@ def _rows(one: Examined, application: str) -> Iterator[tuple[str, str]]:
     yield "processors", _processors(facts, condition)
     yield "memory", show_bytes(facts.memory)
     yield "rights", facts.rights.value
-    yield "machines", _machines(one.state, application)
+    yield "machines", _machines(examined.state, application)
 
 
 def _windows(facts: HostFacts) -> str:
@@ -77,25 +77,25 @@ def _machines(state: State, application: str) -> str:
     if not state.partitions:
         return "none seen"
     ours = len(state.of(application).partitions)
-    running = sum(one.settings.running for one in state.partitions)
+    running = sum(partition.settings.running for partition in state.partitions)
     return f"{len(state.partitions)}: {ours} of {application}, {running} running"
 
 
 def doctor_json(application: str, hosts: Sequence[Examined], accepted: Sequence[Diagnostic] = ()) -> str:
     """The same for programs."""
-    found = [finding for one in hosts for finding in one.findings]
+    found = [finding for host in hosts for finding in host.findings]
     return as_json(
         DoctorOutput(
             application=application,
-            hosts=tuple(_examined(one, application) for one in hosts),
+            hosts=tuple(_examined(host, application) for host in hosts),
             accepted=tuple(accepted),
             counts={f"{severity.value}s": sum(one.severity is severity for one in found) for severity in Severity},
         )
     )
 
 
-def _examined(one: Examined, application: str) -> ExaminedOutput:
-    facts, condition = one.state.facts, one.condition
+def _examined(examined: Examined, application: str) -> ExaminedOutput:
+    facts, condition = examined.state.facts, examined.condition
     return ExaminedOutput(
         name=facts.name,
         provider=facts.provider.value,
@@ -110,8 +110,8 @@ def _examined(one: Examined, application: str) -> ExaminedOutput:
         rights=facts.rights.value,
         powershell=condition.powershell,
         module=condition.module,
-        machines=len(one.state.partitions),
-        managed=len(one.state.of(application).partitions),
-        running=sum(machine.settings.running for machine in one.state.partitions),
-        findings=one.findings,
+        machines=len(examined.state.partitions),
+        managed=len(examined.state.of(application).partitions),
+        running=sum(machine.settings.running for machine in examined.state.partitions),
+        findings=examined.findings,
     )

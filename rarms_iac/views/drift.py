@@ -78,12 +78,12 @@ def drift_json(application: str, hosts: Sequence[HostDrift]) -> str:
     )
 
 
-def _drifted(host: HostDrift, one: Drifted) -> DriftedOutput:
-    change = host.changes.get(one.address)
+def _drifted(host: HostDrift, drifted: Drifted) -> DriftedOutput:
+    change = host.changes.get(drifted.address)
     return DriftedOutput(
         host=host.facts.name,
-        address=str(one.address),
-        drift=one.kind.value,
-        says=one.says,
+        address=str(drifted.address),
+        drift=drifted.kind.value,
+        says=drifted.says,
         attributes=() if change is None else change_output(change).attributes,
     )

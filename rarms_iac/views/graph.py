@@ -78,15 +78,15 @@ def graph_text(form: GraphFormat, title: str, nodes: Sequence[Node]) -> str:
 def graph_json(application: str, nodes: Sequence[Node]) -> str:
     """The same for programs."""
     shown = tuple(
-        NodeOutput(id=one.id, is_a=one.is_a, name=one.name, inside=one.inside, label="\n".join(one.label))
-        for one in nodes
+        NodeOutput(id=node.id, is_a=node.is_a, name=node.name, inside=node.inside, label="\n".join(node.label))
+        for node in nodes
     )
     return as_json(GraphOutput(application=application, nodes=shown))
 
 
 def inside(nodes: Sequence[Node], parent: str) -> tuple[Node, ...]:
     """What lies directly in it."""
-    return tuple(one for one in nodes if one.inside == parent)
+    return tuple(node for node in nodes if node.inside == parent)
 
 
 def _dot(title: str, nodes: Sequence[Node]) -> Iterator[str]:

@@ -52,51 +52,56 @@ def summary_text(results: Sequence[Measured], width: int, waiting: Sequence[Expe
     Where verdicts have errors, what these mean stands below.
     """
     rows = [("component", "threshold", "CR", "verdict", "wrong in", "settings")]
-    for one in results:
-        rows += list(_rows(one))
+    for result in results:
+        rows += list(_rows(result))
     for experiment in waiting:
         rows += list(_members(experiment, "-", "not begun", "", ""))
-    judged = any(isinstance(one.conclusion, Sufficient | NotAchievable) for one in results)
+    judged = any(isinstance(result.conclusion, Sufficient | NotAchievable) for result in results)
     return table(rows, width) + ("\n" + "\n".join(wrap(ERRORS, width, "")) + "\n" if judged else "")
 
 
-def settings_text(one: Measured, width: int) -> str:
+def settings_text(measured: Measured, width: int) -> str:
     """A table, a row a setting in the order of their reservations: what a level is picked from."""
-    names = [(member.name, index) for member in one.experiment.members for index in member.apt]
-    heads = [f"{name} {index}" if len(one.experiment.members) > 1 else index for name, index in names]
+    names = [(member.name, index) for member in measured.experiment.members for index in member.apt]
+    heads = [f"{name} {index}" if len(measured.experiment.members) > 1 else index for name, index in names]
     rows = [("CR", *heads)]
-    for setting in sorted(one.settings, key=lambda each: (each.reserve, each.seed)):
-        found = {(each.component, each.index): each for each in shown(setting, one.experiment)}
+    for setting in sorted(measured.settings, key=lambda each: (each.reserve, each.seed)):
+        found = {(each.component, each.index): each for each in shown(setting, measured.experiment)}
         rows.append((f"{setting.reserve} %", *(show_band(found[name]) for name in names)))
     return table(rows, width)
 
 
-def show_band(one: Shown) -> str:
+def show_band(shown: Shown) -> str:
     """`97.7 ms (97.1 to 98.2 ms)`; of an extreme, what was seen; without an estimate, why."""
-    if one.estimate is None:
-        return one.why
+    if shown.estimate is None:
+        return shown.why
     value, lower, upper = (
-        show_value(one.index, each) for each in (one.estimate.value, one.estimate.lower, one.estimate.upper)
+        show_value(shown.index, each) for each in (shown.estimate.value, shown.estimate.lower, shown.estimate.upper)
     )
-    return value if one.estimate.beyond is not None else f"{value} ({lower.rpartition(' ')[0]} to {upper})"
+    return value if shown.estimate.beyond is not None else f"{value} ({lower.rpartition(' ')[0]} to {upper})"
 
 
-def _rows(one: Measured) -> Iterator[Row]:
-    new = f", {one.new} new" if one.new else ""
-    reserve, verdict = _verdict(one)
-    error = _error(one)
-    yield from _members(one.experiment, reserve, verdict, error, f"{len(one.settings)}{new}")
+def _rows(measured: Measured) -> Iterator[Row]:
+    new = f", {measured.new} new" if measured.new else ""
+    reserve, verdict = _verdict(measured)
+    error = _error(measured)
+    yield from _members(measured.experiment, reserve, verdict, error, f"{len(measured.settings)}{new}")
 
 
-def _error(one: Measured) -> str:
+def _error(measured: Measured) -> str:
     """How often the verdict is wrong at most; NOTE: of an extreme nobody can say, however often it was met so far."""
-    if not isinstance(one.conclusion, Sufficient | NotAchievable):
+    if not isinstance(measured.conclusion, Sufficient | NotAchievable):
         return ""
-    return "so far" if _only_extremes(one, one.conclusion.reserve) else share(one.conclusion.error)
+    return "so far" if _only_extremes(measured, measured.conclusion.reserve) else share(measured.conclusion.error)
 
 
-def _only_extremes(one: Measured, reserve: int) -> bool:
-    seen = [each for setting in one.settings if setting.reserve == reserve for each in shown(setting, one.experiment)]
+def _only_extremes(measured: Measured, reserve: int) -> bool:
+    seen = [
+        each
+        for setting in measured.settings
+        if setting.reserve == reserve
+        for each in shown(setting, measured.experiment)
+    ]
     return bool(seen) and all(each.estimate is not None and each.estimate.beyond is not None for each in seen)
 
 
@@ -109,30 +114,30 @@ def _members(experiment: Experiment, reserve: str, verdict: str, error: str, use
             yield member.name, "none", reserve, verdict, error, used
 
 
-def _verdict(one: Measured) -> tuple[str, str]:
+def _verdict(measured: Measured) -> tuple[str, str]:
     """The CR and what is known of it; NOTE: a plan rests on the curve, so where the two differ both are told."""
-    match one.conclusion:
+    match measured.conclusion:
         case Sufficient(reserve=reserve, failed=failed, untold=untold):
-            return f"{reserve} %", f"enough{_below(one, failed)}{_untold(untold)}{_planned(one, reserve)}"
+            return f"{reserve} %", f"enough{_below(measured, failed)}{_untold(untold)}{_planned(measured, reserve)}"
         case NotAchievable(reserve=reserve):
             return "-", f"not achievable at {reserve} %"
         case NotResolved():
-            return "-", f"not resolved{_planned(one, None)}"
+            return "-", f"not resolved{_planned(measured, None)}"
         case NoVerdict(reserve=reserve):
             return "-", f"too many failed samples at {reserve} %"
         case Swept():
-            return "-", f"measured{_planned(one, None)}"
+            return "-", f"measured{_planned(measured, None)}"
         case Stopped():
             return "-", "stopped"
         case _:
-            assert_never(one.conclusion)
+            assert_never(measured.conclusion)
 
 
-def _below(one: Measured, failed: int | None) -> str:
+def _below(measured: Measured, failed: int | None) -> str:
     """The highest lower setting that was not shown to be enough; NOTE: that is not yet shown to be too little."""
     if not failed:
         return ""
-    match shown_at(failed, one.settings, one.experiment):
+    match shown_at(failed, measured.settings, measured.experiment):
         case "missed":
             return f", {failed} % is not"
         case "within the noise":
@@ -146,8 +151,8 @@ def _untold(reserves: Sequence[int]) -> str:
     return f", {in_a_row(reserves)} % without a steady state" if reserves else ""
 
 
-def _planned(one: Measured, reserve: int | None) -> str:
-    planned = one.planned
+def _planned(measured: Measured, reserve: int | None) -> str:
+    planned = measured.planned
     if planned is None or planned.reserve == reserve:
         return ""
     between = ", interpolated" if planned.interpolated else ""
@@ -162,26 +167,26 @@ def measure_json(
     return as_json(MeasureOutput(experiments=tuple(map(_output, results)), not_begun=not_begun, findings=findings))
 
 
-def _output(one: Measured) -> ExperimentOutput:
-    conclusion, experiment = one.conclusion, one.experiment
+def _output(measured: Measured) -> ExperimentOutput:
+    conclusion, experiment = measured.conclusion, measured.experiment
     return ExperimentOutput(
         components=experiment.setup.members,
         host=experiment.host.name,
         platform=experiment.host.platform,
         interference=experiment.setup.interference,
-        log=one.log,
+        log=measured.log,
         ending=_ending(conclusion),
         reserve=conclusion.reserve if isinstance(conclusion, Sufficient) else None,
         failed=conclusion.failed if isinstance(conclusion, Sufficient) else None,
         undecided=isinstance(conclusion, Sufficient)
         and conclusion.failed is not None
-        and shown_at(conclusion.failed, one.settings, experiment) != "missed",
+        and shown_at(conclusion.failed, measured.settings, experiment) != "missed",
         untold=conclusion.untold if isinstance(conclusion, Sufficient) else (),
         error=conclusion.error if isinstance(conclusion, Sufficient | NotAchievable) else None,
-        planned=one.planned.reserve if one.planned else None,
-        interpolated=bool(one.planned and one.planned.interpolated),
-        settings=tuple(_setting(each, experiment) for each in one.settings),
-        new_settings=one.new,
+        planned=measured.planned.reserve if measured.planned else None,
+        interpolated=bool(measured.planned and measured.planned.interpolated),
+        settings=tuple(_setting(each, experiment) for each in measured.settings),
+        new_settings=measured.new,
     )
 
 
@@ -217,13 +222,13 @@ def index_outputs(found: Sequence[Shown]) -> tuple[IndexOutput, ...]:
     return tuple(_index(one) for one in found)
 
 
-def _index(one: Shown) -> IndexOutput:
-    seen = one.estimate
+def _index(shown: Shown) -> IndexOutput:
+    seen = shown.estimate
     return IndexOutput(
-        component=one.component,
-        index=one.index,
-        at_most=float(one.threshold.value) if isinstance(one.threshold, AtMost) else None,
-        at_least=float(one.threshold.value) if isinstance(one.threshold, AtLeast) else None,
+        component=shown.component,
+        index=shown.index,
+        at_most=float(shown.threshold.value) if isinstance(shown.threshold, AtMost) else None,
+        at_least=float(shown.threshold.value) if isinstance(shown.threshold, AtLeast) else None,
         value=seen.value if seen else None,
         lower=seen.lower if seen and isfinite(seen.lower) else None,
         upper=seen.upper if seen and isfinite(seen.upper) else None,

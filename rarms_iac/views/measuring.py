@@ -92,9 +92,9 @@ def samples_of(seen: Mapping[str, Series]) -> str:
     return counted(min((len(one.samples) for one in seen.values()), default=0), "sample")
 
 
-def whose(one: Shown, *, several: bool) -> str:
+def whose(shown: Shown, *, several: bool) -> str:
     """Whose index it is, where several components are measured together; with a space behind it."""
-    return f"{one.component} " if several else ""
+    return f"{shown.component} " if several else ""
 
 
 def brief(found: tuple[Shown, ...], *, several: bool = False) -> str:

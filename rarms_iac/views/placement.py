@@ -6,11 +6,13 @@ from rarms_iac.model.layout import Placement
 from rarms_iac.model.quantities import show_processors
 
 
-def placement_says(one: Placement) -> str:
+def placement_says(placement: Placement) -> str:
     """How good the choice of hosts is, in a sentence."""
-    if one.verdict == "optimal":
+    if placement.verdict == "optimal":
         return "The choice of hosts is proved and certified: none reserves less, and none as good moves fewer."
-    if one.verdict == "within the bound":
-        apart = show_processors(Fraction(one.reserved - one.reserved_bound, 100))
-        return f"The choice of hosts is within {apart} and {one.moves - one.moves_bound} moves of the bound."
-    return f"The choice of hosts is {one.verdict}."
+    if placement.verdict == "within the bound":
+        apart = show_processors(Fraction(placement.reserved - placement.reserved_bound, 100))
+        return (
+            f"The choice of hosts is within {apart} and {placement.moves - placement.moves_bound} moves of the bound."
+        )
+    return f"The choice of hosts is {placement.verdict}."

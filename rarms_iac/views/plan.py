@@ -175,20 +175,20 @@ def _change(change: Change, part: HostPlan, new: frozenset[str], width: int) -> 
     yield from wrap(change.reason.says, width, "      ")
     attributes = attributes_of(change, part.facts)
     if isinstance(change, Delete):
-        attributes = tuple(one for one in attributes if one.name in _OF_THE_REMOVED)
+        attributes = tuple(attribute for attribute in attributes if attribute.name in _OF_THE_REMOVED)
     yield from _attributes(attributes, whole=isinstance(change, Create))
 
 
 def _made_here(part: HostPlan) -> frozenset[str]:
     """The partitions that this plan makes."""
-    made = (one.address for one in part.changes if isinstance(one, Create) and not one.address.task)
+    made = (change.address for change in part.changes if isinstance(change, Create) and not change.address.task)
     return frozenset(address.partition for address in made if address.partition)
 
 
 def _note_on(change: Change, part: HostPlan, new: frozenset[str]) -> str:
     """What the change disturbs here: the guest of a machine that is only being made starts with its task classes."""
     inside = change.address.partition if change.address.task else ""
-    if any(isinstance(one.operation, RemoveDisk) and is_part_of(one, change) for one in part.steps):
+    if any(isinstance(step.operation, RemoveDisk) and is_part_of(step, change) for step in part.steps):
         return "removed with a disk"
     return "" if inside in new else disturbs(change)
 
@@ -217,7 +217,7 @@ def disturbs(change: Change) -> str:
 
 
 def _attributes(attributes: Sequence[Attribute], *, whole: bool) -> Iterator[str]:
-    shown = [one for one in attributes if whole or one.differs]
+    shown = [attribute for attribute in attributes if whole or attribute.differs]
     widest = max((columns(one.name) for one in shown), default=0)
     for one in shown:
         yield f"      {one.name}{' ' * (widest - columns(one.name))}  {_value(one)}{_note(one)}"
@@ -226,15 +226,15 @@ def _attributes(attributes: Sequence[Attribute], *, whole: bool) -> Iterator[str
         yield f"      ({counted(hidden, 'unchanged attribute')} hidden)"
 
 
-def _value(one: Attribute) -> str:
-    before, after = (None if text is None else visible(text, keep="") for text in (one.before, one.after))
+def _value(attribute: Attribute) -> str:
+    before, after = (None if text is None else visible(text, keep="") for text in (attribute.before, attribute.after))
     if before is None or after is None or before == after:
         return str(before if after is None else after)
     return f"{before} -> {after}"
 
 
-def _note(one: Attribute) -> str:
-    return f"  ({one.note})" if one.note else ""
+def _note(attribute: Attribute) -> str:
+    return f"  ({attribute.note})" if attribute.note else ""
 
 
 def _at(place: Place | None) -> str:

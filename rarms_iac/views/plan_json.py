@@ -61,15 +61,15 @@ def plan_output(plan: Plan) -> PlanOutput:
     )
 
 
-def _placement(one: Placement) -> PlacementOutput:
+def _placement(placement: Placement) -> PlacementOutput:
     return PlacementOutput(
-        verdict=cast("Literal['optimal', 'proved by search, not certified', 'within the bound']", one.verdict),
-        reserved=one.reserved,
-        reserved_bound=one.reserved_bound,
-        moves=one.moves,
-        moves_bound=one.moves_bound,
-        moves_avoided=one.avoided,
-        certificate=one.certificate,
+        verdict=cast("Literal['optimal', 'proved by search, not certified', 'within the bound']", placement.verdict),
+        reserved=placement.reserved,
+        reserved_bound=placement.reserved_bound,
+        moves=placement.moves,
+        moves_bound=placement.moves_bound,
+        moves_avoided=placement.avoided,
+        certificate=placement.certificate,
     )
 
 
@@ -90,13 +90,13 @@ def _host(part: HostPlan) -> HostOutput:
     )
 
 
-def _threads(one: ThreadClass) -> ThreadsOutput:
+def _threads(task_class: ThreadClass) -> ThreadsOutput:
     return ThreadsOutput(
-        inside=one.inside,
-        task=one.task,
-        category=one.category,
-        thread_priority=one.thread_priority,
-        components=one.components,
+        inside=task_class.inside,
+        task=task_class.task,
+        category=task_class.category,
+        thread_priority=task_class.thread_priority,
+        components=task_class.components,
     )
 
 
@@ -150,7 +150,7 @@ def raw(resource: Resource) -> Mapping[str, Value]:
     """A resource's attributes as numbers and words; registry values as `dword:5`, which says their type."""
     match resource:
         case Partition(settings=settings):
-            return {one.name: _plain(getattr(settings, one.name)) for one in fields(settings)}
+            return {field.name: _plain(getattr(settings, field.name)) for field in fields(settings)}
         case TaskClass(values=values) | Responsiveness(values=values):
             return {name: f"{value.kind.value}:{value.data}" for name, value in sorted(values.items())}
         case _:

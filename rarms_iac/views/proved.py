@@ -25,7 +25,7 @@ def proof_text(proofs: Sequence[Proof], interference: str | None, width: int) ->
         return "No component that ran has a threshold: nothing is proven.\n"
     rows = [("host", "partition", "component", "threshold", "measured", "verdict", "wrong in")]
     for proof in proofs:
-        where = {one.name: name for name, members in proof.layout.partitions.items() for one in members}
+        where = {member.name: name for name, members in proof.layout.partitions.items() for member in members}
         rows += [
             (
                 proof.host,
@@ -55,7 +55,7 @@ def _telling(rows: Sequence[Sequence[str]]) -> Sequence[Sequence[str]]:
 
 def prove_json(proofs: Sequence[Proof], interference: str | None, findings: tuple[Diagnostic, ...]) -> str:
     """The same for programs."""
-    found = tuple(one for proof in proofs for one in _outputs(proof))
+    found = tuple(output for proof in proofs for output in _outputs(proof))
     met = not any(proof.not_met for proof in proofs)
     return as_json(ProveOutput(interference=interference, met=met, indexes=found, findings=findings))
 
@@ -83,10 +83,10 @@ def sampled(host: str, seen: Mapping[str, Series], width: int) -> str:
     return WRITE_OVER + (fitting(f"  {host}: samples of {counts}", width) if counts else "")
 
 
-def _in_words(one: Tried) -> str:
+def _in_words(tried: Tried) -> str:
     """`met`; of an extreme, how many jobs may yet lie beyond it."""
-    says, seen = verdict_of(one.verdict), one.shown.estimate
-    if one.error is None or seen is None or seen.beyond is None:
+    says, seen = verdict_of(tried.verdict), tried.shown.estimate
+    if tried.error is None or seen is None or seen.beyond is None:
         return says
     return f"{says} so far (up to {seen.beyond:.2g} % of the jobs may lie beyond)"
 

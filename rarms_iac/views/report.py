@@ -46,23 +46,25 @@ def _parts(report: Report, width: int, *, ascii_only: bool, colour: bool) -> Ite
     for host in report.standings:
         yield "\n".join(wrap(f"{host.host}: {standing_text(host)}", width, "")) + "\n"
     if report.proofs:
-        proven = [(one.component, one.index, one.level, one.shows, one.result) for one in proofs_of(report)]
+        proven = [(proof.component, proof.index, proof.level, proof.shows, proof.result) for proof in proofs_of(report)]
         yield table([("all together", "index", "threshold", "observed", "result"), *proven], width)
     for tuning in report.tunings:
         yield "\n".join(wrap(f"combining on {tuning.platform}: {tuning_text(tuning)}", width, "")) + "\n"
         yield table([("partition", "components", "CR", "bandwidth", "apart"), *tuned_of(tuning)], width)
         yield table([("asked for", "CR", "predicted", "answer"), *trail_of(tuning)], width)
     yield "\n".join(wrap(ERRORS, width, "")) + "\n"
-    for one in report.measurements:
-        for index in one.indexes:
-            yield f"{one.name} against {one.interference} on {one.platform}{_remark(one)}"
+    for measurement in report.measurements:
+        for index in measurement.indexes:
+            yield (
+                f"{measurement.name} against {measurement.interference} on {measurement.platform}{_remark(measurement)}"
+            )
             yield plot_text(index, width=width, ascii_only=ascii_only, colour=colour)
 
 
-def _remark(one: Measurement) -> str:
-    if one.stale:
-        return f" (stale: {'; '.join(one.stale)})"
-    return "" if one.rests else " (to compare: no reservation rests on it)"
+def _remark(measurement: Measurement) -> str:
+    if measurement.stale:
+        return f" (stale: {'; '.join(measurement.stale)})"
+    return "" if measurement.rests else " (to compare: no reservation rests on it)"
 
 
 def report_json(report: Report) -> str:
@@ -70,7 +72,7 @@ def report_json(report: Report) -> str:
     return as_json(
         ReportOutput(
             application=report.application,
-            measurements=tuple(_measurement(one) for one in report.measurements),
+            measurements=tuple(_measurement(measurement) for measurement in report.measurements),
             capacities=tuple(
                 ReportCapacityOutput(
                     platform=fit.of.platform,
@@ -83,14 +85,14 @@ def report_json(report: Report) -> str:
             ),
             tunings=tuple(
                 ReportTuningOutput(
-                    platform=one.platform,
-                    when=one.run.when,
-                    strategy=one.run.strategy,
-                    ending=one.run.ending,
-                    proved=one.run.proved,
-                    claim=one.run.claim,
-                    before=one.run.before,
-                    after=one.run.after,
+                    platform=tuning.platform,
+                    when=tuning.run.when,
+                    strategy=tuning.run.strategy,
+                    ending=tuning.run.ending,
+                    proved=tuning.run.proved,
+                    claim=tuning.run.claim,
+                    before=tuning.run.before,
+                    after=tuning.run.after,
                     trail=tuple(
                         AskedOutput(
                             components=asked.components,
@@ -99,45 +101,45 @@ def report_json(report: Report) -> str:
                             worse=asked.worse,
                             predicted=asked.predicted,
                         )
-                        for asked in one.run.trail
+                        for asked in tuning.run.trail
                     ),
                 )
-                for one in report.tunings
+                for tuning in report.tunings
             ),
             standings=tuple(
                 ReportStandingOutput(
-                    host=one.host,
-                    is_planned=one.is_planned,
-                    differs=tuple(ReportDifferenceOutput(address=what, says=says) for what, says in one.differs),
+                    host=standing.host,
+                    is_planned=standing.is_planned,
+                    differs=tuple(ReportDifferenceOutput(address=what, says=says) for what, says in standing.differs),
                 )
-                for one in report.standings
+                for standing in report.standings
             ),
         )
     )
 
 
-def _measurement(one: Measurement) -> ReportMeasurementOutput:
+def _measurement(measurement: Measurement) -> ReportMeasurementOutput:
     return ReportMeasurementOutput(
-        components=one.components,
-        platform=one.platform,
-        interference=one.interference,
-        log=one.path,
-        processors=one.processors,
-        rests=one.rests,
-        stale=one.stale,
-        reserve=one.reserve,
-        interpolated=one.least is not None and one.least.interpolated,
-        indexes=tuple(_index(index) for index in one.indexes),
+        components=measurement.components,
+        platform=measurement.platform,
+        interference=measurement.interference,
+        log=measurement.path,
+        processors=measurement.processors,
+        rests=measurement.rests,
+        stale=measurement.stale,
+        reserve=measurement.reserve,
+        interpolated=measurement.least is not None and measurement.least.interpolated,
+        indexes=tuple(_index(index) for index in measurement.indexes),
     )
 
 
-def _index(one: Shown) -> ReportIndexOutput:
+def _index(shown: Shown) -> ReportIndexOutput:
     return ReportIndexOutput(
-        component=one.component,
-        index=one.index.name,
-        direction=one.index.direction,
-        threshold=None if one.threshold is None else float(one.threshold.value),
-        reserve=None if one.least is None else one.least.reserve,
+        component=shown.component,
+        index=shown.index.name,
+        direction=shown.index.direction,
+        threshold=None if shown.threshold is None else float(shown.threshold.value),
+        reserve=None if shown.least is None else shown.least.reserve,
         points=tuple(
             ReportPointOutput(
                 reserve=point.reserve,
@@ -149,10 +151,10 @@ def _index(one: Shown) -> ReportIndexOutput:
                 verdict=point.verdict,
                 error=point.error,
             )
-            for point in one.points
+            for point in shown.points
         ),
         curve=tuple(
-            ReportRowOutput(reserve=row.reserve, value=_finite(row.value), safe=_finite(row.safe)) for row in one.rows
+            ReportRowOutput(reserve=row.reserve, value=_finite(row.value), safe=_finite(row.safe)) for row in shown.rows
         ),
     )
 

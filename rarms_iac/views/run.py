@@ -20,8 +20,8 @@ def run_text(report: RunReport, *, width: int) -> str:
 
 
 def _sentences(report: RunReport) -> Iterator[str]:
-    for one in report.hosts:
-        yield f"{one.host}: {_host(one, lasting=_lasting(report))}"
+    for host in report.hosts:
+        yield f"{host.host}: {_host(host, lasting=_lasting(report))}"
     match report.ending:
         case Ending.NOTHING:
             yield "Nothing to do."
@@ -33,25 +33,25 @@ def _sentences(report: RunReport) -> Iterator[str]:
 
 def _lasting(report: RunReport) -> bool:
     """Whether something of what an undo was to take back cannot be."""
-    return any(one.code == UNDO_PARTIAL.code for one in report.diagnostics)
+    return any(diagnostic.code == UNDO_PARTIAL.code for diagnostic in report.diagnostics)
 
 
-def _host(one: HostReport, *, lasting: bool) -> str:
-    what = "Apply" if one.run is RunKind.APPLY else "Undo"
-    begun = f"{what} of plan {one.plan}{', begun earlier,' if one.resumed else ''}"
-    if one.run is RunKind.UNDO and one.ending is Ending.DONE and not one.total:
+def _host(report: HostReport, *, lasting: bool) -> str:
+    what = "Apply" if report.run is RunKind.APPLY else "Undo"
+    begun = f"{what} of plan {report.plan}{', begun earlier,' if report.resumed else ''}"
+    if report.run is RunKind.UNDO and report.ending is Ending.DONE and not report.total:
         return f"{begun}: nothing of it can be taken back." if lasting else f"{begun}: it had changed nothing."
-    steps = f"{counted(one.changed, 'step')} changed something, {one.unchanged} found all as wanted"
-    if one.ending is not Ending.DONE:
-        left = one.total - one.changed - one.unchanged
-        return f"{begun} not complete: {steps}, {left} of {one.total} left."
-    if one.changes:
-        steps = f"{_resources(one)} ({counted(one.total, 'step')}; {one.unchanged} found all as wanted)"
+    steps = f"{counted(report.changed, 'step')} changed something, {report.unchanged} found all as wanted"
+    if report.ending is not Ending.DONE:
+        left = report.total - report.changed - report.unchanged
+        return f"{begun} not complete: {steps}, {left} of {report.total} left."
+    if report.changes:
+        steps = f"{_resources(report)} ({counted(report.total, 'step')}; {report.unchanged} found all as wanted)"
     return f"{begun} complete: {steps}."
 
 
-def _resources(one: HostReport) -> str:
-    counts = count(iter(one.changes))
+def _resources(report: HostReport) -> str:
+    counts = count(iter(report.changes))
     told = [f"{counts['add']} added", f"{counts['change']} changed", f"{counts['remove']} removed"]
     told += [f"{counts[name]} {says}" for name, says in (("adopt", "adopted"), ("release", "released")) if counts[name]]
     return ", ".join(told)
@@ -64,16 +64,16 @@ def run_json(report: RunReport) -> str:
             ending=report.ending.value,
             hosts=tuple(
                 HostRunOutput(
-                    host=one.host,
-                    plan=one.plan,
-                    run=one.run.value,
-                    ending=one.ending.value,
-                    changed=one.changed,
-                    unchanged=one.unchanged,
-                    total=one.total,
-                    resumed=one.resumed,
+                    host=host.host,
+                    plan=host.plan,
+                    run=host.run.value,
+                    ending=host.ending.value,
+                    changed=host.changed,
+                    unchanged=host.unchanged,
+                    total=host.total,
+                    resumed=host.resumed,
                 )
-                for one in report.hosts
+                for host in report.hosts
             ),
             findings=report.diagnostics,
         )

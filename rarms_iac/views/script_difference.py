@@ -12,9 +12,9 @@ def difference_text(found: ScriptDifference, old: str, new: str) -> str:
         return "\n".join([*lines[:1], "  they do the same, step by step.", ""])
     if found.run:
         lines += ["  ~ the run as a whole", *map(_detail, found.run), ""]
-    for one in found.steps:
-        lines += [f"  {_symbol(one)} {one.address}, {_where(one)}: {one.action}", *map(_detail, one.details), ""]
-    counts = [sum(_symbol(one) == symbol for one in found.steps) for symbol in "+~-"]
+    for step in found.steps:
+        lines += [f"  {_symbol(step)} {step.address}, {_where(step)}: {step.action}", *map(_detail, step.details), ""]
+    counts = [sum(_symbol(step) == symbol for step in found.steps) for symbol in "+~-"]
     lines.append(f"Steps: {counts[0]} only there, {counts[1]} changed, {counts[2]} gone, {found.same} the same.")
     return "\n".join(lines) + "\n"
 
@@ -28,36 +28,40 @@ def difference_json(found: ScriptDifference, old: str, new: str) -> str:
             run=tuple(map(_detail_output, found.run)),
             steps=tuple(
                 ScriptStepOutput(
-                    address=one.address,
-                    action=one.action,
-                    old=None if one.old is None else one.old + 1,
-                    new=None if one.new is None else one.new + 1,
-                    moved=one.moved,
-                    details=tuple(map(_detail_output, one.details)),
+                    address=step.address,
+                    action=step.action,
+                    old=None if step.old is None else step.old + 1,
+                    new=None if step.new is None else step.new + 1,
+                    moved=step.moved,
+                    details=tuple(map(_detail_output, step.details)),
                 )
-                for one in found.steps
+                for step in found.steps
             ),
             same=found.same,
         )
     )
 
 
-def _symbol(one: StepDifference) -> str:
-    return "+" if one.old is None else "-" if one.new is None else "~"
+def _symbol(difference: StepDifference) -> str:
+    return "+" if difference.old is None else "-" if difference.new is None else "~"
 
 
-def _where(one: StepDifference) -> str:
-    if one.old is None or one.new is None:
-        number = one.new if one.old is None else one.old
+def _where(difference: StepDifference) -> str:
+    if difference.old is None or difference.new is None:
+        number = difference.new if difference.old is None else difference.old
         return f"step {(number or 0) + 1}"
-    return f"step {one.old + 1} is step {one.new + 1}, moved" if one.moved else f"step {one.new + 1}"
+    return (
+        f"step {difference.old + 1} is step {difference.new + 1}, moved"
+        if difference.moved
+        else f"step {difference.new + 1}"
+    )
 
 
-def _detail(one: Detail) -> str:
-    if one.old is None:
-        return f"      {one.name}  {one.new}"
-    return f"      {one.name}  {one.old} -> {'(not there)' if one.new is None else one.new}"
+def _detail(detail: Detail) -> str:
+    if detail.old is None:
+        return f"      {detail.name}  {detail.new}"
+    return f"      {detail.name}  {detail.old} -> {'(not there)' if detail.new is None else detail.new}"
 
 
-def _detail_output(one: Detail) -> ScriptDetailOutput:
-    return ScriptDetailOutput(name=one.name, old=one.old, new=one.new)
+def _detail_output(detail: Detail) -> ScriptDetailOutput:
+    return ScriptDetailOutput(name=detail.name, old=detail.old, new=detail.new)

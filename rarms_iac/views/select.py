@@ -66,21 +66,22 @@ def selection_json(selection: Selection, file: str, *, written: bool) -> str:
             written=written,
             levels=tuple(map(_level_output, selection.levels)),
             headrooms=tuple(
-                HeadroomOutput(host=one.host, processors=float(one.processors)) for one in selection.headrooms
+                HeadroomOutput(host=headroom.host, processors=float(headroom.processors))
+                for headroom in selection.headrooms
             ),
             fits=bool(selection.headrooms),
         )
     )
 
 
-def _level_output(one: Level) -> LevelOutput:
-    value, lower, upper = one.expected or (None, None, None)
+def _level_output(level: Level) -> LevelOutput:
+    value, lower, upper = level.expected or (None, None, None)
     return LevelOutput(
-        platform=one.platform,
-        partition=one.partition,
-        reserve=one.reserve,
-        processors=one.processors,
-        interpolated=one.interpolated,
+        platform=level.platform,
+        partition=level.partition,
+        reserve=level.reserve,
+        processors=level.processors,
+        interpolated=level.interpolated,
         value=value,
         lower=lower,
         upper=upper,
@@ -96,13 +97,13 @@ def _index(selection: Selection) -> PerformanceIndex:
 def _lines(selection: Selection, index: PerformanceIndex) -> Iterator[str]:
     before = "none" if selection.before is None else show_threshold(index, selection.before)
     yield f"{selection.component}: {index.name} {before} -> {show_threshold(index, selection.after)}"
-    for one in selection.levels:
-        share = show_percent(100 * guaranteed(one.reserve, one.processors) / one.host_processors)
-        each = f"{one.reserve} % of each of its {one.processors} virtual processors, {share} of {one.host}"
-        yield f"  reservation on {one.platform}: {each}"
-        if one.expected is not None:
-            value, lower, upper = (show_value(index, Fraction(each).limit_denominator(10)) for each in one.expected)
-            how = "looked up" if one.interpolated else "measured"
+    for level in selection.levels:
+        share = show_percent(100 * guaranteed(level.reserve, level.processors) / level.host_processors)
+        each = f"{level.reserve} % of each of its {level.processors} virtual processors, {share} of {level.host}"
+        yield f"  reservation on {level.platform}: {each}"
+        if level.expected is not None:
+            value, lower, upper = (show_value(index, Fraction(each).limit_denominator(10)) for each in level.expected)
+            how = "looked up" if level.interpolated else "measured"
             yield f"  {how} there: {value} ({lower} to {upper})"
     if not selection.rests_on_a_log:
         yield "  the manifest fixes its reserve: say `cpu: { reserve: measured }`, and it follows the APT"

@@ -9,21 +9,21 @@ from rarms_iac.views.diagnostics.layout import visible, wrap
 
 def threads_lines(part: HostPlan, width: int) -> Iterator[str]:
     """The tables, where the plan or one of its guests' scripts changes task classes; else nothing."""
-    changes = any(one.address.task for one in part.changes) or any(".guest." in name for name in part.scripts)
+    changes = any(change.address.task for change in part.changes) or any(".guest." in name for name in part.scripts)
     if not changes or not part.threads:
         return
     yield ""
     yield "  Thread priorities, once its Windows has started again:"
-    widest = max(len(one.task) for one in part.threads)
+    widest = max(len(thread.task) for thread in part.threads)
     for inside, classes in groupby(part.threads, key=_inside):
         yield f"    {f'partition/{inside}' if inside else 'the host itself'}"
-        for one in classes:
-            head = f"      {one.thread_priority:>2}  {one.task:<{widest}}  {one.category}  "
-            used = visible(", ".join(one.components), keep="")
+        for task_class in classes:
+            head = f"      {task_class.thread_priority:>2}  {task_class.task:<{widest}}  {task_class.category}  "
+            used = visible(", ".join(task_class.components), keep="")
             first, *rest = wrap(used, max(width, len(head) + 20), " " * len(head)) if used else ("",)
             yield (head + first.strip()).rstrip()
             yield from rest
 
 
-def _inside(one: ThreadClass) -> str:
-    return one.inside
+def _inside(task_class: ThreadClass) -> str:
+    return task_class.inside

@@ -45,9 +45,11 @@ def tuned_text(tuned: Tuned, width: int) -> str:
     """The trail, the partitions, and what all of it came to."""
     trail = table(list(_trail(tuned.trail)), width) + "\n" if tuned.trail else ""
     rows = [("partition", "components", "CR", "reserves", "apart")]
-    for one in tuned.partitions:
-        names = ", ".join(one.components)
-        rows.append((one.name, names, f"{one.reserve} %", _shown(one.reserved), _shown(one.parts)))
+    for partition in tuned.partitions:
+        names = ", ".join(partition.components)
+        rows.append(
+            (partition.name, names, f"{partition.reserve} %", _shown(partition.reserved), _shown(partition.parts))
+        )
     says = "\n".join(wrap(_sentence(tuned), width, ""))
     return f"{trail}{table(rows, width)}\n{says}\n"
 
@@ -106,14 +108,14 @@ def tuned_json(tuned: Tuned, findings: Sequence[Diagnostic]) -> str:
             contradictions=tuned.contradictions,
             partitions=tuple(
                 CombinedOutput(
-                    name=one.name,
-                    components=one.components,
-                    processors=one.processors,
-                    reserve=one.reserve,
-                    reserved=one.reserved,
-                    parts_reserved=one.parts,
+                    name=partition.name,
+                    components=partition.components,
+                    processors=partition.processors,
+                    reserve=partition.reserve,
+                    reserved=partition.reserved,
+                    parts_reserved=partition.parts,
                 )
-                for one in tuned.partitions
+                for partition in tuned.partitions
             ),
             trail=tuple(
                 AskedOutput(

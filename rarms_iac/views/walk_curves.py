@@ -26,8 +26,8 @@ def verdicts(walk: Walk) -> Iterator[str]:
     if untold := sorted({each for one in walk.looked for each in one.curve.untold}):
         yield f"measured without a verdict (no steady state, or too few answers): {_listed(untold)}"
     if walk.least is not None and walk.least.interpolated:
-        below = max((one for one in walk.measured.reserves if one < walk.least.reserve), default=None)
-        above = min((one for one in walk.measured.reserves if one > walk.least.reserve), default=None)
+        below = max((reserve for reserve in walk.measured.reserves if reserve < walk.least.reserve), default=None)
+        above = min((reserve for reserve in walk.measured.reserves if reserve > walk.least.reserve), default=None)
         yield (
             f"looked up on the curve between the settings at {below} % and {above} %, not measured itself: "
             f"`{walk.measured.again} --verify` measures it"
@@ -75,45 +75,47 @@ def _why_not_measured(walk: Walk) -> str:
     if walk.wanted is None:
         return "not measured: there is no data log that holds"
     if walk.fixed_by:
-        met = "nothing says whether its APT is met" if any(one.apt for one in walk.group.members) else "no APT asks"
+        met = (
+            "nothing says whether its APT is met" if any(member.apt for member in walk.group.members) else "no APT asks"
+        )
         return f"not measured: the reserve is fixed, and {met}"
     return "not measured: nothing is reserved, and no APT asks"
 
 
-def _verdict(walk: Walk, one: Looked, point: Point, at: int) -> str:
+def _verdict(walk: Walk, looked: Looked, point: Point, at: int) -> str:
     seen = (
-        f"at {at} %: {_name(walk, one)} {_value(one, point.value)}, "
-        f"between {_value(one, point.lower)} and {_value(one, point.upper)} "
-        f"(the truth lies outside in at most {_percent(one.curve.error)} of cases{_samples(one, point)})"
+        f"at {at} %: {_name(walk, looked)} {_value(looked, point.value)}, "
+        f"between {_value(looked, point.lower)} and {_value(looked, point.upper)} "
+        f"(the truth lies outside in at most {_percent(looked.curve.error)} of cases{_samples(looked, point)})"
     )
-    if holds(one.curve, one.threshold, at):
-        return f"{seen}: met, as the safe side of that is {_beside(one)}; {wrong(one.curve.error / 2)}"
-    return f"{seen}: not met for sure, as the safe side of that is not {_beside(one)}"
+    if holds(looked.curve, looked.threshold, at):
+        return f"{seen}: met, as the safe side of that is {_beside(looked)}; {wrong(looked.curve.error / 2)}"
+    return f"{seen}: not met for sure, as the safe side of that is not {_beside(looked)}"
 
 
 def _listed(reserves: list[int]) -> str:
-    return ", ".join(f"{one} %" for one in reserves)
+    return ", ".join(f"{reserve} %" for reserve in reserves)
 
 
-def _name(walk: Walk, one: Looked) -> str:
-    return one.index if one.member == walk.component.name else f"{one.index} of {one.member}"
+def _name(walk: Walk, looked: Looked) -> str:
+    return looked.index if looked.member == walk.component.name else f"{looked.index} of {looked.member}"
 
 
-def _samples(one: Looked, point: Point) -> str:
+def _samples(looked: Looked, point: Point) -> str:
     found = [
         made.samples
-        for at, made in zip(one.curve.points, one.curve.estimates, strict=True)
+        for at, made in zip(looked.curve.points, looked.curve.estimates, strict=True)
         if at.reserve == point.reserve
     ]
     return f", {found[0]} samples" if found else ""
 
 
-def _beside(one: Looked) -> str:
-    return shown(one.index, one.threshold)
+def _beside(looked: Looked) -> str:
+    return shown(looked.index, looked.threshold)
 
 
-def _value(one: Looked, value: float) -> str:
-    index = find_index(one.index)
+def _value(looked: Looked, value: float) -> str:
+    index = find_index(looked.index)
     assert index is not None, "a curve is of an index that there is"
     if value in (float("inf"), float("-inf")):
         return "no bound"

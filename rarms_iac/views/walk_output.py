@@ -65,4 +65,4 @@ def _on_the_host(walk: HostWalk) -> WalkOutput:
 
 
 def _steps(walk: Walk | HostWalk) -> tuple[WalkStepOutput, ...]:
-    return tuple(WalkStepOutput(topic=one.topic, says=one.says) for one in steps_of(walk))
+    return tuple(WalkStepOutput(topic=step.topic, says=step.says) for step in steps_of(walk))

@@ -50,18 +50,18 @@ def _on_the_host(walk: HostWalk) -> Iterator[tuple[str, Iterator[str]]]:
 
 
 def _apt(walk: Walk) -> Iterator[str]:
-    for one in sorted(walk.group.members, key=lambda each: each is not walk.component):
-        if one is walk.component:
-            yield from _thresholds(one, "")
-        elif one.apt:
-            yield from _thresholds(one, f"{one.name}, in the same partition: ")
+    for member in sorted(walk.group.members, key=lambda each: each is not walk.component):
+        if member is walk.component:
+            yield from _thresholds(member, "")
+        elif member.apt:
+            yield from _thresholds(member, f"{member.name}, in the same partition: ")
 
 
-def _thresholds(one: Component, whose: str) -> Iterator[str]:
-    for name, threshold in one.apt.items():
+def _thresholds(component: Component, whose: str) -> Iterator[str]:
+    for name, threshold in component.apt.items():
         yield f"{whose}{name} {shown(name, threshold)}"
-    if not one.apt:
-        yield f"{one.name} has none: nothing says how well it must do"
+    if not component.apt:
+        yield f"{component.name} has none: nothing says how well it must do"
 
 
 def _data_log(walk: Walk) -> Iterator[str]:
@@ -136,11 +136,11 @@ def _virtual(processors: int) -> str:
 
 
 def _partition(walk: Walk) -> Iterator[str]:
-    others = [one for one in walk.group.members if one is not walk.component]
+    others = [member for member in walk.group.members if member is not walk.component]
     if not others:
         yield f"{walk.placed.name}: {walk.component.name} is alone, as nothing asks to combine it"
     else:
-        names = ", ".join(f"{one.name} (criticality {one.criticality})" for one in others)
+        names = ", ".join(f"{other.name} (criticality {other.criticality})" for other in others)
         yield f"{walk.placed.name}: {walk.component.name} is combined with {names}"
         yield from walk.why_together
     yield f"memory {show_bytes(walk.placed.memory)}, {_virtual(walk.placed.processors)}"

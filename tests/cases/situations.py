@@ -96,7 +96,7 @@ def stand_in(folder: Path) -> WindowsHost:
     document = json.loads((folder / "host.json").read_text(encoding="utf-8"))
     words = (folder / "rarms.yaml").read_text(encoding="utf-8").splitlines()
     images = [line.partition("image:")[2].strip().strip("'\"") for line in words if "image:" in line]
-    return host_from(document, *(one.replace("''", "'") for one in images))
+    return host_from(document, *(image.replace("''", "'") for image in images))
 
 
 def outputs(folder: Path) -> dict[str, bytes]:

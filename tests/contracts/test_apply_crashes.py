@@ -85,7 +85,7 @@ def settled(folder: Path) -> Path:
 
 def as_left(host: SimulatedHostProvider) -> list[Partition]:
     """The machines, without the ids and marks that are new with every machine."""
-    return [replace(one, id="", mark=None) for one in host.observe().partitions]
+    return [replace(partition, id="", mark=None) for partition in host.observe().partitions]
 
 
 def test_applied_twice_changes_nothing_and_undo_brings_all_back_but_the_serial(tmp_path: Path) -> None:

@@ -410,12 +410,14 @@ def test_an_id_reaches_a_machine_that_is_not_ours(room: Room) -> None:
 def test_two_machines_under_one_mark_are_nobodys(room: Room) -> None:
     host = room.host()
     do(host, *making("vision"), *making("speech"))
-    speech = next(one for one in host.observe().partitions if one.settings.name == "speech")
+    speech = next(partition for partition in host.observe().partitions if partition.settings.name == "speech")
 
     do(host, WriteMark(partition="speech", machine=speech.id, application="robot", name="vision", set="c" * 12))
 
-    assert [one.mark for one in host.observe().partitions] == [None, None]
-    assert {one.foreign_mark for one in host.observe().partitions} == {"the mark of robot/vision stands on 2 machines"}
+    assert [partition.mark for partition in host.observe().partitions] == [None, None]
+    assert {partition.foreign_mark for partition in host.observe().partitions} == {
+        "the mark of robot/vision stands on 2 machines"
+    }
     with refused(host, "no machine stands"):
         do(host, start())
 
@@ -435,7 +437,7 @@ def test_a_marked_and_a_pending_machine_are_one_too_many(room: Room) -> None:
     host = room.host()
     do(host, *making())
     host.execute(creation("speech"), SCOPE)
-    speech = next(one for one in host.observe().partitions if one.settings.name.startswith("speech"))
+    speech = next(partition for partition in host.observe().partitions if partition.settings.name.startswith("speech"))
 
     do(host, RenamePartition(partition="speech", machine=speech.id, name=SCOPE.pending("vision")))
 
@@ -596,7 +598,7 @@ def test_under_the_root_scheduler_reserves_are_stored_without_effect(room: Room)
     host = room.host(scheduler=SchedulerType.ROOT)
     do(host, *making("vision", reserve=100), *making("speech", reserve=100), start("vision"), start("speech"))
 
-    assert [one.settings.reserve for one in host.observe().partitions] == [100, 100]
+    assert [partition.settings.reserve for partition in host.observe().partitions] == [100, 100]
 
 
 def test_without_rights_nothing_is_seen_and_nothing_done(room: Room) -> None:

@@ -69,9 +69,9 @@ def test_samples_come_in_the_order_in_which_jobs_end(host: MeasuringHost) -> Non
     with ready(host):
         samples = [sample for _, sample in seen(host, some_work(EYES, EARS, eyes=SampleCount(samples=30)))]
 
-    ends = [one.began_ms + (one.response_ms or 0) for one in samples]
+    ends = [sample.began_ms + (sample.response_ms or 0) for sample in samples]
     assert ends == sorted(ends)
-    assert all(one.successful and not one.failure for one in samples)
+    assert all(sample.successful and not sample.failure for sample in samples)
 
 
 def test_a_time_is_run_to_its_end_and_clock_and_consumption_only_grow(host: MeasuringHost) -> None:

@@ -17,7 +17,7 @@ FEW = settings(
 
 
 def unmanaged(lab: Lab) -> list[Partition]:
-    return [one for state in lab.observe().values() for one in state.partitions if one.mark is None]
+    return [partition for state in lab.observe().values() for partition in state.partitions if partition.mark is None]
 
 
 def shipped(states: dict[str, State]) -> list[object]:
@@ -89,7 +89,7 @@ def test_undo_brings_everything_back_but_the_serial(data: st.DataObject, others:
 
 
 def ids_of(states: dict[str, State]) -> set[str]:
-    return {one.id for state in states.values() for one in state.partitions}
+    return {partition.id for state in states.values() for partition in state.partitions}
 
 
 @FEW

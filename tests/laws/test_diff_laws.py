@@ -28,9 +28,9 @@ def applied(system: System, state: State) -> State:
     return host.state
 
 
-def steps_of(one: Route) -> tuple[Step, ...]:
-    assert isinstance(one.ordered, Ordered), one.ordered
-    return one.ordered.steps
+def steps_of(route: Route) -> tuple[Step, ...]:
+    assert isinstance(route.ordered, Ordered), route.ordered
+    return route.ordered.steps
 
 
 def possible(system: System, state: State) -> None:
@@ -39,17 +39,17 @@ def possible(system: System, state: State) -> None:
 
 def strangers_of(state: State) -> Strangers:
     return Strangers(
-        tuple(one for one in state.partitions if one.mark is None),
-        tuple(one for one in state.tasks if one.record is None),
+        tuple(partition for partition in state.partitions if partition.mark is None),
+        tuple(task for task in state.tasks if task.record is None),
         _before(state.responsiveness),
     )
 
 
-def _before(one: Responsiveness | None) -> RegistryValue | None:
+def _before(responsiveness: Responsiveness | None) -> RegistryValue | None:
     """What was there before rarms, or is there without it."""
-    if one is None or one.record is None:
-        return one.value if one else None
-    return (one.record.before or {}).get(SYSTEM_RESPONSIVENESS)
+    if responsiveness is None or responsiveness.record is None:
+        return responsiveness.value if responsiveness else None
+    return (responsiveness.record.before or {}).get(SYSTEM_RESPONSIVENESS)
 
 
 @given(systems(), strangers())
@@ -132,8 +132,8 @@ def test_a_step_and_its_full_undo_cancel(data: st.DataObject, system: System) ->
 def in_order(state: State) -> State:
     return replace(
         state,
-        partitions=tuple(sorted(state.partitions, key=lambda one: one.id)),
-        tasks=tuple(sorted(state.tasks, key=lambda one: (one.inside, one.name.lower()))),
+        partitions=tuple(sorted(state.partitions, key=lambda partition: partition.id)),
+        tasks=tuple(sorted(state.tasks, key=lambda task: (task.inside, task.name.lower()))),
     )
 
 
@@ -158,13 +158,16 @@ def test_who_moved_is_told_apart(data: st.DataObject, system: System, by_hand: b
     start = empty_state(host)
     possible(system, start)
     state = applied(system, start)
-    victim = data.draw(st.sampled_from(sorted(state.of("robot").partitions, key=lambda one: one.id)))
+    victim = data.draw(st.sampled_from(sorted(state.of("robot").partitions, key=lambda partition: partition.id)))
     assert victim.mark is not None
     name = victim.mark.name
     wanted = system
     if by_hand:
         edited = replace(victim, settings=data.draw(edits(victim.settings)))
-        state = replace(state, partitions=tuple(edited if one.id == victim.id else one for one in state.partitions))
+        state = replace(
+            state,
+            partitions=tuple(edited if partition.id == victim.id else partition for partition in state.partitions),
+        )
     if in_manifest:
         leader = system.partitions[name].components[0] if name in system.partitions else name
         old = system.components[leader]

@@ -42,7 +42,7 @@ def problems(draw: st.DrawFn) -> tuple[tuple[Item, ...], tuple[Bin, ...]]:
     )
     items = []
     for at in range(draw(st.integers(1, 5))):
-        names = draw(st.lists(st.sampled_from([one.name for one in bins]), unique=True, min_size=1))
+        names = draw(st.lists(st.sampled_from([host_bin.name for host_bin in bins]), unique=True, min_size=1))
         claims = {name: claim(draw(SIZES), draw(st.integers(0, 600))) for name in sorted(names)}
         items.append(Item(name=f"part{at}", claims=claims, now=draw(st.sampled_from(["", bins[0].name]))))
     return tuple(items), bins
@@ -56,10 +56,10 @@ def possible(items: tuple[Item, ...], bins: tuple[Bin, ...]) -> list[tuple[int, 
     """The value of every placement that fits, by trying all of them."""
     found = []
     for way in product(*(one.claims for one in items)):
-        there = {one.name: list(one.taken) for one in bins}
+        there = {host_bin.name: list(host_bin.taken) for host_bin in bins}
         for item, host in zip(items, way, strict=True):
             there[host].append(item.claims[host])
-        if all(fits(one.capacity, there[one.name]) for one in bins):
+        if all(fits(host_bin.capacity, there[host_bin.name]) for host_bin in bins):
             total = sum(cost(item.claims[host]) for item, host in zip(items, way, strict=True))
             moves = sum(bool(item.now) and item.now != host for item, host in zip(items, way, strict=True))
             found.append((total, moves, way))
@@ -94,9 +94,11 @@ def test_a_layout_fits_and_loses_nobody_and_a_misfit_says_why(wanted: list[tuple
 
     match planning.answer:
         case Layout(partitions=partitions):
-            assert sorted(name for one in partitions for name in one.components) == sorted(system.components)
+            assert sorted(name for partition in partitions for name in partition.components) == sorted(
+                system.components
+            )
             for host in hosts:
-                here = [one for one in partitions if one.host == host.name]
+                here = [partition for partition in partitions if partition.host == host.name]
                 assert sum(one.reserved for one in here) <= host.logical_processors
                 assert sum(one.memory for one in here) <= host.memory
         case Infeasible(conflict=conflict, causes=causes):
@@ -115,12 +117,12 @@ def test_threads_of_more_critical_classes_run_higher(users: list[tuple[int, str]
 
     found = classes_of(components, {}, "", PLACES)
 
-    assert {one.code for one in found.findings} <= {"RARMS129", "RARMS136"}
-    assert {one.name for one in found.classes} == {name for _, name in users}
-    for one in found.classes:
+    assert {finding.code for finding in found.findings} <= {"RARMS129", "RARMS136"}
+    assert {task_class.name for task_class in found.classes} == {name for _, name in users}
+    for task_class in found.classes:
         for other in found.classes:
-            if one.criticality > other.criticality:
-                assert one.thread_priority > other.thread_priority
+            if task_class.criticality > other.criticality:
+                assert task_class.thread_priority > other.thread_priority
 
 
 def test_a_view_that_is_empty_is_no_view() -> None:
@@ -147,9 +149,9 @@ def test_threads_strictly_follow_criticality_or_a_finding_says_that_they_do_not(
 ) -> None:
     """Among the components of one Windows, whatever the manifest fixes."""
     components = [a_component(f"c{at}", task=f"Class{at}", criticality=weight) for at, weight in criticalities.items()]
-    fixed = {one.name: one for one in wishes}
+    fixed = {wish.name: wish for wish in wishes}
     found = classes_of(components, fixed, "media", PLACES)
-    both = a_partition("media", components=[one.name for one in components])
+    both = a_partition("media", components=[component.name for component in components])
     system = a_system(components=components, partitions=[both], tasks=list(fixed.values()))
     told = [*found.findings, *order_not_expressed.check(system, PLACES)]
 
@@ -159,7 +161,9 @@ def test_threads_strictly_follow_criticality_or_a_finding_says_that_they_do_not(
         if upper.criticality > lower.criticality and upper.thread_priority <= lower.thread_priority
     ]
     assert bool(collapses) == bool({"RARMS128", "RARMS056"} & {one.code for one in told})
-    assert all(1 <= one.priority <= 8 and 1 <= one.background_priority <= 8 for one in found.classes)
+    assert all(
+        1 <= task_class.priority <= 8 and 1 <= task_class.background_priority <= 8 for task_class in found.classes
+    )
 
 
 @given(st.lists(st.integers(0, 100), min_size=1, max_size=20))
@@ -173,7 +177,7 @@ def test_up_to_sixteen_criticalities_find_an_order_and_eight_keep_it_if_windows_
     different = len(set(criticalities))
     gap = 2 if different <= 8 else 1
 
-    assert ("RARMS128" in {one.code for one in found.findings}) == (different > 16)
+    assert ("RARMS128" in {finding.code for finding in found.findings}) == (different > 16)
     if different <= 16:
         for upper, lower in permutations(found.classes, 2):
             if upper.criticality > lower.criticality:

@@ -43,11 +43,11 @@ YAML = st.lists(st.sampled_from(SCRAPS), max_size=40).map("".join)
 def test_any_bytes_are_read_or_told(data: bytes) -> None:
     read = read_text(data, "rarms.yaml", ".")
 
-    errors = [one for one in read.diagnostics if one.severity is Severity.ERROR]
+    errors = [diagnostic for diagnostic in read.diagnostics if diagnostic.severity is Severity.ERROR]
     assert read.readable or errors
-    assert all(one.place and one.place.line >= 1 and one.place.column >= 1 for one in errors)
+    assert all(error.place and error.place.line >= 1 and error.place.column >= 1 for error in errors)
     lines = list(read.source.lines)
-    assert all(one.place and one.place.line <= len(lines) for one in errors)
+    assert all(error.place and error.place.line <= len(lines) for error in errors)
 
 
 @settings(max_examples=examples(400))

@@ -99,7 +99,7 @@ def test_every_lp_does_one_thing_at_a_time_and_all_of_the_time(machine: Machine)
     pieces = run(machine).pieces
 
     for number in range(machine.lps):
-        its = [one for one in pieces if one.lp == number]
+        its = [piece for piece in pieces if piece.lp == number]
         assert its[0].began == 0.0
         assert its[-1].ended == UNTIL_MS
         assert all(before.ended == after.began for before, after in pairwise(its))
@@ -126,7 +126,7 @@ def test_what_components_consumed_is_what_their_vps_ran(asked: list[Demand], lps
 
     ran = run(Machine(lps=lps, machines=(vm,), interrupts=10))
 
-    on_vps = sum(one.ended - one.began for one in ran.pieces if one.ran.startswith("vm."))
+    on_vps = sum(piece.ended - piece.began for piece in ran.pieces if piece.ran.startswith("vm."))
     assert abs(on_vps - sum(ran.simulation.consumed_ms(one.component) for one in named)) < GRAIN
 
 
@@ -185,7 +185,7 @@ def test_no_lp_idles_while_somebody_could_use_it(machine: Machine, weight: int) 
     greedy = VirtualMachine(name="greedy", vps=machine.lps, weight=weight, loads=(BusyLoops(),))
     pieces = run(Machine(lps=machine.lps, machines=(*machine.machines, greedy))).pieces
 
-    assert sum(one.ended - one.began for one in pieces if one.ran == IDLE) == 0.0
+    assert sum(piece.ended - piece.began for piece in pieces if piece.ran == IDLE) == 0.0
 
 
 @st.composite
@@ -261,7 +261,7 @@ def _named(demand: Demand, name: str) -> Demand:
 
 
 def _without_browsers(vm: VirtualMachine) -> VirtualMachine:
-    kept = tuple(one for one in vm.loads if not isinstance(one, Browsers))
+    kept = tuple(load for load in vm.loads if not isinstance(load, Browsers))
     return VirtualMachine(
         name=vm.name,
         vps=vm.vps,

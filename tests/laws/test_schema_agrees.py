@@ -59,7 +59,7 @@ FIELDS = sorted({name for block in manifest_schema()["$defs"].values() for name 
 
 def _containers(value: Any) -> list[Any]:
     inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    found = [one for child in inner for one in _containers(child)]
+    found = [container for child in inner for container in _containers(child)]
     return [value, *found] if isinstance(value, dict | list) else found
 
 

@@ -362,7 +362,7 @@ def test_destroy_with_out_writes_the_plan_and_changes_nothing(robot: Robot) -> N
 def test_a_released_partition_stays_and_is_taken_over_again(robot: Robot) -> None:
     robot.applied()
     assert robot.run("release", "control", "--auto-approve").code == 0
-    machine = next(one for one in robot.host().observe().partitions if one.settings.name == "control")
+    machine = next(partition for partition in robot.host().observe().partitions if partition.settings.name == "control")
     blocked = robot.run("plan")
 
     taken = robot.run("import", "control", "--id", machine.id, "--auto-approve")

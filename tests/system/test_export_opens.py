@@ -65,7 +65,7 @@ def test_libreoffice_keeps_each_chart_with_its_series(exported: tuple[Path, Repo
 
     charts = list(charts_of(converted(path, "ods") / "measured.ods"))
 
-    curves = [index for one in report.measurements for index in one.indexes]
+    curves = [index for measurement in report.measurements for index in measurement.indexes]
     assert len(charts) == len(curves)
     for chart in charts:
         series = list(chart.iter(f"{CHART}series"))
@@ -73,7 +73,7 @@ def test_libreoffice_keeps_each_chart_with_its_series(exported: tuple[Path, Repo
         assert all(one.get(f"{CHART}values-cell-range-address") for one in series)
     titles = ["".join(chart.find(f".//{CHART}title").itertext()) for chart in charts]  # type: ignore[union-attr]
     assert sorted(titles) == sorted(
-        f"{one.index.name} of {one.component} ({UNIT_TEXT[one.index.unit]})" for one in curves
+        f"{curve.index.name} of {curve.component} ({UNIT_TEXT[curve.index.unit]})" for curve in curves
     )
 
 

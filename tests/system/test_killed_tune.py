@@ -110,7 +110,7 @@ def test_killed_in_the_middle_the_same_command_finds_the_same_and_measures_nothi
     assert (killed / "rarms.yaml").read_bytes() == (whole / "rarms.yaml").read_bytes()
     assert trail(killed) == trail(whole)
     assert settings(killed) == settings(whole)
-    reserves = [one["reserve"] for one in settings(killed)]
+    reserves = [setting["reserve"] for setting in settings(killed)]
     assert len(set(reserves)) == len(reserves), "none was measured twice"
     assert (killed / TOGETHER).read_bytes().startswith(before[: before.rfind(b"\n") + 1])
     assert "recorded already" in told

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.needs("chromium")
 
 SYSTEM = a_robot()
-LOGS = {one.log.header.setup.members[0]: one.log for one in the_logs(SYSTEM)}
+LOGS = {log.log.header.setup.members[0]: log.log for log in the_logs(SYSTEM)}
 FACES, SUCCESS, P95, PATHS = "m1-1", "m2-1", "m2-2", "m3-1"
 
 
@@ -143,7 +143,7 @@ def test_the_keyboard_moves_a_line_over_every_step_and_says_so(page: "WebDriver"
         thresholds.append(Fraction(slider.get_attribute("aria-valuenow") or ""))
     step = 100 - thresholds[0]
 
-    assert [(one - 100) / step for one in thresholds] == [-1, -2, -12, -11, -10, 0]
+    assert [(threshold - 100) / step for threshold in thresholds] == [-1, -2, -12, -11, -10, 0]
     slider.send_keys(Keys.HOME)
     assert text(page, "m1-reserve") == "Not achieved"
     assert "no measured reserve is enough" in (slider.get_attribute("aria-valuetext") or "")
@@ -230,9 +230,11 @@ def test_lines_to_paste_and_the_command_say_the_threshold_and_are_copied(page: "
 
 def test_nothing_is_fetched_nothing_is_refused_and_foreign_code_is_not_run(page: "WebDriver") -> None:
     assert run(page, "return performance.getEntriesByType('resource').length") == 0
-    asked = [json.loads(one)["message"] for one in messages(page, "performance")]
+    asked = [json.loads(message)["message"] for message in messages(page, "performance")]
     requests = [one["params"] for one in asked if one["method"] == "Network.requestWillBeSent"]
-    assert {one["request"]["url"] for one in requests if one["documentURL"] == page.current_url} == {page.current_url}
+    assert {request["request"]["url"] for request in requests if request["documentURL"] == page.current_url} == {
+        page.current_url
+    }
     assert messages(page, "browser") == []
 
     run(
@@ -245,7 +247,7 @@ def test_nothing_is_fetched_nothing_is_refused_and_foreign_code_is_not_run(page:
     )
 
     assert run(page, "return window.foreign ?? null") is None
-    assert any("Content Security Policy" in one for one in messages(page, "browser"))
+    assert any("Content Security Policy" in message for message in messages(page, "browser"))
 
 
 @pytest.mark.parametrize(("width", "dark"), [(1200, False), (1200, True), (700, True), (360, False)])

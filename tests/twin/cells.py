@@ -34,7 +34,7 @@ def a_windows(*strangers: Vm, **facts: object) -> WindowsHost:
         games[name.lower()] = Entry(name=name, kind=kind, data=shipped)
     host.processors = [{"name": "a processor", "cores": 4, "logical": 4}]
     host.write_file(IMAGE, b"an image")
-    host.vms = {one.id: one for one in strangers}
+    host.vms = {stranger.id: stranger for stranger in strangers}
     for name, value in facts.items():
         setattr(host, name, value)
     return host

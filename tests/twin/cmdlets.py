@@ -185,7 +185,7 @@ def remove_item(scope: Scope, given: Given) -> Value:
         file = host.file(path)
         if file is None or file.data is None:
             raise not_found(path, "RemoveItemCommand")
-        if any(path.lower() == one.lower() for vm in host.vms.values() for one in vm.disks):
+        if any(path.lower() == disk.lower() for vm in host.vms.values() for disk in vm.disks):
             raise AssertionError(f"the disk {path} of a machine is deleted")
         host.effect(f"Remove-Item {path}", lambda: host.files.pop(path.lower()))
         return EMPTY
@@ -263,13 +263,15 @@ def get_cim_instance(scope: Scope, given: Given) -> list[Value]:
         case "Win32_Processor":
             names = ("NumberOfCores", "NumberOfLogicalProcessors")
             return [
-                Record(Name=one["name"], **dict(zip(names, (one["cores"], one["logical"]), strict=True)))
-                for one in host.processors
+                Record(
+                    Name=processor["name"], **dict(zip(names, (processor["cores"], processor["logical"]), strict=True))
+                )
+                for processor in host.processors
             ]
         case "Msvm_ProcessorSettingData":
             return [
-                Record(InstanceID=one["instance"], CpuGroupId=one["group"], Reservation=one["reservation"])
-                for one in host.cpu_groups
+                Record(InstanceID=group["instance"], CpuGroupId=group["group"], Reservation=group["reservation"])
+                for group in host.cpu_groups
             ]
         case "Win32_PowerPlan":
             return [Record(InstanceID=one, IsActive=True) for one in host.power_plan]

@@ -299,7 +299,7 @@ _CALLS: dict[tuple[str, str], Callable[..., Value]] = {
     ("io.filestream", "new"): _new_stream,
     ("threading.mutex", "new"): _new_mutex,
     ("security.cryptography.sha256", "create"): lambda scope: Sha256(),
-    ("bitconverter", "tostring"): lambda scope, data: "-".join(f"{one:02X}" for one in bytes(data)),
+    ("bitconverter", "tostring"): lambda scope, data: "-".join(f"{byte:02X}" for byte in bytes(data)),
     ("array", "sort"): _sort,
     ("string", "equals"): _equals,
     ("security.principal.windowsidentity", "getcurrent"): _identity,

@@ -100,7 +100,7 @@ def _binary(node: Node) -> Expression:
 
 
 def _array_literal(node: Node) -> Expression:
-    parts = [expression(one) for one in node.children if one.type != ","]
+    parts = [expression(child) for child in node.children if child.type != ","]
     return lambda scope: [part(scope) for part in parts]
 
 
@@ -134,7 +134,7 @@ def _parenthesised(node: Node) -> Expression:
 def _array_expression(node: Node) -> Expression:
     from tests.twin.statements import block_of
 
-    lists = [one for one in node.children if one.type == "statement_list"]
+    lists = [child for child in node.children if child.type == "statement_list"]
     if not lists:
         return lambda scope: []
     body = block_of(lists[0])
@@ -154,8 +154,8 @@ def table_entries(node: Node) -> list[tuple[Expression, Expression]]:
     if node.type != "hash_literal_expression":
         raise Unsupported(f"no table: {text_of(node)[:80]}")
     found = []
-    for body in (one for one in node.children if one.type == "hash_literal_body"):
-        for entry in (one for one in body.children if one.type == "hash_entry"):
+    for body in (child for child in node.children if child.type == "hash_literal_body"):
+        for entry in (child for child in body.children if child.type == "hash_entry"):
             key = entry.children[0].children[0]
             named = key.type == "simple_name"
             found.append((_constant(text_of(key)) if named else expression(key), value_of(entry.children[2])))
@@ -198,8 +198,8 @@ def _call(node: Node) -> Expression:
 
 
 def _arguments(node: Node) -> list[Expression]:
-    lists = [one for one in node.children if one.type == "argument_expression_list"]
-    return [expression(one) for one in lists[0].children if one.type != ","] if lists else []
+    lists = [child for child in node.children if child.type == "argument_expression_list"]
+    return [expression(child) for child in lists[0].children if child.type != ","] if lists else []
 
 
 def _increment(node: Node) -> Expression:
@@ -217,7 +217,7 @@ def _increment(node: Node) -> Expression:
 
 
 def _block(node: Node) -> Expression:
-    function = function_of("", next((one for one in node.children if one.type == "script_block"), None))
+    function = function_of("", next((child for child in node.children if child.type == "script_block"), None))
     return lambda scope: Block(function)
 
 
@@ -231,7 +231,7 @@ def function_of(name: str, node: Node | None) -> Function:
         if part.type == "param_block":
             parameters = parameters_of(part)
         elif part.type == "script_block_body":
-            bodies += [block_of(one) for one in part.children if one.type == "statement_list"]
+            bodies += [block_of(child) for child in part.children if child.type == "statement_list"]
         elif part.type == "statement_list":
             bodies.append(block_of(part))
         elif part.type != "comment":
@@ -247,11 +247,11 @@ def function_of(name: str, node: Node | None) -> Function:
 def parameters_of(block: Node) -> tuple[Parameter, ...]:
     """The parameters of a `param( )`."""
     found = []
-    for group in (one for one in block.children if one.type == "parameter_list"):
-        for one in (one for one in group.children if one.type == "script_parameter"):
-            variable = next(part for part in one.children if part.type == "variable")
-            types = [type_of(part) for part in one.children if part.type == "attribute_list"]
-            default = next((part for part in one.children if part.type == "script_parameter_default"), None)
+    for group in (child for child in block.children if child.type == "parameter_list"):
+        for child in (child for child in group.children if child.type == "script_parameter"):
+            variable = next(part for part in child.children if part.type == "variable")
+            types = [type_of(part) for part in child.children if part.type == "attribute_list"]
+            default = next((part for part in child.children if part.type == "script_parameter_default"), None)
             found.append(
                 Parameter(
                     name=text_of(variable).removeprefix("$").lower(),
@@ -265,14 +265,18 @@ def parameters_of(block: Node) -> tuple[Parameter, ...]:
 def invoke(function: Function, given: dict[str, Value], scope: Scope, out: list[Value]) -> None:
     """Runs it in a new scope below its caller's."""
     inner = Scope(scope.session, scope)
-    for one in function.parameters:
-        if one.name in given:
-            value = given.pop(one.name)
-            inner.variables[one.name] = members.cast(one.type, value, scope) if one.type else _plain(value)
-        elif one.default:
-            inner.variables[one.name] = members.cast(one.type, one.default(inner), scope)
+    for parameter in function.parameters:
+        if parameter.name in given:
+            value = given.pop(parameter.name)
+            inner.variables[parameter.name] = (
+                members.cast(parameter.type, value, scope) if parameter.type else _plain(value)
+            )
+        elif parameter.default:
+            inner.variables[parameter.name] = members.cast(parameter.type, parameter.default(inner), scope)
         else:
-            inner.variables[one.name] = members.cast(one.type, EMPTY, scope) if one.type in _FILLED else None
+            inner.variables[parameter.name] = (
+                members.cast(parameter.type, EMPTY, scope) if parameter.type in _FILLED else None
+            )
     if given:
         raise Unsupported(f"{function.name} has no parameter -{', -'.join(given)}")
     try:

@@ -219,8 +219,8 @@ def start_vm(scope: Scope, given: Given) -> Value:
     _check_memory(host, vm, vm.memory, "StartVM")
     claims = [vm, *(one for one in host.vms.values() if one.active and one.id != vm.id)]
     sizes: Counter[int] = Counter()
-    for one in claims:
-        sizes[one.reserve] += one.processors
+    for claim in claims:
+        sizes[claim.reserve] += claim.processors
     wide = vm.reserve and vm.processors > host.logical_processors
     if host.scheduler != ROOT and (wide or (vm.reserve and not packs(sizes, host.logical_processors))):
         raise refuse(f"'{vm.name}' failed to start: the reserve cannot be met.", "StartVM", "Unspecified")
@@ -293,8 +293,8 @@ def get_vhd(scope: Scope, given: Given) -> Thing:
 
 def get_drives(scope: Scope, given: Given) -> Value:
     if "vmsnapshot" in given:
-        return [Record(Path=text(one)) for one in elements(given["vmsnapshot"].get("Disks"))]
-    return [Record(Path=one) for one in _vm(scope, given).disks]
+        return [Record(Path=text(element)) for element in elements(given["vmsnapshot"].get("Disks"))]
+    return [Record(Path=disk) for disk in _vm(scope, given).disks]
 
 
 def get_snapshots(scope: Scope, given: Given) -> Value:

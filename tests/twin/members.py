@@ -76,7 +76,7 @@ def _of_table(owner: Table, name: str) -> Value:
 def _of_each(owners: list[Value], name: str) -> Value:
     if not owners:
         raise no_property(name)
-    return [get(one, name) for one in owners]
+    return [get(owner, name) for owner in owners]
 
 
 def set_property(owner: Value, name: str, value: Value) -> None:
@@ -179,9 +179,9 @@ def cast(to: str, value: Value, scope: Scope) -> Value:
         case "char":
             return _character(value)
         case "byte[]":
-            return value if isinstance(value, bytes) else bytes(number(one) for one in elements(value))
+            return value if isinstance(value, bytes) else bytes(number(element) for element in elements(value))
         case "string[]":
-            return [text(one) for one in elements(value)]
+            return [text(element) for element in elements(value)]
         case "guid":
             return _guid(value)
         case "scriptblock":

@@ -76,9 +76,9 @@ def compare(operator: str, left: Value, right: Value, scope: Scope) -> Value:
         case "-gt" | "-ge" | "-lt" | "-le":
             return _order(plain, left, right)
         case "-contains":
-            return any(same(one, right, case=case) for one in elements(left))
+            return any(same(element, right, case=case) for element in elements(left))
         case "-notcontains":
-            return not any(same(one, right, case=case) for one in elements(left))
+            return not any(same(element, right, case=case) for element in elements(left))
         case "-like":
             return _each(lambda one: like(text(one), text(right), case=case))(left)
         case "-match":

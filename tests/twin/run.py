@@ -37,7 +37,7 @@ class Ran:
 
     def status_of(self, address: str) -> list[str]:
         """What was told of an address."""
-        return [one["status"] for one in self.events if one["address"] == address]
+        return [event["status"] for event in self.events if event["address"] == address]
 
     @property
     def says(self) -> str:
@@ -59,7 +59,7 @@ def _compiled(script: bytes) -> _Compiled:
         for piece in pieces:
             piece.body(scope, out)
 
-    return _Compiled(tuple(one for piece in pieces for one in piece.parameters), body)
+    return _Compiled(tuple(parameter for piece in pieces for parameter in piece.parameters), body)
 
 
 _EDGE = r"(?<=-\r\n)(?=# --- part )|(?<=-\r\n)(?=try \{)"
@@ -124,8 +124,8 @@ def _walk(session: Session, script: _Compiled, arguments: Mapping[str, bool]) ->
         "pid": session.process,
         "psversiontable": _versions(session),
     }
-    for one in script.parameters:
-        scope.variables[one.name] = one.default(scope) if one.default else arguments[one.name]
+    for parameter in script.parameters:
+        scope.variables[parameter.name] = parameter.default(scope) if parameter.default else arguments[parameter.name]
     try:
         script.body(scope, [])
     except Exit as end:

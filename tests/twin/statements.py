@@ -33,9 +33,9 @@ _SILENT = {"comment", ";", "empty_statement", "{", "}"}
 def block_of(node: Node) -> Body:
     """A list of statements, or a block in braces."""
     if node.type == "statement_block":
-        inside = [one for one in node.children if one.type == "statement_list"]
+        inside = [child for child in node.children if child.type == "statement_list"]
         return block_of(inside[0]) if inside else lambda scope, out: None
-    statements = [statement(one) for one in node.children if one.type not in _SILENT]
+    statements = [statement(child) for child in node.children if child.type not in _SILENT]
 
     def run(scope: Scope, out: list[Value]) -> None:
         for one in statements:
@@ -71,12 +71,12 @@ def _pipeline(node: Node) -> Body:
 
 
 def _chain(node: Node) -> Body:
-    parts = [one for one in node.children if one.type != "|"]
+    parts = [child for child in node.children if child.type != "|"]
     first = parts[0]
     head = commands.command(first) if first.type == "command" else _expression_statement(first)
     if len(parts) == 1:
         return head
-    rest = [commands.piped(one) for one in parts[1:]]
+    rest = [commands.piped(part) for part in parts[1:]]
 
     def run(scope: Scope, out: list[Value]) -> None:
         held: list[Value] = []
@@ -128,7 +128,7 @@ def _body(node: Node) -> Body:
 
 
 def _assignment(node: Node) -> Body:
-    target, operator, value = [one for one in node.children if one.type != "comment"]
+    target, operator, value = [child for child in node.children if child.type != "comment"]
     place = only(target)
     new = value_of(value)
     sign = text_of(operator).removesuffix("=")
@@ -156,7 +156,7 @@ def _store(node: Node) -> Callable[[Scope, Value], None]:
             to, inside = type_of(node.children[0]), _store(only(node.children[1]))
             return lambda scope, value: inside(scope, members.cast(to, value, scope))
         case "array_literal_expression":
-            return _several([_store(only(one)) for one in node.children if one.type != ","])
+            return _several([_store(only(child)) for child in node.children if child.type != ","])
         case _:
             raise Unsupported(f"an assignment to {text_of(node)[:80]}")
 
@@ -179,7 +179,7 @@ def _if(node: Node) -> Body:
     otherwise: Body | None = None
     for part in node.children[5:]:
         if part.type == "elseif_clauses":
-            branches += [(value_of(one.children[2]), block_of(one.children[4])) for one in part.children]
+            branches += [(value_of(child.children[2]), block_of(child.children[4])) for child in part.children]
         elif part.type == "else_clause":
             otherwise = block_of(part.children[1])
         elif part.type != "comment":
@@ -197,7 +197,7 @@ def _if(node: Node) -> Body:
 
 
 def _foreach(node: Node) -> Body:
-    parts = [one for one in node.children if one.type != "comment"]
+    parts = [child for child in node.children if child.type != "comment"]
     name, body = text_of(parts[2]).lower().removeprefix("$"), block_of(parts[6])
     over = value_of(parts[4])
 
@@ -218,7 +218,7 @@ def _foreach(node: Node) -> Body:
 
 
 def _for(node: Node) -> Body:
-    named = {one.type: one for one in node.children}
+    named = {child.type: child for child in node.children}
     begin, body = _pipeline(named["for_initializer"].children[0]), block_of(named["statement_block"])
     condition = value_of(named["for_condition"].children[0])
     step = _pipeline(named["for_iterator"].children[0])
@@ -234,7 +234,7 @@ def _for(node: Node) -> Body:
 
 
 def _while(node: Node) -> Body:
-    named = {one.type: one for one in node.children}
+    named = {child.type: child for child in node.children}
     condition, body = value_of(named["while_condition"].children[0]), block_of(named["statement_block"])
 
     def run(scope: Scope, out: list[Value]) -> None:
@@ -253,7 +253,7 @@ def _try(node: Node) -> Body:
     last: Body | None = None
     for part in node.children[2:]:
         if part.type == "catch_clauses":
-            catches += [_catch(one) for one in part.children]
+            catches += [_catch(child) for child in part.children]
         elif part.type == "finally_clause":
             last = block_of(part.children[1])
 
@@ -282,7 +282,7 @@ def _try(node: Node) -> Body:
 
 
 def _catch(node: Node) -> tuple[str, Body]:
-    types = [one for one in node.children if one.type == "catch_type_list"]
+    types = [child for child in node.children if child.type == "catch_type_list"]
     return type_of(types[0].children[0]) if types else "", block_of(node.children[-1])
 
 
@@ -336,7 +336,7 @@ def _exit(value: Value) -> None:
 
 def _function(node: Node) -> Body:
     name = text_of(node.children[1])
-    function = function_of(name, next((one for one in node.children if one.type == "script_block"), None))
+    function = function_of(name, next((child for child in node.children if child.type == "script_block"), None))
 
     def run(scope: Scope, out: list[Value]) -> None:
         scope.session.functions[name.lower()] = function

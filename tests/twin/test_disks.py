@@ -38,7 +38,7 @@ def test_a_disk_goes_with_its_machine_where_that_was_asked_for_and_its_image_sta
     assert ran.code == 0, ran.says
     assert host.file(path) is None
     assert host.file(IMAGE) is not None
-    assert [one.code for one in prepared.plan.findings] == ["RARMS253"]
+    assert [finding.code for finding in prepared.plan.findings] == ["RARMS253"]
     assert prepared.cell.on(host).plan(purpose=Purpose.DESTROY, remove_disks=True).hosts[0].steps == ()
 
 
@@ -51,7 +51,7 @@ def test_without_being_asked_for_it_stays_and_is_told_by_its_path() -> None:
 
     assert ran.code == 0, ran.says
     assert host.file(disk_of(cell.host)) is not None
-    (told,) = [one for one in plan.findings if one.code == "RARMS224"]
+    (told,) = [finding for finding in plan.findings if finding.code == "RARMS224"]
     assert disk_of(cell.host) in told.detail
 
 
@@ -141,7 +141,7 @@ def test_the_next_plan_leaves_such_a_disk_and_says_so(move: Callable[[WindowsHos
 
     assert ran.code == 0, ran.says
     assert host.file(path) is not None
-    assert [one.code for one in plan.findings] == ["RARMS254"]
+    assert [finding.code for finding in plan.findings] == ["RARMS254"]
 
 
 @pytest.mark.parametrize("content", [CHILD + b"D:\\images\\other.vhdx", b"everything of its own"])

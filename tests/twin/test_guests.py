@@ -43,11 +43,11 @@ def a_guest(**faults: object) -> WindowsHost:
 
 
 def classes(host: WindowsHost) -> dict[str, TaskClass]:
-    return {one.name: one for one in tasks_of(observation_of(document_of(host)))}
+    return {task.name: task for task in tasks_of(observation_of(document_of(host)))}
 
 
 def statuses(ran: Ran) -> list[str]:
-    return [one["status"] for one in ran.events if one["kind"] == "step" and one["status"] != "begun"]
+    return [event["status"] for event in ran.events if event["kind"] == "step" and event["status"] != "begun"]
 
 
 @pytest.mark.parametrize("windows_powershell", [True, False], ids=["5.1", "7"])

@@ -33,7 +33,7 @@ def test_what_a_late_step_finds_moved_keeps_the_first_from_being_done() -> None:
     assert ran.code == 3, ran.says
     assert "task/Games" in ran.says
     assert document_of(host) == before  # the journal with its serial, too
-    assert "begun" not in {one["status"] for one in ran.events}
+    assert "begun" not in {event["status"] for event in ran.events}
 
 
 def test_what_a_killed_run_did_and_somebody_changed_since_is_refused_before_it_goes_on() -> None:
@@ -50,7 +50,7 @@ def test_what_a_killed_run_did_and_somebody_changed_since_is_refused_before_it_g
 
     assert ran.code == 3, ran.says
     assert "weight" in ran.says
-    assert host.effects == [one for one in host.effects if "owner.txt" in one or "Set-Acl" in one]
+    assert host.effects == [effect for effect in host.effects if "owner.txt" in effect or "Set-Acl" in effect]
 
 
 def test_a_run_whose_last_look_disagrees_stays_unfinished() -> None:
@@ -99,7 +99,9 @@ def test_two_marks_in_the_notes_of_one_machine_count_for_nobody() -> None:
     ran = apply(host, prepared.plan)
 
     assert ran.code == 3, ran.says
-    assert [one.mark for one in state_of(host, "onboard").partitions if one.settings.name == "vision"] == [None]
+    assert [
+        partition.mark for partition in state_of(host, "onboard").partitions if partition.settings.name == "vision"
+    ] == [None]
 
 
 def test_a_value_in_another_case_is_the_same_value() -> None:

@@ -48,7 +48,7 @@ def test_it_is_set_and_set_otherwise_and_brought_back_when_the_line_goes(before:
 
     for percent in (10, 90):
         plan = wanting(host, percent).plan()
-        assert "mmcss/responsiveness" in [str(one.address) for one in plan.hosts[0].changes]
+        assert "mmcss/responsiveness" in [str(change.address) for change in plan.hosts[0].changes]
         ran = apply(host, plan)
         assert ran.code == 0, ran.says
         assert there(host) == ("dword", percent)
@@ -56,7 +56,7 @@ def test_it_is_set_and_set_otherwise_and_brought_back_when_the_line_goes(before:
         seen = state_of(host, "onboard")
         assert seen.responsiveness is not None
         assert seen.responsiveness.value == RegistryValue(kind=ValueKind.DWORD, data=percent)
-        assert [one.name for one in seen.tasks] == ["Games"]  # its record is none of a task class
+        assert [task.name for task in seen.tasks] == ["Games"]  # its record is none of a task class
 
     ran = apply(host, wanting(host, None).plan())
 

@@ -72,8 +72,8 @@ def test_a_second_run_calls_nothing(cell: Make) -> None:
     ran = again(host, prepared)
 
     assert ran.code == 0, ran.says
-    assert {one["status"] for one in ran.events} == {"unchanged", "done"}
-    assert [one for one in host.effects[calls:] if "owner.txt" not in one and "Set-Acl" not in one] == []
+    assert {event["status"] for event in ran.events} == {"unchanged", "done"}
+    assert [effect for effect in host.effects[calls:] if "owner.txt" not in effect and "Set-Acl" not in effect] == []
     assert seen(host) == before
 
 
@@ -89,7 +89,7 @@ def test_what_if_touches_nothing(cell: Make) -> None:
     assert ran.code == 0, ran.says
     assert host.effects == []
     assert seen(host) == before
-    assert {one["status"] for one in ran.events} <= {"skipped", "unchanged"}
+    assert {event["status"] for event in ran.events} <= {"skipped", "unchanged"}
 
 
 def numbers(prepared: Prepared, fault: str, usual: int) -> range:
@@ -147,7 +147,7 @@ def test_undo_brings_back_what_was_observed_from_wherever_the_run_got_to(cell: M
 def strip(document: dict[str, Any]) -> dict[str, Any]:
     """Without what counts for nothing: records without a digest were never finished, keys without values are none."""
     records = document["records"].get("value", [])
-    whole = [one for one in records if any(value["name"] == "set" for value in one["values"])]
+    whole = [record for record in records if any(value["name"] == "set" for value in record["values"])]
     return {**document, "records": whole, "tasks": [one for one in document["tasks"]["value"] if one["values"]]}
 
 
@@ -196,7 +196,7 @@ def test_a_host_that_somebody_moved_is_not_touched_by_the_step_that_it_concerns(
 
     ran = apply(host, prepared.plan)
 
-    refused = [one for one in ran.events if one["status"] in ("refused", "failed")]
+    refused = [event for event in ran.events if event["status"] in ("refused", "failed")]
     assert len(refused) == 1, ran.says
     assert (ran.code, refused[0]["address"]) == (3, f"partition/{name}"), ran.says
     assert seen(host) == before
@@ -478,6 +478,6 @@ def test_events_are_ascii_json_in_order() -> None:
     ran = apply(prepared.copy(), prepared.plan)
 
     assert all(line.isascii() and json.loads(line)["format"] == "rarms-event/1" for line in ran.lines)
-    begun = [one["number"] for one in ran.events if one["status"] == "begun"]
+    begun = [event["number"] for event in ran.events if event["status"] == "begun"]
     assert begun == sorted(set(begun))
     assert ran.events[-1]["status"] == "done"

@@ -24,6 +24,6 @@ def test_a_periodic_run_has_its_period_as_deadline() -> None:
 def test_the_delivery_robot_promises_its_whole_host() -> None:
     robot = builders.the_delivery_robot()
 
-    reserves = [one.cpu.reserve for one in robot.components.values()]
+    reserves = [component.cpu.reserve for component in robot.components.values()]
 
     assert [ShareOfHost(builders.percent(f"{n} %")) for n in (40, 30, 20, 10)] == reserves

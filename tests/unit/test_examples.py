@@ -65,7 +65,7 @@ def test_an_example_has_nothing_to_complain_about(example: str, overlays: tuple[
     result = loaded(example, *overlays)
 
     assert result.system is not None
-    assert [one for one in result.diagnostics if one.severity is not Severity.NOTE] == []
+    assert [diagnostic for diagnostic in result.diagnostics if diagnostic.severity is not Severity.NOTE] == []
 
 
 @pytest.mark.parametrize("text", TEXTS)
@@ -88,7 +88,7 @@ def test_the_robot_has_the_four_components_of_the_paper_and_their_reserves_are_m
 
     assert system is not None
     assert set(system.components) == {"face-detection", "speech-recognition", "path-planning", "video-streaming"}
-    assert {one.cpu.reserve for one in system.components.values()} == {Measured.MEASURED}
+    assert {component.cpu.reserve for component in system.components.values()} == {Measured.MEASURED}
     assert set(system.interference) >= {"busy-loop", "browsers"}
 
 
@@ -132,7 +132,7 @@ def _prepared(result: Loaded, hosts: dict[str, SimulatedHostProvider], folder: P
 def _plan(result: Loaded, hosts: dict[str, SimulatedHostProvider], folder: Path) -> Plan:
     prepared = _prepared(result, hosts, folder)
     assert prepared.plan is not None, prepared.findings
-    assert [one for one in prepared.findings if one.severity is Severity.ERROR] == []
+    assert [finding for finding in prepared.findings if finding.severity is Severity.ERROR] == []
     return prepared.plan
 
 
@@ -177,7 +177,7 @@ def test_four_components_that_need_more_than_there_is_do_not_fit(tmp_path: Path)
     prepared = _prepared(result, hosts, tmp_path)
 
     assert prepared.plan is None
-    assert [one.code for one in prepared.findings if one.severity is Severity.ERROR] == ["RARMS014"]
+    assert [finding.code for finding in prepared.findings if finding.severity is Severity.ERROR] == ["RARMS014"]
 
 
 def test_the_protected_the_manual_and_the_shared_partition_are_there(tmp_path: Path) -> None:
@@ -190,7 +190,7 @@ def test_the_protected_the_manual_and_the_shared_partition_are_there(tmp_path: P
             _plan(result, {"kiosk": host}, tmp_path), {"kiosk": host}, "ann@lab", SilentReporter(), lambda: False
         )
 
-    running = {one.settings.name: one.state for one in host.observe().partitions}
+    running = {partition.settings.name: partition.state for partition in host.observe().partitions}
     assert running == {"voice": RunState.RUNNING, "payment": RunState.RUNNING, "maintenance": RunState.OFF}
 
 

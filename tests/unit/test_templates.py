@@ -20,6 +20,8 @@ def test_a_template_has_loops_and_nothing_else(template: Path) -> None:
 
     statements = re.findall(r"\{%-?\s*(.*?)\s*-?%\}", text)
     assert statements
-    assert [one for one in statements if not re.fullmatch(r"for \w+(, \w+)* in \w+(\.\w+)*|endfor", one)] == []
+    assert [
+        statement for statement in statements if not re.fullmatch(r"for \w+(, \w+)* in \w+(\.\w+)*|endfor", statement)
+    ] == []
     assert [one for one in re.findall(r"\{\{\s*(.*?)\s*\}\}", text) if not re.fullmatch(r"\w+(\.\w+)*", one)] == []
     assert "{#" not in text

@@ -24,9 +24,9 @@ class Examination:
 
     def machines(self) -> Iterator[tuple[Partition, MachineCondition]]:
         """Every machine with what is odd about it, by name."""
-        odd = {one.id.lower(): one for one in self.condition.machines}
-        for one in self.state.partitions:
-            yield one, odd.get(one.id.lower(), MachineCondition(id=one.id))
+        odd = {machine.id.lower(): machine for machine in self.condition.machines}
+        for partition in self.state.partitions:
+            yield partition, odd.get(partition.id.lower(), MachineCondition(id=partition.id))
 
 
 def address_of(machine: Partition) -> str:

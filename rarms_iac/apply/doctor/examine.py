@@ -12,8 +12,8 @@ def examine(host: Examination) -> tuple[Diagnostic, ...]:
     """Everything that makes a plan void or unsafe there, in order."""
 
     def told() -> Iterator[Diagnostic]:
-        for one in CHECKS:
-            yield from one.check(host)
+        for check in CHECKS:
+            yield from check.check(host)
         yield from foreign_marks(host.state)
         yield from host.told
 

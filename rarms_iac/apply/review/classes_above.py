@@ -17,7 +17,7 @@ def review(part: Reviewed) -> Iterator[Diagnostic]:
     for inside, task, runs_at in above(part.plan.threads, part.observed, part.application):
         found.setdefault(f"{task.name} ({runs_at})", []).append(inside or "the host itself")
     if found:
-        systems = sorted({one for places in found.values() for one in places})
+        systems = sorted({place for places in found.values() for place in places})
         yield FINDING.at(
             None,
             f"On {part.plan.host.name}, threads of {', '.join(sorted(found))} run above robotic ones in "

@@ -35,11 +35,11 @@ def _kept(part: Reviewed) -> Iterator[Diagnostic]:
     for change in part.plan.changes:
         if not isinstance(change, Delete) or not isinstance(change.before, Partition):
             continue
-        for one in judged_disks(part.system, part.observed, change.before):
-            if one.stays:
+        for disk in judged_disks(part.system, part.observed, change.before):
+            if disk.stays:
                 yield STAYS.at(
                     change.reason.place,
-                    f"{one.disk.path} of {change.address.partition} on {part.plan.host.name} is kept: {one.stays}.",
+                    f"{disk.disk.path} of {change.address.partition} on {part.plan.host.name} is kept: {disk.stays}.",
                     "Look at what is on it, and delete it by hand when nobody needs it.",
                     address=str(change.address),
                 )

@@ -14,7 +14,7 @@ def review(part: Reviewed) -> Iterator[Diagnostic]:
     if part.remove_disks:
         return
     for step in part.plan.steps:
-        disks = [one.path for one in part.observed.disks if one.machine and one.machine == step.address.machine]
+        disks = [disk.path for disk in part.observed.disks if disk.machine and disk.machine == step.address.machine]
         if isinstance(step.operation, RemovePartition) and disks:
             yield FINDING.at(
                 step.place,

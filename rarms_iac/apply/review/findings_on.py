@@ -37,5 +37,5 @@ REVIEWS = (
 
 def findings_on(part: Reviewed) -> Iterator[Diagnostic]:
     """What its reviewer should see before it is done."""
-    for one in REVIEWS:
-        yield from one.review(part)
+    for review in REVIEWS:
+        yield from review.review(part)

@@ -17,8 +17,12 @@ def review(part: Reviewed) -> Iterator[Diagnostic]:
         return
     host = part.plan.host
     # A limit that was raised equals the reserve; only then the whole system is worth grouping again.
-    raised = [one for one in part.layout.partitions if one.host == host.name and one.limit == one.reserve]
-    groups = {one.name: one for one in groups_of(part.system)} if raised else {}
+    raised = [
+        partition
+        for partition in part.layout.partitions
+        if partition.host == host.name and partition.limit == partition.reserve
+    ]
+    groups = {group.name: group for group in groups_of(part.system)} if raised else {}
     for placed in raised:
         asked = said_limit(groups[placed.name].asking, host, placed.processors)
         if asked is not None and asked < placed.reserve:

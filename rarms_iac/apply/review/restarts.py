@@ -35,7 +35,7 @@ def restarts(changes: Sequence[Change]) -> Iterator[Diagnostic]:
 
 def stops_for_room(changes: Sequence[Change], steps: Sequence[Step]) -> Iterator[Diagnostic]:
     """A warning for each partition whose own change is live, and which is stopped so that others find room."""
-    live = {one.address for one in changes if isinstance(one, Update) and one.disruption is Disruption.LIVE}
+    live = {change.address for change in changes if isinstance(change, Update) and change.disruption is Disruption.LIVE}
     for step in steps:
         if isinstance(step.operation, StopPartition) and step.address in live:
             yield FINDING.at(

@@ -34,8 +34,16 @@ class Reviewed:
 
     def settings_after(self) -> tuple[PartitionSettings, ...]:
         """What our partitions on the host are once the plan is done, by name."""
-        now = {one.mark.name: one.settings for one in self.observed.of(self.application).partitions if one.mark}
-        by_id = {one.id: one.mark.name for one in self.observed.of(self.application).partitions if one.mark}
+        now = {
+            partition.mark.name: partition.settings
+            for partition in self.observed.of(self.application).partitions
+            if partition.mark
+        }
+        by_id = {
+            partition.id: partition.mark.name
+            for partition in self.observed.of(self.application).partitions
+            if partition.mark
+        }
         for change in self.plan.changes:
             if change.address.partition and not change.address.task:
                 now.pop(by_id.get(change.address.machine, change.address.partition), None)

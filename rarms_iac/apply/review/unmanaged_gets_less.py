@@ -20,12 +20,20 @@ def review(part: Reviewed) -> Iterator[Diagnostic]:
     """Tells once a host of running machines of others whose share of a busy host shrinks by the plan."""
     if part.purpose in {Purpose.IMPORT, Purpose.RELEASE}:
         return  # a mark is written or erased, and nobody's share changes
-    others = [one for one in part.observed.partitions if one.settings.running and not part.is_ours(one)]
-    strangers = [one.settings for one in others]
-    before = _running([*strangers, *(one.settings for one in part.observed.of(part.application).partitions)])
+    others = [
+        partition
+        for partition in part.observed.partitions
+        if partition.settings.running and not part.is_ours(partition)
+    ]
+    strangers = [other.settings for other in others]
+    before = _running(
+        [*strangers, *(partition.settings for partition in part.observed.of(part.application).partitions)]
+    )
     after = _running([*strangers, *part.settings_after()])
     available = part.observed.facts.logical_processors
-    shares = [(one, share(one.settings, before, available), share(one.settings, after, available)) for one in others]
+    shares = [
+        (other, share(other.settings, before, available), share(other.settings, after, available)) for other in others
+    ]
     if losers := [_Loser(machine=one, old=old, new=new) for one, old, new in shares if new < old]:
         yield _told(part, losers)
 
@@ -47,16 +55,16 @@ class _Loser:
 
 
 def _running(machines: Sequence[PartitionSettings]) -> list[PartitionSettings]:
-    return [one for one in machines if one.running]
+    return [machine for machine in machines if machine.running]
 
 
-def share(one: PartitionSettings, running: Sequence[PartitionSettings], logical_processors: int) -> Fraction:
+def share(settings: PartitionSettings, running: Sequence[PartitionSettings], logical_processors: int) -> Fraction:
     """LPs that a machine gets while all that run are busy: its reserve, and by weight what no reserve takes."""
     reserved = Fraction(sum(other.reserve * other.processors for other in running), 100)
     weights = max(1, sum(other.weight * other.processors for other in running))
     left = max(Fraction(0), logical_processors - reserved)
-    own = Fraction(one.reserve * one.processors, 100) + left * one.weight * one.processors / weights
-    return min(own, Fraction(one.limit * one.processors, 100))
+    own = Fraction(settings.reserve * settings.processors, 100) + left * settings.weight * settings.processors / weights
+    return min(own, Fraction(settings.limit * settings.processors, 100))
 
 
 def _told(part: Reviewed, losers: Sequence[_Loser]) -> Diagnostic:

@@ -158,10 +158,10 @@ def _is_named() -> bool:
 
 def worst(reports: list[RunReport]) -> RunReport:
     """What several hosts' reports come to: a failure counts, else something done, else nothing."""
-    endings = [one.ending for one in reports]
+    endings = [report.ending for report in reports]
     order = (Ending.FAILED, Ending.REFUSED, Ending.INTERRUPTED, Ending.DONE)
     return RunReport(
         ending=next((one for one in order if one in endings), Ending.NOTHING),
-        hosts=tuple(host for one in reports for host in one.hosts),
-        diagnostics=tuple(problem for one in reports for problem in one.diagnostics),
+        hosts=tuple(host for report in reports for host in report.hosts),
+        diagnostics=tuple(problem for report in reports for problem in report.diagnostics),
     )

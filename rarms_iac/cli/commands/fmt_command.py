@@ -99,5 +99,5 @@ def _write(session: Session, formatted: list[Formatted]) -> None:
 
 def _as_stored(tree: Tree) -> bytes:
     """The file's bytes; the reader takes a byte order mark away and notes it."""
-    marked = any(one.code == BYTE_ORDER_MARK.code for one in tree.diagnostics)
+    marked = any(diagnostic.code == BYTE_ORDER_MARK.code for diagnostic in tree.diagnostics)
     return BOM_UTF8 + tree.source.data if marked else tree.source.data

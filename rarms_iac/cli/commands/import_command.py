@@ -61,7 +61,9 @@ def on_its_host(hosts: Hosts, machine: str) -> Hosts:
         return hosts
     states = observed(hosts)
     having = [
-        name for name in hosts.chosen if any(one.id.lower() == machine.lower() for one in states[name].partitions)
+        name
+        for name in hosts.chosen
+        if any(partition.id.lower() == machine.lower() for partition in states[name].partitions)
     ]
     if len(having) != 1:
         raise click.UsageError(

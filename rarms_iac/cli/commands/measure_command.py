@@ -159,7 +159,7 @@ class Done:
     @property
     def stopped(self) -> bool:
         """Whether somebody asked for an end."""
-        return any(isinstance(one.conclusion, Stopped) for one in self.results)
+        return any(isinstance(result.conclusion, Stopped) for result in self.results)
 
 
 def _ended(session: Session, done: Done) -> ExitCode:
@@ -179,19 +179,19 @@ def measured(session: Session, hosts: Hosts, options: MeasureOptions, *, interac
     results: list[Measured] = []
     found: list[Diagnostic] = []
     complete: dict[Path, Pass] = {}
-    names = [one.host.name for one in experiments]
+    names = [experiment.host.name for experiment in experiments]
     with held_benches(session, hosts, names, options.lock_timeout_ms) as benches:
         passes = _passes(hosts, experiments, benches, options)
-        for one in experiments:
-            mine = passes.get(path_for(hosts, one))
+        for experiment in experiments:
+            mine = passes.get(path_for(hosts, experiment))
             asked = replace(options, seed=mine.seed) if mine else options
             with session.interrupts.gently():
-                result = run_experiment(session, hosts, one, benches[one.host.name], asked)
+                result = run_experiment(session, hosts, experiment, benches[experiment.host.name], asked)
             if mine and not isinstance(result.conclusion, Stopped | NoVerdict):
-                complete[path_for(hosts, one)] = mine
+                complete[path_for(hosts, experiment)] = mine
             if interactive and not isinstance(result.conclusion, Stopped):
                 result = ask_levels(session, hosts, result)
-            found += findings_of(one, result.conclusion, result.settings, hosts.opened.loaded.places)
+            found += findings_of(experiment, result.conclusion, result.settings, hosts.opened.loaded.places)
             results.append(result)
             if isinstance(result.conclusion, Stopped):
                 break
@@ -205,8 +205,8 @@ def _passes(
     if not options.again:
         return {}
 
-    def refuse(one: Experiment) -> None:
-        refuse_what_cannot_run(hosts, one, benches[one.host.name], options)
+    def refuse(experiment: Experiment) -> None:
+        refuse_what_cannot_run(hosts, experiment, benches[experiment.host.name], options)
 
     return passes_for(hosts, experiments, benches, options, refuse)
 

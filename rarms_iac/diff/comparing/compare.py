@@ -33,7 +33,7 @@ def compare(
     part of a change; where one is in the way, a finding says so.
     """
     wishes = wishes or Wishes()
-    wanted = {one.settings.name: one for one in desired.partitions}
+    wanted = {partition.settings.name: partition for partition in desired.partitions}
     ours = ours_of(observed, application, wanted, wishes.moved, wishes.where)
     parts = (
         partition_changes(wanted, ours, observed, application, around, wishes),
@@ -42,8 +42,8 @@ def compare(
     )
     at_rest = tuple(name for part in parts for name in part.unused)
     return Difference(
-        changes=tuple(sorted((one for part in parts for one in part.changes), key=lambda one: one.address)),
+        changes=tuple(sorted((change for part in parts for change in part.changes), key=lambda part: part.address)),
         unchanged=sum(part.unchanged for part in parts),
         unused=tuple(sorted(at_rest)),
-        findings=tuple(one for part in parts for one in part.findings),
+        findings=tuple(finding for part in parts for finding in part.findings),
     )

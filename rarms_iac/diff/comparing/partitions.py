@@ -119,14 +119,15 @@ def _differs(before: Partition, after: Partition, around: Surroundings) -> str:
 
 def foreign_marks(observed: State) -> Iterable[Diagnostic]:
     """Machines with a line that looks like a mark and does not count."""
-    for one in observed.partitions:
-        if one.foreign_mark:
+    for partition in observed.partitions:
+        if partition.foreign_mark:
             yield findings.FOREIGN_MARK.at(
                 None,
-                f"Machine {one.settings.name!r} ({one.id}) carries a line that looks like a mark of rarms, but "
-                f"{one.foreign_mark}. It counts as unmanaged.",
+                f"Machine {partition.settings.name!r} ({partition.id}) carries a line that looks "
+                "like a mark of rarms, but "
+                f"{partition.foreign_mark}. It counts as unmanaged.",
                 "Take the line out of its notes, or adopt the right machine with `rarms import`.",
-                address=f"machine/{one.id}",
+                address=f"machine/{partition.id}",
             )
 
 
@@ -134,25 +135,25 @@ def _in_the_way(
     wanted: Mapping[str, Partition], ours: Ours, observed: State, application: str, wishes: Wishes
 ) -> Iterable[Diagnostic]:
     """Machines that are called as a partition is to be called and are not ours."""
-    for one in observed.partitions:
-        name = one.settings.name
-        is_ours = one.mark is not None and one.mark.application == application
+    for partition in observed.partitions:
+        name = partition.settings.name
+        is_ours = partition.mark is not None and partition.mark.application == application
         if is_ours or name not in wanted:
             continue
         holder = ours.machines.get(name)
         if holder is not None and holder.settings.name == name:
             continue  # ours is called so too: names need not be unique, and nothing has to be renamed
-        yield in_the_way(one, wishes.where(Address(partition=name)))
+        yield in_the_way(partition, wishes.where(Address(partition=name)))
 
 
-def in_the_way(one: Partition, place: Place | None) -> Diagnostic:
+def in_the_way(partition: Partition, place: Place | None) -> Diagnostic:
     """A machine that is not ours and is called as a partition is to be called."""
-    name = one.settings.name
-    owner = f"belongs to application {one.mark.application!r}" if one.mark else "carries no mark of rarms"
+    name = partition.settings.name
+    owner = f"belongs to application {partition.mark.application!r}" if partition.mark else "carries no mark of rarms"
     return findings.FOREIGN_AT_NAME.at(
         place,
-        f"The host has a machine {name!r} (id {one.id}) that {owner}.",
-        f"Run `rarms import {name} --id {one.id}` to take it over, or give the partition another name.",
+        f"The host has a machine {name!r} (id {partition.id}) that {owner}.",
+        f"Run `rarms import {name} --id {partition.id}` to take it over, or give the partition another name.",
         address=f"partition/{name}",
     )
 

@@ -17,13 +17,13 @@ _PATTERN = re.compile(r"[*?\[\]`]")
 def task_changes(desired: State, ours: Ours, observed: State, application: str, wishes: Wishes) -> Found:
     """Task classes of the host and of the guests that are ours; what lies in other guests is not looked at."""
     found = Found()
-    wanted = {(one.inside, one.name.lower()): one for one in desired.tasks}
-    kept = {one.settings.name for one in desired.partitions} - wishes.unused
-    machines = {one.id for one in ours.machines.values()}
+    wanted = {(task.inside, task.name.lower()): task for task in desired.tasks}
+    kept = {partition.settings.name for partition in desired.partitions} - wishes.unused
+    machines = {machine.id for machine in ours.machines.values()}
     there = {
-        (ours.new_names.get(one.inside, one.inside), one.name.lower()): one
-        for one in observed.tasks
-        if not one.inside or (one.inside in ours.new_names and (not one.machine or one.machine in machines))
+        (ours.new_names.get(task.inside, task.inside), task.name.lower()): task
+        for task in observed.tasks
+        if not task.inside or (task.inside in ours.new_names and (not task.machine or task.machine in machines))
     }
     for key in sorted({*wanted, *there}):
         # A partition that goes takes its classes along; one that is merely kept is left as it is inside.

@@ -12,10 +12,10 @@ from rarms_iac.model.plan import Step
 from rarms_iac.model.state import Partition
 
 
-def old_name(one: Planned) -> str:
+def old_name(planned: Planned) -> str:
     """The name that the change's partition gives up; empty where it keeps its name."""
-    match one.change:
-        case Update(before=Partition(mark=mark)) if mark and mark.name != one.change.address.partition:
+    match planned.change:
+        case Update(before=Partition(mark=mark)) if mark and mark.name != planned.change.address.partition:
             return mark.name
         case _:
             return ""
@@ -46,25 +46,25 @@ def mark_moves(planned: Sequence[Planned]) -> tuple[tuple[Step, ...], tuple[Plan
     return tuple(steps), rest
 
 
-def _starts_with_mark(one: Planned) -> bool:
-    return bool(one.steps) and isinstance(one.steps[0].operation, WriteMark)
+def _starts_with_mark(planned: Planned) -> bool:
+    return bool(planned.steps) and isinstance(planned.steps[0].operation, WriteMark)
 
 
-def _passed(one: Planned, *, aside: bool) -> list[Step]:
+def _passed(planned: Planned, *, aside: bool) -> list[Step]:
     if not aside:
-        return [one.steps[0]]
-    before = _partition(one)
+        return [planned.steps[0]]
+    before = _partition(planned)
     assert before.mark is not None
-    between = replace(before, mark=replace(before.mark, name=one.change.address.partition + BETWEEN))
-    return list(moved(one.change.address, between, one.change.reason))
+    between = replace(before, mark=replace(before.mark, name=planned.change.address.partition + BETWEEN))
+    return list(moved(planned.change.address, between, planned.change.reason))
 
 
-def _aside(one: Planned) -> list[Step]:
-    name = one.change.address.partition
-    return list(moved(one.change.address, _partition(one), one.change.reason, between=name + BETWEEN))
+def _aside(planned: Planned) -> list[Step]:
+    name = planned.change.address.partition
+    return list(moved(planned.change.address, _partition(planned), planned.change.reason, between=name + BETWEEN))
 
 
-def _partition(one: Planned) -> Partition:
-    assert isinstance(one.change, Update)
-    assert isinstance(one.change.before, Partition)
-    return one.change.before
+def _partition(planned: Planned) -> Partition:
+    assert isinstance(planned.change, Update)
+    assert isinstance(planned.change.before, Partition)
+    return planned.change.before

@@ -57,7 +57,7 @@ def room_of(
     graces: Mapping[str, Milliseconds],
 ) -> Room:
     """The room on a host: its capacity, less what others hold, with what ours hold now."""
-    ours = {one.id: one for one in observed.of(application).partitions}
+    ours = {partition.id: partition for partition in observed.of(application).partitions}
     return Room(
         capacity=capacity,
         foreign=tuple(foreign),
@@ -92,8 +92,8 @@ def _in_guest(change: Change) -> bool:
     return bool(change.address.partition and change.address.task)
 
 
-def _by_address(one: Planned) -> tuple[str, str]:
-    return one.change.address.partition, one.change.address.task
+def _by_address(planned: Planned) -> tuple[str, str]:
+    return planned.change.address.partition, planned.change.address.task
 
 
 @dataclass(slots=True)

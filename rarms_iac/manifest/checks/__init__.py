@@ -137,8 +137,8 @@ def run_checks(system: System, places: Places, today: date, *, logs: DataLogs | 
     """
 
     def told() -> Iterator[Diagnostic]:
-        for one in CHECKS:
-            yield from one.check(system, places)
+        for check in CHECKS:
+            yield from check.check(system, places)
         if logs is not None:
             yield from measured_without_log.check(system, places, logs)
         yield from check_acceptances(system.policy, places, today)

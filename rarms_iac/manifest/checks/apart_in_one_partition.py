@@ -12,7 +12,7 @@ FINDING = Finding(code="RARMS051", severity=Severity.ERROR, summary="Components 
 def check(system: System, places: Places) -> Iterator[Diagnostic]:
     """Tells of members of one partition that are apart from each other."""
     for partition in system.partitions.values():
-        inside = {one.name for one in members(system, partition)}
+        inside = {member.name for member in members(system, partition)}
         for component in members(system, partition):
             for number, other in enumerate(component.apart):
                 if other in inside and other != component.name:

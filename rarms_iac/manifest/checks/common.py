@@ -41,7 +41,7 @@ def members(system: System, partition: PartitionWish) -> list[Component]:
 
 def hosts_for(system: System, components: Iterable[Component]) -> list[Host]:
     """The hosts that every one of the components allows."""
-    allowed = [{host.name for host in may_run_on(system, one)} for one in components]
+    allowed = [{host.name for host in may_run_on(system, component)} for component in components]
     return [host for host in system.hosts.values() if all(host.name in names for names in allowed)]
 
 
@@ -57,7 +57,11 @@ def entry_of(system: System) -> dict[str, str]:
 def partition_names(system: System) -> set[str]:
     """Every partition that the manifest wants: those with an entry, and one each for the components without."""
     listed = entry_of(system)
-    own = {one.name for one in system.components.values() if one.runs_on is RunsOn.PARTITION and one.name not in listed}
+    own = {
+        component.name
+        for component in system.components.values()
+        if component.runs_on is RunsOn.PARTITION and component.name not in listed
+    }
     return own | set(system.partitions)
 
 
@@ -71,10 +75,10 @@ def companions(system: System) -> dict[str, str]:
             name = root[name]
         return name
 
-    for one in system.components.values():
-        for other in one.together:
+    for component in system.components.values():
+        for other in component.together:
             if other in root:
-                first, second = sorted((find(one.name), find(other)))
+                first, second = sorted((find(component.name), find(other)))
                 root[second] = first
     return {name: find(name) for name in system.components}
 
@@ -90,7 +94,7 @@ def operating_systems(system: System) -> Iterator[list[Component]]:
             bound.setdefault(group, []).append(system.components[name])
     yield from (group for group in bound.values() if len(group) > 1)
     if len(system.hosts) == 1:
-        yield [one for one in system.components.values() if one.runs_on is RunsOn.HOST]
+        yield [component for component in system.components.values() if component.runs_on is RunsOn.HOST]
 
 
 def task_wish(system: System, name: str) -> TaskWish | None:

@@ -12,22 +12,23 @@ FINDING = Finding(
 
 def check(system: System, places: Places) -> Iterator[Diagnostic]:
     """Tells of `runs_on: host` beside a reserve, limit, weight, `processors`, `dedicated` or `together`."""
-    for one in system.components.values():
-        if one.runs_on is RunsOn.HOST:
-            for path, given in _wishes(one):
+    for component in system.components.values():
+        if component.runs_on is RunsOn.HOST:
+            for path, given in _wishes(component):
                 if given:
                     yield FINDING.at(
-                        places.value("components", one.name, *path),
-                        f'"{one.name}" runs on the host itself: it has no partition, and so no `{".".join(path)}`.',
+                        places.value("components", component.name, *path),
+                        f'"{component.name}" runs on the host itself: it has no partition, and '
+                        f"so no `{'.'.join(path)}`.",
                         "Remove it, or remove `runs_on: host`.",
-                        address=f"component/{one.name}",
+                        address=f"component/{component.name}",
                     )
 
 
-def _wishes(one: Component) -> Iterator[tuple[tuple[str, ...], bool]]:
-    yield ("cpu", "reserve"), one.cpu.reserve is not None
-    yield ("cpu", "limit"), one.cpu.limit is not None
-    yield ("cpu", "weight"), one.cpu.weight is not None
-    yield ("processors",), one.processors is not None
-    yield ("dedicated",), one.dedicated
-    yield ("together",), bool(one.together)
+def _wishes(component: Component) -> Iterator[tuple[tuple[str, ...], bool]]:
+    yield ("cpu", "reserve"), component.cpu.reserve is not None
+    yield ("cpu", "limit"), component.cpu.limit is not None
+    yield ("cpu", "weight"), component.cpu.weight is not None
+    yield ("processors",), component.processors is not None
+    yield ("dedicated",), component.dedicated
+    yield ("together",), bool(component.together)

@@ -13,18 +13,18 @@ FINDING = Finding(
 
 def check(system: System, places: Places) -> Iterator[Diagnostic]:
     """Tells of indexes whose values no field of `run.samples` gives."""
-    for one in system.components.values():
-        if one.run is None or one.run.samples.source == "per_run" or isinstance(one.run.start, Call):
+    for component in system.components.values():
+        if component.run is None or component.run.samples.source == "per_run" or isinstance(component.run.start, Call):
             continue  # there the runner itself sees when a job starts, ends and fails
-        for index in one.apt:
-            lacking = _lacking(index, one.run.samples)
+        for index in component.apt:
+            lacking = _lacking(index, component.run.samples)
             if lacking is not None:
                 yield FINDING.at(
-                    places.key("components", one.name, "apt", index),
-                    f'The {index} of "{one.name}" is made of {_MADE_OF[lacking]}, and `run.samples` does not say '
+                    places.key("components", component.name, "apt", index),
+                    f'The {index} of "{component.name}" is made of {_MADE_OF[lacking]}, and `run.samples` does not say '
                     "where a sample has it.",
                     f"Add `{lacking.value}: {{ field: ... }}` to `run.samples`.",
-                    address=f"component/{one.name}",
+                    address=f"component/{component.name}",
                 )
 
 

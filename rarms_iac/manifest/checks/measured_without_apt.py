@@ -10,11 +10,11 @@ FINDING = Finding(code="RARMS077", severity=Severity.ERROR, summary="A measured 
 
 def check(system: System, places: Places) -> Iterator[Diagnostic]:
     """Tells of `reserve: measured` on a component without `apt`."""
-    for one in system.components.values():
-        if one.cpu.reserve is Measured.MEASURED and not one.apt:
+    for component in system.components.values():
+        if component.cpu.reserve is Measured.MEASURED and not component.apt:
             yield FINDING.at(
-                places.value("components", one.name, "cpu", "reserve"),
-                f'The reserve of "{one.name}" is to be the least that meets its APT, and it has none.',
+                places.value("components", component.name, "cpu", "reserve"),
+                f'The reserve of "{component.name}" is to be the least that meets its APT, and it has none.',
                 "Add `apt`, or fix the reserve: `reserve: 20 %`.",
-                address=f"component/{one.name}",
+                address=f"component/{component.name}",
             )

@@ -37,17 +37,22 @@ def check(system: System, places: Places, logs: DataLogs) -> Iterator[Diagnostic
     NOTE: a warning, because the manifest is right as it stands and measuring comes after writing it. Whoever plans
     cannot go on without the log: there the planner tells of it, as the error RARMS100.
     """
-    for one in system.components.values():
-        load = one.interference or system.policy.interference
-        platforms = list(dict.fromkeys(host.platform for host in may_run_on(system, one)))
-        if needs_a_log(one) and platforms and not any(logs.exists(place, one.name, load) for place in platforms):
+    for component in system.components.values():
+        load = component.interference or system.policy.interference
+        platforms = list(dict.fromkeys(host.platform for host in may_run_on(system, component)))
+        if (
+            needs_a_log(component)
+            and platforms
+            and not any(logs.exists(place, component.name, load) for place in platforms)
+        ):
             yield FINDING.at(
-                places.value("components", one.name, "cpu", "reserve"),
-                f'The reserve of "{one.name}" is measured, and there is no data log of it on {some(platforms)} against '
-                f"{load} (measurements/{platforms[0]}/{one.name}/{load}.jsonl).",
-                f"Measure it before planning: `rarms measure {one.name}`. Or fix it for now: "
+                places.value("components", component.name, "cpu", "reserve"),
+                f'The reserve of "{component.name}" is measured, and there is no data log of it on '
+                f"{some(platforms)} against "
+                f"{load} (measurements/{platforms[0]}/{component.name}/{load}.jsonl).",
+                f"Measure it before planning: `rarms measure {component.name}`. Or fix it for now: "
                 "`cpu: { reserve: 20 % }`.",
-                address=f"component/{one.name}",
+                address=f"component/{component.name}",
             )
 
 

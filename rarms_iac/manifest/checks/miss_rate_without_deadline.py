@@ -10,11 +10,11 @@ FINDING = Finding(code="RARMS071", severity=Severity.ERROR, summary="A deadline-
 
 def check(system: System, places: Places) -> Iterator[Diagnostic]:
     """Tells of `deadline_miss_rate` of a component without deadline and period."""
-    for one in system.components.values():
-        if "deadline_miss_rate" in one.apt and one.run is not None and one.run.deadline is None:
+    for component in system.components.values():
+        if "deadline_miss_rate" in component.apt and component.run is not None and component.run.deadline is None:
             yield FINDING.at(
-                places.key("components", one.name, "apt", "deadline_miss_rate"),
-                f'"{one.name}" has no deadline that a job could miss.',
+                places.key("components", component.name, "apt", "deadline_miss_rate"),
+                f'"{component.name}" has no deadline that a job could miss.',
                 "Say `run.deadline`, or `run.arrival: { every: ... }`, whose period is then the deadline.",
-                address=f"component/{one.name}",
+                address=f"component/{component.name}",
             )

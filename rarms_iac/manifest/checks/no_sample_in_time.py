@@ -11,14 +11,16 @@ FINDING = Finding(code="RARMS068", severity=Severity.ERROR, summary="A setting e
 
 def check(system: System, places: Places) -> Iterator[Diagnostic]:
     """Tells of periodic components that are measured for less than one period."""
-    for one in system.components.values():
-        match one.run:
+    for component in system.components.values():
+        match component.run:
             case Run(until=Elapsed(time=time), arrival=Periodic(period=period)) if time < period:
                 yield FINDING.at(
-                    places.value("components", one.name, "run", "until"),
-                    f'"{one.name}" is measured for {show_milliseconds(time)}, and a job starts every '
+                    places.value("components", component.name, "run", "until"),
+                    f'"{component.name}" is measured for {show_milliseconds(time)}, and a job starts every '
                     f"{show_milliseconds(period)}.",
                     "Measure for many periods: `until: { samples: 200 }`, or a longer `elapsed`.",
-                    address=f"component/{one.name}",
-                    related=(Related(place=places.value("components", one.name, "run", "arrival"), says="the period"),),
+                    address=f"component/{component.name}",
+                    related=(
+                        Related(place=places.value("components", component.name, "run", "arrival"), says="the period"),
+                    ),
                 )

@@ -12,7 +12,7 @@ FINDING = Finding(code="RARMS058", severity=Severity.WARNING, summary="Nothing i
 
 def check(system: System, places: Places) -> Iterator[Diagnostic]:
     """Tells of hosts on which such a component may run and that keep no processor time, or too little memory."""
-    on_host = [one for one in system.components.values() if one.runs_on is RunsOn.HOST]
+    on_host = [component for component in system.components.values() if component.runs_on is RunsOn.HOST]
     for host in system.hosts.values():
         here = [one for one in on_host if host in may_run_on(system, one)]
         memory = sum(one.memory for one in here)

@@ -12,11 +12,11 @@ FINDING = Finding(
 
 def check(system: System, places: Places) -> Iterator[Diagnostic]:
     """Tells of components whose reserve is to be measured and that have neither `run` nor `simulation`."""
-    for one in system.components.values():
-        if one.cpu.reserve is Measured.MEASURED and one.run is None and one.simulation is None:
+    for component in system.components.values():
+        if component.cpu.reserve is Measured.MEASURED and component.run is None and component.simulation is None:
             yield FINDING.at(
-                places.key("components", one.name),
-                f'The reserve of "{one.name}" is to be measured, and nothing says how it is started.',
+                places.key("components", component.name),
+                f'The reserve of "{component.name}" is to be measured, and nothing says how it is started.',
                 "Add `run` with a command, or `simulation` with its demand on a simulated host.",
-                address=f"component/{one.name}",
+                address=f"component/{component.name}",
             )

@@ -12,17 +12,18 @@ FINDING = Finding(code="RARMS072", severity=Severity.ERROR, summary="A pattern t
 
 def check(system: System, places: Places) -> Iterator[Diagnostic]:
     """Tells of patterns that google-re2 refuses, or that would take too much memory."""
-    for one in system.components.values():
-        if one.run is None or one.run.samples.source != "pattern":
+    for component in system.components.values():
+        if component.run is None or component.run.samples.source != "pattern":
             continue
-        wrong = why_not_re2(one.run.samples.pattern)
+        wrong = why_not_re2(component.run.samples.pattern)
         if wrong is not None:
             yield FINDING.at(
-                places.value("components", one.name, "run", "samples", "pattern"),
-                f'The pattern of "{one.name}" cannot be used: {wrong}. Patterns are RE2, so that no line of output '
+                places.value("components", component.name, "run", "samples", "pattern"),
+                f'The pattern of "{component.name}" cannot be used: {wrong}. Patterns are RE2, '
+                "so that no line of output "
                 "takes long to match: without back-references and look-around.",
                 "Write it without them; named groups are `(?P<name>...)`.",
-                address=f"component/{one.name}",
+                address=f"component/{component.name}",
             )
 
 

@@ -12,18 +12,19 @@ FINDING = Finding(code="RARMS073", severity=Severity.ERROR, summary="A pattern w
 
 def check(system: System, places: Places) -> Iterator[Diagnostic]:
     """Tells of fields in `run.samples` that no named group of the pattern gives."""
-    for one in system.components.values():
-        if one.run is None or one.run.samples.source != "pattern":
+    for component in system.components.values():
+        if component.run is None or component.run.samples.source != "pattern":
             continue
-        samples = one.run.samples
+        samples = component.run.samples
         groups = compiled_pattern(samples.pattern)
         for key, field in _fields(samples):
             if not isinstance(groups, str) and field.name not in groups:
                 yield FINDING.at(
-                    places.value("components", one.name, "run", "samples", key, "field"),
-                    f'The pattern of "{one.name}" has no group "{field.name}".{suggestion(field.name, list(groups))}',
+                    places.value("components", component.name, "run", "samples", key, "field"),
+                    f'The pattern of "{component.name}" has no group '
+                    f'"{field.name}".{suggestion(field.name, list(groups))}',
                     f"Add `(?P<{field.name}>...)` to the pattern, or correct the name.",
-                    address=f"component/{one.name}",
+                    address=f"component/{component.name}",
                 )
 
 

@@ -25,9 +25,9 @@ def check(system: System, places: Places) -> Iterator[Diagnostic]:
             )
 
 
-def _differs(one: Host, other: Host) -> str:
-    if one.provider is not other.provider:
-        return f"their providers are {one.provider.value} and {other.provider.value}"
-    if one.logical_processors != other.logical_processors:
-        return f"they have {one.logical_processors} and {other.logical_processors} logical processors"
+def _differs(host: Host, other: Host) -> str:
+    if host.provider is not other.provider:
+        return f"their providers are {host.provider.value} and {other.provider.value}"
+    if host.logical_processors != other.logical_processors:
+        return f"they have {host.logical_processors} and {other.logical_processors} logical processors"
     return ""

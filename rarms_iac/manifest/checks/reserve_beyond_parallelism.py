@@ -12,19 +12,20 @@ FINDING = Finding(code="RARMS063", severity=Severity.WARNING, summary="A reserve
 
 def check(system: System, places: Places) -> Iterator[Diagnostic]:
     """Tells of fixed reserves that are more LPs than the component has threads."""
-    for one in system.components.values():
-        hosts = may_run_on(system, one)
-        threads = None if one.simulation is None else one.simulation.threads
-        if threads is None or one.runs_on is RunsOn.HOST or (one.processors or threads + 1) <= threads:
+    for component in system.components.values():
+        hosts = may_run_on(system, component)
+        threads = None if component.simulation is None else component.simulation.threads
+        if threads is None or component.runs_on is RunsOn.HOST or (component.processors or threads + 1) <= threads:
             continue
-        reserves = [reserve for host in hosts if (reserve := fixed_reserve(one.cpu, host)) is not None]
+        reserves = [reserve for host in hosts if (reserve := fixed_reserve(component.cpu, host)) is not None]
         if reserves and min(reserves) > threads:
             yield FINDING.at(
-                places.value("components", one.name, "cpu", "reserve"),
-                f'"{one.name}" reserves {show_processors(min(reserves))}, and {_threads(threads)} can use no more than '
+                places.value("components", component.name, "cpu", "reserve"),
+                f'"{component.name}" reserves {show_processors(min(reserves))}, and '
+                f"{_threads(threads)} can use no more than "
                 f"{show_processors(threads)} at a time: the rest is promised to nobody else and never used.",
                 f"Say `processors: {threads}`, with a reserve of at most {show_processors(threads)}.",
-                address=f"component/{one.name}",
+                address=f"component/{component.name}",
             )
 
 

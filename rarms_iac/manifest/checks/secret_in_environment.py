@@ -13,14 +13,14 @@ FINDING = Finding(
 
 def check(system: System, places: Places) -> Iterator[Diagnostic]:
     """Tells of variables with a secret's name whose value stands in the manifest."""
-    for one in system.components.values():
-        for name, value in (one.run.environment if one.run is not None else {}).items():
+    for component in system.components.values():
+        for name, value in (component.run.environment if component.run is not None else {}).items():
             if isinstance(value, str) and value and _SECRET.search(name):
                 yield FINDING.at(
-                    places.value("components", one.name, "run", "environment", name),
-                    f'"{one.name}" gets {name} from the manifest, which lies in git.',
+                    places.value("components", component.name, "run", "environment", name),
+                    f'"{component.name}" gets {name} from the manifest, which lies in git.',
                     f"Write `{name}: {{ from_env: {name} }}`; change the secret if it was committed.",
-                    address=f"component/{one.name}",
+                    address=f"component/{component.name}",
                 )
 
 

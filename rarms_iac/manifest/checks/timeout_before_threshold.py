@@ -12,23 +12,24 @@ FINDING = Finding(code="RARMS069", severity=Severity.WARNING, summary="The time-
 
 def check(system: System, places: Places) -> Iterator[Diagnostic]:
     """Tells of time-outs at or below a deadline or a response time that would still be good enough."""
-    for one in system.components.values():
-        if one.run is None:
+    for component in system.components.values():
+        if component.run is None:
             continue
-        for name, allowed in _allowed(one, one.run):
-            if one.run.timeout <= allowed:
+        for name, allowed in _allowed(component, component.run):
+            if component.run.timeout <= allowed:
                 yield FINDING.at(
-                    places.value("components", one.name, "run", "timeout"),
-                    f'"{one.name}" is stopped after {show_milliseconds(one.run.timeout)}, and its {name} allows '
+                    places.value("components", component.name, "run", "timeout"),
+                    f'"{component.name}" is stopped after '
+                    f"{show_milliseconds(component.run.timeout)}, and its {name} allows "
                     f"{show_milliseconds(allowed)}: a job that is late would count as failed instead.",
                     f"Raise the time-out well above {show_milliseconds(allowed)}.",
-                    address=f"component/{one.name}",
+                    address=f"component/{component.name}",
                 )
 
 
-def _allowed(one: Component, run: Run) -> Iterator[tuple[str, Fraction]]:
+def _allowed(component: Component, run: Run) -> Iterator[tuple[str, Fraction]]:
     if run.deadline is not None:
         yield "deadline", run.deadline
-    for index, threshold in one.apt.items():
+    for index, threshold in component.apt.items():
         if index.endswith("response_time") and isinstance(threshold, AtMost):
             yield index, threshold.value

@@ -31,9 +31,9 @@ def check(system: System, places: Places) -> Iterator[Diagnostic]:
                 )
 
 
-def _both_in_partitions(one: Component, other: Component) -> bool:
+def _both_in_partitions(component: Component, other: Component) -> bool:
     """Whether neither runs on the host: that is RARMS046's to tell."""
-    return one.runs_on is other.runs_on is RunsOn.PARTITION
+    return component.runs_on is other.runs_on is RunsOn.PARTITION
 
 
 def _where(name: str, partition: str | None) -> str:

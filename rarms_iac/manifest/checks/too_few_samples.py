@@ -12,19 +12,22 @@ FINDING = Finding(code="RARMS074", severity=Severity.WARNING, summary="Too few s
 
 def check(system: System, places: Places) -> Iterator[Diagnostic]:
     """Tells of percentiles above which not one of the samples asked for would lie."""
-    for one in system.components.values():
-        if one.run is None or not isinstance(one.run.until, SampleCount):
+    for component in system.components.values():
+        if component.run is None or not isinstance(component.run.until, SampleCount):
             continue
-        for index in one.apt:
+        for index in component.apt:
             needed = samples_needed(index)
-            if needed is not None and one.run.until.samples < needed:
+            if needed is not None and component.run.until.samples < needed:
                 yield FINDING.at(
-                    places.value("components", one.name, "run", "until"),
-                    f'"{one.name}" takes {one.run.until.samples} samples a setting; its {index} would be nothing but '
+                    places.value("components", component.name, "run", "until"),
+                    f'"{component.name}" takes {component.run.until.samples} samples a setting; its '
+                    f"{index} would be nothing but "
                     "the largest of them.",
                     f"Take at least {needed} samples, better ten times as many.",
-                    address=f"component/{one.name}",
-                    related=(Related(place=places.key("components", one.name, "apt", index), says="the percentile"),),
+                    address=f"component/{component.name}",
+                    related=(
+                        Related(place=places.key("components", component.name, "apt", index), says="the percentile"),
+                    ),
                 )
 
 

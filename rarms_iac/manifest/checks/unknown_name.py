@@ -29,13 +29,13 @@ def check(system: System, places: Places) -> Iterator[Diagnostic]:
 
 
 def _references(system: System) -> Iterator[tuple[tuple[str | int, ...], str, str, Collection[str]]]:
-    for one in system.components.values():
-        here = ("components", one.name)
-        yield from _listed((*here, "together"), one.together, "component", system.components)
-        yield from _listed((*here, "apart"), one.apart, "component", system.components)
-        yield from _listed((*here, "hosts"), one.hosts or (), "host", system.hosts)
-        if one.interference is not None:
-            yield (*here, "interference"), one.interference, "interference", system.interference
+    for component in system.components.values():
+        here = ("components", component.name)
+        yield from _listed((*here, "together"), component.together, "component", system.components)
+        yield from _listed((*here, "apart"), component.apart, "component", system.components)
+        yield from _listed((*here, "hosts"), component.hosts or (), "host", system.hosts)
+        if component.interference is not None:
+            yield (*here, "interference"), component.interference, "interference", system.interference
     for partition in system.partitions.values():
         path = ("partitions", partition.name, "components")
         yield from _listed(path, partition.components, "component", system.components)

@@ -12,7 +12,7 @@ FINDING = Finding(code="RARMS086", severity=Severity.NOTE, summary="Interference
 
 def check(system: System, places: Places) -> Iterator[Diagnostic]:
     """Tells of interference that neither the policy nor a component names."""
-    used = {system.policy.interference, *(one.interference for one in system.components.values())}
+    used = {system.policy.interference, *(component.interference for component in system.components.values())}
     for name in system.interference:
         if name not in used and name != BUILT_IN:
             yield FINDING.at(

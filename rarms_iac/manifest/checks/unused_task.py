@@ -10,7 +10,7 @@ FINDING = Finding(code="RARMS087", severity=Severity.NOTE, summary="A task class
 
 def check(system: System, places: Places) -> Iterator[Diagnostic]:
     """Tells of entries of `tasks` that no component names."""
-    used = {one.task.lower() for one in system.components.values() if one.task is not None}
+    used = {component.task.lower() for component in system.components.values() if component.task is not None}
     for name in system.tasks:
         if name.lower() not in used:
             yield FINDING.at(

@@ -140,7 +140,7 @@ def comments_at(text: str, route: Route) -> list[str]:
 
 def commented(text: str, route: Route, comments: list[str]) -> str:
     """The text with these comments above the last key of the route that has a line of its own; else at the end."""
-    own_line = [one.key for one in route.steps if not one.parent.flow]
+    own_line = [step.key for step in route.steps if not step.parent.flow]
     return _with_comments_above(text, own_line[-1], comments) if own_line else _with_lines(text, len(text), comments)
 
 

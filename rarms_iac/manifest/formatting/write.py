@@ -145,7 +145,7 @@ def _ordered(node: Collection, shape: Shape) -> list[Entry]:
     if not node.is_mapping or not shape.keys:
         return node.entries
     place = {key: number for number, key in enumerate(shape.keys)}
-    return sorted(node.entries, key=lambda one: place.get(one.key.value if one.key else "", len(place)))
+    return sorted(node.entries, key=lambda entry: place.get(entry.key.value if entry.key else "", len(place)))
 
 
 def _keep_header(root: Collection, shape: Shape) -> None:

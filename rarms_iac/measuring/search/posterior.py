@@ -103,9 +103,9 @@ class _Curve:
 
 def _curves(question: Question, processors: int) -> Iterator[_Curve]:
     """All draws of all families, each with its weight."""
-    points = sorted(question.observations, key=lambda one: one.reserve)
+    points = sorted(question.observations, key=lambda observation: observation.reserve)
     middle = _target(question)
-    anchor = min(points, key=lambda one: abs(one.level - middle) if middle is not None else 0.0)
+    anchor = min(points, key=lambda point: abs(point.level - middle) if middle is not None else 0.0)
     for kind in KINDS:
         yield from _of_kind(kind, points, anchor, middle, processors)
 

@@ -97,7 +97,7 @@ def candidates_of(cois: Sequence[Coi], may_share: Sharing, *, most: int, largest
         coi = compound_of(members)
         highest = min(most, (total(members) - 1) // coi.processors)
         if coi.reserve <= highest:
-            neediest = max(one.cost for one in members)
+            neediest = max(member.cost for member in members)
             found[mask] = Candidate(
                 mask=mask,
                 coi=coi,
@@ -111,9 +111,9 @@ def candidates_of(cois: Sequence[Coi], may_share: Sharing, *, most: int, largest
 
 def compound_of(members: Sequence[Coi]) -> Coi:
     """These together, with the least that they can need, as the neediest of them says."""
-    processors = max(one.processors for one in members)
-    names = tuple(sorted(name for one in members for name in one.members))
-    least = at_least(max(one.at_least for one in members), processors)
+    processors = max(member.processors for member in members)
+    names = tuple(sorted(name for member in members for name in member.members))
+    least = at_least(max(member.at_least for member in members), processors)
     return replace(leader(members), members=names, processors=processors, reserve=least, missed=None)
 
 
@@ -145,9 +145,9 @@ def _company(cois: Sequence[Coi], may_share: Sharing) -> "nx.Graph":
 def informed(candidates: Candidates, answers: Iterable[Asked]) -> Candidates:
     """The candidates after these answers, in whatever order they came."""
     own: dict[Members, tuple[list[int], list[int]]] = {}
-    for one in answers:
-        passed, failed = own.setdefault(one.members, ([], []))
-        (passed if one.passed else failed).append(one.reserve)
+    for answer in answers:
+        passed, failed = own.setdefault(answer.members, ([], []))
+        (passed if answer.passed else failed).append(answer.reserve)
     by_members = {one.coi.members: one for one in candidates.by_mask.values()}
     told = {
         by_members[members].mask: _own(by_members[members], passed, failed)
@@ -160,25 +160,25 @@ def informed(candidates: Candidates, answers: Iterable[Asked]) -> Candidates:
     return replace(candidates, by_mask=raised, breaks=tuple(_breaks(candidates, own, told, floors)))
 
 
-def _own(one: Candidate, passed: Sequence[int], failed: Sequence[int]) -> Candidate:
+def _own(candidate: Candidate, passed: Sequence[int], failed: Sequence[int]) -> Candidate:
     """What its own settings say; where they contradict each other, the safe side."""
     highest = max(failed, default=None)
     enough = min((each for each in passed if highest is None or each > highest), default=None)
-    low = one.low if highest is None else max(one.low, highest + 1)
+    low = candidate.low if highest is None else max(candidate.low, highest + 1)
     # One that passes below what its parts need breaks the assumption: what was seen counts.
     low = low if enough is None else min(low, enough)
-    return replace(one, coi=replace(one.coi, reserve=low), passed=enough, failed=highest)
+    return replace(candidate, coi=replace(candidate.coi, reserve=low), passed=enough, failed=highest)
 
 
-def _raised(one: Candidate, floors: Iterable[tuple[Mask, int]]) -> Candidate:
+def _raised(candidate: Candidate, floors: Iterable[tuple[Mask, int]]) -> Candidate:
     """It needs at least what each part of it needs, unless it was seen to need less."""
-    own, cost = one.mask, 0
+    own, cost = candidate.mask, 0
     for mask, floor in floors:
         if floor > cost and mask & own == mask:
             cost = floor
-    low = max(one.low, at_least(cost, one.coi.processors)) if cost else one.low
-    low = one.low if one.passed is not None and low > one.passed else low
-    return one if low == one.low else replace(one, coi=replace(one.coi, reserve=low))
+    low = max(candidate.low, at_least(cost, candidate.coi.processors)) if cost else candidate.low
+    low = candidate.low if candidate.passed is not None and low > candidate.passed else low
+    return candidate if low == candidate.low else replace(candidate, coi=replace(candidate.coi, reserve=low))
 
 
 def _breaks(

@@ -79,23 +79,23 @@ def needs_less(known: Candidates) -> float:
     return (SELDOM * LIKE + did) / (LIKE + did + did_not)
 
 
-def outlook_of(one: Candidate, predictor: Predictor, less: float) -> Outlook:
+def outlook_of(candidate: Candidate, predictor: Predictor, less: float) -> Outlook:
     """What is known of a compound, and predicted; `less`: as of `Guide`."""
     return Outlook(
-        neediest=one.neediest / one.coi.processors,
-        together=one.together / one.coi.processors,
-        said=predictor.of(one.coi.members, one.coi.processors),
-        low=one.low,
-        slack=one.slack,
-        less=less if one.slack else 0.0,
-        passed=one.passed,
-        failed=one.failed,
+        neediest=candidate.neediest / candidate.coi.processors,
+        together=candidate.together / candidate.coi.processors,
+        said=predictor.of(candidate.coi.members, candidate.coi.processors),
+        low=candidate.low,
+        slack=candidate.slack,
+        less=less if candidate.slack else 0.0,
+        passed=candidate.passed,
+        failed=candidate.failed,
     )
 
 
-def highest(one: Candidate) -> int:
+def highest(candidate: Candidate) -> int:
     """The highest CR that is worth a question: one point more is known to be enough, or no gain."""
-    return one.highest if one.passed is None else one.passed - 1
+    return candidate.highest if candidate.passed is None else candidate.passed - 1
 
 
 def raises_most(guide: Guide, unknown: Sequence[Candidate], room: int, *, holds: bool) -> tuple[Candidate, int]:
@@ -113,19 +113,19 @@ def raises_most(guide: Guide, unknown: Sequence[Candidate], room: int, *, holds:
     return best[1], best[2]
 
 
-def _worth_most(expected: Expectation, one: Candidate, room: int, *, holds: bool) -> tuple[float, int]:
+def _worth_most(expected: Expectation, candidate: Candidate, room: int, *, holds: bool) -> tuple[float, int]:
     """The CR with the most expected rise, the lower of equals; a range that cannot have it is not looked into."""
-    start = one.low
-    if not holds and start < (neediest := ceil(expected.outlook.neediest)) <= highest(one):
+    start = candidate.low
+    if not holds and start < (neediest := ceil(expected.outlook.neediest)) <= highest(candidate):
         start = neediest  # few need less than their neediest part: that one does not is no news
-    bearable = max(1, room // one.coi.processors + 1 - (start - one.low))
+    bearable = max(1, room // candidate.coi.processors + 1 - (start - candidate.low))
 
     def rises(reserve: int) -> float:
         rise = reserve + 1 - start
-        return one.coi.processors * (min(rise, bearable) + BEYOND * rise)
+        return candidate.coi.processors * (min(rise, bearable) + BEYOND * rise)
 
     best = -1.0, start
-    left = [(start, highest(one), 1.0)]  # with the probability that it needs more than what lies below the range
+    left = [(start, highest(candidate), 1.0)]  # with the probability that it needs more than what lies below the range
     while left:
         first, last, more = left.pop()
         if more * rises(last) < best[0]:

@@ -81,7 +81,7 @@ class Layouts:
 
     def _learn(self, candidates: Candidates, costs: dict[Mask, Least]) -> None:
         changed: list[Mask] = []
-        for mask in sorted((one for one in self._costs if costs.get(one) != self._costs[one]), key=int.bit_count):
+        for mask in sorted((cost for cost in self._costs if costs.get(cost) != self._costs[cost]), key=int.bit_count):
             if not any(one & mask == one for one in changed):
                 changed.append(mask)
         least = self._least.copy()
@@ -99,9 +99,9 @@ class Layouts:
         }
         return Layouts(candidates=replace(self.candidates, by_mask=passed), objective=self.objective)
 
-    def value(self, one: Choice) -> Value:
+    def value(self, choice: Choice) -> Value:
         """Of a layout."""
-        return self._value(one.key, one.total, one.partitions)
+        return self._value(choice.key, choice.total, choice.partitions)
 
     def _value(self, key: int, reserved: int, partitions: int) -> Value:
         if self.objective.minimise is Minimise.COMBINING:
@@ -145,12 +145,12 @@ class Layouts:
             for one in found:
                 heapq.heappush(heap, one)
 
-    def _looked_at(self, one: Shared) -> Shared | None:
+    def _looked_at(self, shared: Shared) -> Shared | None:
         """As it is now; None: there is no room for it any more."""
-        least = self.least(one.mask)
-        if least > self._room(one.rest):
+        least = self.least(shared.mask)
+        if least > self._room(shared.rest):
             return None
-        return Shared(self.value_of(one.mask, one.rest, least, self.key(one.mask)), one.mask, one.rest)
+        return Shared(self.value_of(shared.mask, shared.rest, least, self.key(shared.mask)), shared.mask, shared.rest)
 
     def _with_room(self) -> Iterator[Shared]:
         everything, capacity = sum(self._alone), self.objective.capacity

@@ -29,5 +29,9 @@ def coi_as_measured(group: Group, claim: Claim, reservations: ReservationSource,
         return coi
     if (log.processors, least.reserve) != (claim.processors, claim.reserve):
         return coi
-    apts = [(log.curves(one.name, index), threshold) for one in group.members for index, threshold in one.apt.items()]
+    apts = [
+        (log.curves(member.name, index), threshold)
+        for member in group.members
+        for index, threshold in member.apt.items()
+    ]
     return replace(coi, missed=highest_missed(apts))

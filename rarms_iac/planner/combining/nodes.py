@@ -49,18 +49,18 @@ def nodes_of(candidates: Candidates, predicted: Mapping[Mask, int]) -> tuple[Nod
         for one in candidates.cois
     ]
     compounds = sorted(candidates.by_mask.values(), key=lambda one: (one.mask.bit_count(), one.coi.members))
-    parts = {one.mask: tuple(sorted(graph.predecessors(named(one.coi.members)))) for one in compounds}
-    return (*cois, *(_compound(one, parts[one.mask], predicted.get(one.mask)) for one in compounds))
+    parts = {compound.mask: tuple(sorted(graph.predecessors(named(compound.coi.members)))) for compound in compounds}
+    return (*cois, *(_compound(compound, parts[compound.mask], predicted.get(compound.mask)) for compound in compounds))
 
 
-def _compound(one: Candidate, parts: tuple[str, ...], predicted: int | None) -> Node:
+def _compound(candidate: Candidate, parts: tuple[str, ...], predicted: int | None) -> Node:
     return Node(
-        name=named(one.coi.members),
-        members=one.coi.members,
+        name=named(candidate.coi.members),
+        members=candidate.coi.members,
         parts=parts,
-        low=one.low,
-        high=one.highest if one.passed is None else min(one.passed, one.highest),
-        predicted=None if one.is_known else predicted,
-        measured=one.is_known,
-        is_gain=one.is_gain,
+        low=candidate.low,
+        high=candidate.highest if candidate.passed is None else min(candidate.passed, candidate.highest),
+        predicted=None if candidate.is_known else predicted,
+        measured=candidate.is_known,
+        is_gain=candidate.is_gain,
     )

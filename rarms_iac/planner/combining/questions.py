@@ -174,14 +174,14 @@ def _room(tuning: Tuning, best: Choice, holds: Choice | None) -> int:
     return max(0, room)
 
 
-def _question(guide: Guide, best: Choice, one: Candidate, reserve: int) -> Ask:
+def _question(guide: Guide, best: Choice, candidate: Candidate, reserve: int) -> Ask:
     beside = " and ".join("+".join(guide.known.by_mask[mask].coi.members) for mask in best.blocks)
-    predicted = guide.predicted(one.mask)
+    predicted = guide.predicted(candidate.mask)
     told = "" if predicted is None else f" (predicted: {predicted} %)"
     return Ask(
-        members=one.coi.members,
+        members=candidate.coi.members,
         reserve=reserve,
-        why=f"it needs {one.low} % to {highest(one)} %{told}; the best layout may combine {beside}",
+        why=f"it needs {candidate.low} % to {highest(candidate)} %{told}; the best layout may combine {beside}",
         predicted=predicted,
     )
 

@@ -46,9 +46,9 @@ class Asked:
         return not self.worse
 
 
-def union(one: Coi, other: Coi) -> Members:
+def union(coi: Coi, other: Coi) -> Members:
     """Who is in a partition of both."""
-    return tuple(sorted((*one.members, *other.members)))
+    return tuple(sorted((*coi.members, *other.members)))
 
 
 def leader(cois: Iterable[Coi]) -> Coi:

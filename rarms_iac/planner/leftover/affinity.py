@@ -45,14 +45,14 @@ def masks_of(users: Sequence[Sequence[Component]], processors: int) -> Mapping[s
 
 
 def _criticality(users: Sequence[Component]) -> int:
-    return max(one.criticality for one in users)
+    return max(user.criticality for user in users)
 
 
 def _wanted(users: Sequence[Component], processors: int) -> int:
     """What all components of a class can use at once; everything where one has an APT, or no class, or does not say."""
-    if any(one.apt or one.task is None or one.processors is None for one in users):
+    if any(user.apt or user.task is None or user.processors is None for user in users):
         return processors
-    return sum(one.processors or 0 for one in users)
+    return sum(user.processors or 0 for user in users)
 
 
 def _last(width: int, processors: int) -> int:

@@ -65,11 +65,11 @@ def classes_of(
     """
     named: dict[str, list[Component]] = {}
     nameless: list[list[Component]] = []  # of no class: they are kept to nothing, and may use any processor
-    for one in components:
-        if one.task is None:
-            nameless.append([one])
+    for component in components:
+        if component.task is None:
+            nameless.append([component])
         else:
-            named.setdefault(one.task.lower(), []).append(one)
+            named.setdefault(component.task.lower(), []).append(component)
     fixed = {name.lower(): wish for name, wish in wishes.items()}
     by_weight = sorted(named.values(), key=lambda users: (-_criticality(users), _called(users, fixed)))
     decided = _decide(by_weight, fixed)
@@ -80,12 +80,12 @@ def classes_of(
 
 
 def _criticality(users: Sequence[Component]) -> int:
-    return max(one.criticality for one in users)
+    return max(user.criticality for user in users)
 
 
 def _called(users: Sequence[Component], fixed: Mapping[str, TaskWish]) -> str:
     """The class's name as `tasks` writes it, or as its first user by name does."""
-    first = min(users, key=lambda one: one.name).task
+    first = min(users, key=lambda user: user.name).task
     assert first is not None
     return fixed[first.lower()].name if first.lower() in fixed else first
 
@@ -203,20 +203,20 @@ def _address(inside: str, name: str) -> str:
     return f"partition/{inside}/task/{name}" if inside else f"task/{name}"
 
 
-def registry_values(one: ClassValues) -> Mapping[str, RegistryValue]:
+def registry_values(values: ClassValues) -> Mapping[str, RegistryValue]:
     """The class's whole key, with types: the booleans are text (FACTS 6.1).
 
     Threads of a class that is not of the background depend on which window has the focus (FACTS 6.2), which is no
     order of criticalities.
     """
     return {
-        "Affinity": _number(one.affinity),
+        "Affinity": _number(values.affinity),
         "Background Only": _text("True"),
-        "BackgroundPriority": _number(one.background_priority),
+        "BackgroundPriority": _number(values.background_priority),
         "Clock Rate": _number(CLOCK_RATE),
         "GPU Priority": _number(GPU_PRIORITY),
-        "Priority": _number(one.priority),
-        "Scheduling Category": _text(one.category.value),
+        "Priority": _number(values.priority),
+        "Scheduling Category": _text(values.category.value),
         "SFIO Priority": _text("Normal"),
     }
 

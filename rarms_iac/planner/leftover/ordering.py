@@ -92,11 +92,11 @@ def _longer(way: _Way, options: Sequence[Sequence[_Option]], ceiling: int, floor
     """
     picks = [min(each, key=lambda one: _weight(one, ceiling, floor)) for each in options]
     cost = way.cost
-    for one in picks:
-        cost = cost.plus(_weight(one, ceiling, floor))
-    lowest = min([ceiling, *(one.thread for one in picks if one.thread >= floor)])
-    order = (*way.order, *(-one.thread for one in picks))
-    return lowest, _Way(cost=cost, order=order, chosen=(*way.chosen, tuple(one.values for one in picks)))
+    for pick in picks:
+        cost = cost.plus(_weight(pick, ceiling, floor))
+    lowest = min([ceiling, *(pick.thread for pick in picks if pick.thread >= floor)])
+    order = (*way.order, *(-pick.thread for pick in picks))
+    return lowest, _Way(cost=cost, order=order, chosen=(*way.chosen, tuple(pick.values for pick in picks)))
 
 
 def _options(wish: TaskWish) -> list[_Option]:

@@ -46,7 +46,7 @@ def ranks_of(components: Iterable[Component]) -> Mapping[int, Rank]:
 
     All components of the manifest count, whatever partitions they are in: combining some moves no other's weight.
     """
-    values = sorted({one.criticality for one in components})
+    values = sorted({component.criticality for component in components})
     return {value: Rank(place=at, of=len(values)) for at, value in enumerate(values, 1)}
 
 
@@ -71,7 +71,7 @@ class Asking:
     @property
     def is_promised(self) -> bool:
         """Whether a member has an APT, so that neither a cap nor a low weight may falsify what was measured."""
-        return any(one.apt for one in self.members)
+        return any(member.apt for member in self.members)
 
 
 def share_of(asking: Asking, host: Host, processors: int, reserve: int) -> Share:
@@ -96,7 +96,7 @@ def _limit(asking: Asking, host: Host, processors: int, reserve: int) -> tuple[i
 def said_limit(asking: Asking, host: Host, processors: int) -> int | None:
     """Its own, or the members' together where each has one; None: it is open."""
     own = asking.wish.cpu.limit
-    amounts: list[CpuAmount | None] = [own] if own is not None else [one.cpu.limit for one in asking.members]
+    amounts: list[CpuAmount | None] = [own] if own is not None else [member.cpu.limit for member in asking.members]
     total = Fraction(0)
     for amount in amounts:
         if amount is None:
@@ -110,7 +110,7 @@ def _weight(asking: Asking) -> tuple[int, str]:
     if asking.wish.cpu.weight is not None:
         return asking.wish.cpu.weight, "the manifest fixes it for the partition"
     given, why = _given(asking)
-    said = [(one.cpu.weight, one.name) for one in asking.members if one.cpu.weight is not None]
+    said = [(member.cpu.weight, member.name) for member in asking.members if member.cpu.weight is not None]
     if len(said) == len(asking.members) or any(weight > given for weight, _ in said):
         weight, name = max(said, key=lambda one: (one[0], one[1]))
         return weight, f"the manifest fixes it for {name}"

@@ -66,30 +66,30 @@ class Hypothesis:
     bias: float = 0.0
     error: float = 0.0
 
-    def below(self, one: Outlook, reserve: float) -> float:
+    def below(self, outlook: Outlook, reserve: float) -> float:
         """The probability of a need of at most so much, before anything was asked."""
-        least = ceil(one.neediest)
-        if reserve < least and one.slack:
-            return one.less * max(0.0, reserve + 1 - least + one.slack) / one.slack
-        return one.less + (1.0 - one.less) * _below(
-            self.bias, self.error, one.neediest, one.together, self._said(one), reserve
+        least = ceil(outlook.neediest)
+        if reserve < least and outlook.slack:
+            return outlook.less * max(0.0, reserve + 1 - least + outlook.slack) / outlook.slack
+        return outlook.less + (1.0 - outlook.less) * _below(
+            self.bias, self.error, outlook.neediest, outlook.together, self._said(outlook), reserve
         )
 
-    def _said(self, one: Outlook) -> float | None:
+    def _said(self, outlook: Outlook) -> float | None:
         if self.way is None:
-            return one.neediest if self.error else None
-        return one.said[self.way]
+            return outlook.neediest if self.error else None
+        return outlook.said[self.way]
 
-    def bounds(self, one: Outlook) -> tuple[float, float]:
+    def bounds(self, outlook: Outlook) -> tuple[float, float]:
         """The same probability at the ends of what is known."""
-        low = self.below(one, one.low - 1) if one.low > one.neediest - one.slack else 0.0
-        return low, 1.0 if one.passed is None else self.below(one, one.passed)
+        low = self.below(outlook, outlook.low - 1) if outlook.low > outlook.neediest - outlook.slack else 0.0
+        return low, 1.0 if outlook.passed is None else self.below(outlook, outlook.passed)
 
-    def need(self, one: Outlook, chance: float) -> int:
+    def need(self, outlook: Outlook, chance: float) -> int:
         """What it needs, where the probability of less is `chance` (0 to 1) after all that is known."""
-        low, high = self.bounds(one)
+        low, high = self.bounds(outlook)
         wanted = low + chance * (high - low)
-        return _first(one.low, one.most, lambda reserve: self.below(one, reserve) >= wanted)
+        return _first(outlook.low, outlook.most, lambda reserve: self.below(outlook, reserve) >= wanted)
 
 
 @lru_cache(maxsize=1 << 18)
@@ -141,15 +141,15 @@ class Belief:
 
     weights: Mapping[Hypothesis, float]
 
-    def of(self, one: Outlook) -> Expectation:
+    def of(self, outlook: Outlook) -> Expectation:
         """What this compound may need."""
         parts = []
         for way, weight in self.weights.items():
-            low, high = way.bounds(one)
+            low, high = way.bounds(outlook)
             if high > low:
                 parts.append((way, weight / (high - low), low))
-        left = sum(weight * (way.bounds(one)[1] - low) for way, weight, low in parts)
-        return Expectation(outlook=one, parts=tuple((way, weight / left, low) for way, weight, low in parts))
+        left = sum(weight * (way.bounds(outlook)[1] - low) for way, weight, low in parts)
+        return Expectation(outlook=outlook, parts=tuple((way, weight / left, low) for way, weight, low in parts))
 
     def drawn(self, chance: float) -> Hypothesis:
         """One of the hypotheses, as likely as it weighs; `chance`: from 0 to 1."""
@@ -181,10 +181,10 @@ def _fitting(ways: int, seen: Outlook) -> tuple[float, ...]:
     return tuple(_fits(one, seen) for one, _ in _hypotheses(ways))
 
 
-def _fits(one: Hypothesis, seen: Outlook) -> float:
+def _fits(hypothesis: Hypothesis, seen: Outlook) -> float:
     """The logarithm of the probability of what was answered."""
-    low = 0.0 if seen.failed is None else one.below(seen, seen.failed)
-    high = 1.0 if seen.passed is None else one.below(seen, seen.passed)
+    low = 0.0 if seen.failed is None else hypothesis.below(seen, seen.failed)
+    high = 1.0 if seen.passed is None else hypothesis.below(seen, seen.passed)
     return log(max(high - low, 1e-12))
 
 

@@ -73,7 +73,7 @@ def alone_in(groups: Iterable[Group], reservations: ReservationSource, host: Hos
 
 def alone_of(component: Component, log: MeasuredTogether, enough: int) -> Alone | None:
     """What its log says of it; None: too little. `enough`: the CR at which it meets its APTs."""
-    points = [(one.reserve, one.value) for one in log.curves(component.name, "mean_response_time").points]
+    points = [(point.reserve, point.value) for point in log.curves(component.name, "mean_response_time").points]
     arrival = None if component.run is None else component.run.arrival
     period = float(arrival.period) if isinstance(arrival, Periodic) else None
     demand = demand_of(points, enough, period_ms=period)
@@ -119,10 +119,10 @@ def said_of(members: Sequence[Alone], processors: int) -> Said:
     Those of the periodic resource are bounds for one processor; of several they are taken as one that is as fast as
     all of them.
     """
-    if any(one.processors != processors for one in members):
+    if any(member.processors != processors for member in members):
         return (None,) * len(WAYS)
     return (
-        least_shared([one.demand for one in members], processors),
+        least_shared([member.demand for member in members], processors),
         _periodic(members, EVENLY, meets_by_deadline),
         _periodic(members, IN_TURNS, meets_by_deadline),
         _periodic(members, IN_TURNS, _by_deadline_length),
@@ -130,17 +130,17 @@ def said_of(members: Sequence[Alone], processors: int) -> Said:
 
 
 def _periodic(members: Sequence[Alone], window: int, meets: Meets) -> float | None:
-    tasks = [one.fitted(window, meets) for one in members]
-    known = [one for one in tasks if one is not None]
+    tasks = [member.fitted(window, meets) for member in members]
+    known = [task for task in tasks if task is not None]
     budget = least_budget(known, window, meets) if len(known) == len(tasks) else None
     return None if budget is None else budget * WHOLE / window
 
 
 def _by_deadline_length(tasks: Sequence[Task], resource: Resource) -> bool:
     """Deadline monotonic: the shorter the deadline, the higher the priority; none may be longer than its period."""
-    if any(one.deadline > one.period for one in tasks):
+    if any(task.deadline > task.period for task in tasks):
         return False
-    return meets_by_priority(sorted(tasks, key=lambda one: one.deadline), resource)
+    return meets_by_priority(sorted(tasks, key=lambda task: task.deadline), resource)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -73,12 +73,12 @@ def supplied_after(resource: Resource, work: int) -> int:
 
 def demanded(tasks: Sequence[Task], ticks: int) -> int:
     """The demand bound function: work of jobs that come and are due within so many ticks (Baruah et al. 1990)."""
-    return sum(max(0, (ticks - one.deadline) // one.period + 1) * one.work for one in tasks)
+    return sum(max(0, (ticks - task.deadline) // task.period + 1) * task.work for task in tasks)
 
 
 def meets_by_deadline(tasks: Sequence[Task], resource: Resource) -> bool:
     """Whether earliest deadline first meets all deadlines; deadlines may be longer than periods."""
-    rate = sum((one.rate for one in tasks), Fraction(0))
+    rate = sum((task.rate for task in tasks), Fraction(0))
     if rate > resource.rate:
         return False
     horizon = _horizon(tasks, resource, rate)
@@ -93,11 +93,11 @@ def meets_by_deadline(tasks: Sequence[Task], resource: Resource) -> bool:
 def _deadlines(tasks: Sequence[Task]) -> Iterator[int]:
     """When jobs are due that are released as early as can be, in order; without end."""
 
-    def of(one: Task) -> Iterator[int]:
-        at = one.deadline
+    def of(task: Task) -> Iterator[int]:
+        at = task.deadline
         while True:
             yield at
-            at += one.period
+            at += task.period
 
     return merge(*map(of, tasks))
 
@@ -108,11 +108,11 @@ def _horizon(tasks: Sequence[Task], resource: Resource, rate: Fraction) -> Fract
     Supply lies above a line of the resource's rate that begins after both gaps, demand below one of the tasks' rate.
     Where the rates are the same, all repeats after the least common multiple of the periods.
     """
-    again = lcm(resource.period, *(one.period for one in tasks))
-    whole = Fraction(2 * again + 2 * resource.period + max((one.deadline for one in tasks), default=0))
+    again = lcm(resource.period, *(task.period for task in tasks))
+    whole = Fraction(2 * again + 2 * resource.period + max((task.deadline for task in tasks), default=0))
     if rate == resource.rate:
         return whole
-    ahead = sum((one.rate * max(0, one.period - one.deadline) for one in tasks), Fraction(0))
+    ahead = sum((task.rate * max(0, task.period - task.deadline) for task in tasks), Fraction(0))
     late = 2 * resource.rate * (resource.period - resource.budget)
     return min(whole, (late + ahead) / (resource.rate - rate))
 
@@ -123,7 +123,7 @@ def meets_by_priority(tasks: Sequence[Task], resource: Resource) -> bool:
     Raises:
         ValueError: a deadline is longer than its period; then the first job need not be the slowest.
     """
-    if any(one.deadline > one.period for one in tasks):
+    if any(task.deadline > task.period for task in tasks):
         raise ValueError("fixed priorities are judged where deadlines are at most periods")
     return resource.budget > 0 and all(_answers(tasks[: at + 1], resource) for at in range(len(tasks)))
 

@@ -39,7 +39,7 @@ class Demand:
 
 def responses(demands: Sequence[Demand], reserve: float, processors: int) -> tuple[float, ...]:
     """The mean response times (ms) of these in one partition at this CR, in their order; `inf`: more than it has."""
-    found = tuple(one.response_ms(reserve) for one in demands)
+    found = tuple(demand.response_ms(reserve) for demand in demands)
     for _ in range(ROUNDS):
         computing = [_computing(one, seen) for one, seen in zip(demands, found, strict=True)]
         after = tuple(
@@ -52,15 +52,15 @@ def responses(demands: Sequence[Demand], reserve: float, processors: int) -> tup
     return tuple(inf if _overrun(one, seen) else seen for one, seen in zip(demands, found, strict=True))
 
 
-def _computing(one: Demand, response_ms: float) -> float:
+def _computing(demand: Demand, response_ms: float) -> float:
     """The part of the time in which it computes."""
-    between = response_ms if one.period_ms is None else max(one.period_ms, response_ms)
-    return (response_ms - one.waits_ms) / between if between > 0 else 0.0
+    between = response_ms if demand.period_ms is None else max(demand.period_ms, response_ms)
+    return (response_ms - demand.waits_ms) / between if between > 0 else 0.0
 
 
-def _overrun(one: Demand, response_ms: float) -> bool:
+def _overrun(demand: Demand, response_ms: float) -> bool:
     """Whether a job is not done when the next is due: then each is later than the one before."""
-    return one.period_ms is not None and response_ms - one.waits_ms > one.period_ms
+    return demand.period_ms is not None and response_ms - demand.waits_ms > demand.period_ms
 
 
 def _slower(demands: Sequence[Demand], computing: Sequence[float], at: int, processors: int) -> float:
@@ -82,7 +82,7 @@ def least_shared(demands: Sequence[Demand], processors: int) -> float:
 
     Above 100: not even all of the partition is enough.
     """
-    low, high = float(max((one.enough for one in demands), default=0)), 2.0 * WHOLE
+    low, high = float(max((demand.enough for demand in demands), default=0)), 2.0 * WHOLE
     while high - low > 0.05:
         middle = (low + high) / 2
         seen = responses(demands, middle, processors)

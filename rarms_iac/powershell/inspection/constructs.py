@@ -28,7 +28,7 @@ def check_constructs(script: Script) -> Iterator[Diagnostic]:
 def _check_backticks(script: Script) -> Iterator[Diagnostic]:
     """Outside of texts and remarks a backtick joins lines or hides a name."""
     skipped = (TokenKind.STRING, TokenKind.COMMENT)
-    inside = {at for one in tokens(script.text) if one.kind in skipped for at in range(one.offset, one.end)}
+    inside = {at for token in tokens(script.text) if token.kind in skipped for at in range(token.offset, token.end)}
     for at, character in enumerate(script.text):
         if character == "`" and at not in inside:
             line = script.text.count("\n", 0, at) + 1

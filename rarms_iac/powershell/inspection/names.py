@@ -70,7 +70,7 @@ def is_assigned(node: "Node") -> bool:
     if parent.type == "script_parameter":
         return True
     if parent.type == "foreach_statement":
-        return parent.children[[one.type for one in parent.children].index("(") + 1].id == node.id
+        return parent.children[[child.type for child in parent.children].index("(") + 1].id == node.id
     while parent is not None and parent.child_count == 1 and parent.type != "left_assignment_expression":
         parent = parent.parent
     if parent is not None and parent.type in {"cast_expression", "expression_with_unary_operator"}:  # [byte[]] $data =

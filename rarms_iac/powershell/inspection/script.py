@@ -83,7 +83,7 @@ def _parameters(function: "Node") -> dict[str, bool]:
     found: dict[str, bool] = {}
     for node in walk(function):
         if node.type == "script_parameter":
-            words = [text_of(one) for one in node.children]
+            words = [text_of(child) for child in node.children]
             name = next(word for word in words if word.startswith("$"))
             found[name.removeprefix("$")] = any("[switch]" in word.lower() for word in words)
     return found

@@ -66,7 +66,7 @@ def statements_of(block: "Node") -> Iterator["Node"]:
 
 
 def _check_run(script: Script, statements: list["Node"]) -> Iterator[Diagnostic]:
-    calls = [only_call(one) for one in statements]
+    calls = [only_call(statement) for statement in statements]
     names = [one.name if one else "" for one in calls]
     if names != ["Open-Run", *["Add-Step"] * (len(names) - 2), "Complete-Run"]:
         yield script.problem(STEP, statements[0], "Open-Run, steps and Complete-Run are not all there is", _ADVICE)
@@ -118,7 +118,7 @@ def entries(node: "Node") -> Mapping[str, "Node"] | None:
                 key = text_of(entry.children[0])
                 if key in found:
                     return None
-                found[key] = [one for one in entry.children if one.is_named][-1]
+                found[key] = [child for child in entry.children if child.is_named][-1]
     return found
 
 
@@ -211,6 +211,6 @@ def _is_plain(node: "Node") -> bool:
         return True
     if value.type != "parenthesized_expression":
         return False
-    statements = [one for one in value.children if one.is_named]
+    statements = [child for child in value.children if child.is_named]
     call = only_call(statements[0]) if len(statements) == 1 else None
     return call is not None and call.name in _VALUES and _has_plain_values(call)

@@ -68,7 +68,7 @@ def _null_on_the_right(comparison: "Node") -> bool:
 
 def _check_unused(script: Script) -> Iterator[Diagnostic]:
     """By function; what is assigned outside of all functions may be read in any of them."""
-    bodies = [[*walk(one.node)] for one in script.functions.values()]
+    bodies = [[*walk(function.node)] for function in script.functions.values()]
     inside = {node.id for body in bodies for node in body}
     everywhere = [node for node in script.nodes if node.type == "variable"]
     yield from _unused_among(script, [node for node in everywhere if node.id not in inside], everywhere)

@@ -31,7 +31,7 @@ def condition_of(seen: Observation) -> HostCondition:
         module=_value(seen.module),
         power_plans=_value(seen.power_plan),
         pending_restart=_value(seen.pending_restart),
-        seen_processors=sum(one.logical for one in sockets) if sockets else None,
+        seen_processors=sum(socket.logical for socket in sockets) if sockets else None,
         numa_nodes=len(nodes) if nodes else None,
         machines=tuple(_machine(one, groups.get(one.id, "")) for one in or_else(seen.machines, ())),
         responsiveness=_responsiveness(seen),
@@ -39,11 +39,11 @@ def condition_of(seen: Observation) -> HostCondition:
     )
 
 
-def _machine(one: Machine, group: str) -> MachineCondition:
+def _machine(machine: Machine, group: str) -> MachineCondition:
     return MachineCondition(
-        id=one.id,
-        automatic_checkpoints=one.automatic_checkpoints == "True",
-        clustered=one.clustered == "True",
+        id=machine.id,
+        automatic_checkpoints=machine.automatic_checkpoints == "True",
+        clustered=machine.clustered == "True",
         group=group,
     )
 

@@ -280,7 +280,7 @@ def _encoding(data: bytes) -> str:
 def _probes() -> dict[str, Any]:
     """Of each probe the type of its value."""
     hints = get_type_hints(Observation)
-    names = [one.name for one in fields(Observation) if one.name != "computer"]
+    names = [field.name for field in fields(Observation) if field.name != "computer"]
     return {name: get_args(get_args(hints[name])[0])[0] for name in names}
 
 

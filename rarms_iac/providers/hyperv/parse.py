@@ -96,8 +96,8 @@ def facts_of(seen: Observation, name: str) -> HostFacts:
         os_build=windows.build if windows else 0,
         client=is_client(seen),
         scheduler=scheduler_of(seen),
-        smt=sum(one.logical for one in sockets) > sum(one.cores for one in sockets),
-        logical_processors=hypervisor.logical_processors if hypervisor else sum(one.logical for one in sockets),
+        smt=sum(socket.logical for socket in sockets) > sum(socket.cores for socket in sockets),
+        logical_processors=hypervisor.logical_processors if hypervisor else sum(socket.logical for socket in sockets),
         memory=hypervisor.memory if hypervisor else 0,
         rights=rights_of(seen),
         disk_folder=hypervisor.disk_folder if hypervisor else "",
@@ -138,8 +138,8 @@ def partitions_of(seen: Observation) -> tuple[Partition, ...]:
         NotDecodable: an enumeration has a name that Hyper-V does not give.
     """
     machines = sorted(or_else(seen.machines, ()), key=lambda one: (one.name, one.id))
-    judged = judge_marks({one.id: one.notes for one in machines})
-    return tuple(_partition(one, judged[one.id]) for one in machines)
+    judged = judge_marks({machine.id: machine.notes for machine in machines})
+    return tuple(_partition(machine, judged[machine.id]) for machine in machines)
 
 
 def disks_of(seen: Observation) -> tuple[Disk, ...]:
@@ -206,30 +206,30 @@ def run_state(state: str) -> RunState:
     return _AT_REST.get(state, RunState.BUSY)
 
 
-def _partition(one: Machine, judged: Judged) -> Partition:
-    state = run_state(one.state)
+def _partition(machine: Machine, judged: Judged) -> Partition:
+    state = run_state(machine.state)
     settings = PartitionSettings(
-        name=one.name,
-        generation=one.generation,
-        processors=one.processors,
-        reserve=one.reserve,
-        limit=one.limit,
-        weight=one.weight,
-        memory=one.memory,
-        dynamic_memory=one.dynamic_memory,
-        start_action=_named(_START, one.start_action, one, "start_action"),
-        stop_action=_named(_STOP, one.stop_action, one, "stop_action"),
-        checkpoints=_named(_CHECKPOINTS, one.checkpoints, one, "checkpoints"),
+        name=machine.name,
+        generation=machine.generation,
+        processors=machine.processors,
+        reserve=machine.reserve,
+        limit=machine.limit,
+        weight=machine.weight,
+        memory=machine.memory,
+        dynamic_memory=machine.dynamic_memory,
+        start_action=_named(_START, machine.start_action, machine, "start_action"),
+        stop_action=_named(_STOP, machine.stop_action, machine, "stop_action"),
+        checkpoints=_named(_CHECKPOINTS, machine.checkpoints, machine, "checkpoints"),
         running=state is RunState.RUNNING,
     )
     return Partition(
         settings=settings,
-        id=one.id,
+        id=machine.id,
         state=state,
         mark=judged.mark,
         other_notes=judged.other_notes,
         foreign_mark=judged.foreign,
-        checkpoints=one.checkpoint_count,
+        checkpoints=machine.checkpoint_count,
     )
 
 

@@ -111,7 +111,7 @@ class Content:
             self,
             machines={one: value for one, value in self.machines.items() if one != machine},
             registries={one: value for one, value in self.registries.items() if one != machine},
-            disks=tuple(replace(one, machine="") if one.machine == machine else one for one in self.disks),
+            disks=tuple(replace(disk, machine="") if disk.machine == machine else disk for disk in self.disks),
         )
 
     def with_disk(self, disk: Disk) -> "Content":
@@ -120,7 +120,7 @@ class Content:
 
     def without_disk(self, path: str) -> "Content":
         """Without the disk of this path."""
-        return replace(self, disks=tuple(one for one in self.disks if one.path != path))
+        return replace(self, disks=tuple(disk for disk in self.disks if disk.path != path))
 
     def with_registry(self, machine: str, registry: Registry) -> "Content":
         """With this registry in that machine's guest, or on the host for the empty id."""

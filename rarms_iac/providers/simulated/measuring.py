@@ -71,7 +71,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
             lps=self._host.logical_processors, machines=(*machines, *idle), interrupts=model.QUIET_INTERRUPTS
         )
         jobs = self._simulate(machine, work.seed)
-        runs = {one.name: run_of(one) for inside in work.inside for one in inside.components}
+        runs = {component.name: run_of(component) for inside in work.inside for component in inside.components}
         timeouts = {name: float(run.timeout) for name, run in runs.items()}
         yield Simulated(jobs=jobs, until=work.until, timeouts=timeouts)
 
@@ -82,12 +82,12 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
             return model.VirtualMachine(
                 name=self.name,
                 vps=self._host.logical_processors,
-                components=tuple(self._demand(one, content, "") for one in inside.components),
+                components=tuple(self._demand(component, content, "") for component in inside.components),
                 loads=loads,
                 partitioned=False,
             )
         found = self._running(content, inside.partition, application)
-        demands = tuple(self._demand(one, content, found.id) for one in inside.components)
+        demands = tuple(self._demand(component, content, found.id) for component in inside.components)
         return _partition(found, inside.partition, components=demands, loads=loads)
 
     def _running(self, content: Content, partition: str, application: str) -> Machine:
@@ -102,8 +102,10 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
     def _idle(self, content: Content, work: Work) -> tuple[model.VirtualMachine, ...]:
         """What else runs: it does nothing, and what it reserves is its own."""
         busy = {self._running(content, one.partition, work.application).id for one in work.inside if one.partition}
-        others = [one for one in content.machines.values() if one.settings.running and one.id not in busy]
-        return tuple(_partition(one, f"idle {one.id}") for one in sorted(others, key=lambda one: one.id))
+        others = [
+            machine for machine in content.machines.values() if machine.settings.running and machine.id not in busy
+        ]
+        return tuple(_partition(other, f"idle {other.id}") for other in sorted(others, key=lambda other: other.id))
 
     def _demand(self, component: Component, content: Content, machine: str) -> model.Demand:
         try:

@@ -29,9 +29,13 @@ _PENDING = re.compile(r"(?P<partition>[a-z0-9-]+)\.rarms-[0-9a-f]+")
 
 def write_content(content: Content) -> bytes:
     """The file that holds this content."""
-    machines = ",".join(f'"{one}":{_machine_text(content.machines[one])}' for one in sorted(content.machines))
+    machines = ",".join(
+        f'"{machine}":{_machine_text(content.machines[machine])}' for machine in sorted(content.machines)
+    )
     others = {name: canonical(getattr(content, name)) for name in ("id", "made", "struck", "disks")}
-    registries = ",".join(f'"{one}":{canonical(content.registries[one])}' for one in sorted(content.registries))
+    registries = ",".join(
+        f'"{registry}":{canonical(content.registries[registry])}' for registry in sorted(content.registries)
+    )
     members = {**others, "machines": f"{{{machines}}}", "registries": f"{{{registries}}}"}
     text = ",".join(f'"{name}":{member}' for name, member in sorted(members.items()))
     return _file(f"{{{text}}}")
@@ -91,13 +95,13 @@ def visible_disks(content: Content, facts: HostFacts) -> tuple[Disk, ...]:
 def partitions_of(content: Content) -> tuple[Partition, ...]:
     """The machines by name, then id, with the marks that count."""
     judged = judge_marks({machine.id: machine.notes for machine in content.machines.values()})
-    machines = sorted(content.machines.values(), key=lambda one: (one.settings.name, one.id))
+    machines = sorted(content.machines.values(), key=lambda machine: (machine.settings.name, machine.id))
     return tuple(_partition(machine, judged[machine.id]) for machine in machines)
 
 
 def tasks_of(content: Content, partitions: Iterable[Partition]) -> tuple[TaskClass, ...]:
     """The task classes of the host, and those in the guests of these partitions, where they are partitions of rarms."""
-    guests = sorted((inside, one.id) for one in partitions if (inside := stands_for(one)))
+    guests = sorted((inside, partition.id) for partition in partitions if (inside := stands_for(partition)))
     return tuple(task for inside, machine in [("", ""), *guests] for task in _tasks(content, inside, machine))
 
 

@@ -113,7 +113,7 @@ class SimulatedHostProvider:
         content = self.load()
         state = self._machines(content)
         if address.task:
-            inside = [one for one in state.partitions if stands_for(one) == address.partition]
+            inside = [partition for partition in state.partitions if stands_for(partition) == address.partition]
             state = replace(state, tasks=tasks_of(content, inside))
         if address.responsiveness:
             state = replace(state, responsiveness=content.registry("").responsiveness)

@@ -64,26 +64,26 @@ def setting_in(line: Mapping[str, Json]) -> Recorded:
     return Recorded(setting=setting, provenance=decode(Provenance, line["provenance"]))
 
 
-def _rounded_series(one: Series) -> Series:
+def _rounded_series(series: Series) -> Series:
     return replace(
-        one,
-        samples=tuple(map(_rounded, one.samples)),
-        elapsed_ms=round(one.elapsed_ms, DIGITS),
-        cpu_ms=None if one.cpu_ms is None else round(one.cpu_ms, DIGITS),
+        series,
+        samples=tuple(map(_rounded, series.samples)),
+        elapsed_ms=round(series.elapsed_ms, DIGITS),
+        cpu_ms=None if series.cpu_ms is None else round(series.cpu_ms, DIGITS),
     )
 
 
-def _rounded(one: Sample) -> Sample:
-    answer = None if one.response_ms is None else round(one.response_ms, DIGITS)
-    return replace(one, began_ms=round(one.began_ms, DIGITS), response_ms=answer)
+def _rounded(sample: Sample) -> Sample:
+    answer = None if sample.response_ms is None else round(sample.response_ms, DIGITS)
+    return replace(sample, began_ms=round(sample.began_ms, DIGITS), response_ms=answer)
 
 
-def _columns(one: Series) -> dict[str, Json]:
-    samples = one.samples
+def _columns(series: Series) -> dict[str, Json]:
+    samples = series.samples
     columns: dict[str, Json] = {
-        "component": one.component,
-        "elapsed_ms": one.elapsed_ms,
-        "cpu_ms": one.cpu_ms,
+        "component": series.component,
+        "elapsed_ms": series.elapsed_ms,
+        "cpu_ms": series.cpu_ms,
         "began_ms": [each.began_ms for each in samples],
         "response_ms": [each.response_ms for each in samples],
     }

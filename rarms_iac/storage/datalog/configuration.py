@@ -99,4 +99,4 @@ def read_entries(path: Path) -> tuple[Entry, ...]:
 
 def last_chosen(entries: tuple[Entry, ...]) -> Chosen | None:
     """The choice that holds."""
-    return next((one for one in reversed(entries) if isinstance(one, Chosen)), None)
+    return next((entry for entry in reversed(entries) if isinstance(entry, Chosen)), None)

@@ -44,9 +44,9 @@ class Files:
         return found
 
     def _all(self, subject: Subject) -> Iterator[Path]:
-        for one in subject.components:
-            if one.run is not None:
-                yield from self._of_run(one.run)
+        for component in subject.components:
+            if component.run is not None:
+                yield from self._of_run(component.run)
         if isinstance(subject.load, CommandLoad):
             yield from self._of_words(self.folder, subject.load.command)
 
@@ -109,8 +109,8 @@ def file_digest(path: Path) -> str:
 
 
 def _first_words(subject: Subject) -> Iterator[str]:
-    for one in subject.components:
-        if one.run is not None and isinstance(one.run.start, Command):
-            yield from one.run.start.words[:1]
+    for component in subject.components:
+        if component.run is not None and isinstance(component.run.start, Command):
+            yield from component.run.start.words[:1]
     if isinstance(subject.load, CommandLoad):
         yield from subject.load.command[:1]

@@ -38,8 +38,8 @@ class Subject:
 def identity_of(subject: Subject, files: Mapping[str, str], interpreters: Mapping[str, str]) -> Identity:
     """The parts of a subject; `files` and `interpreters` are digests by path, as `hashing` finds them."""
     parts = dict(_setup_parts(subject))
-    for one in subject.components:
-        parts.update(_component_parts(one, subject.tasks))
+    for component in subject.components:
+        parts.update(_component_parts(component, subject.tasks))
     parts.update({f"{FILE}{path}": value for path, value in files.items()})
     return Identity(parts=dict(sorted(parts.items())), interpreters=dict(sorted(interpreters.items())))
 
@@ -69,18 +69,18 @@ def _setup_parts(subject: Subject) -> Iterator[tuple[str, str]]:
     yield from parts_of(f"interference.{setup.interference}", subject.load)
 
 
-def _component_parts(one: Component, tasks: Mapping[str, TaskWish]) -> Iterator[tuple[str, str]]:
-    if one.run is not None:
-        for name, text in parts_of("run", one.run):
+def _component_parts(component: Component, tasks: Mapping[str, TaskWish]) -> Iterator[tuple[str, str]]:
+    if component.run is not None:
+        for name, text in parts_of("run", component.run):
             if name not in IN_THE_FILES:
-                yield f"{one.name}.{name}", text
-    if one.simulation is not None:
-        yield from parts_of(f"{one.name}.simulation", one.simulation)
-    if one.task is not None:
-        yield f"{one.name}.task", one.task
-        fixed = tasks.get(one.task)
+                yield f"{component.name}.{name}", text
+    if component.simulation is not None:
+        yield from parts_of(f"{component.name}.simulation", component.simulation)
+    if component.task is not None:
+        yield f"{component.name}.task", component.task
+        fixed = tasks.get(component.task)
         if fixed is not None:
-            yield from parts_of(f"tasks.{one.task}", fixed, without=frozenset({"name", "replace_shipped"}))
+            yield from parts_of(f"tasks.{component.task}", fixed, without=frozenset({"name", "replace_shipped"}))
 
 
 def parts_of(name: str, value: Any, *, without: frozenset[str] = frozenset()) -> Iterator[tuple[str, str]]:
@@ -88,11 +88,11 @@ def parts_of(name: str, value: Any, *, without: frozenset[str] = frozenset()) ->
     if name not in _WITHOUT_KIND and not isinstance(value, Run):
         yield name, type(value).__name__
     hints = get_type_hints(type(value))
-    for one in fields(value):
-        inner = getattr(value, one.name)
-        if one.name in without or inner == _default(one):
+    for field in fields(value):
+        inner = getattr(value, field.name)
+        if field.name in without or inner == _default(field):
             continue
-        yield from _inner(f"{name}.{one.name}", inner, hints[one.name])
+        yield from _inner(f"{name}.{field.name}", inner, hints[field.name])
 
 
 _WITHOUT_KIND = frozenset({"run.samples", "run.stop"})

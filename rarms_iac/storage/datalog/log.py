@@ -89,7 +89,7 @@ class DataLog:
     @property
     def highest_seed(self) -> int:
         """The last seed that anything was, or was to be, measured with; 0 where nothing was."""
-        seeds = [*(one.setting.seed for one in self.recorded), *(one.seed for one in self.passes)]
+        seeds = [*(one.setting.seed for one in self.recorded), *(measuring_pass.seed for measuring_pass in self.passes)]
         return max(seeds, default=0)
 
     def _gives_way(self, at: int, clean: int) -> bool:
@@ -100,4 +100,11 @@ class DataLog:
     def _last_clean_pass(self) -> int:
         """The seed of the last pass that ended and had the host to itself; 0: there is none."""
         busy = {one.setting.seed for one in self.recorded if one.is_busy}
-        return max((one.seed for one in self.passes if one.ended and one.seed not in busy), default=0)
+        return max(
+            (
+                measuring_pass.seed
+                for measuring_pass in self.passes
+                if measuring_pass.ended and measuring_pass.seed not in busy
+            ),
+            default=0,
+        )

@@ -23,22 +23,25 @@ def findings_document(diagnostics: Sequence[Diagnostic], *, accepted: Sequence[D
     return {
         "format_version": FORMAT_VERSION,
         "kind": "findings",
-        "findings": [_finding(one) for one in diagnostics],
+        "findings": [_finding(diagnostic) for diagnostic in diagnostics],
         "accepted": [_finding(one) for one in accepted],
-        "counts": {f"{severity.value}s": sum(one.severity is severity for one in diagnostics) for severity in Severity},
+        "counts": {
+            f"{severity.value}s": sum(diagnostic.severity is severity for diagnostic in diagnostics)
+            for severity in Severity
+        },
     }
 
 
-def _finding(one: Diagnostic) -> dict[str, Any]:
+def _finding(diagnostic: Diagnostic) -> dict[str, Any]:
     return {
-        "code": one.code,
-        "severity": one.severity.value,
-        "summary": _encodable(one.summary),
-        "detail": _encodable(one.detail),
-        "advice": _encodable(one.advice),
-        "address": _encodable(one.address),
-        "place": None if one.place is None else _place(one.place),
-        "related": [{"place": _place(other.place), "says": _encodable(other.says)} for other in one.related],
+        "code": diagnostic.code,
+        "severity": diagnostic.severity.value,
+        "summary": _encodable(diagnostic.summary),
+        "detail": _encodable(diagnostic.detail),
+        "advice": _encodable(diagnostic.advice),
+        "address": _encodable(diagnostic.address),
+        "place": None if diagnostic.place is None else _place(diagnostic.place),
+        "related": [{"place": _place(other.place), "says": _encodable(other.says)} for other in diagnostic.related],
     }
 
 

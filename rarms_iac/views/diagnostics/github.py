@@ -11,25 +11,30 @@ COMMANDS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.NOTE:
 
 def as_github(diagnostics: Sequence[Diagnostic]) -> str:
     """One command a line; nothing where there is nothing to tell."""
-    return "".join(f"::{COMMANDS[one.severity]} {_properties(one)}::{_message(one)}\n" for one in diagnostics)
+    return "".join(
+        f"::{COMMANDS[diagnostic.severity]} {_properties(diagnostic)}::{_message(diagnostic)}\n"
+        for diagnostic in diagnostics
+    )
 
 
-def _properties(one: Diagnostic) -> str:
+def _properties(diagnostic: Diagnostic) -> str:
     properties: dict[str, str | int] = {}
-    if one.place is not None:
+    if diagnostic.place is not None:
         properties = {
-            "file": PurePath(one.place.file).as_posix(),
-            "line": one.place.line,
-            "endLine": one.place.line,
-            "col": one.place.column,
-            "endColumn": one.place.column + max(one.place.length, 1) - 1,  # the last column itself: it defaults to col
+            "file": PurePath(diagnostic.place.file).as_posix(),
+            "line": diagnostic.place.line,
+            "endLine": diagnostic.place.line,
+            "col": diagnostic.place.column,
+            "endColumn": diagnostic.place.column
+            + max(diagnostic.place.length, 1)
+            - 1,  # the last column itself: it defaults to col
         }
-    properties["title"] = f"{one.code} {one.summary}"
+    properties["title"] = f"{diagnostic.code} {diagnostic.summary}"
     return ",".join(f"{name}={_property(str(value))}" for name, value in properties.items())
 
 
-def _message(one: Diagnostic) -> str:
-    return _data("\n".join(part for part in (one.detail, one.advice) if part))
+def _message(diagnostic: Diagnostic) -> str:
+    return _data("\n".join(part for part in (diagnostic.detail, diagnostic.advice) if part))
 
 
 def _data(text: str) -> str:

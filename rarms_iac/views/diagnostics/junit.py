@@ -12,13 +12,13 @@ def as_junit(diagnostics: Sequence[Diagnostic], *, accepted: Sequence[Diagnostic
 
     Without any finding it has one case that passes: an empty report looks like a run that never was.
     """
-    errors = sum(one.severity is Severity.ERROR for one in diagnostics)
+    errors = sum(diagnostic.severity is Severity.ERROR for diagnostic in diagnostics)
     total = len(diagnostics) + len(accepted)
     counts = {"tests": str(total or 1), "failures": str(errors), "errors": "0", "skipped": str(len(accepted))}
     root = ET.Element("testsuites", {"name": "rarms", **counts})
     suite = ET.SubElement(root, "testsuite", {"name": "findings", **counts})
-    for one in diagnostics:
-        _told(_case(suite, one), one)
+    for diagnostic in diagnostics:
+        _told(_case(suite, diagnostic), diagnostic)
     for one in accepted:
         ET.SubElement(_case(suite, one), "skipped", message="accepted by policy.accept")
     if not total:
@@ -27,21 +27,25 @@ def as_junit(diagnostics: Sequence[Diagnostic], *, accepted: Sequence[Diagnostic
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _case(suite: ET.Element, one: Diagnostic) -> ET.Element:
-    where = {} if one.place is None else {"file": _xml(one.place.file), "line": str(one.place.line)}
-    spot = one.address if one.place is None else str(one.place)
-    name = _xml(f"{one.code} {one.summary} ({spot})" if spot else f"{one.code} {one.summary}")
-    classname = _xml(one.place.file if one.place else "rarms")
+def _case(suite: ET.Element, diagnostic: Diagnostic) -> ET.Element:
+    where = (
+        {} if diagnostic.place is None else {"file": _xml(diagnostic.place.file), "line": str(diagnostic.place.line)}
+    )
+    spot = diagnostic.address if diagnostic.place is None else str(diagnostic.place)
+    name = _xml(
+        f"{diagnostic.code} {diagnostic.summary} ({spot})" if spot else f"{diagnostic.code} {diagnostic.summary}"
+    )
+    classname = _xml(diagnostic.place.file if diagnostic.place else "rarms")
     return ET.SubElement(suite, "testcase", {"classname": classname, "name": name, **where})
 
 
-def _told(case: ET.Element, one: Diagnostic) -> None:
-    where = f"{one.place}, {one.place.path}\n" if one.place else ""
-    text = _xml(f"{where}{one.detail}\n{one.advice}")
-    if one.severity is Severity.ERROR:
-        ET.SubElement(case, "failure", type=one.code, message=_xml(one.summary)).text = text
+def _told(case: ET.Element, diagnostic: Diagnostic) -> None:
+    where = f"{diagnostic.place}, {diagnostic.place.path}\n" if diagnostic.place else ""
+    text = _xml(f"{where}{diagnostic.detail}\n{diagnostic.advice}")
+    if diagnostic.severity is Severity.ERROR:
+        ET.SubElement(case, "failure", type=diagnostic.code, message=_xml(diagnostic.summary)).text = text
     else:
-        ET.SubElement(case, "system-out").text = f"{one.severity.value}: {text}"
+        ET.SubElement(case, "system-out").text = f"{diagnostic.severity.value}: {text}"
 
 
 def _xml(text: str) -> str:

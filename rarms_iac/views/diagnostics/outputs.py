@@ -36,7 +36,7 @@ def parse_outputs(values: Sequence[str]) -> tuple[Output, ...]:
         BadOutput: an unknown form, an empty file name, or two outputs to one place.
     """
     outputs = tuple(map(_output, values)) or (Output(format=OutputFormat.TEXT),)
-    places = [one.path for one in outputs]
+    places = [output.path for output in outputs]
     for place in places:
         if places.count(place) > 1:
             where = "standard output" if place is None else place

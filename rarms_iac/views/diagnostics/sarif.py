@@ -28,9 +28,9 @@ def as_sarif(
         page: the Markdown page of a code, for the rule's help.
         accepted: what the policy silences.
     """
-    rules = {one.code: one for one in (*accepted, *diagnostics)}
+    rules = {diagnostic.code: diagnostic for diagnostic in (*accepted, *diagnostics)}
     codes = sorted(rules)
-    results = [_result(one, codes.index(one.code), suppressed=False) for one in diagnostics]
+    results = [_result(diagnostic, codes.index(diagnostic.code), suppressed=False) for diagnostic in diagnostics]
     results += [_result(one, codes.index(one.code), suppressed=True) for one in accepted]
     log = {
         "$schema": SCHEMA,
@@ -52,33 +52,33 @@ def as_sarif(
     return json.dumps(log, indent=2) + "\n"
 
 
-def _rule(one: Diagnostic, page: str | None) -> dict[str, Any]:
+def _rule(diagnostic: Diagnostic, page: str | None) -> dict[str, Any]:
     """The rule of a finding; its help is the finding's own page."""
     return {
-        "id": one.code,
-        "shortDescription": {"text": one.summary},
-        "fullDescription": {"text": one.summary},
-        "help": {"text": page or one.summary, "markdown": page or one.summary},
-        "defaultConfiguration": {"level": LEVELS[one.severity]},
+        "id": diagnostic.code,
+        "shortDescription": {"text": diagnostic.summary},
+        "fullDescription": {"text": diagnostic.summary},
+        "help": {"text": page or diagnostic.summary, "markdown": page or diagnostic.summary},
+        "defaultConfiguration": {"level": LEVELS[diagnostic.severity]},
     }
 
 
-def _result(one: Diagnostic, rule: int, *, suppressed: bool) -> dict[str, Any]:
+def _result(diagnostic: Diagnostic, rule: int, *, suppressed: bool) -> dict[str, Any]:
     result: dict[str, Any] = {
-        "ruleId": one.code,
+        "ruleId": diagnostic.code,
         "ruleIndex": rule,
-        "level": LEVELS[one.severity],
-        "message": {"text": visible(f"{one.summary}. {one.detail} {one.advice}".strip())},
+        "level": LEVELS[diagnostic.severity],
+        "message": {"text": visible(f"{diagnostic.summary}. {diagnostic.detail} {diagnostic.advice}".strip())},
     }
-    if one.place is not None:
-        result["locations"] = [_location(one.place)]
-    if one.related:
+    if diagnostic.place is not None:
+        result["locations"] = [_location(diagnostic.place)]
+    if diagnostic.related:
         result["relatedLocations"] = [
             {"id": number, **_location(other.place), "message": {"text": visible(other.says)}}
-            for number, other in enumerate(one.related, 1)
+            for number, other in enumerate(diagnostic.related, 1)
         ]
-    if one.address:
-        result["properties"] = {"address": visible(one.address)}
+    if diagnostic.address:
+        result["properties"] = {"address": visible(diagnostic.address)}
     if suppressed:
         result["suppressions"] = [{"kind": "inSource", "status": "accepted", "justification": "policy.accept"}]
     return result

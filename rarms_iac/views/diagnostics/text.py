@@ -19,14 +19,15 @@ def as_text(
 ) -> str:
     """Every finding with its source line, and a last line that counts them; ends with a line end."""
     lines = {file: source_lines(sources[file]) for file in _files(diagnostics) if file in sources}
-    blocks = ["\n".join(_block(one, lines, width)) for one in diagnostics]
+    blocks = ["\n".join(_block(diagnostic, lines, width)) for diagnostic in diagnostics]
     return "\n\n".join([*blocks, summary(diagnostics, accepted)]) + "\n"
 
 
 def summary(diagnostics: Sequence[Diagnostic], accepted: Sequence[Diagnostic] = ()) -> str:
     """`1 error, 2 warnings, 0 notes`, or `No findings`; what the policy accepts is counted apart."""
     counts = ", ".join(
-        counted(sum(one.severity is severity for one in diagnostics), severity.value) for severity in Severity
+        counted(sum(diagnostic.severity is severity for diagnostic in diagnostics), severity.value)
+        for severity in Severity
     )
     told = counts if diagnostics else "No findings"
     return f"{told} ({len(accepted)} accepted)." if accepted else f"{told}."
@@ -38,30 +39,34 @@ def counted(number: int, noun: str) -> str:
 
 
 def _files(diagnostics: Sequence[Diagnostic]) -> set[str]:
-    places = [one.place for one in diagnostics] + [other.place for one in diagnostics for other in one.related]
+    places = [diagnostic.place for diagnostic in diagnostics] + [
+        other.place for diagnostic in diagnostics for other in diagnostic.related
+    ]
     return {place.file for place in places if place is not None}
 
 
-def _block(one: Diagnostic, sources: Mapping[str, Sequence[str]], width: int) -> Iterator[str]:
-    yield from hanging(f"{one.severity.value}[{one.code}] ", visible(one.summary, keep=""), width)
-    yield from _where(one, width)
-    if one.place is not None:
-        yield from _snippet(one.place, sources, width)
-    yield from wrap(one.detail, width, INDENT)
-    yield from wrap(one.advice, width, INDENT)
-    for related in one.related:
+def _block(diagnostic: Diagnostic, sources: Mapping[str, Sequence[str]], width: int) -> Iterator[str]:
+    yield from hanging(f"{diagnostic.severity.value}[{diagnostic.code}] ", visible(diagnostic.summary, keep=""), width)
+    yield from _where(diagnostic, width)
+    if diagnostic.place is not None:
+        yield from _snippet(diagnostic.place, sources, width)
+    yield from wrap(diagnostic.detail, width, INDENT)
+    yield from wrap(diagnostic.advice, width, INDENT)
+    for related in diagnostic.related:
         yield f"{INDENT}{visible(str(related.place), keep='')}, {visible(related.says, keep='')}"
         yield from _snippet(related.place, sources, width)
 
 
-def _where(one: Diagnostic, width: int) -> Iterator[str]:
+def _where(diagnostic: Diagnostic, width: int) -> Iterator[str]:
     """The place, on several lines where it is too long for one.
 
     A warning also says its address, which is what `policy.accept` would name.
     """
-    parts = [] if one.place is None else [part for part in (str(one.place), one.place.path) if part]
-    if one.address and (one.severity is Severity.WARNING or one.place is None):
-        parts.append(f"at {one.address}")
+    parts = (
+        [] if diagnostic.place is None else [part for part in (str(diagnostic.place), diagnostic.place.path) if part]
+    )
+    if diagnostic.address and (diagnostic.severity is Severity.WARNING or diagnostic.place is None):
+        parts.append(f"at {diagnostic.address}")
     line = ""
     for part in (visible(each, keep="") for each in parts):
         if line and columns(f"{INDENT}{line}, {part}") > width:

@@ -33,9 +33,9 @@ def report_of(
     system: System, logs: Sequence[Logged], proofs: Sequence[Proof] = (), standings: Sequence[Standing] = ()
 ) -> Report:
     """Everything that these logs show of the system; what they say of components that are gone is left out."""
-    known = [one for one in logs if all(name in system.components for name in one.log.header.setup.members)]
+    known = [log for log in logs if all(name in system.components for name in log.log.header.setup.members)]
     measurements = sorted((_measurement(system, one) for one in known), key=_order)
-    rested = {one.components for one in measurements if one.rests}
+    rested = {measurement.components for measurement in measurements if measurement.rests}
     return Report(
         application=system.application.name,
         description=system.application.description,
@@ -51,14 +51,20 @@ def report_of(
     )
 
 
-def _order(one: Measurement) -> tuple[str, bool, int, str, str]:
-    return one.platform, not one.rests, -one.criticality, one.name, one.interference
+def _order(measurement: Measurement) -> tuple[str, bool, int, str, str]:
+    return (
+        measurement.platform,
+        not measurement.rests,
+        -measurement.criticality,
+        measurement.name,
+        measurement.interference,
+    )
 
 
 def _measurement(system: System, logged: Logged) -> Measurement:
     header = logged.log.header
     members = [system.components[name] for name in header.setup.members]
-    names = tuple(one.name for one in members)
+    names = tuple(member.name for member in members)
     group = next((one for one in groups_of(system) if names_of(one.members) == names), None)
     host = _platforms(system).get(header.platform, [None])[0]
     processors = header.setup.processors
@@ -68,26 +74,28 @@ def _measurement(system: System, logged: Logged) -> Measurement:
         interference=header.setup.interference,
         path=logged.path,
         processors=processors,
-        criticality=max(one.criticality for one in members),
+        criticality=max(member.criticality for member in members),
         rests=logged.asked and not logged.stale and group is not None and rests_on_a_log(group),
         fixed=names
-        if group is not None and not to_be_measured(members) and all(one.cpu.reserve for one in members)
+        if group is not None and not to_be_measured(members) and all(member.cpu.reserve for member in members)
         else (),
         floor=0 if host is None or len(members) == 1 else per_virtual_processor(fixed(members, host), processors),
         stale=logged.stale,
-        indexes=tuple(one for member in members for one in _indexes(logged.log, member)),
+        indexes=tuple(index for member in members for index in _indexes(logged.log, member)),
         settings=logged.log.settings,
         facts=tuple(_facts(logged.log)),
     )
 
 
-def _indexes(log: DataLog, one: Component) -> Iterator[Shown]:
-    for name in one.apt or (WITHOUT_APT,):
+def _indexes(log: DataLog, component: Component) -> Iterator[Shown]:
+    for name in component.apt or (WITHOUT_APT,):
         index = find_index(name)
         assert index is not None, "the manifest's names of indexes are checked"
-        curve = curve_of(log.settings, one.name, name, run_of(one))
-        points = points_of(log.counting, one.name, name, one.apt, run_of(one))
-        yield Shown(component=one.name, index=index, threshold=one.apt.get(name), curve=curve, points=points)
+        curve = curve_of(log.settings, component.name, name, run_of(component))
+        points = points_of(log.counting, component.name, name, component.apt, run_of(component))
+        yield Shown(
+            component=component.name, index=index, threshold=component.apt.get(name), curve=curve, points=points
+        )
 
 
 def _platforms(system: System) -> Mapping[str, list[Host]]:
@@ -99,11 +107,11 @@ def _platforms(system: System) -> Mapping[str, list[Host]]:
 
 def _capacity(system: System, platform: str) -> Capacity:
     hosts = _platforms(system)[platform]
-    kept = sum((in_processors(one.keep_for_host.processor, one.logical_processors) for one in hosts), Fraction(0))
-    processors = sum(one.logical_processors for one in hosts)
+    kept = sum((in_processors(host.keep_for_host.processor, host.logical_processors) for host in hosts), Fraction(0))
+    processors = sum(host.logical_processors for host in hosts)
     return Capacity(
         platform=platform,
-        hosts=tuple(sorted(one.name for one in hosts)),
+        hosts=tuple(sorted(host.name for host in hosts)),
         processors=processors,
         capacity=processors - kept,
         fixed=tuple(_fixed(system, hosts)),
@@ -114,7 +122,9 @@ def _fixed(system: System, hosts: Sequence[Host]) -> Iterator[Fixed]:
     """What the manifest itself reserves on these hosts, as their first would."""
     host, names = hosts[0], {one.name for one in hosts}
     for group in groups_of(system):
-        if rests_on_a_log(group) or not all(one.hosts is None or names & set(one.hosts) for one in group.members):
+        if rests_on_a_log(group) or not all(
+            member.hosts is None or names & set(member.hosts) for member in group.members
+        ):
             continue
         own = group.wish.cpu.reserve
         if own is None or isinstance(own, Measured):

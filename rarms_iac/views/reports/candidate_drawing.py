@@ -69,22 +69,22 @@ class Drawing:
 
 def few_enough(nodes: Sequence[Node], most: int = MOST_NODES) -> tuple[Node, ...]:
     """So many nodes at most: what is there now, what was measured with all it consists of, then what may save most."""
-    by_name = {one.name: one for one in nodes}
+    by_name = {node.name: node for node in nodes}
     ranked = sorted(
-        (one for one in nodes if one.parts),
-        key=lambda one: (not one.measured, not one.is_gain, one.low - one.high, len(one.members), one.name),
+        (node for node in nodes if node.parts),
+        key=lambda node: (not node.measured, not node.is_gain, node.low - node.high, len(node.members), node.name),
     )
-    chosen = {one.name for one in nodes if not one.parts}
+    chosen = {node.name for node in nodes if not node.parts}
     for one in ranked:
         wanted = _with_parts(one, by_name) - chosen
         if len(chosen) + len(wanted) <= most:
             chosen |= wanted
-    return tuple(one for one in nodes if one.name in chosen)
+    return tuple(node for node in nodes if node.name in chosen)
 
 
-def _with_parts(one: Node, by_name: Mapping[str, Node]) -> set[str]:
-    found = {one.name}
-    for part in one.parts:
+def _with_parts(node: Node, by_name: Mapping[str, Node]) -> set[str]:
+    found = {node.name}
+    for part in node.parts:
         found |= _with_parts(by_name[part], by_name)
     return found
 
@@ -104,28 +104,29 @@ def drawing_of(nodes: Sequence[Node]) -> Drawing:
             top += boxes[one.name].height + BETWEEN_ROWS
         left += width + BETWEEN_COLUMNS
     arrows = [
-        Arrow(path=_between(boxes[part], boxes[one.name]), kind=kind_of(one))
-        for one in nodes
-        for part in parts[one.name]
+        Arrow(path=_between(boxes[part], boxes[node.name]), kind=kind_of(node))
+        for node in nodes
+        for part in parts[node.name]
     ]
     return Drawing(
         width=left - BETWEEN_COLUMNS + 1,
         height=tallest + 2,
         boxes=tuple(boxes.values()),
         arrows=tuple(arrows),
-        says="; ".join(f"{', '.join(one.members)}: {one.label[-1]}" for one in nodes),
+        says="; ".join(f"{', '.join(node.members)}: {node.label[-1]}" for node in nodes),
     )
 
 
-def kind_of(one: Node) -> str:
+def kind_of(node: Node) -> str:
     """How it is drawn."""
-    return "idle" if not one.is_gain else "known" if one.measured else "open"
+    return "idle" if not node.is_gain else "known" if node.measured else "open"
 
 
 def covered(nodes: Sequence[Node]) -> Mapping[str, tuple[str, ...]]:
     """The largest parts of each node that are drawn: those with nothing drawn between."""
     inside = {
-        one.name: [each for each in nodes if set(each.members) < set(one.members)] if one.parts else [] for one in nodes
+        node.name: [each for each in nodes if set(each.members) < set(node.members)] if node.parts else []
+        for node in nodes
     }
     return {
         name: tuple(each.name for each in below if not any(set(each.members) < set(other.members) for other in below))
@@ -135,36 +136,36 @@ def covered(nodes: Sequence[Node]) -> Mapping[str, tuple[str, ...]]:
 
 def _columns(nodes: Sequence[Node], parts: Mapping[str, Sequence[str]]) -> list[list[Node]]:
     depth: dict[str, int] = {}
-    for one in sorted(nodes, key=lambda each: len(each.members)):
-        depth[one.name] = 1 + max((depth[part] for part in parts[one.name]), default=-1)
-    return [[one for one in nodes if depth[one.name] == at] for at in sorted(set(depth.values()))]
+    for node in sorted(nodes, key=lambda each: len(each.members)):
+        depth[node.name] = 1 + max((depth[part] for part in parts[node.name]), default=-1)
+    return [[node for node in nodes if depth[node.name] == at] for at in sorted(set(depth.values()))]
 
 
-def _texts(one: Node) -> tuple[str, ...]:
+def _texts(node: Node) -> tuple[str, ...]:
     """A component a line, and what is known of them together; a dashed box says itself that it is to be measured."""
-    known = [part for line in one.label[1:] for part in line.split(", ") if part != TO_BE_MEASURED]
-    return (*one.members, *known)
+    known = [part for line in node.label[1:] for part in line.split(", ") if part != TO_BE_MEASURED]
+    return (*node.members, *known)
 
 
-def _width_of(one: Node) -> float:
-    return round(max(map(len, _texts(one))) * LETTER + 2 * PADDING)
+def _width_of(node: Node) -> float:
+    return round(max(map(len, _texts(node))) * LETTER + 2 * PADDING)
 
 
-def _box_height(one: Node) -> float:
-    return len(_texts(one)) * LINE + PADDING
+def _box_height(node: Node) -> float:
+    return len(_texts(node)) * LINE + PADDING
 
 
 def _height_of(column: Sequence[Node]) -> float:
     return sum(map(_box_height, column)) + BETWEEN_ROWS * (len(column) - 1)
 
 
-def _box(one: Node, left: float, top: float, width: float) -> Box:
-    texts = _texts(one)
+def _box(node: Node, left: float, top: float, width: float) -> Box:
+    texts = _texts(node)
     lines = tuple(
-        Line(x=left + PADDING, y=top + LINE * (at + 1), text=text, is_quiet=at >= len(one.members))
+        Line(x=left + PADDING, y=top + LINE * (at + 1), text=text, is_quiet=at >= len(node.members))
         for at, text in enumerate(texts)
     )
-    return Box(x=left, y=top, width=width, height=_box_height(one), kind=kind_of(one), lines=lines)
+    return Box(x=left, y=top, width=width, height=_box_height(node), kind=kind_of(node), lines=lines)
 
 
 def _between(part: Box, whole: Box) -> str:

@@ -49,13 +49,15 @@ def as_html(report: Report) -> bytes:
             descriptions=[report.description] if report.description else [],
             cards=cards,
             summary=summary_of(report),
-            bars=[_bar(one) for one in fits_of(report)],
+            bars=[_bar(fit) for fit in fits_of(report)],
             proved=[proofs_of(report)] if report.proofs else [],
-            tunings=[(one.platform, tuning_text(one), trail_of(one), tuned_of(one)) for one in report.tunings],
+            tunings=[
+                (tuning.platform, tuning_text(tuning), trail_of(tuning), tuned_of(tuning)) for tuning in report.tunings
+            ],
             combinings=[] if report.combining is None else [_combining(report.combining)],
             standings=[
-                ("standing differs" if one.differs else "standing", one.host, standing_text(one))
-                for one in report.standings
+                ("standing differs" if standing.differs else "standing", standing.host, standing_text(standing))
+                for standing in report.standings
             ],
             reserves=RESERVES,
             errors=ERRORS,

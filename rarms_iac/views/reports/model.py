@@ -100,12 +100,12 @@ class Measurement:
     @property
     def wants(self) -> bool:
         """Whether there is an APT that decides."""
-        return any(one.threshold is not None for one in self.indexes)
+        return any(index.threshold is not None for index in self.indexes)
 
     @property
     def least(self) -> LeastReserve | None:
         """The least per cent at which every APT holds; None: no APT, or none that was measured is enough."""
-        return least_reserve([(one.curve, one.threshold) for one in self.indexes if one.threshold is not None])
+        return least_reserve([(index.curve, index.threshold) for index in self.indexes if index.threshold is not None])
 
     @property
     def reserve(self) -> int | None:

@@ -130,7 +130,7 @@ class Card:
 
 def cards_of(report: Report) -> tuple[Card, ...]:
     """One card a measurement, in the report's order."""
-    capacities = {one.platform: one for one in report.capacities}
+    capacities = {capacity.platform: capacity for capacity in report.capacities}
     return tuple(
         Card(
             id=f"m{number}",
@@ -161,7 +161,7 @@ def plot_of(curve: Shown, measurement: Measurement, name: str) -> Plot:
         has_apt=curve.threshold is not None,
         line=_y(scale, float(threshold.value)),
         reserve=reserve,
-        ticks=tuple(Tick(at=_y(scale, float(one)), text=digits(float(one))) for one in scale.ticks()),
+        ticks=tuple(Tick(at=_y(scale, float(tick)), text=digits(float(tick))) for tick in scale.ticks()),
         band=_band(rows, scale),
         curve=_path([(row.reserve, scale.height(row.value)) for row in rows]),
         dots=tuple(_dots(curve, scale)),
@@ -261,13 +261,13 @@ def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:
     return {
         "capacities": [
             {
-                "name": ", ".join(one.hosts),
-                "platform": one.platform,
-                "capacity": float(100 * one.capacity),
-                "processors": one.processors,
-                "fixed": [[list(part.components), float(100 * part.amount)] for part in one.fixed],
+                "name": ", ".join(capacity.hosts),
+                "platform": capacity.platform,
+                "capacity": float(100 * capacity.capacity),
+                "processors": capacity.processors,
+                "fixed": [[list(part.components), float(100 * part.amount)] for part in capacity.fixed],
             }
-            for one in report.capacities
+            for capacity in report.capacities
         ],
         "cards": [
             {

@@ -82,7 +82,9 @@ def round_down(value: float) -> tuple[int, int]:
 
 def scale_of(curve: Shown) -> Scale:
     """The axis on which all of a curve is seen, its threshold too; of a band, what lies near the values."""
-    values = [one.value for one in curve.curve.points] + [one.value for one in curve.points if one.value is not None]
+    values = [point.value for point in curve.curve.points] + [
+        point.value for point in curve.points if point.value is not None
+    ]
     if curve.threshold is not None:
         values.append(float(curve.threshold.value))
     values = [one for one in values if isfinite(one)] or [0.0, 1.0]
@@ -110,7 +112,7 @@ def _logarithmic(smallest: float, largest: float) -> Scale:
 
 def _linear(curve: Shown, smallest: float, largest: float) -> Scale:
     spread = (largest - smallest) or abs(largest) or 1.0
-    ends = [end for one in curve.curve.points for end in (one.lower, one.upper) if isfinite(end)]
+    ends = [end for point in curve.curve.points for end in (point.lower, point.upper) if isfinite(end)]
     low = max(min([smallest, *ends]), smallest - spread / 2, 0.0)
     high = min(max([largest, *ends]), largest + spread / 2)
     span = (high - low) or spread

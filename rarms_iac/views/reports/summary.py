@@ -46,8 +46,14 @@ class Fit:
 def summary_of(report: Report) -> tuple[Level, ...]:
     """Most critical first; what is fixed and what is not measured at the end."""
     return (
-        *(_level(one, index) for one in report.measurements if one.rests for index in one.indexes if index.threshold),
-        *(_fixed(part.name, part.amount) for one in report.capacities for part in one.fixed),
+        *(
+            _level(measurement, index)
+            for measurement in report.measurements
+            if measurement.rests
+            for index in measurement.indexes
+            if index.threshold
+        ),
+        *(_fixed(part.name, part.amount) for capacity in report.capacities for part in capacity.fixed),
         *(_absent(names) for names in report.unmeasured),
     )
 
@@ -67,18 +73,18 @@ def _level(measurement: Measurement, one: Shown) -> Level:
     )
 
 
-def reserved_for(measurement: Measurement, one: Shown) -> int | None:
+def reserved_for(measurement: Measurement, shown: Shown) -> int | None:
     """What the index's partition gets; where no reserve is enough for all of its indexes, what this one asks for."""
-    if one.least is None:
+    if shown.least is None:
         return None
-    return one.least.reserve if measurement.reserve is None else measurement.reserve
+    return shown.least.reserve if measurement.reserve is None else measurement.reserve
 
 
-def verdict_of(one: Shown, reserve: int | None) -> str:
+def verdict_of(shown: Shown, reserve: int | None) -> str:
     """What is known of the APT at this reserve, in words."""
     if reserve is None:
         return "not achieved at any reserve that was measured"
-    told = [point for point in one.points if point.reserve == reserve]
+    told = [point for point in shown.points if point.reserve == reserve]
     return f"measured: {told[-1].verdict}{error_text(told[-1])}" if told else "interpolated: not itself measured"
 
 
@@ -123,39 +129,43 @@ class Proven:
 
 def proofs_of(report: Report) -> tuple[Proven, ...]:
     """What all components showed together, in the report's order."""
-    return tuple(_proven(one) for one in report.proofs)
+    return tuple(_proven(proof) for proof in report.proofs)
 
 
-def _proven(one: Proof) -> Proven:
+def _proven(proof: Proof) -> Proven:
     return Proven(
-        component=one.component,
-        index=one.index.name,
-        level=one.threshold,
-        shows=_band(one),
-        met=one.met,
-        result=one.verdict
-        + ("" if one.error is None else f" ({wrong(one.error)})")
-        + (f": {one.note}" if one.note else ""),
+        component=proof.component,
+        index=proof.index.name,
+        level=proof.threshold,
+        shows=_band(proof),
+        met=proof.met,
+        result=proof.verdict
+        + ("" if proof.error is None else f" ({wrong(proof.error)})")
+        + (f": {proof.note}" if proof.note else ""),
     )
 
 
-def _band(one: Proof) -> str:
+def _band(proof: Proof) -> str:
     """`94.1 ms, 93.5 ms to 94.8 ms`, as far as the samples tell."""
-    if one.value is None:
+    if proof.value is None:
         return "cannot be told"
-    value = shown(one.value, one.index.unit)
-    if one.lower is None or one.upper is None:
+    value = shown(proof.value, proof.index.unit)
+    if proof.lower is None or proof.upper is None:
         return value
-    return f"{value}, {shown(one.lower, one.index.unit)} to {shown(one.upper, one.index.unit)}"
+    return f"{value}, {shown(proof.lower, proof.index.unit)} to {shown(proof.upper, proof.index.unit)}"
 
 
 def fits_of(report: Report) -> tuple[Fit, ...]:
     """One a platform, in the report's order."""
-    return tuple(_fit(report, one) for one in report.capacities)
+    return tuple(_fit(report, capacity) for capacity in report.capacities)
 
 
 def _fit(report: Report, capacity: Capacity) -> Fit:
-    here = [one for one in report.measurements if one.rests and one.platform == capacity.platform]
+    here = [
+        measurement
+        for measurement in report.measurements
+        if measurement.rests and measurement.platform == capacity.platform
+    ]
     total = sum((part.amount for part in capacity.fixed), Fraction(0))
     for one in here:
         total += guaranteed(one.reserve or 0, one.processors)
@@ -180,9 +190,9 @@ def fit_text(fit: Fit) -> str:
     )
 
 
-def tuning_text(one: Tuning) -> str:
+def tuning_text(tuning: Tuning) -> str:
     """What came of it, and whether it is the best there is."""
-    run = one.run
+    run = tuning.run
     before, after, capacity = (_processors(amount) for amount in (run.before, run.after, run.capacity))
     result = f"{before} became {after} of {capacity}" if run.before != run.after else f"{before} of {capacity}"
     proof = f" No other layout is better, if {ASSUMED}." if run.proved else ""
@@ -194,7 +204,7 @@ def tuning_text(one: Tuning) -> str:
     return f"{named}: {result} ({run.strategy} strategy, {run.when}).{proof}{broken}{written}"
 
 
-def trail_of(one: Tuning) -> tuple[tuple[str, str, str, str], ...]:
+def trail_of(tuning: Tuning) -> tuple[tuple[str, str, str, str], ...]:
     """A row a setting that was asked for, in order: components, CR, what was predicted, answer."""
     return tuple(
         (
@@ -203,11 +213,11 @@ def trail_of(one: Tuning) -> tuple[tuple[str, str, str, str], ...]:
             "" if asked.predicted is None else show_percent(asked.predicted),
             f"not met for sure by {', '.join(asked.worse)}" if asked.worse else "all thresholds met",
         )
-        for asked in one.run.trail
+        for asked in tuning.run.trail
     )
 
 
-def tuned_of(one: Tuning) -> tuple[tuple[str, str, str, str, str], ...]:
+def tuned_of(tuning: Tuning) -> tuple[tuple[str, str, str, str, str], ...]:
     """A row a partition as it was left: name, components, CR, what it reserves, what its parts reserved apart."""
     return tuple(
         (
@@ -217,7 +227,7 @@ def tuned_of(one: Tuning) -> tuple[tuple[str, str, str, str, str], ...]:
             _processors(part.reserved),
             _processors(part.parts),
         )
-        for part in one.run.partitions
+        for part in tuning.run.partitions
     )
 
 
@@ -225,14 +235,14 @@ def _processors(percent: int) -> str:
     return show_processors(Fraction(percent, 100))
 
 
-def standing_text(one: Standing) -> str:
+def standing_text(standing: Standing) -> str:
     """Whether what the manifest asks for is on the host, and what brings it there."""
-    if not one.is_planned:
+    if not standing.is_planned:
         return "Nothing can be applied as it is: rarms plan tells why."
-    if not one.differs:
+    if not standing.differs:
         return "Applied: the host is as the manifest wants it."
     told: dict[str, list[str]] = {}
-    for address, says in one.differs:
+    for address, says in standing.differs:
         told.setdefault(says, []).append(address)
     parts = "; ".join(f"{says}: {', '.join(addresses)}" for says, addresses in told.items())
     return f"{parts[:1].upper()}{parts[1:]}. rarms plan shows what is to be done, rarms apply does it."

@@ -68,21 +68,21 @@ BEGINNINGS = ("=", "+", "-", "@", "\t", "\n")
 def setting_rows(report: Report) -> Iterator[Sequence[Cell]]:
     """The header, then a row a setting and index."""
     yield SETTINGS
-    for one in report.measurements:
-        for index in one.indexes:
+    for measurement in report.measurements:
+        for index in measurement.indexes:
             for point in index.points:
-                yield _setting(one, index, point)
+                yield _setting(measurement, index, point)
 
 
-def _setting(one: Measurement, index: Shown, point: Point) -> Sequence[Cell]:
+def _setting(measurement: Measurement, index: Shown, point: Point) -> Sequence[Cell]:
     threshold = index.threshold
     return (
         index.component,
-        one.name,
-        one.platform,
-        one.interference,
+        measurement.name,
+        measurement.platform,
+        measurement.interference,
         point.reserve,
-        one.processors,
+        measurement.processors,
         index.index.name,
         UNIT_TEXT[index.index.unit],
         None if point.value is None else finite(point.value),
@@ -96,22 +96,22 @@ def _setting(one: Measurement, index: Shown, point: Point) -> Sequence[Cell]:
         point.verdict,
         None if point.error is None else finite(100 * point.error),
         point.remark,
-        one.path,
+        measurement.path,
     )
 
 
 def sample_rows(report: Report) -> Iterator[Sequence[Cell]]:
     """The header, then a row a sample, in the order in which they were measured."""
     yield SAMPLES
-    for one in report.measurements:
-        for number, setting in enumerate(one.settings, 1):
+    for measurement in report.measurements:
+        for number, setting in enumerate(measurement.settings, 1):
             for series in setting.series:
                 for job, sample in enumerate(series.samples, 1):
                     yield (
                         series.component,
-                        one.name,
-                        one.platform,
-                        one.interference,
+                        measurement.name,
+                        measurement.platform,
+                        measurement.interference,
                         setting.reserve,
                         number,
                         job,
@@ -139,12 +139,12 @@ TRAIL = (
 def trail_rows(tunings: Iterable[Tuning]) -> Iterator[Sequence[Cell]]:
     """The header, then a row a setting that tuning asked for, in order; the last says what is claimed of the layout."""
     yield TRAIL
-    for one in tunings:
-        for number, asked in enumerate(one.run.trail, 1):
+    for tuning in tunings:
+        for number, asked in enumerate(tuning.run.trail, 1):
             enough = "no" if asked.worse else "yes"
             names, worse = "+".join(asked.components), " ".join(asked.worse)
-            claim = one.run.claim if number == len(one.run.trail) and one.run.strategy == "default" else ""
-            yield one.platform, one.run.when, number, names, asked.reserve, enough, worse, asked.predicted, claim
+            claim = tuning.run.claim if number == len(tuning.run.trail) and tuning.run.strategy == "default" else ""
+            yield tuning.platform, tuning.run.when, number, names, asked.reserve, enough, worse, asked.predicted, claim
 
 
 def finite(value: float) -> float | None:

@@ -76,11 +76,11 @@ def _names(measurements: Sequence[Measurement]) -> list[str]:
     """A name a sheet: the components', short enough and unlike every other."""
     names: list[str] = []
     taken = {"summary", "settings", "samples", "tuning"}
-    for one in measurements:
-        name, number = one.name[:LONGEST_NAME], 1
+    for measurement in measurements:
+        name, number = measurement.name[:LONGEST_NAME], 1
         while name.lower() in taken:
             number += 1
-            name = f"{one.name[: LONGEST_NAME - len(str(number)) - 1]} {number}"
+            name = f"{measurement.name[: LONGEST_NAME - len(str(number)) - 1]} {number}"
         taken.add(name.lower())
         names.append(name)
     return names
@@ -97,18 +97,18 @@ def _summary(book: "Workbook", report: Report) -> None:
 
 
 def _levels(report: Report) -> Iterator[Sequence[Cell]]:
-    for one in report.measurements:
-        for index in one.indexes if one.rests else ():
+    for measurement in report.measurements:
+        for index in measurement.indexes if measurement.rests else ():
             if index.threshold is not None:
-                yield _level(one, index)
+                yield _level(measurement, index)
     for capacity in report.capacities:
         for part in capacity.fixed:
             yield part.name, None, None, None, None, None, None, float(part.amount), None, "fixed by the manifest"
 
 
-def _level(one: Measurement, index: Shown) -> Sequence[Cell]:
+def _level(measurement: Measurement, index: Shown) -> Sequence[Cell]:
     assert index.threshold is not None
-    reserve = reserved_for(one, index)
+    reserve = reserved_for(measurement, index)
     point = None if reserve is None else index.curve.value_at(reserve)
     measured = {each.reserve for each in index.points}
     return (
@@ -119,17 +119,17 @@ def _level(one: Measurement, index: Shown) -> Sequence[Cell]:
         UNIT_TEXT[index.index.unit],
         None if point is None else finite(point.value),
         reserve,
-        None if reserve is None else float(guaranteed(reserve, one.processors)),
+        None if reserve is None else float(guaranteed(reserve, measurement.processors)),
         "" if reserve is None else "no" if reserve in measured else "yes",
         verdict_of(index, reserve),
     )
 
 
-def _measurement(book: "Workbook", name: str, one: Measurement) -> None:
+def _measurement(book: "Workbook", name: str, measurement: Measurement) -> None:
     """Its curves below each other, each with its chart beside it."""
     sheet = book.add_worksheet(name)
     top = 0
-    for index in one.indexes:
+    for index in measurement.indexes:
         unit = UNIT_TEXT[index.index.unit]
         title = f"{index.index.name} of {index.component} ({unit})"
         sheet.write_string(top, 0, title, book.add_format({"bold": True}))

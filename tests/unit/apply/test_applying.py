@@ -140,7 +140,10 @@ def test_a_host_that_refuses_a_step_keeps_what_was_done_and_undo_takes_it_back()
 
         assert report.ending is Ending.FAILED
         assert "partition/speech" in report.diagnostics[0].detail
-        assert [one.mark.name for one in lab.observe()["onboard"].partitions if one.mark] == ["speech", "vision"]
+        assert [partition.mark.name for partition in lab.observe()["onboard"].partitions if partition.mark] == [
+            "speech",
+            "vision",
+        ]
         assert [one.ending for one in lab.undo()] == [Ending.DONE]
         assert without_serials(lab.observe()) == without_serials(before)
 
@@ -244,7 +247,7 @@ def test_undo_of_destroy_says_what_is_gone_and_blocks_nothing(lab: Lab) -> None:
     (report,) = lab.undo()
 
     assert report.ending is Ending.DONE
-    assert sorted((one.code, one.address) for one in report.diagnostics) == [
+    assert sorted((diagnostic.code, diagnostic.address) for diagnostic in report.diagnostics) == [
         ("RARMS193", "partition/speech"),
         ("RARMS193", "partition/vision"),
     ]
@@ -267,7 +270,7 @@ def test_destroy_of_a_target_leaves_the_rest(lab: Lab) -> None:
 
     lab.apply(lab.plan(purpose=Purpose.DESTROY, targets=("partition/speech",)))
 
-    assert [one.settings.name for one in lab.observe()["onboard"].partitions] == ["vision"]
+    assert [partition.settings.name for partition in lab.observe()["onboard"].partitions] == ["vision"]
 
 
 def test_what_is_protected_is_not_destroyed() -> None:
@@ -283,11 +286,11 @@ def test_what_is_protected_is_not_destroyed() -> None:
 
 def test_a_released_partition_goes_on_and_can_be_imported_again(lab: Lab) -> None:
     lab.apply(lab.plan())
-    was = {one.settings.name: one for one in lab.observe()["onboard"].partitions}
+    was = {partition.settings.name: partition for partition in lab.observe()["onboard"].partitions}
 
     lab.apply(lab.plan(purpose=Purpose.RELEASE, partition="vision"))
 
-    (vision,) = (one for one in lab.observe()["onboard"].partitions if one.settings.name == "vision")
+    (vision,) = (partition for partition in lab.observe()["onboard"].partitions if partition.settings.name == "vision")
     assert (vision.mark, vision.settings) == (None, was["vision"].settings)
     in_the_way = lab.prepare()
     assert codes(in_the_way.findings) == ["RARMS150", "RARMS014"], "there is no room beside it, and it is why"

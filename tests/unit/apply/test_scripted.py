@@ -95,7 +95,7 @@ def ran(*says: RunEvent | str, ends: Exited | Lost = WELL, order: Order = ORDER)
 
 
 def codes(report: RunReport) -> list[str]:
-    return [one.code for one in report.diagnostics]
+    return [diagnostic.code for diagnostic in report.diagnostics]
 
 
 def test_steps_are_told_as_a_walk_tells_them() -> None:

@@ -89,7 +89,9 @@ def test_classes_are_listed_system_by_system_with_who_names_them() -> None:
     leg = a_component("leg", task="motioncontrol", criticality=9)
     eye = a_component("eye", task="Localization", criticality=1)
     system = a_system(components=[arm, leg, eye])
-    decided = {("body", one.name): one for one in classes_of([arm, leg, eye], {}, "body", PLACES).classes}
+    decided = {
+        ("body", task_class.name): task_class for task_class in classes_of([arm, leg, eye], {}, "body", PLACES).classes
+    }
 
     found = threads_of(decided, system, {"body": ("leg", "arm", "eye")})
 

@@ -68,15 +68,15 @@ def test_a_partition_that_is_started_by_hand_is_promised_what_the_planner_counts
     assert "      not running    0.8 LP     40 %" in plan_text(first)
 
 
-def step_with(one: Step, claim: Claim) -> Step:
-    return replace(one, claim_after=claim)
+def step_with(step: Step, claim: Claim) -> Step:
+    return replace(step, claim_after=claim)
 
 
 def test_every_change_points_at_the_line_that_asks_for_it() -> None:
     with a_lab(the_delivery_robot()) as lab:
         (part,) = lab.plan().hosts
 
-    asked = {str(one.address): one.reason.place.path for one in part.changes if one.reason.place}
+    asked = {str(change.address): change.reason.place.path for change in part.changes if change.reason.place}
 
     assert asked["partition/path-planning"] == "components.path-planning"
     assert asked["partition/speech-recognition/task/SpeechRecognition"] == "components.speech-recognition.task"
@@ -88,4 +88,4 @@ def test_a_partition_with_an_entry_points_at_it() -> None:
     ) as lab:
         (part,) = lab.plan().hosts
 
-    assert [one.reason.place.path for one in part.changes if one.reason.place] == ["partitions.vision"]
+    assert [change.reason.place.path for change in part.changes if change.reason.place] == ["partitions.vision"]

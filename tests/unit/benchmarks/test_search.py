@@ -13,7 +13,7 @@ SHAPES = (*NAMED, *UNSEEN)
 def searched(each: int) -> list[Result]:
     """Seeds 1, 2, ... so that no component is walked by 1 %; the noise levels in turn."""
     tasks = [(shape, seed, NOISES[seed % len(NOISES)]) for shape in SHAPES for seed in range(1, each + 1)]
-    return [one for task in tasks for one in results(task)]
+    return [result for task in tasks for result in results(task)]
 
 
 def test_answers_are_certified_and_right_with_fewer_settings_than_halving() -> None:
@@ -36,7 +36,9 @@ def test_every_shape_has_a_least_reservation_and_never_rises() -> None:
 
 
 def test_the_figures_name_their_goals() -> None:
-    found = [one for seed in (0, 10) for shape in SHAPES[:2] + SHAPES[5:6] for one in results((shape, seed, 0.01))]
+    found = [
+        result for seed in (0, 10) for shape in SHAPES[:2] + SHAPES[5:6] for result in results((shape, seed, 0.01))
+    ]
     filled = [*found, *(_as(one, shape) for shape in SHAPES for one in found[:1])]
 
     text = table(figures(filled))

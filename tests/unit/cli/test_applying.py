@@ -53,7 +53,7 @@ def test_an_interrupted_question_says_that_nothing_was_changed() -> None:
         sys.stdin = before
 
     assert interrupted.value.code is ExitCode.INTERRUPTED
-    assert [one.summary for one in interrupted.value.diagnostics] == ["Nothing was changed"]
+    assert [diagnostic.summary for diagnostic in interrupted.value.diagnostics] == ["Nothing was changed"]
 
 
 @pytest.mark.parametrize("text", ["no\n", "y\n", "", "YES\n"])

@@ -94,7 +94,7 @@ def test_dot_and_json_show_the_same_graph(here: Path) -> None:
 
     answer = rarms("graph", "--candidates", "--json", "-f", str(here))
     check(answer.out)
-    shown = {one["name"]: one for one in json.loads(answer.out)["candidates"]}
+    shown = {load["name"]: load for load in json.loads(answer.out)["candidates"]}
     assert shown["speech+vision"]["parts"] == ["speech", "vision"]
     assert (shown["speech+vision"]["low"], shown["speech+vision"]["high"]) == (48, 79)
     assert 50 <= shown["speech+vision"]["predicted"] <= 79

@@ -49,6 +49,6 @@ def test_every_script_knows_every_command_and_starts_no_python(shell: Shell) -> 
 
 
 def test_the_shape_has_every_option() -> None:
-    version = next(one for one in command_shapes() if one.name == "version")
+    version = next(shape for shape in command_shapes() if shape.name == "version")
 
     assert [option.flags[0] for option in version.options] == ["--json", "--no-color", "--debug", "-h"]

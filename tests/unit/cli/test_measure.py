@@ -61,7 +61,7 @@ def measured(*words: str) -> dict[str, object]:
 def reserves(experiment: dict[str, object]) -> list[int]:
     settings = experiment["settings"]
     assert isinstance(settings, list)
-    return [one["reserve"] for one in settings]
+    return [setting["reserve"] for setting in settings]
 
 
 def host(folder: Path) -> SimulatedHostProvider:
@@ -85,7 +85,7 @@ def test_from_nothing_to_a_proven_layout(here: Path) -> None:
     assert isinstance(chosen, Chosen)
     assert isinstance(proven, Proven)
     assert proven.reserve == chosen.reserve
-    assert [(one.index, one.threshold, one.met) for one in proven.indexes] == [
+    assert [(index.index, index.threshold, index.met) for index in proven.indexes] == [
         ("mean_response_time", "at most 50 ms", True)
     ]
 
@@ -258,7 +258,7 @@ def test_a_layout_that_misses_a_threshold_is_told(here: Path) -> None:
     answer = json.loads(crowded.out)
     assert (answer["kind"], answer["met"]) == ("prove", False)
     assert [one["code"] for one in answer["findings"]] == ["RARMS118"]
-    assert [one.settings.name for one in host(here).observe().partitions] == ["vision"]
+    assert [partition.settings.name for partition in host(here).observe().partitions] == ["vision"]
 
 
 def test_a_killed_measurement_leaves_partitions_that_the_next_one_removes(here: Path) -> None:

@@ -125,7 +125,7 @@ def test_a_series_without_a_steady_state_gets_no_verdict_however_good_its_mean(h
     assert "still changed within" in str(mean["why"])
     entry = read_entries(configuration_path(here, "onboard", "vision"))[-1]
     assert isinstance(entry, Proven)
-    assert [(one.met, one.verdict, one.value) for one in entry.indexes] == [(False, "no steady state", None)]
+    assert [(index.met, index.verdict, index.value) for index in entry.indexes] == [(False, "no steady state", None)]
 
 
 def test_a_threshold_that_is_missed_is_told_with_its_error(here: Path) -> None:
@@ -184,7 +184,7 @@ def test_a_plan_is_not_proven_where_the_manifest_asks_for_more_by_now(here: Path
     done = rarms("apply", "plan.json", "--prove")
 
     assert code_of(done) == (3, "RARMS119")
-    assert [one.settings.reserve for one in machines(here) if one.settings.name == "vision"] == [45]
+    assert [machine.settings.reserve for machine in machines(here) if machine.settings.name == "vision"] == [45]
 
 
 def machines(folder: Path) -> tuple[Partition, ...]:

@@ -44,7 +44,7 @@ def test_numbers_are_those_of_the_file_and_the_runtime_is_left_out(plan: str, fo
 
 
 def test_the_bytes_that_are_shown_raw_are_those_that_are_written(plan: str, folder: Path) -> None:
-    scripts = {one["name"]: one for one in json.loads(rarms("show", "--script", plan, "--json").out)["scripts"]}
+    scripts = {load["name"]: load for load in json.loads(rarms("show", "--script", plan, "--json").out)["scripts"]}
 
     assert scripts["cell.ps1"]["text"].encode("ascii") == (folder / "cell.ps1").read_bytes()
     raw = rarms("show", "--script", plan, "--guest", "torch-motion", "--undo", "--raw").out

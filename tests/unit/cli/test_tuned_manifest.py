@@ -33,7 +33,9 @@ partitions: # by hand
 
 
 def opened(folder: Path, *overlays: str) -> tuple[System, Opened]:
-    found = open_manifest(str(folder / "rarms.yaml"), [str(folder / one) for one in overlays], date(2026, 11, 21))
+    found = open_manifest(
+        str(folder / "rarms.yaml"), [str(folder / overlay) for overlay in overlays], date(2026, 11, 21)
+    )
     assert found.loaded.system is not None, found.findings
     return found.loaded.system, found
 

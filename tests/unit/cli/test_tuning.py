@@ -128,7 +128,7 @@ def test_a_setting_that_contradicts_the_assumption_is_told_and_nothing_is_proved
         leave_logs(tmp_path, least)
         subject = subject_of("onboard")
         end = End.of(subject, Asking(oracle=AsIfBroken(), may_share=subject.may_share), "default", repeat=False)
-        told = [one for one in findings_of(end, subject.hosts) if one.code == CONTRADICTION.code]
+        told = [finding for finding in findings_of(end, subject.hosts) if finding.code == CONTRADICTION.code]
 
     assert [one.says for one in end.breaks] == [
         "paths+speech+video meets its thresholds with less than paths+video needs"

@@ -87,7 +87,7 @@ def advice_of(folder: Path) -> str | None:
     if answer.code != 4:
         assert answer.code == 2, answer.err
         return None
-    found = [one for one in json.loads(answer.out)["findings"] if one["severity"] == "error"]
+    found = [load for load in json.loads(answer.out)["findings"] if load["severity"] == "error"]
     assert {one["code"] for one in found} <= {"RARMS014", "RARMS120", "RARMS121", "RARMS122", "RARMS123"}, found
     advice: str = found[0]["advice"]
     return None if found[0]["code"] == "RARMS123" else advice

@@ -34,7 +34,7 @@ def applied(system: System, state: State) -> State:
 
 
 def of_it(found: Route) -> list[object]:
-    return [one for one in found.difference.changes if one.address == ADDRESS]
+    return [change for change in found.difference.changes if change.address == ADDRESS]
 
 
 def test_a_value_of_windows_is_taken_over_with_what_was_there() -> None:
@@ -49,8 +49,8 @@ def test_a_value_of_windows_is_taken_over_with_what_was_there() -> None:
     assert change.after.record.before == {"SystemResponsiveness": dword(20)}
     assert change.reason.place is not None
     assert change.reason.place.path == "hosts.onboard.system_responsiveness"
-    steps = [one for one in found.ordered.steps if one.address == ADDRESS]  # type: ignore[union-attr]  # no cycle
-    assert [type(one.operation) for one in steps] == [WriteResponsivenessRecord, WriteResponsiveness]
+    steps = [step for step in found.ordered.steps if step.address == ADDRESS]  # type: ignore[union-attr]  # no cycle
+    assert [type(step.operation) for step in steps] == [WriteResponsivenessRecord, WriteResponsiveness]
     assert steps[1].title == "set 20 -> 10"
     assert steps[1].undo.operation == WriteResponsiveness(value=dword(20))
 
@@ -59,7 +59,7 @@ def test_a_value_that_is_not_there_is_created_and_an_undo_takes_it_away() -> Non
     found = route(wanting(10), a_state(Responsiveness()))
 
     assert [type(one) for one in of_it(found)] == [Create]
-    steps = [one for one in found.ordered.steps if one.address == ADDRESS]  # type: ignore[union-attr]  # no cycle
+    steps = [step for step in found.ordered.steps if step.address == ADDRESS]  # type: ignore[union-attr]  # no cycle
     assert steps[1].undo.operation == EraseResponsiveness()
 
 

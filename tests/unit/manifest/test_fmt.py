@@ -149,7 +149,7 @@ def test_what_is_no_manifest_is_refused_with_its_place(text: str, place: str) ->
     with pytest.raises(CannotFormat) as refusal:
         formatted(text)
 
-    assert [str(one.place).startswith(place) for one in refusal.value.diagnostics] == [True]
+    assert [str(diagnostic.place).startswith(place) for diagnostic in refusal.value.diagnostics] == [True]
 
 
 def test_the_difference_names_the_file_and_is_empty_where_nothing_changes() -> None:

@@ -30,9 +30,9 @@ print((after - before) // 1024, *(one.code for one in loaded.diagnostics))
 def told(path: Path, hostile: Hostile) -> list[tuple[str, int, int]]:
     path.write_bytes(hostile.make())
     return [
-        (one.code, one.place.line, one.place.column)
-        for one in load(str(path), today=TODAY).diagnostics
-        if one.place is not None
+        (diagnostic.code, diagnostic.place.line, diagnostic.place.column)
+        for diagnostic in load(str(path), today=TODAY).diagnostics
+        if diagnostic.place is not None
     ]
 
 
@@ -73,15 +73,17 @@ def test_a_file_of_100_mb_is_not_read(tmp_path: Path) -> None:
 
 
 def test_a_missing_file(tmp_path: Path) -> None:
-    assert [one.code for one in load(str(tmp_path / "none.yaml"), today=TODAY).diagnostics] == ["RARMS001"]
+    assert [diagnostic.code for diagnostic in load(str(tmp_path / "none.yaml"), today=TODAY).diagnostics] == [
+        "RARMS001"
+    ]
 
 
 def test_a_name_that_no_file_can_have() -> None:
-    assert [one.code for one in load("rarms\0.yaml", today=TODAY).diagnostics] == ["RARMS001"]
+    assert [diagnostic.code for diagnostic in load("rarms\0.yaml", today=TODAY).diagnostics] == ["RARMS001"]
 
 
 def test_a_folder_is_not_opened(tmp_path: Path) -> None:
-    assert [one.code for one in load(str(tmp_path), today=TODAY).diagnostics] == ["RARMS002"]
+    assert [diagnostic.code for diagnostic in load(str(tmp_path), today=TODAY).diagnostics] == ["RARMS002"]
 
 
 @pytest.mark.needs("posix")
@@ -89,12 +91,12 @@ def test_a_fifo_never_blocks(tmp_path: Path) -> None:
     path = tmp_path / "rarms.yaml"
     os.mkfifo(path)
 
-    assert [one.code for one in load(str(path), today=TODAY).diagnostics] == ["RARMS002"]
+    assert [diagnostic.code for diagnostic in load(str(path), today=TODAY).diagnostics] == ["RARMS002"]
 
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="this system has no endless device to open")
 def test_an_endless_device_is_not_read() -> None:
-    assert [one.code for one in load("/dev/zero", today=TODAY).diagnostics] == ["RARMS002"]
+    assert [diagnostic.code for diagnostic in load("/dev/zero", today=TODAY).diagnostics] == ["RARMS002"]
 
 
 def test_standard_input_is_read_up_to_the_limit() -> None:

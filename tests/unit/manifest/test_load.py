@@ -73,7 +73,7 @@ def test_lines_of_the_sources_are_there_to_be_shown(tmp_path: Path) -> None:
 def test_a_flood_of_errors_is_counted(tmp_path: Path) -> None:
     flood = "".join(f"key-{number}: x\n" for number in range(1500))
 
-    codes = [one.code for one in loaded(tmp_path, SMALL + flood).diagnostics]
+    codes = [diagnostic.code for diagnostic in loaded(tmp_path, SMALL + flood).diagnostics]
 
     assert (len(codes), codes.count("RARMS015"), codes.count("RARMS030")) == (1001, 1000, 1)
 
@@ -85,7 +85,7 @@ def test_a_flood_that_cannot_be_listed_is_counted_too(tmp_path: Path) -> None:
 
     assert len(read.diagnostics) == 1001
     assert "99,000 more errors" in read.diagnostics[-1].detail
-    assert "RARMS016" not in {one.code for one in read.diagnostics}
+    assert "RARMS016" not in {diagnostic.code for diagnostic in read.diagnostics}
 
 
 def test_a_misspelt_key_is_not_missing_too(tmp_path: Path) -> None:
@@ -102,6 +102,6 @@ def test_a_missing_or_empty_overlay_is_not_advised_to_become_a_manifest(tmp_path
 
     for overlay in (empty, str(tmp_path / "missing.yaml")):
         read = load(manifest, [overlay], today=date(2026, 11, 21), checks=no_checks)
-        (told,) = [one for one in read.diagnostics if one.severity is Severity.ERROR]
+        (told,) = [diagnostic for diagnostic in read.diagnostics if diagnostic.severity is Severity.ERROR]
         assert "differs from the manifest" in told.advice
         assert "rarms init" not in told.advice

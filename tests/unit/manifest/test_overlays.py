@@ -102,4 +102,4 @@ def test_an_overlay_that_cannot_be_read_is_told(tmp_path: Path) -> None:
     read = load(write(tmp_path, SMALL), [str(tmp_path / "none.yaml")], today=date(2026, 1, 1), checks=no_checks)
 
     assert read.system is None
-    assert [one.code for one in read.diagnostics] == ["RARMS001"]
+    assert [diagnostic.code for diagnostic in read.diagnostics] == ["RARMS001"]

@@ -100,11 +100,11 @@ class Bench:
 
     @property
     def recorded(self) -> list[int]:
-        return [one.reserve for one in self.book().settings()]
+        return [setting.reserve for setting in self.book().settings()]
 
     @property
     def machines(self) -> list[str]:
-        return [one.settings.name for one in self.host().observe().partitions]
+        return [partition.settings.name for partition in self.host().observe().partitions]
 
 
 @pytest.fixture
@@ -117,7 +117,7 @@ def test_the_papers_walk_ends_at_the_first_ten_that_is_not_worse(bench: Bench) -
 
     assert ended.conclusion == Sufficient(reserve=50, failed=40, error=0.0325)
     assert bench.recorded == [10, 20, 30, 40, 50]
-    assert [one.beside for one in ended.settings] == [90, 80, 70, 60, 50]
+    assert [setting.beside for setting in ended.settings] == [90, 80, 70, 60, 50]
     assert bench.ran == [10, 20, 30, 40, 50]
     assert bench.machines == []
 
@@ -188,7 +188,9 @@ def test_the_task_classes_of_the_members_are_in_p1_as_a_plan_would_set_them(tmp_
     priorities: dict[str, int] = {}
 
     def looking(machine: Machine, seed: int) -> Iterator[JobDone]:
-        priorities.update({one.component: one.priority for each in machine.machines for one in each.components})
+        priorities.update(
+            {component.component: component.priority for each in machine.machines for component in each.components}
+        )
         return fluid(machine, seed)
 
     bench.measure(Sweeping(reserves=(50,)), simulate=looking)
@@ -200,7 +202,7 @@ def test_a_sweep_runs_every_setting_to_its_end(bench: Bench) -> None:
     ended = bench.measure(Sweeping(reserves=(10, 55, 100)))
 
     assert ended.conclusion == Swept()
-    assert [len(one.series[0].samples) for one in ended.settings] == [60, 60, 60]
+    assert [len(setting.series[0].samples) for setting in ended.settings] == [60, 60, 60]
 
 
 def test_another_seed_measures_all_of_it_again_beside_the_first(bench: Bench) -> None:
@@ -208,7 +210,12 @@ def test_another_seed_measures_all_of_it_again_beside_the_first(bench: Bench) ->
     second = bench.measure(Sweeping(reserves=(10, 55)), seed=2, only=2)
 
     assert second.new == 2
-    assert [(one.reserve, one.seed) for one in bench.book().settings()] == [(10, 1), (55, 1), (10, 2), (55, 2)]
+    assert [(setting.reserve, setting.seed) for setting in bench.book().settings()] == [
+        (10, 1),
+        (55, 1),
+        (10, 2),
+        (55, 2),
+    ]
     assert second.settings[0].series != bench.book(1).settings()[0].series
 
 
@@ -328,7 +335,7 @@ def test_killed_at_any_write_the_next_run_goes_on_and_leaves_nothing_behind(tmp_
         recorded.add(len(known))
         bench.ran.clear()
         assert run(bench, CrashingDisk(0)).conclusion == Swept()
-        assert bench.ran == [one for one in reserves if one not in known]
+        assert bench.ran == [reserve for reserve in reserves if reserve not in known]
         assert bench.book().settings() == whole.book().settings()
         assert bench.machines == []
         assert list(bench.folder.glob(".*.new")) == []
@@ -353,7 +360,8 @@ def _all_moments(effects: Sequence[str]) -> Iterator[tuple[int, When]]:
 
 def with_samples(experiment: Experiment, samples: int) -> Experiment:
     members = tuple(
-        replace(one, run=replace(run_of(one), until=SampleCount(samples=samples))) for one in experiment.members
+        replace(member, run=replace(run_of(member), until=SampleCount(samples=samples)))
+        for member in experiment.members
     )
     return replace(experiment, members=members)
 
@@ -363,7 +371,7 @@ def test_a_maximum_that_is_met_so_far_is_watched_to_the_end_and_one_that_is_miss
     bench.experiment = replace(bench.experiment, members=(vision,))
     ended = bench.measure()
 
-    counts = {one.reserve: len(one.series[0].samples) for one in ended.settings}
+    counts = {setting.reserve: len(setting.series[0].samples) for setting in ended.settings}
     assert isinstance(ended.conclusion, Sufficient)
     assert counts[ended.conclusion.reserve] == 60
     assert min(counts.values()) < 60

@@ -32,7 +32,7 @@ def the_host(folder: Path) -> SimulatedHostProvider:
 
 
 def names(host: SimulatedHostProvider) -> list[str]:
-    return [one.settings.name for one in host.observe().partitions]
+    return [partition.settings.name for partition in host.observe().partitions]
 
 
 def test_test_partitions_stand_marked_and_running_while_the_context_lasts(tmp_path: Path) -> None:
@@ -41,7 +41,7 @@ def test_test_partitions_stand_marked_and_running_while_the_context_lasts(tmp_pa
         p1, p2 = host.observe().partitions
         set_reserves(host, "robot", SHAPES, {P1: 30, P2: 70})
         set_reserves(host, "robot", SHAPES, {P1: 40, P2: 60})
-        reserves = [one.settings.reserve for one in host.observe().partitions]
+        reserves = [partition.settings.reserve for partition in host.observe().partitions]
 
     assert [one.mark and (one.mark.application, one.mark.name) for one in (p1, p2)] == [("robot", P1), ("robot", P2)]
     assert (p1.settings.processors, p1.settings.limit, p1.settings.weight, p1.settings.memory) == (1, 80, 200, 2**29)

@@ -69,7 +69,7 @@ def searched(experiment: Experiment, folder: Path, strategy: str = "default") ->
 
 
 def unsteady(settings: tuple[Setting, ...]) -> set[int]:
-    return {one.reserve for one in settings if any(map(steady, one.series))}
+    return {setting.reserve for setting in settings if any(map(steady, setting.series))}
 
 
 FAR_BELOW: Mapping[str, tuple[str, str, int, int]] = {
@@ -101,7 +101,7 @@ def test_a_first_setting_without_a_steady_state_costs_no_reservation(case: str, 
 def test_once_one_was_unsteady_no_setting_ends_early(tmp_path: Path) -> None:
     ended = searched(an_experiment("15 ms", "10 %", 100), tmp_path)
 
-    assert [len(one.series[0].samples) for one in ended.settings] == [200] * len(ended.settings)
+    assert [len(setting.series[0].samples) for setting in ended.settings] == [200] * len(ended.settings)
 
 
 def test_where_nothing_close_below_is_steady_it_says_that_it_does_not_know(tmp_path: Path) -> None:

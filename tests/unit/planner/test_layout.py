@@ -27,13 +27,15 @@ def layout(system: System, views: dict[str, HostView] | None = None, limit: Disr
 def misfit(system: System, views: dict[str, HostView] | None = None) -> tuple[Infeasible, list[str]]:
     found = planned(system, views)
     assert isinstance(found.answer, Infeasible)
-    return found.answer, [one.code for one in found.findings]
+    return found.answer, [finding.code for finding in found.findings]
 
 
 def test_the_delivery_robot_gets_what_it_fixes() -> None:
     found = layout(the_delivery_robot())
 
-    assert {one.name: (one.reserve, one.limit, one.weight) for one in found.partitions} == {
+    assert {
+        partition.name: (partition.reserve, partition.limit, partition.weight) for partition in found.partitions
+    } == {
         "face-detection": (40, 100, 400),
         "speech-recognition": (30, 100, 300),
         "path-planning": (20, 60, 200),
@@ -84,7 +86,10 @@ def test_components_that_must_be_together_share_a_partition_of_the_most_critical
 
     found = layout(a_system(components=members))
 
-    assert {one.name: one.components for one in found.partitions} == {"path": ("path",), "speech": ("speech", "vision")}
+    assert {partition.name: partition.components for partition in found.partitions} == {
+        "path": ("path",),
+        "speech": ("speech", "vision"),
+    }
 
 
 @pytest.mark.parametrize(
@@ -178,7 +183,7 @@ def test_what_one_host_cannot_hold_is_spread_over_several() -> None:
 
     found = layout(system)
 
-    assert [(one.name, one.host) for one in found.partitions] == [
+    assert [(partition.name, partition.host) for partition in found.partitions] == [
         ("a", "front"),
         ("b", "front"),
         ("c", "rear"),
@@ -261,7 +266,7 @@ def test_a_thousand_components_are_placed_and_none_is_lost() -> None:
 
     found = layout(system)
 
-    assert {one.name for one in found.partitions} == set(system.components)
+    assert {partition.name for partition in found.partitions} == set(system.components)
 
 
 def test_nothing_changes_with_the_order_of_hosts_and_components() -> None:

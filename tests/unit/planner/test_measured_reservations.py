@@ -63,11 +63,11 @@ def vision(**changes: object) -> System:
 
 def reserves(planning: Planning) -> dict[str, int]:
     assert isinstance(planning.answer, Layout), planning.findings
-    return {one.name: one.reserve for one in planning.answer.partitions}
+    return {partition.name: partition.reserve for partition in planning.answer.partitions}
 
 
 def codes(planning: Planning) -> list[str]:
-    return [one.code for one in planning.findings]
+    return [finding.code for finding in planning.findings]
 
 
 def test_the_reserve_is_the_least_that_was_measured_to_meet_the_apt() -> None:

@@ -45,14 +45,14 @@ def _insert(*lines: str) -> Mutation:
     return mutate
 
 
-def _spelt(one: re.Match[str], pick: random.Random) -> str:
-    word = one[0]
+def _spelt(match: re.Match[str], pick: random.Random) -> str:
+    word = match[0]
     at = pick.randrange(2, len(word))
     return word[:at] + pick.choice("xq") + word[at:]
 
 
-def _shortened(one: re.Match[str], _: random.Random) -> str:
-    return one[0][:-1] if len(one[0]) > 3 else one[0] + "x"
+def _shortened(match: re.Match[str], _: random.Random) -> str:
+    return match[0][:-1] if len(match[0]) > 3 else match[0] + "x"
 
 
 def _value(*choices: str) -> Callable[[re.Match[str], random.Random], str]:
@@ -83,8 +83,8 @@ def _line_end(script: str, pick: random.Random) -> str:
     return script[:at] + "\n" + script[at + 2 :]
 
 
-def _escaped_dynamic(one: re.Match[str], _: random.Random) -> str:
-    return one[0][:5] + "`" + one[0][5:]
+def _escaped_dynamic(match: re.Match[str], _: random.Random) -> str:
+    return match[0][:5] + "`" + match[0][5:]
 
 
 def _in_runtime(script: str, pick: random.Random) -> str:

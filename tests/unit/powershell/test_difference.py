@@ -45,10 +45,10 @@ def test_steps_that_only_one_has() -> None:
     added = difference(script(), script(more=True))
     gone = difference(script(more=True), script())
 
-    assert {one.address for one in added.steps} == {"partition/planning", "partition/planning/disk"}
-    assert all(one.old is None for one in added.steps)
-    assert [one.action for one in gone.steps] == [one.action for one in added.steps]
-    assert all(one.new is None for one in gone.steps)
+    assert {step.address for step in added.steps} == {"partition/planning", "partition/planning/disk"}
+    assert all(step.old is None for step in added.steps)
+    assert [step.action for step in gone.steps] == [step.action for step in added.steps]
+    assert all(step.new is None for step in gone.steps)
     assert added.same == gone.same == len(script().steps)
 
 

@@ -59,7 +59,7 @@ def test_a_class_must_be_free_and_nothing_else_is_claimed_of_it() -> None:
         "record": "robot",
         "set": "0123456789ab",
     }
-    assert [one.name for one in motion.calls] == [
+    assert [call.name for call in motion.calls] == [
         "Save-TaskRecord",
         "Write-TaskValue",
         "Write-TaskValue",
@@ -71,8 +71,8 @@ def test_the_undo_goes_back_to_what_was_there_before_rarms_and_says_so() -> None
     apply, undo = scripts()
     steps = outline(undo).steps
 
-    assert [(one.address.rpartition("/")[2], one.undoes) for one in steps] == [("MotionControl", 1), ("Games", 0)]
-    assert [one.name for one in steps[0].calls] == ["Restore-TaskClass", "Clear-TaskRecord"]
+    assert [(step.address.rpartition("/")[2], step.undoes) for step in steps] == [("MotionControl", 1), ("Games", 0)]
+    assert [call.name for call in steps[0].calls] == ["Restore-TaskClass", "Clear-TaskRecord"]
     assert steps[0].before == {"record": "robot", "set": "0123456789ab"}
     assert steps[0].after == {"record": "", "set": ""}
     assert LOST[:40] in undo.decode()

@@ -89,7 +89,7 @@ def test_what_does_not_end_is_no_token(text: str) -> None:
 def test_tokens_of_a_script() -> None:
     script = "$a = @{ B = 'it''s' } # it's\r\n\"x$('y')\" <# ' #> @'\r\nz'\r\n'@ `\r\n O\u2019k\u2019"
 
-    assert [(one.kind.value, one.text) for one in tokens(script) if one.kind not in ("word", "structure")] == [
+    assert [(token.kind.value, token.text) for token in tokens(script) if token.kind not in ("word", "structure")] == [
         ("string", "it's"),
         ("comment", "# it's"),
         ("newline", "\r\n"),
@@ -103,4 +103,4 @@ def test_tokens_of_a_script() -> None:
 def test_a_remark_stays_on_its_line() -> None:
     for text in hostile_texts(2_000):
         assert remark(text).isascii()
-        assert [one.kind for one in tokens(f"# why: {remark(text)}")] == [TokenKind.COMMENT]
+        assert [token.kind for token in tokens(f"# why: {remark(text)}")] == [TokenKind.COMMENT]

@@ -86,8 +86,8 @@ def all_of(run: Run, base: Path) -> list[Sample]:
 
 
 def responses(samples: Iterable[Sample]) -> list[float | None]:
-    return [one.response_ms for one in samples]
+    return [sample.response_ms for sample in samples]
 
 
 def failures(samples: Iterable[Sample]) -> list[str]:
-    return [one.failure for one in samples if one.failure]
+    return [sample.failure for sample in samples if sample.failure]

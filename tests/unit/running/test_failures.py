@@ -24,7 +24,7 @@ GOOD = "say('{\"ms\": 1}')\n"
 def test_an_unreadable_line_is_a_failed_sample_and_the_next_is_read(tmp_path: Path) -> None:
     samples = all_of(a_run(f"say('oops')\n{GOOD}time.sleep(60)", until=2, failures=1), tmp_path)
 
-    assert [(one.response_ms, one.successful) for one in samples] == [(None, False), (1, True)]
+    assert [(sample.response_ms, sample.successful) for sample in samples] == [(None, False), (1, True)]
     assert failures(samples) == ['not a JSON object: "oops"']
 
 
@@ -33,15 +33,15 @@ def test_bytes_that_are_no_text_are_an_unreadable_line(tmp_path: Path) -> None:
 
     samples = all_of(a_run(program, until=3, failures=2), tmp_path)
 
-    assert [one.successful for one in samples] == [False, False, True]  # it holds a line end
-    assert all(one.isprintable() for one in failures(samples))
+    assert [sample.successful for sample in samples] == [False, False, True]  # it holds a line end
+    assert all(failure.isprintable() for failure in failures(samples))
 
 
 @same_everywhere
 def test_a_job_without_an_answer_is_no_failed_sample(tmp_path: Path) -> None:
     samples = all_of(a_run("say('{\"ms\": null}')\ntime.sleep(60)", until=1), tmp_path)
 
-    assert [(one.response_ms, one.successful, one.failure) for one in samples] == [(None, False, "")]
+    assert [(sample.response_ms, sample.successful, sample.failure) for sample in samples] == [(None, False, "")]
 
 
 @same_everywhere
@@ -84,13 +84,13 @@ def test_a_run_that_takes_too_long_is_a_failed_sample_and_the_next_is_started(tm
     )
 
     assert failures(samples) == [f"no exit within {show_milliseconds(ms(PATIENT))}"]
-    assert [one.successful for one in samples] == [False, True]
+    assert [sample.successful for sample in samples] == [False, True]
 
 
 def test_a_program_that_says_nothing_for_too_long_is_started_again(tmp_path: Path) -> None:
     samples = all_of(a_run(f"{GOOD}time.sleep(60)", until=3, timeout=PATIENT, failures=1), tmp_path)
 
-    assert [one.failure for one in samples] == ["", f"no sample within {show_milliseconds(ms(PATIENT))}", ""]
+    assert [sample.failure for sample in samples] == ["", f"no sample within {show_milliseconds(ms(PATIENT))}", ""]
 
 
 @same_everywhere
@@ -114,7 +114,7 @@ def test_a_line_that_is_too_long_is_a_failed_sample(tmp_path: Path) -> None:
 
     samples = all_of(a_run(program, until=2, failures=1), tmp_path)
 
-    assert [one.failure for one in samples] == ["a line of more than 64 KiB", ""]
+    assert [sample.failure for sample in samples] == ["a line of more than 64 KiB", ""]
 
 
 def test_a_line_without_end_ends_the_process(tmp_path: Path) -> None:

@@ -105,7 +105,7 @@ def test_several_components_run_at_once(tmp_path: Path) -> None:
         found = [sample.response_ms for _, sample in samples]
 
     assert sorted(one or 0 for one in found) == [1.0] * 5 + [2.0] * 7
-    assert [one.ending for one in runs] == [Ending.UNTIL] * 2
+    assert [run.ending for run in runs] == [Ending.UNTIL] * 2
 
 
 @same_everywhere
@@ -116,8 +116,8 @@ def test_components_that_run_at_once_end_at_any_moment(tmp_path: Path) -> None:
     with together(runs) as samples:
         next(samples)
 
-    assert [one.ending for one in runs] == [Ending.CLOSED] * 2
-    assert all(one.series().elapsed_ms >= 0 for one in runs)
+    assert [run.ending for run in runs] == [Ending.CLOSED] * 2
+    assert all(run.series().elapsed_ms >= 0 for run in runs)
 
 
 @same_everywhere

@@ -34,7 +34,7 @@ def test_a_json_line_is_a_sample(tmp_path: Path) -> None:
     samples = all_of(run, tmp_path)
 
     assert responses(samples) == [0.5, 1.5, 2.5]
-    assert all(one.successful and one.count == 1 for one in samples)
+    assert all(sample.successful and sample.count == 1 for sample in samples)
 
 
 def test_lines_that_match_are_samples_and_others_are_not(tmp_path: Path) -> None:
@@ -43,7 +43,7 @@ def test_lines_that_match_are_samples_and_others_are_not(tmp_path: Path) -> None
 
     samples = all_of(run, tmp_path)
 
-    assert [(one.response_ms, one.successful) for one in samples] == [(250, True), (1500, False)]
+    assert [(sample.response_ms, sample.successful) for sample in samples] == [(250, True), (1500, False)]
 
 
 def test_a_run_is_a_job_and_its_exit_code_its_success(tmp_path: Path) -> None:
@@ -54,9 +54,9 @@ def test_a_run_is_a_job_and_its_exit_code_its_success(tmp_path: Path) -> None:
 
     samples = all_of(a_run(program, samples=PER_RUN, until=2), tmp_path)
 
-    assert [one.successful for one in samples] == [True, False]
+    assert [sample.successful for sample in samples] == [True, False]
     assert failures(samples) == []
-    assert all(50 <= (one.response_ms or 0) < 5000 for one in samples)
+    assert all(50 <= (sample.response_ms or 0) < 5000 for sample in samples)
 
 
 @same_everywhere
@@ -68,7 +68,7 @@ def test_the_schedule_of_periodic_runs_is_not_shifted_by_an_overrun(tmp_path: Pa
 
     samples = all_of(a_run(program, samples=PER_RUN, until=4, every=300), tmp_path)
 
-    assert [round(one.began_ms) for one in samples] == [0, 300, 600, 900]
+    assert [round(sample.began_ms) for sample in samples] == [0, 300, 600, 900]
     assert (samples[0].response_ms or 0) >= 500
     assert (samples[1].response_ms or 0) >= 200  # it was due at 300 and could start at 500
 
@@ -90,7 +90,7 @@ def test_a_periodic_call_counts_from_its_scheduled_start(tmp_path: Path) -> None
 
     samples = all_of(a_run(module(tmp_path, text), samples=PER_RUN, until=4, every=100), tmp_path)
 
-    assert [round(one.began_ms) for one in samples] == [0, 100, 200, 300]
+    assert [round(sample.began_ms) for sample in samples] == [0, 100, 200, 300]
     assert [(one.response_ms or 0) >= least for one, least in zip(samples, (250, 150, 50, 0), strict=True)] == [
         True
     ] * 4
@@ -113,7 +113,7 @@ def test_an_exception_of_a_function_is_a_failed_sample_and_the_next_job_is_done(
 
     samples = all_of(a_run(module(tmp_path, text), samples=PER_RUN, until=3, failures=1), tmp_path)
 
-    assert [one.failure for one in samples] == ["ZeroDivisionError: division by zero", "", ""]
+    assert [sample.failure for sample in samples] == ["ZeroDivisionError: division by zero", "", ""]
     assert samples[0].response_ms is None
 
 

@@ -62,12 +62,12 @@ REPEATS = 0.05
 """What single runs of VSP differ by at 80 % (their standard deviation is 5 to 6 %): a smaller loss is noise."""
 
 
-def loss_of_ppp(one: Loaded, free: Loaded) -> float:
-    return one.response_ms[PPP] / free.response_ms[PPP] - 1
+def loss_of_ppp(loaded: Loaded, free: Loaded) -> float:
+    return loaded.response_ms[PPP] / free.response_ms[PPP] - 1
 
 
-def loss_of_vsp(one: Loaded, free: Loaded) -> float:
-    return 1 - one.throughput[VSP] / free.throughput[VSP]
+def loss_of_vsp(loaded: Loaded, free: Loaded) -> float:
+    return 1 - loaded.throughput[VSP] / free.throughput[VSP]
 
 
 @pytest.mark.parametrize("loss", [loss_of_ppp, loss_of_vsp])

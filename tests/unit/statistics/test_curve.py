@@ -94,7 +94,8 @@ def test_a_maximum_that_breaks_the_order_is_not_averaged_with_its_neighbour() ->
     ]
     maximum = curve_of(settings, "coi", "maximum_response_time", RUN)
     shortest = [
-        Setting(reserve=one.reserve, series=(a_series([200.0] * 50 + [60.0 + one.reserve]),)) for one in settings
+        Setting(reserve=setting.reserve, series=(a_series([200.0] * 50 + [60.0 + setting.reserve]),))
+        for setting in settings
     ]
     minimum = curve_of(shortest, "coi", "minimum_response_time", RUN)
 
@@ -108,5 +109,5 @@ def test_a_maximum_that_was_seen_once_is_not_averaged_away_by_measuring_again() 
 
     curve = curve_of(settings, "coi", "maximum_response_time", RUN)
 
-    assert [(one.value, one.upper) for one in curve.points] == [(130.0, 130.0)]
+    assert [(point.value, point.upper) for point in curve.points] == [(130.0, 130.0)]
     assert least_reserve([(curve, at_most(120))]) is None

@@ -61,7 +61,7 @@ def test_a_run_says_how_it_ended_and_what_is_left() -> None:
 def test_an_apply_counts_the_resources_as_the_plan_did() -> None:
     report = a_report(Ending.DONE, changed=3)
     changes = (create(partition(settings("speech"))), update(partition(settings()), partition(settings(reserve=30))))
-    done = replace(report, hosts=tuple(replace(one, changes=changes) for one in report.hosts))
+    done = replace(report, hosts=tuple(replace(host, changes=changes) for host in report.hosts))
 
     assert run_text(done, width=120) == (
         "onboard: Apply of plan 0123456789ab complete: 1 added, 1 changed, 0 removed "

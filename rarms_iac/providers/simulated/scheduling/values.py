@@ -93,11 +93,11 @@ class Machine:
 
     def __post_init__(self) -> None:
         """Refuses what no host would be asked: more reserved than there is, or two of one name."""
-        reserved = sum(one.vps * one.reserve for one in self.machines)
+        reserved = sum(machine.vps * machine.reserve for machine in self.machines)
         if reserved > self.lps * 100 + 1e-6:
             raise ValueError(f"{reserved:g} % of one LP are reserved, and {self.lps} LPs have {self.lps * 100} %")
-        names = [one.name for one in self.machines]
-        components = [demand.component for one in self.machines for demand in one.components]
+        names = [machine.name for machine in self.machines]
+        components = [demand.component for machine in self.machines for demand in machine.components]
         for listed in (names, components):
             if len(set(listed)) != len(listed):
                 raise ValueError(f"a name stands twice in {', '.join(listed)}")

@@ -169,7 +169,7 @@ def test_disks_that_stay_are_told_where_the_machine_has_some(disks: tuple[str, .
     before = partition()
     at = Address(partition="vision", machine=before.id)
     remove = build.step(at, operation=RemovePartition(partition="vision", machine=before.id))
-    attached = tuple(Disk(path=one, kind=DiskKind.DYNAMIC, machine=before.id) for one in disks)
+    attached = tuple(Disk(path=disk, kind=DiskKind.DYNAMIC, machine=before.id) for disk in disks)
 
     found = findings(build.delete(before), machines=[before], steps=[remove], disks=attached)
 

@@ -27,7 +27,7 @@ def changed(disruption: Disruption) -> Update:
 def test_a_partition_that_is_stopped_for_a_change_is_told_at_the_address_an_acceptance_names(
     disruption: Disruption, told: list[str]
 ) -> None:
-    assert [one.address for one in restarts([changed(disruption)])] == told
+    assert [restart.address for restart in restarts([changed(disruption)])] == told
 
 
 def test_the_reason_of_the_change_is_said() -> None:

@@ -39,8 +39,10 @@ def edited(state: State, name: str, **changes: object) -> State:
     return replace(
         state,
         partitions=tuple(
-            replace(one, settings=replace(one.settings, **changes)) if one.settings.name == name else one  # type: ignore[arg-type]
-            for one in state.partitions
+            replace(partition, settings=replace(partition.settings, **changes))  # type: ignore[arg-type]
+            if partition.settings.name == name
+            else partition
+            for partition in state.partitions
         ),
     )
 
@@ -48,7 +50,7 @@ def edited(state: State, name: str, **changes: object) -> State:
 def test_what_is_not_there_is_created_with_its_manifest_line() -> None:
     found = difference(robot(), empty_state(HOST))
 
-    assert [type(one) for one in found.changes] == [Create]
+    assert [type(change) for change in found.changes] == [Create]
     place = found.changes[0].reason.place
     assert place is not None
     assert place.path == "components.vision"
@@ -67,10 +69,10 @@ def test_another_number_of_processors_stops_a_running_partition_only() -> None:
     more = robot(components=[a_component(processors=1)])
     state = applied(robot())
 
-    assert [one.disruption for one in difference(more, state).changes] == [Disruption.PARTITION_STOP]
+    assert [change.disruption for change in difference(more, state).changes] == [Disruption.PARTITION_STOP]
 
     off = edited(state, "vision", running=False)
-    assert [one.disruption for one in difference(more, off).changes] == [Disruption.LIVE]
+    assert [change.disruption for change in difference(more, off).changes] == [Disruption.LIVE]
 
 
 def test_memory_is_live_only_where_host_and_guest_are_known_to_be_new_enough() -> None:
@@ -86,7 +88,7 @@ def test_memory_is_live_only_where_host_and_guest_are_known_to_be_new_enough() -
 def test_another_generation_means_to_make_it_again() -> None:
     state = edited(applied(robot()), "vision", generation=1)
 
-    assert [one.disruption for one in difference(robot(), state).changes] == [Disruption.REMOVAL]
+    assert [change.disruption for change in difference(robot(), state).changes] == [Disruption.REMOVAL]
 
 
 def test_a_partition_the_manifest_no_longer_wants_is_stopped_once_and_then_only_listed() -> None:
@@ -110,7 +112,9 @@ def test_moved_renames_instead_of_replacing() -> None:
 
     assert isinstance(change, Update)
     after = applied(renamed, state)
-    assert [(one.id, one.settings.name) for one in after.partitions] == [(state.partitions[0].id, "sight")]
+    assert [(partition.id, partition.settings.name) for partition in after.partitions] == [
+        (state.partitions[0].id, "sight")
+    ]
     assert difference(renamed, after).changes == ()
 
 
@@ -121,8 +125,11 @@ def test_two_partitions_exchange_names_without_two_marks_of_one_name() -> None:
 
     after = applied(exchanged, state)  # the pure host fails where a mark stands on two machines
 
-    ids = {one.settings.name: one.id for one in state.partitions}
-    assert {one.settings.name: one.id for one in after.partitions} == {"vision": ids["speech"], "speech": ids["vision"]}
+    ids = {partition.settings.name: partition.id for partition in state.partitions}
+    assert {partition.settings.name: partition.id for partition in after.partitions} == {
+        "vision": ids["speech"],
+        "speech": ids["vision"],
+    }
 
 
 def test_three_partitions_pass_their_names_round() -> None:
@@ -133,8 +140,8 @@ def test_three_partitions_pass_their_names_round() -> None:
 
     after = applied(round_about, state)
 
-    ids = {one.settings.name: one.id for one in state.partitions}
-    assert {one.settings.name: one.id for one in after.partitions} == {
+    ids = {partition.settings.name: partition.id for partition in state.partitions}
+    assert {partition.settings.name: partition.id for partition in after.partitions} == {
         "speech": ids["vision"],
         "path": ids["speech"],
         "vision": ids["path"],
@@ -149,7 +156,7 @@ def test_a_move_onto_a_partition_that_stays_is_told_and_not_done() -> None:
     found = difference(wrong, state)
 
     assert codes(found.findings) == ["RARMS156"]
-    assert [str(one.address) for one in found.changes] == ["partition/vision"]  # it is unused now
+    assert [str(change.address) for change in found.changes] == ["partition/vision"]  # it is unused now
 
 
 def test_a_strange_machine_of_a_wanted_name_is_told_and_left_alone() -> None:
@@ -168,7 +175,7 @@ def test_a_mark_that_does_not_count_is_told() -> None:
     found = difference(robot(), empty_state(HOST, Strangers((copy,), ())))
 
     assert codes(found.findings) == ["RARMS151"]
-    assert [str(one.address) for one in found.changes] == ["partition/vision"]
+    assert [str(change.address) for change in found.changes] == ["partition/vision"]
 
 
 def test_a_protected_partition_is_not_removed() -> None:
@@ -180,7 +187,7 @@ def test_a_protected_partition_is_not_removed() -> None:
     assert (kept.changes, codes(kept.findings)) == ((), ["RARMS152"])
 
     gone = compare(nothing, state, "robot", around)
-    assert [(type(one), one.disruption) for one in gone.changes] == [(Delete, Disruption.REMOVAL)]
+    assert [(type(change), change.disruption) for change in gone.changes] == [(Delete, Disruption.REMOVAL)]
 
 
 def test_a_saved_machine_is_not_thrown_out_of_its_state() -> None:
@@ -188,11 +195,11 @@ def test_a_saved_machine_is_not_thrown_out_of_its_state() -> None:
     saved = replace(
         state,
         partitions=tuple(
-            replace(one, state=RunState.SAVED) for one in edited(state, "vision", running=False).partitions
+            replace(partition, state=RunState.SAVED) for partition in edited(state, "vision", running=False).partitions
         ),
     )
 
-    assert [type(one) for one in difference(robot(), saved).changes] == [Update]  # it is started again
+    assert [type(change) for change in difference(robot(), saved).changes] == [Update]  # it is started again
     assert codes(difference(robot(components=[a_component(processors=1)]), saved).findings) == ["RARMS155"]
 
 
@@ -249,13 +256,13 @@ def test_a_shipped_class_of_a_guest_that_is_not_made_yet_waits_for_the_next_plan
     system = robot(components=[a_component(task="Games")], tasks=[a_task("Games", replace_shipped=True)])
 
     first = difference(system, empty_state(HOST))
-    assert [str(one.address) for one in first.changes] == ["partition/vision"]
+    assert [str(change.address) for change in first.changes] == ["partition/vision"]
     assert codes(first.findings) == ["RARMS157"]
 
     made = applied(system)
     guest = replace(shipped("Games"), inside="vision", machine=made.partitions[0].id)
     second = difference(system, replace(made, tasks=(guest,)))
-    assert [str(one.address) for one in second.changes] == ["partition/vision/task/Games"]
+    assert [str(change.address) for change in second.changes] == ["partition/vision/task/Games"]
 
 
 def test_a_partition_of_another_generation_is_made_again_as_wanted() -> None:
@@ -263,7 +270,9 @@ def test_a_partition_of_another_generation_is_made_again_as_wanted() -> None:
 
     after = applied(robot(), state)
 
-    assert [(one.settings.name, one.settings.generation) for one in after.partitions] == [("vision", 2)]
+    assert [(partition.settings.name, partition.settings.generation) for partition in after.partitions] == [
+        ("vision", 2)
+    ]
     assert after.partitions[0].id != state.partitions[0].id
     assert difference(robot(), after).changes == ()
 
@@ -289,13 +298,13 @@ def test_a_class_with_a_value_that_could_not_be_brought_back_is_left_alone(odd: 
     state = replace(empty_state(HOST), tasks=(games,))
 
     found = difference(wanting, state)
-    assert [one for one in found.changes if one.address.task] == []
+    assert [change for change in found.changes if change.address.task] == []
     assert codes(found.findings) == ["RARMS165"]
     assert f"'Extra' ({odd.kind.value})" in found.findings[0].detail
 
     if record:
         gone = difference(robot(), state)
-        assert ([one for one in gone.changes if one.address.task], codes(gone.findings)) == ([], ["RARMS165"])
+        assert ([change for change in gone.changes if change.address.task], codes(gone.findings)) == ([], ["RARMS165"])
 
 
 @pytest.mark.parametrize("name", ["a*", "Prior?ty", "x[1]", "a`b"])
@@ -307,7 +316,7 @@ def test_a_value_whose_name_is_a_pattern_is_left_alone_with_its_class(name: str)
 
     found = difference(wanting, replace(empty_state(HOST), tasks=(games,)))
 
-    assert [one for one in found.changes if one.address.task] == []
+    assert [change for change in found.changes if change.address.task] == []
     assert codes(found.findings) == ["RARMS165"]
     assert "its name is a pattern" in found.findings[0].detail
 

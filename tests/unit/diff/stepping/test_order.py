@@ -156,7 +156,7 @@ def test_where_no_order_fits_the_least_critical_is_stopped_for_a_while_and_the_p
 
     assert isinstance(found, Ordered)
     assert found.stopped == ("speech",)
-    assert [(one.address.partition, one.operation.kind) for one in found.steps] == [
+    assert [(step.address.partition, step.operation.kind) for step in found.steps] == [
         ("speech", "stop_partition"),
         ("vision", "set_memory"),
         ("vision", "set_cpu"),
@@ -170,9 +170,9 @@ def test_where_no_order_fits_the_least_critical_is_stopped_for_a_while_and_the_p
 
 def never_over(steps: tuple[Step, ...], room: Room) -> bool:
     claims = {key: claim(one.settings.reserve, one.settings.memory // MIB) for key, one in room.ours.items()}
-    for one in steps:
-        assert claims[one.address.machine] == one.claim_before, f"{one.address} {one.title}"
-        claims[one.address.machine] = one.claim_after
+    for step in steps:
+        assert claims[step.address.machine] == step.claim_before, f"{step.address} {step.title}"
+        claims[step.address.machine] = step.claim_after
         if sum(c.reserve for c in claims.values()) > 100 or sum(c.memory for c in claims.values()) > 1000 * MIB:
             return False
     return True

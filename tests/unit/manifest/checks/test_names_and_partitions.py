@@ -31,7 +31,7 @@ def found(system: System) -> list[tuple[str, str]]:
 
 
 def details(system: System) -> str:
-    return "\n".join(one.detail for one in run_checks(system, PathPlaces(), date(2026, 1, 1)))
+    return "\n".join(check.detail for check in run_checks(system, PathPlaces(), date(2026, 1, 1)))
 
 
 @pytest.mark.parametrize(

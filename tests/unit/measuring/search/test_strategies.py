@@ -120,7 +120,7 @@ def test_the_error_of_a_setting_is_shared_by_its_members() -> None:
             a_series(noisy(seed * count + one, 100.0, count=60), component=f"coi-{one}") for one in range(count)
         )
         verdicts = trial_of(Setting(reserve=50, series=series), goal).verdicts.values()
-        wrong += any(isinstance(one, Missed) for one in verdicts)
+        wrong += any(isinstance(verdict, Missed) for verdict in verdicts)
 
     assert wrong <= goal.error * tries + 2.4 * (goal.error * (1 - goal.error) * tries) ** 0.5
 

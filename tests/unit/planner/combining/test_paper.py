@@ -113,7 +113,10 @@ def test_repeated_it_goes_on_with_the_compound_until_the_total_fits() -> None:
     )
     done = tune_performance_to_use_less_resource(FOUR, 90, Asking(oracle=oracle), repeat=True)
 
-    assert [(one.compound.name, one.compound.reserve) for one in done.combinations] == [("paths", 30), ("speech", 40)]
+    assert [(combination.compound.name, combination.compound.reserve) for combination in done.combinations] == [
+        ("paths", 30),
+        ("speech", 40),
+    ]
     assert oracle.asked[4:6] == [("paths+speech+video", 60), ("paths+speech+video", 10)]
     assert [one.cost for one in done.cois] == [40, 40], "80 fits into 90: there it ends"
 

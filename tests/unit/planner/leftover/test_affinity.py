@@ -102,14 +102,17 @@ def systems(processors: int) -> Iterator[tuple[list[Component], list[int]]]:
             for wanted in product(kinds, repeat=number):
                 drawn = zip(criticalities, wanted, strict=True)
                 components = [a_class(f"c{at}", weight, width) for at, (weight, width) in enumerate(drawn)]
-                masks = masks_of([[one] for one in components], processors)
-                yield components, [masks.get(one.name) or everything for one in components]
+                masks = masks_of([[component] for component in components], processors)
+                yield components, [masks.get(component.name) or everything for component in components]
 
 
 @pytest.mark.parametrize("processors", range(2, WIDEST + 1))
 def test_no_thread_waits_while_a_less_critical_one_runs(processors: int) -> None:
     """However threads are laid out, once none is left that waits and could go ahead of another, or to a free one."""
-    seen = {(tuple(one.criticality for one in components), tuple(masks)) for components, masks in systems(processors)}
+    seen = {
+        (tuple(component.criticality for component in components), tuple(masks))
+        for components, masks in systems(processors)
+    }
     for criticalities, masks in seen:
         for placed in product([None, *range(len(masks))], repeat=processors):
             if _is_allowed(placed, masks):
@@ -153,10 +156,10 @@ def test_who_says_how_many_is_kept_wherever_there_is_room_beside_those_below() -
     for components, masks in systems(4):
         kept = {one.name: mask for one, mask in zip(components, masks, strict=True) if mask != 0b1111}
         assert kept == {
-            one.name: 0b1111 & ~((1 << (4 - below)) - 1)
-            for one in components
-            if one.criticality < max(each.criticality for each in components)
-            for below in [sum(each.processors or 4 for each in components if each.criticality <= one.criticality)]
+            component.name: 0b1111 & ~((1 << (4 - below)) - 1)
+            for component in components
+            if component.criticality < max(each.criticality for each in components)
+            for below in [sum(each.processors or 4 for each in components if each.criticality <= component.criticality)]
             if below < 4
         }
 

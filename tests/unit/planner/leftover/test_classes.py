@@ -7,7 +7,7 @@ from tests.planning import PLACES
 
 
 def decided(components: list[Component], *wishes: TaskWish) -> Classes:
-    return classes_of(components, {one.name: one for one in wishes}, "media", PLACES)
+    return classes_of(components, {wish.name: wish for wish in wishes}, "media", PLACES)
 
 
 def users(**criticalities: int) -> list[Component]:
@@ -16,7 +16,7 @@ def users(**criticalities: int) -> list[Component]:
 
 
 def threads(found: Classes) -> dict[str, int]:
-    return {one.name: one.thread_priority for one in found.classes}
+    return {task_class.name: task_class.thread_priority for task_class in found.classes}
 
 
 def test_threads_run_in_the_order_of_criticalities_and_equals_alike() -> None:

@@ -16,7 +16,7 @@ def placed(system: System, headroom: Headroom = Headroom.BY_CRITICALITY) -> dict
     wanted = replace(system, policy=replace(system.policy, headroom=headroom))
     answer = plan_layout(wanted, FixedReservations(), {}, PLACES).answer
     assert isinstance(answer, Layout)
-    return {one.name: one for one in answer.partitions}
+    return {partition.name: partition for partition in answer.partitions}
 
 
 def a_robot(reserve: str = "30 %") -> System:
@@ -76,7 +76,7 @@ def test_what_the_manifest_fixes_stands_under_every_policy() -> None:
 def test_the_order_of_criticalities_is_the_order_of_weights(criticalities: set[int]) -> None:
     ranks = ranks_of(a_component(f"c{at}", criticality=one) for at, one in enumerate(criticalities))
 
-    weights = [weight_of_rank(ranks[one]) for one in sorted(criticalities)]
+    weights = [weight_of_rank(ranks[criticality]) for criticality in sorted(criticalities)]
 
     assert weights == sorted(set(weights))
     assert weights[0] == WEIGHT

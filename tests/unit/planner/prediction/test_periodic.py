@@ -93,18 +93,18 @@ def a_case(chance: random.Random, *, longer: bool) -> tuple[list[Task], Resource
         deadline = chance.randint(max(1, period // 2), period * 2 if longer and chance.random() < 0.3 else period)
         tasks.append(Task(work=chance.randint(1, max(1, period // 4)), period=period, deadline=deadline))
     period = chance.choice((2, 3, 4, 5, 6, 8, 10))
-    rate = float(sum(one.rate for one in tasks))
+    rate = float(sum(task.rate for task in tasks))
     budget = min(period, max(1, round(period * min(1.0, rate * chance.uniform(0.95, 2.2)))))
     return tasks, Resource(budget=budget, period=period)
 
 
 def until(tasks: Sequence[Task], resource: Resource) -> int:
     """Twice the time after which all repeats, and the last deadlines; where too much is asked, until that shows."""
-    again = lcm(resource.period, *(one.period for one in tasks))
-    whole = 2 * again + 2 * resource.period + max(one.deadline for one in tasks)
-    beyond = sum(one.rate for one in tasks) - resource.rate
-    late = sum(one.rate * one.deadline for one in tasks) / beyond if beyond > 0 else 0
-    return max(whole, ceil(late) + max(one.deadline for one in tasks))
+    again = lcm(resource.period, *(task.period for task in tasks))
+    whole = 2 * again + 2 * resource.period + max(task.deadline for task in tasks)
+    beyond = sum(task.rate for task in tasks) - resource.rate
+    late = sum(task.rate * task.deadline for task in tasks) / beyond if beyond > 0 else 0
+    return max(whole, ceil(late) + max(task.deadline for task in tasks))
 
 
 POLICIES = [
@@ -119,7 +119,7 @@ def test_the_bounds_say_what_the_schedule_at_worst_does(meets: Meets, order: Ord
     for _ in range(examples(SETS)):
         tasks, resource = a_case(chance, longer=longer)
         if not longer:
-            tasks.sort(key=lambda one: one.deadline)
+            tasks.sort(key=lambda task: task.deadline)
         found = meets(tasks, resource)
         said[found] += 1
         late = misses(tasks, at_worst(resource), order, [0] * len(tasks), until(tasks, resource))
@@ -132,7 +132,7 @@ def test_what_holds_at_worst_holds_whenever_the_budget_comes(meets: Meets, order
     chance, held = random.Random("any supply"), 0
     for _ in range(examples(SETS)):
         tasks, resource = a_case(chance, longer=longer)
-        first = [chance.randrange(one.period) for one in tasks]
+        first = [chance.randrange(task.period) for task in tasks]
         if meets(tasks, resource):
             held += 1
             assert not misses(tasks, at_random(resource, chance), order, first, until(tasks, resource))

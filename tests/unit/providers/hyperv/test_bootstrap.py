@@ -45,7 +45,7 @@ def test_a_changed_bootstrap_does_not(old: bytes, new: bytes, code: str) -> None
 def test_what_travels_is_the_same_without_remarks_and_indentation() -> None:
     def words(text: str) -> list[tuple[TokenKind, str]]:
         skipped = (TokenKind.COMMENT, TokenKind.NEWLINE)
-        return [(one.kind, one.text) for one in tokens(text) if one.kind not in skipped]
+        return [(token.kind, token.text) for token in tokens(text) if token.kind not in skipped]
 
     assert words(command()) == words(render_bootstrap().decode("ascii"))
 

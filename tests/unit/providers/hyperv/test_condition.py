@@ -16,7 +16,7 @@ def test_every_recorded_host_has_a_condition(name: str) -> None:
 
 
 def machine(of: HostCondition, id_: str) -> MachineCondition:
-    (found,) = [one for one in of.machines if one.id == id_]
+    (found,) = [machine for machine in of.machines if machine.id == id_]
     return found
 
 

@@ -27,7 +27,12 @@ def test_the_facts_of_a_server() -> None:
 def test_strangers_and_ours() -> None:
     state = to_state(recorded("server-2022-with-strangers"), "cell")
 
-    assert [one.settings.name for one in state.partitions] == ["dc01", "historian", "old-panel", "seam-tracking"]
+    assert [partition.settings.name for partition in state.partitions] == [
+        "dc01",
+        "historian",
+        "old-panel",
+        "seam-tracking",
+    ]
     dc, historian, _, ours = state.partitions
     assert (dc.mark, dc.settings.start_action, dc.state) == (None, StartAction.START, RunState.RUNNING)
     assert dc.other_notes.startswith("Domain controller")
@@ -43,19 +48,22 @@ def test_strangers_and_ours() -> None:
 def test_names_that_two_machines_share_and_marks_that_were_copied() -> None:
     state = to_state(recorded("duplicates-of-a-name"), "onboard")
 
-    told = {one.id[:8]: (one.settings.name, one.mark is not None, one.foreign_mark) for one in state.partitions}
+    told = {
+        partition.id[:8]: (partition.settings.name, partition.mark is not None, partition.foreign_mark)
+        for partition in state.partitions
+    }
     assert told["aaaaaaaa"] == ("vision", True, "")
     assert told["bbbbbbbb"][1] is False
     assert "names another machine" in told["bbbbbbbb"][2]
     assert told["cccccccc"] == ("vision", False, "")
-    speech = [one for one in state.partitions if one.settings.name.startswith("speech")]
+    speech = [partition for partition in state.partitions if partition.settings.name.startswith("speech")]
     assert [one.foreign_mark for one in speech] == ["the mark of robot/speech stands on 2 machines"] * 2
 
 
 def test_every_state_is_off_running_paused_saved_critical_or_busy() -> None:
     state = to_state(recorded("machines-in-every-state"), "onboard")
 
-    told = {one.settings.name.removeprefix("in-"): one.state for one in state.partitions}
+    told = {partition.settings.name.removeprefix("in-"): partition.state for partition in state.partitions}
     assert told == {
         "off": RunState.OFF,
         "running": RunState.RUNNING,
@@ -67,7 +75,7 @@ def test_every_state_is_off_running_paused_saved_critical_or_busy() -> None:
     } | dict.fromkeys(
         ["starting", "stopping", "saving", "hibernated", "fastsaved", "componentservicing"], RunState.BUSY
     )
-    assert [one.settings.name for one in state.partitions if one.settings.running] == ["in-running"]
+    assert [partition.settings.name for partition in state.partitions if partition.settings.running] == ["in-running"]
     assert run_state("SomethingNewInServer2031") is RunState.BUSY
 
 
@@ -115,7 +123,7 @@ def test_without_proven_rights_no_machine_is_believed() -> None:
 
 
 def test_task_classes_have_types_and_records_that_count() -> None:
-    tasks = {one.name: one for one in tasks_of(recorded("server-2022-with-strangers"))}
+    tasks = {task.name: task for task in tasks_of(recorded("server-2022-with-strangers"))}
 
     assert tasks["Pro Audio"].values["Priority"] == RegistryValue(kind=ValueKind.DWORD, data=1)
     assert tasks["Games"].values["Latency Sensitive"] == RegistryValue(kind=ValueKind.EXPAND_SZ, data="False")

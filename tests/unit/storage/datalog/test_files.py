@@ -58,9 +58,9 @@ def test_a_torn_last_setting_is_dropped_and_gives_way(tmp_path: Path) -> None:
     mended = read_log(path)
 
     assert torn is not None
-    assert [one.reserve for one in torn.settings] == [10]
+    assert [setting.reserve for setting in torn.settings] == [10]
     assert mended is not None
-    assert [one.reserve for one in mended.settings] == [10, 30]
+    assert [setting.reserve for setting in mended.settings] == [10, 30]
 
 
 def test_a_damaged_earlier_setting_is_an_error_that_names_its_line(tmp_path: Path) -> None:
@@ -80,7 +80,7 @@ def test_the_line_ends_that_git_makes_do_no_harm(tmp_path: Path) -> None:
     log = read_log(path)
 
     assert log is not None
-    assert [one.reserve for one in log.settings] == [10, 20]
+    assert [setting.reserve for setting in log.settings] == [10, 20]
 
 
 def test_where_nothing_is_there_is_no_log(tmp_path: Path) -> None:

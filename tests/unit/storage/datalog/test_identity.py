@@ -210,7 +210,7 @@ def test_an_interpreter_and_a_build_only_warn() -> None:
     found = compare(was, now, replace(known(a_bench()), os_build=26200))
 
     assert found.changed == ()
-    assert [one.part for one in found.warns] == ["program python3", "build of the operating system"]
+    assert [warn.part for warn in found.warns] == ["program python3", "build of the operating system"]
 
 
 def test_interpreters_are_found_where_programs_are(files: Files) -> None:

@@ -144,14 +144,22 @@ def test_github_calls_a_note_a_notice_and_needs_no_place() -> None:
 
 
 @given(diagnostics)
-def test_hostile_text_breaks_no_form(one: Diagnostic) -> None:
-    assert json.loads(as_json([one]))["findings"][0]["code"] == one.code
-    assert json.loads(as_sarif([one], page=lambda _code: None))["runs"][0]["results"][0]["ruleId"] == one.code
-    assert ET.fromstring(as_junit([one])).get("tests") == "1"
-    commands = as_github([one])
+def test_hostile_text_breaks_no_form(diagnostic: Diagnostic) -> None:
+    assert json.loads(as_json([diagnostic]))["findings"][0]["code"] == diagnostic.code
+    assert (
+        json.loads(as_sarif([diagnostic], page=lambda _code: None))["runs"][0]["results"][0]["ruleId"]
+        == diagnostic.code
+    )
+    assert ET.fromstring(as_junit([diagnostic])).get("tests") == "1"
+    commands = as_github([diagnostic])
     assert commands.count("\n") == 1
     assert re.match(r"::(error|warning|notice) ", commands)
-    for text in (as_json([one]), as_sarif([one], page=lambda _code: None), as_junit([one]), commands):
+    for text in (
+        as_json([diagnostic]),
+        as_sarif([diagnostic], page=lambda _code: None),
+        as_junit([diagnostic]),
+        commands,
+    ):
         assert text.encode("utf-8")
 
 

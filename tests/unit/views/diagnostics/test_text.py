@@ -154,7 +154,7 @@ def test_wrapping_loses_no_word_and_only_single_words_stick_out(text: str, width
 def test_the_last_line_counts(diagnostics: list[Finding], accepted: int, expected: str) -> None:
     silenced = [RESTART.at(None, "", "")] * accepted
 
-    assert summary([one.at(None, "", "") for one in diagnostics], silenced) == expected
+    assert summary([diagnostic.at(None, "", "") for diagnostic in diagnostics], silenced) == expected
 
 
 diagnostics = st.builds(
@@ -187,7 +187,7 @@ def test_colour_never_changes_the_text_and_every_text_can_be_written(some: list[
 
 
 @given(diagnostics, st.text(st.characters(), max_size=300))
-def test_no_source_line_takes_more_than_eighty_columns(one: Diagnostic, source: str) -> None:
-    text = as_text([one], {"robot.yaml": source})
+def test_no_source_line_takes_more_than_eighty_columns(diagnostic: Diagnostic, source: str) -> None:
+    text = as_text([diagnostic], {"robot.yaml": source})
 
     assert all(columns(line) <= 80 for line in text.splitlines() if " | " in line[:8] and "^" in line)

@@ -47,7 +47,7 @@ def test_members_of_a_partition_are_shown_with_what_their_partition_gets() -> No
 
     rows = summary_of(report_of(system, [logged]))
 
-    assert [(one.component, one.reserve) for one in rows] == [("quick", "60 %"), ("slow", "60 %")]
+    assert [(row.component, row.reserve) for row in rows] == [("quick", "60 %"), ("slow", "60 %")]
 
 
 def test_the_total_is_of_measured_and_fixed_components_in_processors() -> None:
@@ -85,7 +85,7 @@ def test_nothing_rests_on_a_stale_log_and_it_says_what_changed() -> None:
 
     report = report_of(system, [stale])
 
-    assert [(one.rests, one.stale) for one in report.measurements] == [(False, stale.stale)]
+    assert [(measurement.rests, measurement.stale) for measurement in report.measurements] == [(False, stale.stale)]
     assert report.unmeasured == (("vision",),)
 
 
@@ -99,7 +99,10 @@ def test_a_log_of_another_load_is_there_to_compare() -> None:
         system, [Logged(path="browsers.jsonl", log=replace(logged.log, header=other), asked=False), logged]
     )
 
-    assert [(one.interference, one.rests) for one in report.measurements] == [("busy-loop", True), ("browsers", False)]
+    assert [(measurement.interference, measurement.rests) for measurement in report.measurements] == [
+        ("busy-loop", True),
+        ("browsers", False),
+    ]
 
 
 def test_a_reserve_that_the_manifest_fixes_counts_and_its_log_does_not() -> None:
@@ -107,7 +110,7 @@ def test_a_reserve_that_the_manifest_fixes_counts_and_its_log_does_not() -> None
 
     report = report_of(system, the_logs(system))
 
-    shown = next(one for one in report.measurements if one.name == "face-detection")
+    shown = next(measurement for measurement in report.measurements if measurement.name == "face-detection")
     assert (shown.rests, shown.fixed) == (False, ("face-detection",))
     assert [part.name for part in report.capacities[0].fixed] == ["face-detection", "video-streaming"]
 
@@ -124,12 +127,14 @@ def test_of_a_partition_that_was_measured_as_one_the_members_own_logs_do_not_cou
         system, [a_log_of(both[0], face_detection), a_log_of(both[1], path_planning), Logged(path="both", log=together)]
     )
 
-    assert {one.name: one.rests for one in report.measurements} == {
+    assert {measurement.name: measurement.rests for measurement in report.measurements} == {
         "planning+vision": True,
         "vision": False,
         "planning": False,
     }
-    assert [one.least.reserve for one in report.measurements if one.rests and one.least] == [50]
+    assert [
+        measurement.least.reserve for measurement in report.measurements if measurement.rests and measurement.least
+    ] == [50]
 
 
 def test_a_log_of_a_component_that_is_gone_is_left_out() -> None:

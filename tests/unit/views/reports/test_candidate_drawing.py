@@ -25,12 +25,12 @@ def all_of(names: tuple[str, ...]) -> list[Node]:
     return [node(*members) for size in range(1, len(names) + 1) for members in combinations(names, size)]
 
 
-def overlap(one: Box, other: Box) -> bool:
+def overlap(box: Box, other: Box) -> bool:
     return (
-        one.x < other.x + other.width
-        and other.x < one.x + one.width
-        and one.y < other.y + other.height
-        and other.y < one.y + one.height
+        box.x < other.x + other.width
+        and other.x < box.x + box.width
+        and box.y < other.y + other.height
+        and other.y < box.y + box.height
     )
 
 
@@ -39,8 +39,8 @@ def test_no_two_boxes_overlap_and_all_lie_within_the_drawing() -> None:
 
     assert len(drawing.boxes) == 15
     assert not any(overlap(one, other) for one, other in combinations(drawing.boxes, 2))
-    assert max(one.x + one.width for one in drawing.boxes) <= drawing.width
-    assert max(one.y + one.height for one in drawing.boxes) <= drawing.height
+    assert max(box.x + box.width for box in drawing.boxes) <= drawing.width
+    assert max(box.y + box.height for box in drawing.boxes) <= drawing.height
     assert all(line.y < box.y + box.height for box in drawing.boxes for line in box.lines)
 
 
@@ -78,7 +78,7 @@ def test_of_too_many_the_measured_ones_stay_with_all_they_consist_of() -> None:
     nodes = all_of(names)
     known = node("c08", "c09", measured=True)
 
-    shown = few_enough([known if one.name == known.name else one for one in nodes])
+    shown = few_enough([known if node.name == known.name else node for node in nodes])
 
     assert len(shown) <= MOST_NODES
     assert known in shown

@@ -90,9 +90,10 @@ def test_every_row_is_the_curves_own_safe_value_to_the_last_bit() -> None:
 def test_text_of_a_manifest_never_becomes_markup_or_code() -> None:
     nasty = "</script><script>alert(1)</script><img src=x onerror=alert(1)> & \u2028 {{ 7 * 7 }}"
     measurements = tuple(
-        replace(one, platform=nasty, path=nasty, stale=(nasty,), facts=((nasty, nasty),)) for one in REPORT.measurements
+        replace(measurement, platform=nasty, path=nasty, stale=(nasty,), facts=((nasty, nasty),))
+        for measurement in REPORT.measurements
     )
-    capacities = tuple(replace(one, platform=nasty, hosts=(nasty,)) for one in REPORT.capacities)
+    capacities = tuple(replace(capacity, platform=nasty, hosts=(nasty,)) for capacity in REPORT.capacities)
 
     page = as_html(
         replace(REPORT, application=nasty, description=nasty, measurements=measurements, capacities=capacities)

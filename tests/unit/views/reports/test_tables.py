@@ -19,7 +19,12 @@ from tests.measured_robot import a_robot, the_logs
 SYSTEM = a_robot()
 REPORT = report_of(SYSTEM, the_logs(SYSTEM))
 
-SMALL = replace(REPORT, measurements=tuple(replace(one, settings=one.settings[:1]) for one in REPORT.measurements[:1]))
+SMALL = replace(
+    REPORT,
+    measurements=tuple(
+        replace(measurement, settings=measurement.settings[:1]) for measurement in REPORT.measurements[:1]
+    ),
+)
 
 
 def read(text: str) -> list[list[str]]:
@@ -42,7 +47,7 @@ def test_csv_has_a_row_a_setting_and_index_with_six_digits_that_count() -> None:
 
     assert tuple(header) == SETTINGS
     assert len(rows) == 10 + 2 * 7 + 3
-    points = [point for one in REPORT.measurements for index in one.indexes for point in index.points]
+    points = [point for measurement in REPORT.measurements for index in measurement.indexes for point in index.points]
     for column, values in (
         ("value", [point.value for point in points]),
         ("interval from", [point.low for point in points]),
@@ -106,7 +111,7 @@ def test_the_same_report_gives_the_same_bytes() -> None:
 
 
 def test_names_of_sheets_are_short_and_differ() -> None:
-    long = [replace(one, components=("x" * 60,)) for one in REPORT.measurements]
+    long = [replace(measurement, components=("x" * 60,)) for measurement in REPORT.measurements]
 
     names = openpyxl.load_workbook(BytesIO(workbook(replace(REPORT, measurements=tuple(long))))).sheetnames
 

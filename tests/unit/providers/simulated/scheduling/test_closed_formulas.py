@@ -20,7 +20,7 @@ def spent(machine: Machine, until_ms: float) -> list[Piece]:
 
 
 def supply(pieces: list[Piece], vp: str, begin: float, end: float) -> float:
-    return sum(max(0.0, min(one.ended, end) - max(one.began, begin)) for one in pieces if one.ran == vp)
+    return sum(max(0.0, min(piece.ended, end) - max(piece.began, begin)) for piece in pieces if piece.ran == vp)
 
 
 def supply_bound(time: float, period: float, budget: float) -> float:
@@ -59,7 +59,7 @@ def test_a_reserve_supplies_what_a_periodic_resource_does(reserve: int) -> None:
     rest = VirtualMachine(name="rest", vps=1, reserve=100 - reserve, loads=LOOP)
     pieces = spent(Machine(lps=1, machines=(steady, rest)), 900.0)
 
-    for begin in (one.ended for one in pieces if one.ran == "steady.0"):
+    for begin in (piece.ended for piece in pieces if piece.ran == "steady.0"):
         for time in range(20, 500, 35):
             if begin + time <= 900:
                 least = supply_bound(time, 100, reserve)
