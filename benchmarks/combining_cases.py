@@ -34,12 +34,12 @@ class Instance:
     @property
     def order(self) -> tuple[Coi, ...]:
         """The most critical first."""
-        return tuple(sorted(self.cois, key=lambda one: -one.criticality))
+        return tuple(sorted(self.cois, key=lambda coi: -coi.criticality))
 
     @property
     def breaks(self) -> bool:
         """Whether a compound needs less than a part of it, so that the assumption of the proof is wrong."""
-        known = {**{one.members: one.reserve for one in self.cois}, **self.needs}
+        known = {**{coi.members: coi.reserve for coi in self.cois}, **self.needs}
         return any(
             least < at_least(known[part] * self.processors, self.processors)
             for names, least in self.needs.items()
@@ -55,7 +55,7 @@ class Instance:
             capacity=self.capacity,
             fits=lambda layout: total(layout) <= self.capacity,
             minimise=minimise,
-            criticalities={one.name: one.criticality for one in self.cois},
+            criticalities={coi.name: coi.criticality for coi in self.cois},
         )
 
 
@@ -123,7 +123,7 @@ class Value:
 def best_value(case: Instance, needs: Mapping[Members, int], minimise: Minimise) -> Value | None:
     """The value of the best layout if compounds need so much, by looking at all of them; None: none fits."""
     order = case.order
-    number = {one.name: at for at, one in enumerate(order)}
+    number = {coi.name: at for at, coi in enumerate(order)}
     gains: dict[int, list[tuple[int, int]]] = {}  # by the highest bit: compounds that save something
     for names, least in needs.items():
         saved = sum(order[number[name]].cost for name in names) - least * case.processors
@@ -145,13 +145,13 @@ def best_value(case: Instance, needs: Mapping[Members, int], minimise: Minimise)
         if reserved <= case.capacity:
             shared = tuple(order[at].criticality for at in range(len(order)) if left >> at & 1)
             values.append(Value(shared=shared, total=reserved))
-    return min(values, key=lambda one: one.key(minimise), default=None)
+    return min(values, key=lambda value: value.key(minimise), default=None)
 
 
 def value_of(case: Instance, cois: Sequence[Coi]) -> Value:
     """The same of a layout that was found."""
-    by_name = {one.name: one.criticality for one in case.cois}
+    by_name = {coi.name: coi.criticality for coi in case.cois}
     shared = tuple(
-        sorted((by_name[name] for one in cois if len(one.members) > 1 for name in one.members), reverse=True)
+        sorted((by_name[name] for coi in cois if len(coi.members) > 1 for name in coi.members), reverse=True)
     )
     return Value(shared=shared, total=total(cois))

@@ -118,7 +118,7 @@ def run(case: Instance, way: Way) -> Result:
     best = best_value(case, needs, way.minimise)
     truly = best if oracle is None else best_value(case, case.needs, way.minimise)
     reached = value_of(case, found.cois) if isinstance(found, Best) else None
-    compounds = [one for one in found.cois if len(one.members) > 1] if isinstance(found, Best) else []
+    compounds = [coi for coi in found.cois if len(coi.members) > 1] if isinstance(found, Best) else []
     possible = [names for names, one in _candidates(tuning).items()]
     return Result(
         components=len(case.cois),
@@ -139,7 +139,7 @@ def run(case: Instance, way: Way) -> Result:
 
 
 def _candidates(tuning: Tuning) -> Mapping[Members, object]:
-    return {one.coi.members: one for one in tuning.candidates.by_mask.values()}
+    return {candidate.coi.members: candidate for candidate in tuning.candidates.by_mask.values()}
 
 
 def _walked(case: Instance, names: Members, oracle: Repeating | None) -> int:
@@ -164,7 +164,7 @@ def _misses(tuning: Tuning, trail: Sequence[Asked], case: Instance) -> list[Miss
     """Compounds as they would be predicted had they not been asked about, but all others."""
     known, predictor = informed(tuning.candidates, trail), tuning.predictor
     less = needs_less(known)
-    outlooks = {mask: outlook_of(one, predictor, less) for mask, one in known.by_mask.items()}
+    outlooks = {mask: outlook_of(candidate, predictor, less) for mask, candidate in known.by_mask.items()}
     seen = {mask: one for mask, one in outlooks.items() if known.by_mask[mask].was_asked}
     most = {mask: int(one.together) for mask, one in outlooks.items()}  # beyond it is no gain, however far
     some = random.Random(f"misses/{case.seed}").sample(sorted(outlooks), min(TRIED, len(outlooks)))
@@ -201,12 +201,12 @@ def greedy(case: Instance) -> Greedy:
     cois: tuple[Coi, ...] = case.cois
     asked = 0
     while total(cois) > case.capacity:
-        free = tuple(one for one in cois if len(one.members) == 1)
+        free = tuple(coi for coi in cois if len(coi.members) == 1)
         rest = total(cois) - total(free)
         done = tune_performance_to_use_less_resource(free, max(0, case.capacity - rest), Asking(oracle=case))
         asked += len(done.trail)
         if not done.combinations:
             return Greedy(asked=asked, ends="fails")
-        cois = (*done.cois, *(one for one in cois if len(one.members) > 1))
+        cois = (*done.cois, *(coi for coi in cois if len(coi.members) > 1))
     best = best_value(case, case.needs, Minimise.COMBINING)
     return Greedy(asked=asked, ends="optimal" if value_of(case, cois) == best else "fits")

@@ -124,7 +124,7 @@ def empty(host: Host) -> State:
 
 def applied(wanted_system: System) -> dict[str, State]:
     """The hosts as they are when all of it was applied."""
-    nothing = {name: empty(one) for name, one in wanted_system.hosts.items()}
+    nothing = {name: empty(host) for name, host in wanted_system.hosts.items()}
     wishes = wanted(wanted_system, nothing, NoPlaces(), Disruption.HOST_RESTART)
     return {name: with_ids(wish.desired) for name, wish in wishes.hosts.items()}
 

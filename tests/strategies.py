@@ -97,7 +97,7 @@ def wishes(draw: st.DrawFn, names: tuple[str, ...]) -> list[PartitionWish]:
         found.append(a_partition(names[0], components=names[:2]))
     if draw(st.booleans()):
         found.append(a_partition(names[-1], start=StartMode.MANUAL) if not found or len(names) > 2 else found[0])
-    return list({one.name: one for one in found}.values())
+    return list({request.name: request for request in found}.values())
 
 
 @dataclass(frozen=True, slots=True)

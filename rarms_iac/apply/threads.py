@@ -31,13 +31,15 @@ def threads_of(decided: Decided, system: System, members: Mapping[str, tuple[str
         )
         for (inside, name), values in decided.items()
     ]
-    return tuple(sorted(made, key=lambda one: (one.inside, -one.thread_priority, one.task)))
+    return tuple(
+        sorted(made, key=lambda thread_class: (thread_class.inside, -thread_class.thread_priority, thread_class.task))
+    )
 
 
 def _users(system: System, members: tuple[str, ...], task: str) -> Iterator[str]:
     users = [system.components[name] for name in members]
     named = [user for user in users if user.task is not None and user.task.lower() == task.lower()]
-    yield from (one.name for one in most_critical_first(named))
+    yield from (component.name for component in most_critical_first(named))
 
 
 def above(threads: tuple[ThreadClass, ...], observed: State, application: str) -> Iterator[tuple[str, TaskClass, int]]:

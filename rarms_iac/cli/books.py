@@ -63,7 +63,7 @@ def book_of(recorded: Kept, seed: int | None, running: Sequence[Partition]) -> B
         seed: only its settings count; None: all.
         running: what runs on the host beside P1 and P2.
     """
-    beside = tuple(called(one) for one in running)
+    beside = tuple(called(partition) for partition in running)
     return Book(
         path=recorded.path,
         header=recorded.header,

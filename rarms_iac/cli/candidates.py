@@ -58,10 +58,10 @@ def nodes_to_draw(measured: Measurements, opened: Opened, few: Callable[[Sequenc
     """
     known, guide = _known(measured, opened)
     everything = nodes_of(known, {})
-    chosen = {one.name for one in few(everything)}
-    masks = [mask for mask, one in known.by_mask.items() if named(one.coi.members) in chosen]
+    chosen = {node.name for node in few(everything)}
+    masks = [mask for mask, candidate in known.by_mask.items() if named(candidate.coi.members) in chosen]
     told = nodes_of(known, _predicted(guide, masks))
-    return Nodes(nodes=tuple(one for one in told if one.name in chosen), left_out=len(everything) - len(chosen))
+    return Nodes(nodes=tuple(node for node in told if node.name in chosen), left_out=len(everything) - len(chosen))
 
 
 def _predicted(guide: Guide, masks: Iterable[Mask]) -> Mapping[Mask, int]:
@@ -78,7 +78,9 @@ def _known(measured: Measurements, opened: Opened) -> tuple[Candidates, Guide]:
     host = next((one for one in by_name(system.hosts) if all(one.name in problem.claims[g.name] for g in groups)), None)
     if host is None:
         found = plan_layout(system, reservations, {}, opened.loaded.places).findings
-        raise Halted(ExitCode.NO, [one for one in found if has_errors([one])], opened.loaded.sources)
+        raise Halted(
+            ExitCode.NO, [diagnostic for diagnostic in found if has_errors([diagnostic])], opened.loaded.sources
+        )
     cois = [coi_as_measured(group, problem.claims[group.name][host.name], reservations, host) for group in groups]
     candidates = candidates_of(cois, lambda names: _may_share(groups, names), most=WHOLE)
     known = informed(candidates, recorded_answers(measured, host, candidates, {}))
@@ -93,7 +95,7 @@ def recorded_answers(
     measured: Measurements, host: Host, candidates: Candidates, states: Mapping[str, State]
 ) -> tuple[Asked, ...]:
     """What the data logs of compounds say that hold on this host, by the rule of a plan; `states`: as seen."""
-    compounds = [one.coi.members for one in candidates.by_mask.values()]
+    compounds = [candidate.coi.members for candidate in candidates.by_mask.values()]
     return tuple(asked for names in compounds for asked in _answers(measured, host, names, states))
 
 
@@ -114,5 +116,5 @@ def _answers(measured: Measurements, host: Host, names: Members, states: Mapping
 
 def _together(system: System, names: Members) -> System:
     """The manifest with these in one partition."""
-    others = {name: one for name, one in system.partitions.items() if not set(one.components) & set(names)}
+    others = {name: request for name, request in system.partitions.items() if not set(request.components) & set(names)}
     return replace(system, partitions={**others, names[0]: PartitionWish(name=names[0], components=names)})

@@ -169,8 +169,8 @@ def _cpu_ms_in(log: DataLog) -> Callable[[str], float | None]:
 
     @cache
     def of(component: str) -> float | None:
-        told = [one for setting in log.settings for one in setting.series if one.component == component]
-        used = [(one.cpu_ms, len(one.samples)) for one in told if one.cpu_ms is not None and one.samples]
+        told = [series for setting in log.settings for series in setting.series if series.component == component]
+        used = [(series.cpu_ms, len(series.samples)) for series in told if series.cpu_ms is not None and series.samples]
         return sum(cpu for cpu, _ in used) / sum(jobs for _, jobs in used) if used else None
 
     return of

@@ -243,7 +243,7 @@ def _apart(asked: _Asked, found: _Found) -> str:
     group, measured = asked.group, asked.measured
     if group.name not in measured.system.partitions or len(group.members) == 1:
         return ""
-    partitions = {name: one for name, one in measured.system.partitions.items() if name != group.name}
+    partitions = {name: request for name, request in measured.system.partitions.items() if name != group.name}
     alone = replace(measured, system=replace(measured.system, partitions=partitions))
     reservations = measured_reservations(alone, asked.states)
     names = set(names_of(group.members))
@@ -255,8 +255,8 @@ def _apart(asked: _Asked, found: _Found) -> str:
         return ""
     places = asked.hosts.opened.loaded.places
     fits = isinstance(plan_layout(alone.system, reservations, asked.views, places).answer, Layout)
-    parts = " and ".join(f"{one.name} {show_processors(one.reserved)}" for one in told)
-    total = show_processors(sum((one.reserved for one in told), Fraction(0)))
+    parts = " and ".join(f"{partition.name} {show_processors(partition.reserved)}" for partition in told)
+    total = show_processors(sum((partition.reserved for partition in told), Fraction(0)))
     return (
         f"apart: {parts}, {total} instead of {show_processors(found.placed.reserved)}; "
         f"{'that fits too' if fits else 'that does not fit'}"

@@ -47,7 +47,9 @@ def _task_values(task: str | None, classes: Iterable[ClassValues]) -> tuple[str,
     """What the class is to have in the registry, in words; every member of the partition counts for it."""
     mine = (task_class for task_class in classes if task is not None and task_class.name.lower() == task.lower())
     return tuple(
-        f"{name} = {value.data} ({value.kind.value})" for one in mine for name, value in registry_values(one).items()
+        f"{name} = {value.data} ({value.kind.value})"
+        for class_values in mine
+        for name, value in registry_values(class_values).items()
     )
 
 

@@ -198,7 +198,7 @@ def _refuse(hosts: Hosts, experiment: Experiment, options: MeasureOptions, seen:
     _refuse_what_has_no_demand(hosts, experiment)
     host = experiment.host.name
     if seen.running and not options.on_busy_host:
-        names = ", ".join(called(one) for one in seen.running)
+        names = ", ".join(called(partition) for partition in seen.running)
         says = f"On {host} these run, and would change what is measured: {names}."
         advice = (
             "Stop them: of the application's own, `rarms undo` takes the last apply back, and `rarms destroy` all of "
@@ -224,7 +224,9 @@ def _going_on(hosts: Hosts, running: Sequence[Partition]) -> Iterator[Inside]:
     What machines of others do, nobody can say: a simulated host has them idle.
     """
     application = hosts.system.application.name
-    names = {one.mark.name for one in running if one.mark and one.mark.application == application}
+    names = {
+        partition.mark.name for partition in running if partition.mark and partition.mark.application == application
+    }
     for group in groups_of(hosts.system):
         if group.name in names:
             members = tuple(
@@ -241,7 +243,7 @@ def _told_stale(recorded: Kept) -> str:
 
 
 def _busy_warning(experiment: Experiment, running: Sequence[Partition]) -> Diagnostic:
-    names = ", ".join(called(one) for one in running)
+    names = ", ".join(called(partition) for partition in running)
     return findings.MEASURED_BUSY.at(
         None,
         f"{experiment.name} was measured while these ran on {experiment.host.name}: {names}. Its log says so.",

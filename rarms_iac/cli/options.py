@@ -164,7 +164,7 @@ def change_options(function: F) -> F:
         target_option,
         click.option(
             "--max-disruption",
-            type=click.Choice([one.value for one in Disruption]),
+            type=click.Choice([disruption.value for disruption in Disruption]),
             help="Hold back what disturbs more. [default: as the policy of the manifest says]",
         ),
     )
@@ -277,7 +277,7 @@ def _snapshots(
     _context: click.Context, _parameter: click.Parameter, value: tuple[str, ...]
 ) -> tuple[SnapshotOption, ...]:
     found = tuple(_snapshot(one) for one in value)
-    named = [f"{one.host}{one.guest and '.guest.'}{one.guest}" for one in found if one.host]
+    named = [f"{option.host}{option.guest and '.guest.'}{option.guest}" for option in found if option.host]
     for name in named:
         if named.count(name) > 1:
             raise click.BadParameter(f"{name} has more than one.")

@@ -33,7 +33,7 @@ def passes_for(
     known = [kept(hosts, one, benches[one.host.name]) for one in experiments]
     asked = asked_for(options)
     unfinished = [last for one in known if (last := _last(one, asked)) is not None and not last.ended]
-    begun = max((one.begun for one in unfinished), default=None)
+    begun = max((measuring_pass.begun for measuring_pass in unfinished), default=None)
     found = {one.path: _of_that_command(one, asked, begun) for one in known}
     for experiment, one in zip(experiments, known, strict=True):
         if found[one.path] is None:

@@ -105,10 +105,10 @@ def _chosen(system: System, opened: Opened, wish: RunWish) -> list[tuple[Compone
         component.name for component in system.components.values() if component.run
     )
     found = [(system.components[name], system.components[name].run) for name in names]
-    lacking = [one.name for one, run in found if run is None] or ([] if found else list(system.components))
+    lacking = [component.name for component, run in found if run is None] or ([] if found else list(system.components))
     if lacking or not found:
         raise Halted(ExitCode.NO, [_nothing_to_run(opened, name) for name in lacking], opened.loaded.sources)
-    return [(one, _until(run, wish)) for one, run in found if run is not None]
+    return [(component, _until(run, wish)) for component, run in found if run is not None]
 
 
 def _until(run: Run, wish: RunWish) -> Run:

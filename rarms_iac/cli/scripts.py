@@ -67,8 +67,8 @@ def plan_scripts(plan: Plan) -> tuple[PlanScript, ...]:
     Raises:
         Halted: one of them does not pass the inspection; it is not shown.
     """
-    found = [one for part in plan.hosts for one in _of_host(part, _texts(part, plan))]
-    wrong = [problem for one in found for problem in inspect(one.text.encode("ascii"), one.kind, one.name)]
+    found = [script for part in plan.hosts for script in _of_host(part, _texts(part, plan))]
+    wrong = [problem for script in found for problem in inspect(script.text.encode("ascii"), script.kind, script.name)]
     if wrong:
         raise Halted(ExitCode.FAILED, wrong)
     return tuple(found)
@@ -85,11 +85,11 @@ def chosen(scripts: Sequence[PlanScript], choice: Choice, plan: Plan) -> tuple[P
         if host not in names:
             raise _usage(f"The plan has no host {host!r}.{suggestion(host, names)} It has: {', '.join(names)}.")
     here = [script for script in scripts if script.host in (choice.hosts or names)]
-    guests = sorted({one.guest for one in here if one.guest})
+    guests = sorted({script.guest for script in here if script.guest})
     if choice.guest and choice.guest not in guests:
         told = f"It has: {', '.join(guests)}." if guests else "It has none."
         raise _usage(f"The plan has no script for a guest {choice.guest!r}.{suggestion(choice.guest, guests)} {told}")
-    return tuple(one for one in here if one.guest == choice.guest and one.undo is choice.undo)
+    return tuple(script for script in here if script.guest == choice.guest and script.undo is choice.undo)
 
 
 def write_scripts(scripts: Sequence[PlanScript], folder: str) -> tuple[str, ...]:

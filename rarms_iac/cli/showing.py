@@ -54,8 +54,8 @@ def show_scripts(session: Session, plan: Plan, options: ScriptOptions) -> ExitCo
     elif options.raw:
         _raw(session, found)
     else:
-        for one in found:
-            session.terminal.data(_headed(one.name, one.text, session, whole=options.whole))
+        for script in found:
+            session.terminal.data(_headed(script.name, script.text, session, whole=options.whole))
     _tell_others(session, everything, found)
     return ExitCode.DONE
 
@@ -111,9 +111,9 @@ def _with_undo(
 ) -> tuple[PlanScript, ...]:
     """What is written out: without a choice all, and beside every script the one that takes it back."""
     if not options.guest and not options.undo:
-        return tuple(one for one in everything if not options.hosts or one.host in options.hosts)
-    pairs = {(one.host, one.guest) for one in found}
-    return tuple(one for one in everything if (one.host, one.guest) in pairs)
+        return tuple(script for script in everything if not options.hosts or script.host in options.hosts)
+    pairs = {(script.host, script.guest) for script in found}
+    return tuple(script for script in everything if (script.host, script.guest) in pairs)
 
 
 def _write(session: Session, found: tuple[PlanScript, ...], options: ScriptOptions) -> ExitCode:
@@ -126,7 +126,7 @@ def _write(session: Session, found: tuple[PlanScript, ...], options: ScriptOptio
 
 
 def _tell_others(session: Session, everything: tuple[PlanScript, ...], found: tuple[PlanScript, ...]) -> None:
-    guests = sorted({one.guest for one in everything if one.guest} - {one.guest for one in found})
+    guests = sorted({script.guest for script in everything if script.guest} - {script.guest for script in found})
     if not found:
         session.terminal.talk("The plan changes nothing on the hosts themselves.")
     if guests:
@@ -134,5 +134,9 @@ def _tell_others(session: Session, everything: tuple[PlanScript, ...], found: tu
 
 
 def _one_only(option: str, found: tuple[PlanScript, ...]) -> click.UsageError:
-    told = f"those of {', '.join(one.host for one in found)} are meant" if found else "the plan has none of that kind"
+    told = (
+        f"those of {', '.join(script.host for script in found)} are meant"
+        if found
+        else "the plan has none of that kind"
+    )
     return click.UsageError(f"{option} takes one script, and {told}: choose with --host.", click.get_current_context())

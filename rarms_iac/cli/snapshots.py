@@ -47,7 +47,7 @@ class Snapshots:
     @property
     def findings(self) -> tuple[Diagnostic, ...]:
         """What the looks show to be odd, host by host."""
-        return tuple(finding for _, one in sorted(self.hosts.items()) for finding in one.findings)
+        return tuple(finding for _, snapshot in sorted(self.hosts.items()) for finding in snapshot.findings)
 
 
 def read_snapshots(options: Sequence[SnapshotOption], hosts: Sequence[str], chosen: Sequence[str]) -> Snapshots:

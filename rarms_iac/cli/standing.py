@@ -25,7 +25,7 @@ SAYS = {
 
 def standings_of(system: System, opened: Opened, source: ManifestOptions) -> tuple[Standing, ...]:
     """One a simulated host, by name. NOTE: a report needs no host, and waits for none: others are not asked."""
-    names = tuple(sorted(name for name, one in system.hosts.items() if one.provider is ProviderKind.SIMULATED))
+    names = tuple(sorted(name for name, host in system.hosts.items() if host.provider is ProviderKind.SIMULATED))
     if not names:
         return ()
     try:
@@ -43,7 +43,7 @@ def _looked(hosts: Hosts) -> Iterator[Standing]:
     if has_errors(problems):
         yield from (Standing(host=name, is_planned=False) for name in hosts.chosen)
         return
-    for one in found:
-        if one.host in hosts.chosen:
-            differs = ((str(each.address), SAYS[each.kind]) for each in one.drifted if each.kind in SAYS)
-            yield Standing(host=one.host, differs=tuple(differs))
+    for drift in found:
+        if drift.host in hosts.chosen:
+            differs = ((str(each.address), SAYS[each.kind]) for each in drift.drifted if each.kind in SAYS)
+            yield Standing(host=drift.host, differs=tuple(differs))

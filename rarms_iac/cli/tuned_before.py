@@ -45,10 +45,10 @@ class TunedBefore:
         """
         seen: dict[Names, dict[int, tuple[str, ...]]] = {}
         for run in self.runs:
-            for one in run.trail:
-                names = tuple(sorted(one.components))
+            for setting in run.trail:
+                names = tuple(sorted(setting.components))
                 if set(names) & set(members) and names != members:
-                    seen.setdefault(names, {})[one.reserve] = one.worse
+                    seen.setdefault(names, {})[setting.reserve] = setting.worse
         for names, settings in seen.items():
             yield f"{'+'.join(names)}, as `rarms tune` measured it: {'; '.join(_settings(settings))}"
 

@@ -77,13 +77,13 @@ class Subject:
             capacity=self.capacity,
             fits=room.fits,
             minimise=self.system.policy.minimise,
-            criticalities={name: self.system.components[name].criticality for one in self.cois for name in one.members},
+            criticalities={name: self.system.components[name].criticality for coi in self.cois for name in coi.members},
         )
 
     def placed(self, layout: Sequence[Coi]) -> Found:
         """These beside what is not tuned, on the hosts."""
-        tuned = {one.name for one in self.cois}
-        others = [one for one in self.problem.items if one.name not in tuned]
+        tuned = {coi.name for coi in self.cois}
+        others = [item for item in self.problem.items if item.name not in tuned]
         return place([*others, *map(self._item, layout)], self.problem.bins)
 
     def _item(self, coi: Coi) -> Item:
@@ -140,14 +140,16 @@ def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) ->
     problem = problem_of(system, reservations, views, may_move=False)
     if any(not problem.claims[group.name] for group in problem.groups) or problem.contradictions:
         found = plan_layout(system, reservations, views, places).findings
-        raise Halted(ExitCode.NO, [one for one in found if has_errors([one])], hosts.opened.loaded.sources)
+        raise Halted(
+            ExitCode.NO, [diagnostic for diagnostic in found if has_errors([diagnostic])], hosts.opened.loaded.sources
+        )
     groups = [group for group in problem.groups if _can_be_tuned(group, problem, bench)]
     cois = tuple(
         coi_as_measured(group, problem.claims[group.name][bench.name], reservations, bench) for group in groups
     )
-    tuned = {one.name for one in cois}
+    tuned = {coi.name for coi in cois}
     chosen = [host_bin for host_bin in problem.bins if host_bin.name in hosts.chosen]
-    others = sum(min(map(cost, one.claims.values())) for one in problem.items if one.name not in tuned)
+    others = sum(min(map(cost, item.claims.values())) for item in problem.items if item.name not in tuned)
     capacity = sum(free_in(one).percent for one in chosen) - others
     return Subject(
         hosts=hosts,

@@ -49,7 +49,7 @@ class End:
     @property
     def compounds(self) -> tuple[Coi, ...]:
         """Those that are new."""
-        return tuple(one for one in self.cois if one not in self.subject.cois)
+        return tuple(coi for coi in self.cois if coi not in self.subject.cois)
 
     @staticmethod
     def of(subject: Subject, asking: Asking, strategy: str, *, repeat: bool, probability: float | None = None) -> "End":
@@ -103,7 +103,7 @@ def _by_the_paper(before: End, asking: Asking, *, repeat: bool) -> End:
 
 def _by_the_graph(before: End, asking: Asking, probability: float | None) -> End:
     subject = before.subject
-    most = min((subject.highest(one.members) for one in subject.cois), default=WHOLE)
+    most = min((subject.highest(coi.members) for coi in subject.cois), default=WHOLE)
     room = Room(subject=subject)
     tuning = replace(
         tuning_of(subject.cois, subject.objective(room), asking.may_share, most=most),
@@ -117,9 +117,9 @@ def _by_the_graph(before: End, asking: Asking, probability: float | None) -> End
         proved = found.proved and not room.unsure
         return replace(before, ending="unable", trail=trail, proved=proved, breaks=found.breaks)
     ending: Ending = "successful" if set(found.cois) != set(subject.cois) else "nothing_to_do"
-    for one in found.cois:
-        if one not in subject.cois:
-            asking.reporter.combined(one, total(_parts(subject, one)))
+    for coi in found.cois:
+        if coi not in subject.cois:
+            asking.reporter.combined(coi, total(_parts(subject, coi)))
     return replace(
         before,
         ending=ending,
@@ -204,15 +204,15 @@ def tuned_of(end: End, strategy: Literal["default", "paper"], system: System, wr
         contradictions=tuple(one.says for one in end.breaks),
         partitions=tuple(
             TunedPartition(
-                name=one.name,
+                name=coi.name,
                 components=tuple(
-                    each.name for each in most_critical_first(system.components[name] for name in one.members)
+                    each.name for each in most_critical_first(system.components[name] for name in coi.members)
                 ),
-                processors=one.processors,
-                reserve=one.reserve,
-                parts=total(_parts(end.subject, one)),
+                processors=coi.processors,
+                reserve=coi.reserve,
+                parts=total(_parts(end.subject, coi)),
             )
-            for one in end.cois
+            for coi in end.cois
         ),
         trail=end.trail,
         written=written,

@@ -33,7 +33,7 @@ def ours_of(
         _both_exist(name, moved[name], where(Address(partition=name))) for name in names.impossible if name in moved
     ]
     return Ours(
-        machines={names.new[name]: one for name, one in sorted(marked.items())},
+        machines={names.new[name]: partition for name, partition in sorted(marked.items())},
         new_names=names.new,
         findings=tuple(told),
     )

@@ -105,10 +105,10 @@ def partition_readings(partition: Partition) -> Readings:
 def disk_readings(disks: Iterable[Disk], path: str) -> Readings:
     """What is read at a disk's address; a file that grows out of it uses it as a machine does."""
     known = tuple(disks)
-    here = [one for one in known if same_path(one.path, path)]
+    here = [disk for disk in known if same_path(disk.path, path)]
     if not here:
         return NOTHING
-    used = any(one.machine for one in here) or any(same_path(one.parent, path) for one in known)
+    used = any(disk.machine for disk in here) or any(same_path(disk.parent, path) for disk in known)
     return {"exists": True, "parent": here[0].parent, "used": used}
 
 

@@ -17,26 +17,28 @@ FINDINGS = (EXPIRED, UNUSED, UNKNOWN, REFUSED)
 
 def check_acceptances(policy: Policy, places: Places, today: date) -> Iterator[Diagnostic]:
     """What is wrong with the acceptances themselves, whatever the run finds; `today` is a day in UTC."""
-    for one in policy.accept.values():
-        page = finding_page(one.code)
-        where = ("policy", "accept", one.code)
+    for acceptance in policy.accept.values():
+        page = finding_page(acceptance.code)
+        where = ("policy", "accept", acceptance.code)
         if page is None:
             yield UNKNOWN.at(
                 places.key(*where),
-                f"There is no finding {one.code}.{suggestion(one.code, known_codes())}",
+                f"There is no finding {acceptance.code}.{suggestion(acceptance.code, known_codes())}",
                 "Correct the id, or remove the acceptance; docs/diagnostics.md lists every finding.",
             )
         elif not may_be_accepted(page):
             yield REFUSED.at(
                 places.key(*where),
-                f"{one.code} has the severity {severity_line(page)}: only warnings can be accepted, and errors where "
+                f"{acceptance.code} has the severity {severity_line(page)}: only warnings can be accepted, "
+                "and errors where "
                 "their page says so.",
-                f"Remove the acceptance; `rarms explain {one.code}` says how to mend what it finds.",
+                f"Remove the acceptance; `rarms explain {acceptance.code}` says how to mend what it finds.",
             )
-        elif has_expired(one, today):
+        elif has_expired(acceptance, today):
             yield EXPIRED.at(
                 places.value(*where, "until"),
-                f"{one.code} was accepted until {one.until}, and today is {today} (UTC): it is shown again.",
+                f"{acceptance.code} was accepted until {acceptance.until}, and today is {today} (UTC): "
+                "it is shown again.",
                 "Mend what it finds, or look at the reason again and set a later day.",
             )
 
@@ -59,13 +61,13 @@ def apply_acceptances(
         looked_for: the codes that this run could have found. An acceptance of another code is not called unused: it
             may be meant for another command. None: every code.
     """
-    valid = {one.code: one for one in policy.accept.values() if silences(one, today)}
+    valid = {acceptance.code: acceptance for acceptance in policy.accept.values() if silences(acceptance, today)}
     accepted = tuple(diagnostic for diagnostic in diagnostics if _covers(valid.get(diagnostic.code), diagnostic))
     kept = [diagnostic for diagnostic in diagnostics if not _covers(valid.get(diagnostic.code), diagnostic)]
-    used = {(one.code, one.address) for one in accepted}
-    for one in valid.values():
-        if looked_for is None or one.code in looked_for:
-            kept += _unused(one, used, places)
+    used = {(diagnostic.code, diagnostic.address) for diagnostic in accepted}
+    for acceptance in valid.values():
+        if looked_for is None or acceptance.code in looked_for:
+            kept += _unused(acceptance, used, places)
     return in_order(kept), accepted
 
 

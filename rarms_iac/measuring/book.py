@@ -28,7 +28,7 @@ class Book:
         """
         log = None if self.anew else read_log(self.path)
         known = () if log is None else log.settings
-        return tuple(one for one in known if self.seed is None or one.seed == self.seed)
+        return tuple(setting for setting in known if self.seed is None or setting.seed == self.seed)
 
     def add(self, setting: Setting) -> None:
         """Record one, whole or not at all."""

@@ -39,7 +39,7 @@ class Shown:
 
 def shown(setting: Setting, experiment: Experiment) -> tuple[Shown, ...]:
     """Every index of every member's APT at this setting."""
-    by_name = {one.component: one for one in setting.series}
+    by_name = {series.component: series for series in setting.series}
     return shown_of(experiment.members, by_name)
 
 

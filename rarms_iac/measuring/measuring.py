@@ -118,7 +118,7 @@ def _made(experiment: Experiment, around: Surroundings, ends: ExitStack) -> _Ben
 def _classes(experiment: Experiment) -> Classes:
     """The task classes that the members name, as a plan would set them in a partition of just these."""
     decided = classes_of(experiment.members, experiment.tasks, P1, NoPlaces()).classes
-    return {one.name: registry_values(one) for one in decided}
+    return {class_values.name: registry_values(class_values) for class_values in decided}
 
 
 class NoPlaces:
@@ -155,7 +155,7 @@ def _looking(experiment: Experiment, around: Surroundings, asked: Measure) -> Ca
     def look(seen: Mapping[str, Series]) -> bool:
         around.reporter.looked(experiment, asked.reserve, seen)
         recorded = _setting(asked.reserve, 0, around.seed, seen)
-        return asked.settled({one.component: one for one in recorded.series})
+        return asked.settled({series.component: series for series in recorded.series})
 
     return look
 

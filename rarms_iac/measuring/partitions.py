@@ -113,7 +113,7 @@ def remove_test_partitions(host: StepwiseHost) -> tuple[str, ...]:
     found = [partition for partition in host.observe().partitions if is_test_partition(partition)]
     for one in found:
         _remove(host, one)
-    return tuple(sorted(called(one) for one in found))
+    return tuple(sorted(called(partition) for partition in found))
 
 
 def _make(host: StepwiseHost, shape: Shape, scope: Scope) -> None:

@@ -37,7 +37,7 @@ class AppliedLayout:
     def components(self) -> tuple[Component, ...]:
         """All of them, by name."""
         inside = [member for members in self.partitions.values() for member in members]
-        return tuple(sorted((*inside, *self.on_host), key=lambda one: one.name))
+        return tuple(sorted((*inside, *self.on_host), key=lambda component: component.name))
 
     @property
     def judged(self) -> tuple[Component, ...]:
@@ -123,7 +123,7 @@ def prove(
         work = Work(
             application=layout.application,
             inside=tuple(inside),
-            until={one.name: run_of(one).until for one in layout.judged},
+            until={component.name: run_of(component).until for component in layout.judged},
             seed=seed,
         )
         running: Running = ends.enter_context(host.run(work))

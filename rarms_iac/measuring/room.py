@@ -50,7 +50,7 @@ def in_the_way(state: State) -> tuple[Partition, ...]:
         for partition in state.partitions
         if not is_test_partition(partition) and partition.state not in _AT_REST
     ]
-    return tuple(sorted(running, key=lambda one: (called(one), one.id)))
+    return tuple(sorted(running, key=lambda partition: (called(partition), partition.id)))
 
 
 def called(partition: Partition) -> str:

@@ -54,7 +54,7 @@ class Searching:
         """What it would ask next, had it asked for those of the trials that it asks for, and for no others."""
         left, walked = list(trials), list[Trial]()
         while isinstance(step := self._within(walked), Measure):
-            known = next((one for one in left if one.reserve == step.reserve), None)
+            known = next((trial for trial in left if trial.reserve == step.reserve), None)
             if known is None:
                 break
             left.remove(known)

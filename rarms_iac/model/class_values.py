@@ -44,7 +44,11 @@ class LevelValues:
 def values_within(wish: TaskWish) -> tuple[LevelValues, ...]:
     """All values that what is fixed leaves possible, the highest threads first; of alike ones only one."""
     categories = tuple(TaskCategory) if wish.category is None else (wish.category,)
-    found = {one.thread_priority: one for category in categories for one in _in_category(category, wish)}
+    found = {
+        level_values.thread_priority: level_values
+        for category in categories
+        for level_values in _in_category(category, wish)
+    }
     return tuple(found[at] for at in sorted(found, reverse=True))
 
 

@@ -51,26 +51,28 @@ def desired_state(system: System, layout: Layout, observed: State, places: Place
     application = system.application.name
     here = [partition for partition in layout.partitions if partition.host == observed.facts.name]
     there = {partition.mark.name: partition for partition in observed.of(application).partitions if partition.mark}
-    current = _current_names(there, {one.name for one in here}, system.moved)
+    current = _current_names(there, {partition.name for partition in here}, system.moved)
     placed = {partition.name for partition in layout.partitions}
-    unused = [one for name, one in sorted(there.items()) if name not in placed and name not in current.values()]
-    wanted = [_wanted(one, there.get(current.get(one.name, "")), application) for one in here]
+    unused = [
+        partition for name, partition in sorted(there.items()) if name not in placed and name not in current.values()
+    ]
+    wanted = [_wanted(partition, there.get(current.get(partition.name, "")), application) for partition in here]
     found, values, problems = _tasks(system, layout, observed, here, current, places)
-    tasks = sorted(found, key=lambda one: (one.inside, one.name))
+    tasks = sorted(found, key=lambda task_class: (task_class.inside, task_class.name))
     unseen = _unseen_guests(tasks, observed, current)
     return Desired(
         state=State(
             facts=observed.facts,
-            partitions=tuple(sorted([*wanted, *map(_kept, unused)], key=lambda one: one.settings.name)),
+            partitions=tuple(sorted([*wanted, *map(_kept, unused)], key=lambda partition: partition.settings.name)),
             tasks=tuple(task for task in tasks if task.inside not in unseen),
             serials=observed.serials,
             responsiveness=_responsiveness(system.hosts[observed.facts.name], observed, application),
         ),
-        unused=frozenset(one.mark.name for one in unused if one.mark),
+        unused=frozenset(partition.mark.name for partition in unused if partition.mark),
         protected=frozenset(name for name, wish in system.partitions.items() if wish.protect),
         replaceable=frozenset(name.lower() for name, wish in system.tasks.items() if wish.replace_shipped),
-        making={one.name: one.making for one in here},
-        criticality={one.name: one.criticality for one in here},
+        making={partition.name: partition.making for partition in here},
+        criticality={partition.name: partition.criticality for partition in here},
         classes=values,
         by_hand=tuple(task for task in tasks if task.inside in unseen),
         findings=problems,
@@ -142,7 +144,7 @@ def _tasks(
     if observed.facts.provider is ProviderKind.LINUX:
         return tasks, decided, ()  # MMCSS is of Windows; on Linux classes are scheduling parameters of threads
     # The host's own Windows may have fewer processors than the machine (minroot), so none of its are named.
-    processors = {one.name: one.processors for one in here}
+    processors = {partition.name: partition.processors for partition in here}
     for inside, members in _systems(layout, observed.facts.name, here):
         users = [system.components[name] for name in members]
         found = classes_of(users, system.tasks, inside, places, processors=processors.get(inside, 0))
@@ -168,8 +170,8 @@ def _responsiveness(host: Host, observed: State, application: str) -> Responsive
 def _systems(layout: Layout, host: str, here: Iterable[PlacedPartition]) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Operating systems with the components whose threads run there; the host's own has an empty name."""
     yield "", tuple(name for name, place in layout.on_hosts if place == host)
-    for one in here:
-        yield one.name, one.components
+    for partition in here:
+        yield partition.name, partition.components
 
 
 def _task_there(observed: State, inside: str, name: str) -> TaskClass | None:

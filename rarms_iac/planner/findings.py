@@ -35,8 +35,8 @@ IN_LOW = Finding(
 AVOIDED = Finding(code="RARMS300", severity=Severity.NOTE, summary="Partitions stay that packing anew would move")
 NOT_CERTIFIED = Finding(code="RARMS301", severity=Severity.NOTE, summary="The layout is not certified as the best")
 KINDS = {
-    one.code: one
-    for one in (
+    finding.code: finding
+    for finding in (
         RESERVATIONS,
         UNMEASURED,
         STALE,
@@ -52,5 +52,5 @@ KINDS = {
 }
 """What a `Cause` of an `Infeasible` may be."""
 
-REMARKS = {one.code: one for one in (INTERPOLATED, NOT_VERIFIED, DIFFERENT, BUSY)}
+REMARKS = {finding.code: finding for finding in (INTERPOLATED, NOT_VERIFIED, DIFFERENT, BUSY)}
 """What may be said of a measured reservation that was found."""

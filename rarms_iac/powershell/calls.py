@@ -197,10 +197,10 @@ def task_value_calls(task: str, values: Mapping[str, RegistryValue]) -> tuple[st
             "Write-TaskValue",
             Task=literal(task),
             Name=literal(name),
-            Type=literal(_TYPES[one.kind]),
-            Value=literal(one.data),
+            Type=literal(_TYPES[registry_value.kind]),
+            Value=literal(registry_value.data),
         )
-        for name, one in sorted(values.items())
+        for name, registry_value in sorted(values.items())
     )
 
 

@@ -134,7 +134,7 @@ def problems_of_call(
         return (Problem(says=f"{called.name} is given a value without a name", advice="name every parameter"),)
     if any(_fits(called, group, own, piped) for group in _groups(called)):
         return ()
-    written = ", ".join(f"-{one.name}" for one in own) or "no parameter"
+    written = ", ".join(f"-{parameter.name}" for parameter in own) or "no parameter"
     return (
         Problem(says=f"{called.name} has no parameter set for {written}", advice="see the cmdlet's parameter sets"),
     )
@@ -160,7 +160,7 @@ def _unknown(called: Cmdlet, name: str) -> Problem:
         for parameter in called.parameters.values()
         if low in {alias.lower() for alias in parameter.aliases}
     ]
-    begun = [one.name for key, one in called.parameters.items() if key.startswith(low)]
+    begun = [parameter.name for key, parameter in called.parameters.items() if key.startswith(low)]
     if aliased:
         return Problem(says=f"-{name} is an alias", advice=f"write -{aliased[0]}")
     if begun:
@@ -175,7 +175,7 @@ def _groups(called: Cmdlet) -> tuple[str, ...]:
 
 def _fits(called: Cmdlet, group: str, given: Collection[Parameter], piped: bool) -> bool:
     """Whether the set takes all that is given and gets all that it must have."""
-    if any(group not in one.sets for one in given):
+    if any(group not in parameter.sets for parameter in given):
         return False
     missing = [
         parameter.sets[group]

@@ -78,7 +78,7 @@ def difference(old: Outline, new: Outline) -> ScriptDifference:
         for key, step in keys_old.items()
         if key not in keys_new
     ]
-    changed = sum(one.old is not None and one.new is not None for one in found)
+    changed = sum(difference.old is not None and difference.new is not None for difference in found)
     return ScriptDifference(run=tuple(_run(old, new)), steps=tuple(found), same=len(common) - changed)
 
 

@@ -54,7 +54,8 @@ def forward(task: GuestTask) -> Part:
     whose = {"Task": literal(task.name), "Application": literal(task.application)}
     names = sorted(task.values)
     values: dict[str, Reading] = {
-        f"{VALUE}{name}": f"{one.kind.value}:{one.data}" for name, one in sorted(task.values.items())
+        f"{VALUE}{name}": f"{registry_value.kind.value}:{registry_value.data}"
+        for name, registry_value in sorted(task.values.items())
     }
     return Part(
         address=str(task.step.address),

@@ -145,9 +145,10 @@ def render_guest(host_plan: HostPlan, plan: Plan, inside: str, tasks: Sequence[G
     """
     name, undo_name = script_name(host_plan, inside), script_name(host_plan, inside, undo=True)
     last = len(tasks) - 1
-    pieces = [_Numbered(number=at, part=forward(one), step=one.step, undoes=None) for at, one in enumerate(tasks)]
+    pieces = [_Numbered(number=at, part=forward(task), step=task.step, undoes=None) for at, task in enumerate(tasks)]
     taken_back = [
-        _Numbered(number=at, part=back(one), step=one.step, undoes=last - at) for at, one in enumerate(reversed(tasks))
+        _Numbered(number=at, part=back(task), step=task.step, undoes=last - at)
+        for at, task in enumerate(reversed(tasks))
     ]
     never = {"accept_scheduler": literal(False)}
     bare = {"undo": literal(""), "undo_digest": literal(""), **never}

@@ -176,12 +176,18 @@ def _together(estimates: Sequence[Estimate], index: str) -> Estimate:
     if len(estimates) == 1:
         return estimates[0]
     if estimates[0].beyond is not None:  # of an extreme nothing is averaged: what was seen once was seen
-        return (min if index == "minimum_response_time" else max)(estimates, key=lambda one: one.value)
+        return (min if index == "minimum_response_time" else max)(estimates, key=lambda estimate: estimate.value)
     total = sum(estimate.effective_samples for estimate in estimates)
     parts = [estimate.effective_samples / total for estimate in estimates]
-    value = sum(part * one.value for part, one in zip(parts, estimates, strict=True))
-    below = sum((part * (one.value - one.lower)) ** 2 for part, one in zip(parts, estimates, strict=True)) ** 0.5
-    above = sum((part * (one.upper - one.value)) ** 2 for part, one in zip(parts, estimates, strict=True)) ** 0.5
+    value = sum(part * estimate.value for part, estimate in zip(parts, estimates, strict=True))
+    below = (
+        sum((part * (estimate.value - estimate.lower)) ** 2 for part, estimate in zip(parts, estimates, strict=True))
+        ** 0.5
+    )
+    above = (
+        sum((part * (estimate.upper - estimate.value)) ** 2 for part, estimate in zip(parts, estimates, strict=True))
+        ** 0.5
+    )
     return Estimate(
         value=value,
         lower=value - below,

@@ -145,7 +145,7 @@ def _encode_dataclass(cls: type) -> Encode:
 
     def write(value: Any) -> Json:
         if not parts:
-            parts.extend((one.name, _encoder(hint)) for one, hint in _hints(cls))
+            parts.extend((field.name, _encoder(hint)) for field, hint in _hints(cls))
         return {name: part(getattr(value, name)) for name, part in parts}
 
     return write
@@ -159,7 +159,7 @@ def _decode_dataclass(cls: type) -> Decode:
 
     def read(data: Any, path: str) -> Any:
         if not parts:
-            parts.update((one.name, _decoder(hint)) for one, hint in _hints(cls))
+            parts.update((field.name, _decoder(hint)) for field, hint in _hints(cls))
         given = _object(data, path)
         if unknown := given.keys() - parts.keys():
             raise NotDecodable(_below(path, min(unknown)), "there is no such field")

@@ -128,6 +128,6 @@ def use(disk: Disk) -> Iterator[None]:
 def make_folders(folder: Path) -> None:
     """Make the folder and those above it, each durable in its parent before the next."""
     missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
-    for one in reversed(missing):
-        current().make_folder(one)
-        current().flush_folder(one.parent)
+    for path in reversed(missing):
+        current().make_folder(path)
+        current().flush_folder(path.parent)

@@ -89,7 +89,10 @@ def doctor_json(application: str, hosts: Sequence[Examined], accepted: Sequence[
             application=application,
             hosts=tuple(_examined(host, application) for host in hosts),
             accepted=tuple(accepted),
-            counts={f"{severity.value}s": sum(one.severity is severity for one in found) for severity in Severity},
+            counts={
+                f"{severity.value}s": sum(diagnostic.severity is severity for diagnostic in found)
+                for severity in Severity
+            },
         )
     )
 

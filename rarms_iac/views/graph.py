@@ -122,7 +122,7 @@ def _mermaid(title: str, nodes: Sequence[Node]) -> Iterator[str]:
     yield f'title: "{title}"'
     yield "---"
     yield "flowchart LR"
-    numbers = {one.id: f"n{number}" for number, one in enumerate(nodes)}
+    numbers = {node.id: f"n{number}" for number, node in enumerate(nodes)}
     for host in inside(nodes, ""):
         yield from _mermaid_group(nodes, host, numbers, "  ")
 

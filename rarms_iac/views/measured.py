@@ -163,7 +163,7 @@ def measure_json(
     results: Sequence[Measured], findings: tuple[Diagnostic, ...], waiting: Sequence[Experiment] = ()
 ) -> str:
     """The same for programs, every setting with it."""
-    not_begun = tuple(one.setup.members for one in waiting)
+    not_begun = tuple(experiment.setup.members for experiment in waiting)
     return as_json(MeasureOutput(experiments=tuple(map(_output, results)), not_begun=not_begun, findings=findings))
 
 

@@ -54,7 +54,7 @@ class MeasuringProgress:
 
     def setting_ended(self, experiment: Experiment, setting: Setting) -> None:
         """What was measured there."""
-        seen = {one.component: one for one in setting.series}
+        seen = {series.component: series for series in setting.series}
         found = shown(setting, experiment)
         several = len(experiment.members) > 1
         told = "; ".join(f"{whose(one, several=several)}{show_measured(one)}" for one in found) or "measured"
@@ -89,7 +89,7 @@ def done_of(experiment: Experiment, seen: Mapping[str, Series]) -> float:
 
 def samples_of(seen: Mapping[str, Series]) -> str:
     """`143 samples`; of several components the fewest."""
-    return counted(min((len(one.samples) for one in seen.values()), default=0), "sample")
+    return counted(min((len(series.samples) for series in seen.values()), default=0), "sample")
 
 
 def whose(shown: Shown, *, several: bool) -> str:

@@ -218,7 +218,7 @@ def disturbs(change: Change) -> str:
 
 def _attributes(attributes: Sequence[Attribute], *, whole: bool) -> Iterator[str]:
     shown = [attribute for attribute in attributes if whole or attribute.differs]
-    widest = max((columns(one.name) for one in shown), default=0)
+    widest = max((columns(attribute.name) for attribute in shown), default=0)
     for one in shown:
         yield f"      {one.name}{' ' * (widest - columns(one.name))}  {_value(one)}{_note(one)}"
     hidden = len(attributes) - len(shown)

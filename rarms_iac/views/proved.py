@@ -79,7 +79,7 @@ def verdict_of(verdict: Verdict) -> ProvenVerdict:
 
 def sampled(host: str, seen: Mapping[str, Series], width: int) -> str:
     """A line of progress that is written over; empty where there is nothing to tell."""
-    counts = ", ".join(f"{name} {len(one.samples)}" for name, one in sorted(seen.items()))
+    counts = ", ".join(f"{name} {len(series.samples)}" for name, series in sorted(seen.items()))
     return WRITE_OVER + (fitting(f"  {host}: samples of {counts}", width) if counts else "")
 
 

@@ -39,7 +39,7 @@ def report_text(report: Report, *, width: int = 80, ascii_only: bool = False, co
 
 
 def _parts(report: Report, width: int, *, ascii_only: bool, colour: bool) -> Iterator[str]:
-    rows = [(one.component, one.index, one.level, one.reserve, one.bandwidth) for one in summary_of(report)]
+    rows = [(level.component, level.index, level.level, level.reserve, level.bandwidth) for level in summary_of(report)]
     yield table([("component", "index", "threshold", "CR", "bandwidth"), *rows], width)
     for fit in fits_of(report):
         yield "\n".join(wrap(f"{', '.join(fit.of.hosts)}: {fit_text(fit)}", width, "")) + "\n"

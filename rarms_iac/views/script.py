@@ -15,12 +15,13 @@ def script_text(script: str, *, colour: bool = False, whole: bool = False) -> st
     lines = shown.removesuffix("\n").split("\n")
     width = len(str(len(lines)))
     numbered = [f"{number:>{width}}  {line}".rstrip() for number, line in enumerate(lines, start=1)]
-    for one in () if whole else reversed(parts.fixed):
+    for piece in () if whole else reversed(parts.fixed):
         fixed = (
-            f"lines {one.first} to {one.last}: {one.says}, fixed (SHA-256 {digest(one.text)[:12]}); --whole shows it"
+            f"lines {piece.first} to {piece.last}: {piece.says}, fixed (SHA-256 {digest(piece.text)[:12]}); "
+            "--whole shows it"
         )
         told = f"{'':>{width}}  ... {fixed}"
-        numbered[one.first - 1 : one.last] = [told]
+        numbered[piece.first - 1 : piece.last] = [told]
     return "\n".join(numbered) + "\n"
 
 

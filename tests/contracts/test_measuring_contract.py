@@ -101,7 +101,9 @@ def test_more_reserve_is_never_slower(host: MeasuringHost) -> None:
     means = []
     for reserve in (10, 40, 90):
         with ready(host, reserve):
-            samples = [one.response_ms or 0.0 for _, one in seen(host, some_work(EYES, eyes=SampleCount(samples=60)))]
+            samples = [
+                sample.response_ms or 0.0 for _, sample in seen(host, some_work(EYES, eyes=SampleCount(samples=60)))
+            ]
         means.append(sum(samples) / len(samples))
 
     assert means[0] > 1.3 * means[1]

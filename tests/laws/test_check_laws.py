@@ -74,8 +74,10 @@ def test_the_checks_answer_whatever_is_asked_and_always_the_same(system: System)
 
     assert told == in_order(told) == run_checks(system, PathPlaces(), TODAY)
     assert set(codes(told)) <= LOOKED_FOR
-    assert all(one.place is not None and one.detail and one.advice for one in told)
-    assert [one.address for one in told if one.address and not ADDRESS.fullmatch(one.address)] == []
+    assert all(diagnostic.place is not None and diagnostic.detail and diagnostic.advice for diagnostic in told)
+    assert [
+        diagnostic.address for diagnostic in told if diagnostic.address and not ADDRESS.fullmatch(diagnostic.address)
+    ] == []
 
 
 @given(systems)
@@ -84,7 +86,10 @@ def test_every_warning_can_be_accepted_at_its_own_address_and_no_error_can(syste
     policy = Policy(
         accept={
             code: Acceptance(
-                code=code, at=tuple(sorted({one.address for one in told if one.code == code})), reason="x", until=None
+                code=code,
+                at=tuple(sorted({diagnostic.address for diagnostic in told if diagnostic.code == code})),
+                reason="x",
+                until=None,
             )
             for code in codes(told)
         }
@@ -92,6 +97,6 @@ def test_every_warning_can_be_accepted_at_its_own_address_and_no_error_can(syste
 
     kept, accepted = apply_acceptances(told, policy, PathPlaces(), TODAY, looked_for=LOOKED_FOR)
 
-    assert {one.severity for one in kept} <= {Severity.ERROR, Severity.NOTE}
-    assert {one.severity for one in accepted} <= {Severity.WARNING}
+    assert {diagnostic.severity for diagnostic in kept} <= {Severity.ERROR, Severity.NOTE}
+    assert {diagnostic.severity for diagnostic in accepted} <= {Severity.WARNING}
     assert len(kept) + len(accepted) == len(told)

@@ -69,7 +69,7 @@ def test_any_text_is_formatted_or_refused_with_a_place(text: str) -> None:
     except CannotFormat as refusal:
         refused = refusal.diagnostics
     if refused:
-        assert all(one.place is not None for one in refused)
+        assert all(diagnostic.place is not None for diagnostic in refused)
         return
     assert format_text(formatted, "rarms.yaml") == formatted
     assert _meaning(formatted) == _meaning(text)

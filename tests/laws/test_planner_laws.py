@@ -78,7 +78,7 @@ def test_the_search_finds_the_best_of_all_placements(problem: tuple[tuple[Item, 
         assert found.hosts is None
     else:
         assert found.hosts is not None
-        assert tuple(found.hosts[one.name] for one in items) == min(every)[2]
+        assert tuple(found.hosts[item.name] for item in items) == min(every)[2]
 
 
 @given(st.lists(st.tuples(st.integers(0, 90), st.integers(1, 20)), min_size=1, max_size=6), st.integers(1, 3))
@@ -99,12 +99,12 @@ def test_a_layout_fits_and_loses_nobody_and_a_misfit_says_why(wanted: list[tuple
             )
             for host in hosts:
                 here = [partition for partition in partitions if partition.host == host.name]
-                assert sum(one.reserved for one in here) <= host.logical_processors
-                assert sum(one.memory for one in here) <= host.memory
+                assert sum(partition.reserved for partition in here) <= host.logical_processors
+                assert sum(partition.memory for partition in here) <= host.memory
         case Infeasible(conflict=conflict, causes=causes):
             assert causes
             assert planning.findings
-            only = {name: one for name, one in system.components.items() if name in conflict}
+            only = {name: component for name, component in system.components.items() if name in conflict}
             again = plan_layout(a_system(hosts=hosts, components=only.values()), FixedReservations(), {}, PLACES)
             assert isinstance(again.answer, Infeasible), "what is said to conflict does"
 
@@ -160,7 +160,7 @@ def test_threads_strictly_follow_criticality_or_a_finding_says_that_they_do_not(
         for upper, lower in permutations(found.classes, 2)
         if upper.criticality > lower.criticality and upper.thread_priority <= lower.thread_priority
     ]
-    assert bool(collapses) == bool({"RARMS128", "RARMS056"} & {one.code for one in told})
+    assert bool(collapses) == bool({"RARMS128", "RARMS056"} & {diagnostic.code for diagnostic in told})
     assert all(
         1 <= task_class.priority <= 8 and 1 <= task_class.background_priority <= 8 for task_class in found.classes
     )

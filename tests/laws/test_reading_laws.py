@@ -75,9 +75,12 @@ def test_every_error_has_words_of_its_own(seed: int) -> None:
         ManifestDocument.model_validate(read.value)
     except ValidationError as problem:
         told = in_words(problem, read.value, ManifestPlaces(lambda: read_nodes(read.source)))
-        assert "RARMS029" not in {one.code for one in told}
-        assert all(one.place and one.place.file == "rarms.yaml" and one.detail and one.advice for one in told)
-        assert not any("rarms_" in one.detail or "Input should" in one.detail for one in told)
+        assert "RARMS029" not in {diagnostic.code for diagnostic in told}
+        assert all(
+            diagnostic.place and diagnostic.place.file == "rarms.yaml" and diagnostic.detail and diagnostic.advice
+            for diagnostic in told
+        )
+        assert not any("rarms_" in diagnostic.detail or "Input should" in diagnostic.detail for diagnostic in told)
 
 
 @settings(max_examples=examples(100))

@@ -121,13 +121,13 @@ def test_no_vp_is_on_two_lps_at_once(machine: Machine) -> None:
 @given(st.lists(demands("x"), min_size=1, max_size=3), st.integers(1, 3), st.integers(0, 100))
 @settings(max_examples=examples(8), deadline=None)
 def test_what_components_consumed_is_what_their_vps_ran(asked: list[Demand], lps: int, reserve: int) -> None:
-    named = tuple(_named(one, f"c{number}") for number, one in enumerate(asked))
+    named = tuple(_named(demand, f"c{number}") for number, demand in enumerate(asked))
     vm = VirtualMachine(name="vm", vps=lps, reserve=reserve, components=named)
 
     ran = run(Machine(lps=lps, machines=(vm,), interrupts=10))
 
     on_vps = sum(piece.ended - piece.began for piece in ran.pieces if piece.ran.startswith("vm."))
-    assert abs(on_vps - sum(ran.simulation.consumed_ms(one.component) for one in named)) < GRAIN
+    assert abs(on_vps - sum(ran.simulation.consumed_ms(demand.component) for demand in named)) < GRAIN
 
 
 @given(st.floats(0.5, 60), st.integers(1, 3), st.integers(1, 100))

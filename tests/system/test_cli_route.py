@@ -62,8 +62,10 @@ class Robot:
         host = self.host()
         content = host.load()
         machines = {
-            key: replace(one, settings=replace(one.settings, reserve=reserve)) if one.settings.name == name else one
-            for key, one in content.machines.items()
+            key: replace(machine, settings=replace(machine.settings, reserve=reserve))
+            if machine.settings.name == name
+            else machine
+            for key, machine in content.machines.items()
         }
         host.save(replace(content, machines=machines))
 
@@ -258,8 +260,8 @@ def test_drift_tells_what_somebody_removed_from_what_rarms_took_away(robot: Robo
     robot.applied()
     host = robot.host()
     content = host.load()
-    control = next(key for key, one in content.machines.items() if one.settings.name == "control")
-    host.save(replace(content, machines={key: one for key, one in content.machines.items() if key != control}))
+    control = next(key for key, machine in content.machines.items() if machine.settings.name == "control")
+    host.save(replace(content, machines={key: machine for key, machine in content.machines.items() if key != control}))
     removed = robot.run("drift")
     host.save(content)
     assert robot.run("destroy", "--auto-approve").code == 0
@@ -280,7 +282,10 @@ def test_a_partition_that_the_last_apply_did_not_touch_is_known_all_the_same(rob
     host = robot.host()
     content = host.load()
     host.save(
-        replace(content, machines={key: one for key, one in content.machines.items() if one.settings.name != "control"})
+        replace(
+            content,
+            machines={key: machine for key, machine in content.machines.items() if machine.settings.name != "control"},
+        )
     )
 
     assert robot.run("drift").code == 2

@@ -70,7 +70,7 @@ def test_libreoffice_keeps_each_chart_with_its_series(exported: tuple[Path, Repo
     for chart in charts:
         series = list(chart.iter(f"{CHART}series"))
         assert len(series) == 3, "the curve, its safe side, what was measured"
-        assert all(one.get(f"{CHART}values-cell-range-address") for one in series)
+        assert all(element.get(f"{CHART}values-cell-range-address") for element in series)
     titles = ["".join(chart.find(f".//{CHART}title").itertext()) for chart in charts]  # type: ignore[union-attr]
     assert sorted(titles) == sorted(
         f"{curve.index.name} of {curve.component} ({UNIT_TEXT[curve.index.unit]})" for curve in curves

@@ -40,7 +40,7 @@ class RegistryKey(Thing):
         self.key = key
 
     def do_getvaluenames(self) -> list[Value]:
-        return [one.name for one in self.key.values.values()]
+        return [entry.name for entry in self.key.values.values()]
 
     def do_getvalue(self, name: Value) -> Value:
         found = self.key.values.get(text(name).lower())
@@ -259,7 +259,7 @@ def get_cim_instance(scope: Scope, given: Given) -> list[Value]:
     match name:
         case "Msvm_ComputerSystem":
             own = [Record(Name=host.computer)] if host.host_visible else []
-            return own + [Record(Name=one.id.upper()) for one in host.vms.values()]
+            return own + [Record(Name=vm.id.upper()) for vm in host.vms.values()]
         case "Win32_Processor":
             names = ("NumberOfCores", "NumberOfLogicalProcessors")
             return [

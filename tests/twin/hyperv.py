@@ -84,7 +84,7 @@ def get_vm(scope: Scope, given: Given) -> Value:
     host = scope.session.host
     settle(host)
     if "id" not in given:
-        return [Machine(one) for one in host.vms.values()] if host.elevated else []
+        return [Machine(vm) for vm in host.vms.values()] if host.elevated else []
     found = host.vms.get(str(cast("guid", given["id"], scope)))
     if found is None:
         raise ScriptError(

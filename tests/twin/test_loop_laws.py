@@ -45,7 +45,8 @@ def hyperv_systems(draw: st.DrawFn, logical_processors: int) -> System:
     """Task classes only in the host's own Windows: each guest's would be two scripts more to inspect."""
     system = draw(systems(a_hyperv_host(logical_processors)))
     components = {
-        name: one if one.runs_on is RunsOn.HOST else replace(one, task=None) for name, one in system.components.items()
+        name: component if component.runs_on is RunsOn.HOST else replace(component, task=None)
+        for name, component in system.components.items()
     }
     return replace(system, components=components)
 
@@ -58,16 +59,16 @@ def laid_out(draw: st.DrawFn) -> Cell:
 
 def within(host: WindowsHost) -> None:
     """What the host has promised to what runs fits: per processor, and in memory."""
-    active = [one for one in host.vms.values() if one.active]
+    active = [vm for vm in host.vms.values() if vm.active]
     sizes: Counter[int] = Counter()
-    for one in active:
-        sizes[one.reserve] += one.processors
+    for vm in active:
+        sizes[vm.reserve] += vm.processors
     assert packs(sizes, host.logical_processors), sizes
-    assert sum(one.memory for one in active) <= host.memory
+    assert sum(vm.memory for vm in active) <= host.memory
 
 
 def strangers_of(host: WindowsHost) -> list[Vm]:
-    return deepcopy([one for name, one in sorted(host.vms.items()) if name.startswith("ffff")])
+    return deepcopy([vm for name, vm in sorted(host.vms.items()) if name.startswith("ffff")])
 
 
 def possible(cell: Cell) -> Plan:

@@ -80,7 +80,7 @@ def test_two_machines_under_the_pending_name_are_refused() -> None:
     host = prepared.copy(kill_after=made)
     apply(host, prepared.plan)
     host = host.copy()
-    half = next(one for one in host.vms.values() if ".rarms-" in one.name)
+    half = next(vm for vm in host.vms.values() if ".rarms-" in vm.name)
     other = replace(half, id="eeeeeeee-0000-4000-8000-000000000001")
     host.vms[other.id] = other
 

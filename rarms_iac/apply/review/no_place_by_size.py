@@ -14,7 +14,7 @@ def review(part: Reviewed) -> Iterator[Diagnostic]:
     """Tells once a Hyper-V host whose wanted machines, largest reserve first, do not all find a logical processor."""
     if part.plan.host.provider is not ProviderKind.HYPERV or not part.plan.changes:
         return
-    ours = [claim_of_settings(one) for one in part.settings_after() if one.running]
+    ours = [claim_of_settings(settings) for settings in part.settings_after() if settings.running]
     claims = (*foreign_claims(part.observed, part.application), *ours)
     if ours and not packs_by_size(claims, part.observed.facts.logical_processors):
         yield FINDING.at(

@@ -34,7 +34,7 @@ def review(part: Reviewed) -> Iterator[Diagnostic]:
     shares = [
         (other, share(other.settings, before, available), share(other.settings, after, available)) for other in others
     ]
-    if losers := [_Loser(machine=one, old=old, new=new) for one, old, new in shares if new < old]:
+    if losers := [_Loser(machine=partition, old=old, new=new) for partition, old, new in shares if new < old]:
         yield _told(part, losers)
 
 

@@ -161,7 +161,7 @@ def worst(reports: list[RunReport]) -> RunReport:
     endings = [report.ending for report in reports]
     order = (Ending.FAILED, Ending.REFUSED, Ending.INTERRUPTED, Ending.DONE)
     return RunReport(
-        ending=next((one for one in order if one in endings), Ending.NOTHING),
+        ending=next((ending for ending in order if ending in endings), Ending.NOTHING),
         hosts=tuple(host for report in reports for host in report.hosts),
         diagnostics=tuple(problem for report in reports for problem in report.diagnostics),
     )

@@ -50,12 +50,12 @@ def command(session: Session, *, source: ManifestOptions, where: HostOptions, as
     }
     shown = [
         HostDrift(
-            facts=states[one.host].facts,
-            drifted=one.drifted,
-            changes={address: change for (host, address), change in changes.items() if host == one.host},
+            facts=states[drift.host].facts,
+            drifted=drift.drifted,
+            changes={address: change for (host, address), change in changes.items() if host == drift.host},
         )
-        for one in found
-        if one.host in hosts.chosen
+        for drift in found
+        if drift.host in hosts.chosen
     ]
     name = system.application.name
     width = session.terminal.text_width

@@ -25,7 +25,7 @@ def partition_changes(
     found = Found()
     in_the_way = list(_in_the_way(wanted, ours, observed, application, wishes))
     found.findings += [*ours.findings, *foreign_marks(observed), *in_the_way]
-    blocked = {one.address for one in in_the_way}
+    blocked = {diagnostic.address for diagnostic in in_the_way}
     for name in sorted({*wanted, *ours.machines}):
         if f"partition/{name}" not in blocked:
             _one_partition(found, name, wanted.get(name), ours.machines.get(name), around, wishes)

@@ -43,7 +43,11 @@ def responsiveness_changes(
 
 def _restored(before: Responsiveness) -> str:
     kept = before.record.before if before.record else None
-    return f"{', '.join(str(one.data) for one in kept.values())} comes back" if kept else "it was not there before"
+    return (
+        f"{', '.join(str(registry_value.data) for registry_value in kept.values())} comes back"
+        if kept
+        else "it was not there before"
+    )
 
 
 def _undecided(application: str, place: Place | None) -> Diagnostic:

@@ -80,7 +80,11 @@ def _wanted(found: Found, before: TaskClass | None, after: TaskClass, applicatio
 def not_restorable(address: Address, before: TaskClass | Responsiveness, place: Place | None) -> Diagnostic | None:
     """What is there, or was there before rarms, and could not be brought back as it is; None: all of it could."""
     kept = before.record.before if before.record else None
-    odd = {name: why for name, one in (*before.values.items(), *(kept or {}).items()) if (why := _odd(name, one))}
+    odd = {
+        name: why
+        for name, registry_value in (*before.values.items(), *(kept or {}).items())
+        if (why := _odd(name, registry_value))
+    }
     if not odd:
         return None
     names = ", ".join(f"{name!r} ({why})" for name, why in sorted(odd.items()))

@@ -70,7 +70,7 @@ def _name_before(change: Change) -> str:
 def _without_room(changes: Sequence[Change], held: dict[int, HeldBack], room: Room) -> dict[int, HeldBack]:
     """Growth for which there is no room while what is held back keeps what it has."""
     pairs = {at: _claims(change) for at, change in enumerate(changes) if at not in held}
-    standing = {key: claim_of(one) for key, one in room.ours.items()}
+    standing = {key: claim_of(partition) for key, partition in room.ours.items()}
     growing = []
     for at, (before, after) in pairs.items():
         if grows(before, after):

@@ -110,7 +110,7 @@ class _Walk:
     after_all: list[Step] = field(default_factory=list)  # starts of partitions that were stopped to make room
 
     def __post_init__(self) -> None:
-        self.claims = {_key_of_machine(key): claim_of(one) for key, one in self.room.ours.items()}
+        self.claims = {_key_of_machine(key): claim_of(partition) for key, partition in self.room.ours.items()}
         everything = (*self.room.foreign, *self.claims.values())
         self.start = self.now = load_of(everything)
         self.packed_at_start = packs(everything, self.room.capacity.logical_processors)
@@ -129,7 +129,7 @@ class _Walk:
                 break
             if (cycle := self._make_room(waiting)) is not None:
                 return cycle
-        for start in sorted(self.after_all, key=lambda one: self._most_critical_first(one.address.partition)):
+        for start in sorted(self.after_all, key=lambda step: self._most_critical_first(step.address.partition)):
             if not self._allowed(start):
                 names = tuple(sorted(self.stopped))
                 return Cycle(partitions=names, finding=_cycle(names, self.room.max_disruption, may_stop=False))

@@ -30,15 +30,21 @@ def _bound(system: System) -> list[list[Component]]:
     for name, group in sorted(companions(system).items()):
         if name not in listed:
             groups.setdefault(group, []).append(system.components[name])
-    return [sorted(group, key=lambda one: (not one.together, one.name)) for group in groups.values() if len(group) > 1]
+    return [
+        sorted(group, key=lambda component: (not component.together, component.name))
+        for group in groups.values()
+        if len(group) > 1
+    ]
 
 
 def _without_host(system: System, inside: list[Component]) -> bool:
-    return all(may_run_on(system, one) for one in inside) and not hosts_for(system, inside)
+    return all(may_run_on(system, component) for component in inside) and not hosts_for(system, inside)
 
 
 def _told(place: Place, system: System, inside: list[Component], where: str) -> Diagnostic:
-    each = some(f"{one.name} on {some(host.name for host in may_run_on(system, one))}" for one in inside)
+    each = some(
+        f"{component.name} on {some(host.name for host in may_run_on(system, component))}" for component in inside
+    )
     return FINDING.at(
         place,
         f"They share a partition, and no host is allowed to all of them: {each}.",

@@ -14,8 +14,8 @@ def check(system: System, places: Places) -> Iterator[Diagnostic]:
     """Tells of hosts on which such a component may run and that keep no processor time, or too little memory."""
     on_host = [component for component in system.components.values() if component.runs_on is RunsOn.HOST]
     for host in system.hosts.values():
-        here = [one for one in on_host if host in may_run_on(system, one)]
-        memory = sum(one.memory for one in here)
+        here = [component for component in on_host if host in may_run_on(system, component)]
+        memory = sum(component.memory for component in here)
         lacks = []
         if here and in_processors(host.keep_for_host.processor, host.logical_processors) == 0:
             lacks.append("no processor time")
@@ -24,7 +24,7 @@ def check(system: System, places: Places) -> Iterator[Diagnostic]:
         if lacks:
             yield FINDING.at(
                 places.value("hosts", host.name, "keep_for_host"),
-                f'{some(one.name for one in here)} may run on "{host.name}" itself, and it keeps '
+                f'{some(component.name for component in here)} may run on "{host.name}" itself, and it keeps '
                 f"{' and '.join(lacks)}: partitions may be promised all the rest.",
                 f"Say `keep_for_host: {{ processor: ..., memory: {show_bytes(memory)} }}` with what they need.",
                 address=f"host/{host.name}",

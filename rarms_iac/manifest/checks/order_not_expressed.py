@@ -39,12 +39,12 @@ class _Class:
 
 def _classes(system: System, group: list[Component]) -> list[_Class]:
     found: dict[str, _Class] = {}
-    for one in sorted(group, key=lambda one: (-one.criticality, one.name)):
-        wish = None if one.task is None else task_wish(system, one.task)
+    for component in sorted(group, key=lambda component: (-component.criticality, component.name)):
+        wish = None if component.task is None else task_wish(system, component.task)
         if wish is not None and wish.name not in found:
             worst, best = thread_priorities(wish)
             found[wish.name] = _Class(
-                wish=wish, component=one.name, criticality=one.criticality, worst=worst, best=best
+                wish=wish, component=component.name, criticality=component.criticality, worst=worst, best=best
             )
     return list(found.values())
 

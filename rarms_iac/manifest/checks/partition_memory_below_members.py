@@ -14,9 +14,9 @@ def check(system: System, places: Places) -> Iterator[Diagnostic]:
     """Tells of partitions whose own memory is less than the sum of their components'."""
     for partition in system.partitions.values():
         inside = members(system, partition)
-        needed = sum(one.memory for one in inside)
+        needed = sum(component.memory for component in inside)
         if partition.memory is not None and partition.memory < needed:
-            each = some(f"{one.name} {show_bytes(one.memory)}" for one in inside)
+            each = some(f"{component.name} {show_bytes(component.memory)}" for component in inside)
             yield FINDING.at(
                 places.value("partitions", partition.name, "memory"),
                 f'"{partition.name}" has {show_bytes(partition.memory)}, and its components ask for '

@@ -18,7 +18,7 @@ def check(system: System, places: Places) -> Iterator[Diagnostic]:
     """Tells of components with an APT, and of their partitions, that are capped or weigh less than the usual 100."""
     for section, name, cpu, hosts in wishes(system):
         inside, processors = _inside(system, section, name)
-        promised = [one.name for one in inside if one.apt]
+        promised = [component.name for component in inside if component.apt]
         if not promised:
             continue
         whose = f'"{name}" has an APT' if section == "components" else f'"{name}" holds {promised[0]} with its APT'
@@ -50,7 +50,7 @@ def _inside(system: System, section: str, name: str) -> tuple[Sequence[Component
 
 def _caps(limit: CpuAmount, processors: int | None, inside: Sequence[Component], hosts: list[Host]) -> bool:
     def below(host: Host) -> bool:
-        own = processors or max(one.processors or host.logical_processors for one in inside)
+        own = processors or max(component.processors or host.logical_processors for component in inside)
         return in_processors(limit, host.logical_processors) < own
 
     return on_every(hosts, below)

@@ -15,16 +15,17 @@ def check(system: System, places: Places) -> Iterator[Diagnostic]:
     """Tells of the less critical users of a class, whose threads get the priority of the most critical one."""
     for group in operating_systems(system):
         most: dict[str, Component] = {}
-        for one in sorted(group, key=lambda one: (-one.criticality, one.name)):
-            if one.task is None:
+        for component in sorted(group, key=lambda component: (-component.criticality, component.name)):
+            if component.task is None:
                 continue
-            leader = most.setdefault(one.task.lower(), one)
-            if leader.criticality > one.criticality:
+            leader = most.setdefault(component.task.lower(), component)
+            if leader.criticality > component.criticality:
                 yield FINDING.at(
-                    places.value("components", one.name, "task"),
-                    f'"{one.name}" (criticality {one.criticality}) and "{leader.name}" ({leader.criticality}) share '
-                    f"the class {one.task} in one operating system: their threads get one priority, that of the "
+                    places.value("components", component.name, "task"),
+                    f'"{component.name}" (criticality {component.criticality}) and "{leader.name}" '
+                    f"({leader.criticality}) share "
+                    f"the class {component.task} in one operating system: their threads get one priority, that of the "
                     "more critical one.",
                     "Give the less critical one a class of its own.",
-                    address=f"component/{one.name}",
+                    address=f"component/{component.name}",
                 )

@@ -24,7 +24,7 @@ def build_tree(text: str) -> Collection:
 
 def comments_in(text: str, start: int, end: int) -> list[str]:
     """The comments that begin between two places of such a text, those behind `|` and `>` included."""
-    found = [(one.start, one.text) for one in _comments_between(text)]
+    found = [(comment.start, comment.text) for comment in _comments_between(text)]
     for event in _events(text):
         if getattr(event, "style", None) in {"|", ">"}:
             at = event.start_mark.index
@@ -134,7 +134,7 @@ class _Builder:
             self.last = done.owner
             collection.end = event.end_mark.index
         else:
-            inside = list(takewhile(lambda one: one.column >= collection.column, self.pending))
+            inside = list(takewhile(lambda comment: comment.column >= collection.column, self.pending))
             self.pending = self.pending[len(inside) :]
             collection.end = self.seen
         if collection.entries or done.owner is None:
@@ -166,7 +166,7 @@ class _Builder:
             return self._new_entry(top, None, value, start)
         entry.value, top.waiting = value, None
         if isinstance(value, Scalar) and self.pending:
-            entry.before += [one.text for one in self.pending]
+            entry.before += [comment.text for comment in self.pending]
             self.pending = []
         self.last = entry
         return entry

@@ -81,7 +81,7 @@ class Candidates:
 
     def members(self, mask: Mask) -> tuple[Coi, ...]:
         """The CoIs of a set."""
-        return tuple(one for at, one in enumerate(self.cois) if mask >> at & 1)
+        return tuple(coi for at, coi in enumerate(self.cois) if mask >> at & 1)
 
 
 def candidates_of(cois: Sequence[Coi], may_share: Sharing, *, most: int, largest: int | None = None) -> Candidates:
@@ -148,15 +148,15 @@ def informed(candidates: Candidates, answers: Iterable[Asked]) -> Candidates:
     for answer in answers:
         passed, failed = own.setdefault(answer.members, ([], []))
         (passed if answer.passed else failed).append(answer.reserve)
-    by_members = {one.coi.members: one for one in candidates.by_mask.values()}
+    by_members = {candidate.coi.members: candidate for candidate in candidates.by_mask.values()}
     told = {
         by_members[members].mask: _own(by_members[members], passed, failed)
         for members, (passed, failed) in own.items()
         if members in by_members
     }
-    known = {mask: told.get(mask, one) for mask, one in candidates.by_mask.items()}
-    floors = [(mask, one.coi.cost) for mask, one in told.items() if one.failed is not None]
-    raised = {mask: _raised(one, floors) for mask, one in known.items()}
+    known = {mask: told.get(mask, candidate) for mask, candidate in candidates.by_mask.items()}
+    floors = [(mask, candidate.coi.cost) for mask, candidate in told.items() if candidate.failed is not None]
+    raised = {mask: _raised(candidate, floors) for mask, candidate in known.items()}
     return replace(candidates, by_mask=raised, breaks=tuple(_breaks(candidates, own, told, floors)))
 
 
@@ -226,8 +226,8 @@ def graph_of(candidates: Candidates) -> "nx.DiGraph":
     import networkx as nx
 
     graph = nx.DiGraph()
-    for one in candidates.cois:
-        graph.add_node(named(one.members), compound=False, low=one.reserve, high=one.reserve)
+    for coi in candidates.cois:
+        graph.add_node(named(coi.members), compound=False, low=coi.reserve, high=coi.reserve)
     for each in candidates.by_mask.values():
         high = each.highest if each.passed is None else min(each.passed, WHOLE)
         graph.add_node(

@@ -66,16 +66,21 @@ class Doubt:
 def guide_of(known: Candidates, predictor: Predictor) -> Guide:
     """What these answers and predictions make one expect."""
     less = needs_less(known)
-    seen = [outlook_of(one, predictor, less) for one in known.by_mask.values() if one.was_asked]
+    seen = [outlook_of(candidate, predictor, less) for candidate in known.by_mask.values() if candidate.was_asked]
     return Guide(known=known, predictor=predictor, belief=belief_of(len(predictor.ways), seen), less=less)
 
 
 def needs_less(known: Candidates) -> float:
     """How likely a compound that may need less than its neediest part reserves does, after those that were asked."""
-    seen = [one for one in known.by_mask.values() if one.was_asked and one.slack]
-    needs = [-(-one.neediest // one.coi.processors) for one in seen]
-    did = sum(one.passed is not None and one.passed < least for one, least in zip(seen, needs, strict=True))
-    did_not = sum(one.failed is not None and one.failed >= least - 1 for one, least in zip(seen, needs, strict=True))
+    seen = [candidate for candidate in known.by_mask.values() if candidate.was_asked and candidate.slack]
+    needs = [-(-candidate.neediest // candidate.coi.processors) for candidate in seen]
+    did = sum(
+        candidate.passed is not None and candidate.passed < least for candidate, least in zip(seen, needs, strict=True)
+    )
+    did_not = sum(
+        candidate.failed is not None and candidate.failed >= least - 1
+        for candidate, least in zip(seen, needs, strict=True)
+    )
     return (SELDOM * LIKE + did) / (LIKE + did + did_not)
 
 
@@ -105,10 +110,10 @@ def raises_most(guide: Guide, unknown: Sequence[Candidate], room: int, *, holds:
     to hold.
     """
     best: tuple[float, Candidate, int] | None = None
-    for one in sorted(unknown, key=lambda each: each.coi.members, reverse=True):
-        worth, reserve = _worth_most(guide.expected(one.mask), one, room, holds=holds)
+    for candidate in sorted(unknown, key=lambda each: each.coi.members, reverse=True):
+        worth, reserve = _worth_most(guide.expected(candidate.mask), candidate, room, holds=holds)
         if best is None or worth > best[0]:
-            best = worth, one, reserve
+            best = worth, candidate, reserve
     assert best is not None, "a compound that is not known has a question left"
     return best[1], best[2]
 

@@ -65,7 +65,7 @@ class Layouts:
             self._by_top.setdefault(mask.bit_length(), []).append(mask)
         self._least = {0: 0}
         self._within = {}
-        self._alone = [one.cost for one in known.cois]
+        self._alone = [coi.cost for coi in known.cois]
         self._weights = weights_of(known.cois, self.objective.criticalities)
         self._sets = self._sharing()
         self._heap = None
@@ -93,9 +93,9 @@ class Layouts:
     def seen(self) -> "Layouts":
         """The same of what was seen to hold: only compounds that met all APTs somewhere, at the least such CR."""
         passed = {
-            mask: replace(one, coi=replace(one.coi, reserve=one.passed))
-            for mask, one in self.candidates.by_mask.items()
-            if one.passed is not None
+            mask: replace(candidate, coi=replace(candidate.coi, reserve=candidate.passed))
+            for mask, candidate in self.candidates.by_mask.items()
+            if candidate.passed is not None
         }
         return Layouts(candidates=replace(self.candidates, by_mask=passed), objective=self.objective)
 
@@ -225,7 +225,7 @@ class Layouts:
         taken = 0
         for mask in blocks:
             taken |= mask
-        alone = [one for at, one in enumerate(self.candidates.cois) if not taken >> at & 1]
+        alone = [coi for at, coi in enumerate(self.candidates.cois) if not taken >> at & 1]
         return (*alone, *(self.candidates.by_mask[mask].coi for mask in blocks))
 
     def least(self, mask: Mask) -> Least:
@@ -281,4 +281,6 @@ class Layouts:
 
 
 def _costs(known: Candidates) -> dict[Mask, Least]:
-    return {mask: (one.coi.cost << PARTITIONS) + 1 for mask, one in known.by_mask.items() if one.is_gain}
+    return {
+        mask: (candidate.coi.cost << PARTITIONS) + 1 for mask, candidate in known.by_mask.items() if candidate.is_gain
+    }

@@ -37,18 +37,20 @@ def nodes_of(candidates: Candidates, predicted: Mapping[Mask, int]) -> tuple[Nod
     graph = graph_of(candidates)
     cois = [
         Node(
-            name=named(one.members),
-            members=one.members,
+            name=named(coi.members),
+            members=coi.members,
             parts=(),
-            low=one.reserve,
-            high=one.reserve,
+            low=coi.reserve,
+            high=coi.reserve,
             predicted=None,
             measured=True,
             is_gain=True,
         )
-        for one in candidates.cois
+        for coi in candidates.cois
     ]
-    compounds = sorted(candidates.by_mask.values(), key=lambda one: (one.mask.bit_count(), one.coi.members))
+    compounds = sorted(
+        candidates.by_mask.values(), key=lambda candidate: (candidate.mask.bit_count(), candidate.coi.members)
+    )
     parts = {compound.mask: tuple(sorted(graph.predecessors(named(compound.coi.members)))) for compound in compounds}
     return (*cois, *(_compound(compound, parts[compound.mask], predicted.get(compound.mask)) for compound in compounds))
 

@@ -38,4 +38,4 @@ def weights_of(cois: Sequence[Coi], criticalities: Mapping[str, int]) -> list[in
     """What it costs that a CoI shares: sums compare as sorted lists of criticalities do, most critical first."""
     levels = sorted(set(criticalities.values()))
     base = len(criticalities) + 1
-    return [sum(base ** levels.index(criticalities[name]) for name in one.members) for one in cois]
+    return [sum(base ** levels.index(criticalities[name]) for name in coi.members) for coi in cois]

@@ -87,13 +87,13 @@ def tune_performance_to_use_less_resource(
         if found is None:
             break
         made.append(found)
-        now = ordered([one for one in now if one not in found.parts] + [found.compound])
+        now = ordered([coi for coi in now if coi not in found.parts] + [found.compound])
     return PaperTuning(cois=now, combinations=tuple(made), trail=tuple(trail), needed=needed)
 
 
 def ordered(cois: Sequence[Coi]) -> tuple[Coi, ...]:
     """By non-increasing criticality, equal ones by name."""
-    return tuple(sorted(cois, key=lambda one: (-one.criticality, one.name)))
+    return tuple(sorted(cois, key=lambda coi: (-coi.criticality, coi.name)))
 
 
 def combine_components(cois: Sequence[Coi], asking: Asking, trail: list[Asked]) -> Combination | None:
@@ -118,16 +118,16 @@ def combine_components(cois: Sequence[Coi], asking: Asking, trail: list[Asked]) 
 def _tried(least: Coi, next_to_last: Coi, asking: Asking, trail: list[Asked]) -> Coi | None:
     """One pair: first with the sum of both, then by CMCPUR; None is TryAgain."""
     pair = (next_to_last, least)
-    members, processors = union(*pair), max(one.processors for one in pair)
+    members, processors = union(*pair), max(coi.processors for coi in pair)
     together = min(WHOLE, -(-total(pair) // processors))  # no partition can reserve more than all of it
-    gain = total(pair) - max(one.cost for one in pair)
+    gain = total(pair) - max(coi.cost for coi in pair)
     allowed = asking.may_share(members) and asking.consent.allows(members, settings=1 + WHOLE // STEP, gain=gain)
     if not allowed:
         asking.reporter.declined(members)
         return None
     first = asking.ask(members, together, "the sum of both reservations")
     trail.append(first)
-    if all(set(one.members) & set(first.worse) for one in pair):
+    if all(set(coi.members) & set(first.worse) for coi in pair):
         return None
     for reserve in range(STEP, WHOLE + 1, STEP):
         answer = asking.ask(members, reserve, "CMCPUR of the pair")

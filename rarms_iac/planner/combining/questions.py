@@ -152,7 +152,11 @@ class Looking:
 
     def _holding(self, layouts: Layouts) -> tuple[Layouts, Choice | None]:
         """The best of what was seen to hold; None: no compound was."""
-        passed = {mask: one.passed for mask, one in layouts.candidates.by_mask.items() if one.passed is not None}
+        passed = {
+            mask: candidate.passed
+            for mask, candidate in layouts.candidates.by_mask.items()
+            if candidate.passed is not None
+        }
         if self._seen is None or self._seen.passed != passed:
             seen = layouts.seen()
             self._seen = _Seen(passed=passed, layouts=seen, best=seen.best() if passed else None)
@@ -188,7 +192,7 @@ def _question(guide: Guide, best: Choice, candidate: Candidate, reserve: int) ->
 
 def _best(tuning: Tuning, layouts: Layouts, best: Choice, breaks: tuple[Break, ...]) -> Best:
     return Best(
-        cois=tuple(sorted(layouts.cois_of(best.blocks), key=lambda one: (-one.criticality, one.name))),
+        cois=tuple(sorted(layouts.cois_of(best.blocks), key=lambda coi: (-coi.criticality, coi.name))),
         total=best.total,
         breaks=breaks,
         complete=tuning.complete or _is_first(tuning, best),
@@ -257,6 +261,8 @@ def _consent(tuning: Tuning, asking: Asking, members: Members) -> bool:
 
 
 def _without(tuning: Tuning, members: Members) -> Tuning:
-    left = {mask: one for mask, one in tuning.candidates.by_mask.items() if one.coi.members != members}
+    left = {
+        mask: candidate for mask, candidate in tuning.candidates.by_mask.items() if candidate.coi.members != members
+    }
     candidates = replace(tuning.candidates, by_mask=left)
     return replace(tuning, candidates=candidates, complete=False, every_size=False)

@@ -53,9 +53,9 @@ def union(coi: Coi, other: Coi) -> Members:
 
 def leader(cois: Iterable[Coi]) -> Coi:
     """The most critical, ties by name: what their compound is called after."""
-    return min(cois, key=lambda one: (-one.criticality, one.name))
+    return min(cois, key=lambda coi: (-coi.criticality, coi.name))
 
 
 def total(cois: Iterable[Coi]) -> int:
     """What they reserve together, in per cent of one logical processor."""
-    return sum(one.cost for one in cois)
+    return sum(coi.cost for coi in cois)

@@ -75,8 +75,8 @@ def classes_of(
     decided = _decide(by_weight, fixed)
     told = (*_out_of_order(decided, fixed, inside, places), *_remarks(decided, inside, places))
     masks = masks_of([*by_weight, *nameless], processors)
-    decided = [replace(one, affinity=masks.get(one.name.lower(), ALL)) for one in decided]
-    return Classes(classes=tuple(sorted(decided, key=lambda one: one.name)), findings=told)
+    decided = [replace(class_values, affinity=masks.get(class_values.name.lower(), ALL)) for class_values in decided]
+    return Classes(classes=tuple(sorted(decided, key=lambda class_values: class_values.name)), findings=told)
 
 
 def _criticality(users: Sequence[Component]) -> int:
@@ -129,7 +129,10 @@ def _out_of_order(
             and _can_be_in_order(upper, lower, fixed)
         ]
         if wrong:
-            worst = max(wrong, key=lambda one: (one.criticality, one.thread_priority, one.name))
+            worst = max(
+                wrong,
+                key=lambda class_values: (class_values.criticality, class_values.thread_priority, class_values.name),
+            )
             yield findings.CLASS_ORDER.at(
                 places.key("components", upper.user),
                 f"In {_where(inside)}, {upper.name} (criticality {upper.criticality}) runs at {upper.thread_priority}, "
@@ -151,8 +154,8 @@ def _remarks(decided: Sequence[ClassValues], inside: str, places: Places) -> Ite
     """What may come between threads that are in order; each told once, of the most critical pair."""
     pairs = [
         (upper, lower)
-        for upper in sorted(decided, key=lambda one: (-one.criticality, one.name))
-        for lower in sorted(decided, key=lambda one: (-one.criticality, one.name))
+        for upper in sorted(decided, key=lambda class_values: (-class_values.criticality, class_values.name))
+        for lower in sorted(decided, key=lambda class_values: (-class_values.criticality, class_values.name))
         if upper.criticality > lower.criticality
     ]
     near = [(upper, lower) for upper, lower in pairs if upper.thread_priority == lower.thread_priority + 1]
@@ -182,7 +185,7 @@ def _told_near(pairs: Sequence[tuple[ClassValues, ClassValues]], inside: str, pl
 
 def _told_low(pairs: Sequence[tuple[ClassValues, ClassValues]], inside: str, places: Places) -> Diagnostic:
     upper, lower = pairs[0]
-    others = {one.name for _, one in pairs} - {lower.name}
+    others = {class_values.name for _, class_values in pairs} - {lower.name}
     more = "" if not others else f", and so {'does' if len(others) == 1 else 'do'} {', '.join(sorted(others))}"
     return findings.IN_LOW.at(
         places.key("components", lower.user),

@@ -65,7 +65,7 @@ def chosen_values(levels: Sequence[Sequence[TaskWish]]) -> tuple[tuple[LevelValu
     ways = {_NOTHING_ABOVE: _Way()}
     for level in levels:
         options = [_options(wish) for wish in level]
-        threads = {one.thread for each in options for one in each}
+        threads = {option.thread for each in options for option in each}
         found: dict[int, _Way] = {}
         for ceiling, way in ways.items():
             for floor in sorted({ceiling, *(thread for thread in threads if thread < ceiling)}):
@@ -90,7 +90,7 @@ def _longer(way: _Way, options: Sequence[Sequence[_Option]], ceiling: int, floor
 
     Below the floor and from the ceiling on it is out of the order: what comes next need not be below it.
     """
-    picks = [min(each, key=lambda one: _weight(one, ceiling, floor)) for each in options]
+    picks = [min(each, key=lambda option: _weight(option, ceiling, floor)) for each in options]
     cost = way.cost
     for pick in picks:
         cost = cost.plus(_weight(pick, ceiling, floor))
@@ -104,13 +104,13 @@ def _options(wish: TaskWish) -> list[_Option]:
     is_free = wish.category is None
     return [
         _Option(
-            values=one,
-            thread=one.thread_priority,
-            is_against=is_free and _is_against(wish, one.category),
-            is_low=one.category is TaskCategory.LOW,
-            is_low_freely=is_free and one.category is TaskCategory.LOW,
+            values=level_values,
+            thread=level_values.thread_priority,
+            is_against=is_free and _is_against(wish, level_values.category),
+            is_low=level_values.category is TaskCategory.LOW,
+            is_low_freely=is_free and level_values.category is TaskCategory.LOW,
         )
-        for one in values_within(wish)
+        for level_values in values_within(wish)
     ]
 
 
@@ -118,8 +118,8 @@ def _is_against(wish: TaskWish, category: TaskCategory) -> bool:
     return category is TaskCategory.HIGH or (category is TaskCategory.LOW and wish.priority is not None)
 
 
-def _weight(one: _Option, ceiling: int, floor: int) -> tuple[bool, bool, bool, bool, bool]:
+def _weight(option: _Option, ceiling: int, floor: int) -> tuple[bool, bool, bool, bool, bool]:
     """One class's part of a `Cost`."""
-    is_near = one.thread == ceiling - 1
-    is_out = not floor <= one.thread < ceiling
-    return is_out, one.is_against, is_near and not one.is_low, is_near and one.is_low, one.is_low_freely
+    is_near = option.thread == ceiling - 1
+    is_out = not floor <= option.thread < ceiling
+    return is_out, option.is_against, is_near and not option.is_low, is_near and option.is_low, option.is_low_freely

@@ -165,9 +165,13 @@ def belief_of(ways: int, seen: Sequence[Outlook]) -> Belief:
     first = _hypotheses(ways)
     likely = [sum(parts) for parts in zip(_logarithms(ways), *(_fitting(ways, one) for one in seen), strict=True)]
     best = max(likely)
-    weights = {one: exp(value - best) for (one, _), value in zip(first, likely, strict=True) if value > best - UNLIKELY}
+    weights = {
+        hypothesis: exp(value - best)
+        for (hypothesis, _), value in zip(first, likely, strict=True)
+        if value > best - UNLIKELY
+    }
     total = sum(weights.values())
-    return Belief(weights={one: weight / total for one, weight in weights.items()})
+    return Belief(weights={hypothesis: weight / total for hypothesis, weight in weights.items()})
 
 
 @cache
@@ -178,7 +182,7 @@ def _logarithms(ways: int) -> tuple[float, ...]:
 @lru_cache(maxsize=1 << 12)
 def _fitting(ways: int, seen: Outlook) -> tuple[float, ...]:
     """Of each hypothesis."""
-    return tuple(_fits(one, seen) for one, _ in _hypotheses(ways))
+    return tuple(_fits(hypothesis, seen) for hypothesis, _ in _hypotheses(ways))
 
 
 def _fits(hypothesis: Hypothesis, seen: Outlook) -> float:

@@ -87,7 +87,7 @@ def alone_of(component: Component, log: MeasuredTogether, enough: int) -> Alone 
 
 def _task(component: Component, demand: Demand) -> Task | None:
     deadlines = [
-        float(one.value) for name, one in component.apt.items() if isinstance(one, AtMost) and _is_deadline(name)
+        float(most.value) for name, most in component.apt.items() if isinstance(most, AtMost) and _is_deadline(name)
     ]
     if component.run is not None and component.run.deadline is not None:
         deadlines.append(float(component.run.deadline))

@@ -133,7 +133,7 @@ def _answers(tasks: Sequence[Task], resource: Resource) -> bool:
     *higher, last = tasks
     ticks = 0
     while ticks <= last.deadline:
-        requested = last.work + sum(-(-max(ticks, 1) // one.period) * one.work for one in higher)
+        requested = last.work + sum(-(-max(ticks, 1) // task.period) * task.work for task in higher)
         needed = supplied_after(resource, requested)
         if needed == ticks:
             return True

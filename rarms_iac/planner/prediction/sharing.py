@@ -41,15 +41,16 @@ def responses(demands: Sequence[Demand], reserve: float, processors: int) -> tup
     """The mean response times (ms) of these in one partition at this CR, in their order; `inf`: more than it has."""
     found = tuple(demand.response_ms(reserve) for demand in demands)
     for _ in range(ROUNDS):
-        computing = [_computing(one, seen) for one, seen in zip(demands, found, strict=True)]
+        computing = [_computing(demand, seen) for demand, seen in zip(demands, found, strict=True)]
         after = tuple(
-            one.response_ms(reserve, _slower(demands, computing, at, processors)) for at, one in enumerate(demands)
+            demand.response_ms(reserve, _slower(demands, computing, at, processors))
+            for at, demand in enumerate(demands)
         )
         near = all(abs(new - old) <= CLOSE * new for new, old in zip(after, found, strict=True))
         found = after
         if near:
             break
-    return tuple(inf if _overrun(one, seen) else seen for one, seen in zip(demands, found, strict=True))
+    return tuple(inf if _overrun(demand, seen) else seen for demand, seen in zip(demands, found, strict=True))
 
 
 def _computing(demand: Demand, response_ms: float) -> float:
@@ -86,7 +87,7 @@ def least_shared(demands: Sequence[Demand], processors: int) -> float:
     while high - low > 0.05:
         middle = (low + high) / 2
         seen = responses(demands, middle, processors)
-        enough = all(at <= one.allowed_ms * (1 + CLOSE) for one, at in zip(demands, seen, strict=True))
+        enough = all(at <= demand.allowed_ms * (1 + CLOSE) for demand, at in zip(demands, seen, strict=True))
         low, high = (low, middle) if enough else (middle, high)
     return high
 

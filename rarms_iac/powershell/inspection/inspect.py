@@ -55,7 +55,7 @@ def inspect(
 
 def _given(whole: str) -> dict[str, Function]:
     """The functions of what is fixed in a script."""
-    return {name: one for piece in split(whole).fixed for name, one in _shipped(piece.name).items()}
+    return {name: function for piece in split(whole).fixed for name, function in _shipped(piece.name).items()}
 
 
 @cache

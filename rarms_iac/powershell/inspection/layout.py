@@ -64,7 +64,7 @@ class Parts:
     @property
     def is_shipped(self) -> bool:
         """Whether all that should be fixed is."""
-        return bool(self.fixed) and all(one.is_shipped for one in self.fixed)
+        return bool(self.fixed) and all(piece.is_shipped for piece in self.fixed)
 
 
 def split(text: str) -> Parts:
@@ -114,10 +114,10 @@ def check_layout(name: str, parts: Parts) -> Iterator[Diagnostic]:
     top = Place(file=name, line=1, column=1)
     if not parts.fixed:
         yield RUNTIME.at(top, "it has no runtime", "render the script again")
-    for one in parts.fixed:
-        if not one.is_shipped:
-            detail = f"{one.says} has the SHA-256 {digest(one.text)[:12]}, not {digest(one.shipped)[:12]}"
-            place = Place(file=name, line=one.first, column=1)
+    for piece in parts.fixed:
+        if not piece.is_shipped:
+            detail = f"{piece.says} has the SHA-256 {digest(piece.text)[:12]}, not {digest(piece.shipped)[:12]}"
+            place = Place(file=name, line=piece.first, column=1)
             yield RUNTIME.at(place, detail, "render the script again; only its steps may differ from another's")
     for says in (*head_problems(parts.head), *_carried_problems(parts), *_comment_problems(parts.steps)):
         yield HEAD.at(top, says, "render the script again")
@@ -134,7 +134,7 @@ def _carried_problems(parts: Parts) -> Iterator[str]:
         needed = parts_for(parts.steps)
     except NotTokens:
         return  # that is told of the steps
-    carried = tuple(one.name for one in parts.fixed if one.name)
+    carried = tuple(piece.name for piece in parts.fixed if piece.name)
     if parts.fixed and carried != needed:
         yield f"it carries the parts {', '.join(carried) or 'none'}; its steps need {', '.join(needed) or 'none'}"
 
@@ -148,10 +148,10 @@ def _comment_problems(steps: str) -> tuple[str, ...]:
 
 def _heeded(found: Iterable[Token]) -> Iterator[str]:
     """Comments that are more to PowerShell: `#Requires` counts wherever it stands, and imports what it names."""
-    for one in found:
-        low = one.text.lower()
-        if one.kind is TokenKind.COMMENT and (low.startswith(("<#", "# sig #")) or _asks(one)):
-            yield f"PowerShell may heed the comment {one.text[:40]!r}"
+    for token in found:
+        low = token.text.lower()
+        if token.kind is TokenKind.COMMENT and (low.startswith(("<#", "# sig #")) or _asks(token)):
+            yield f"PowerShell may heed the comment {token.text[:40]!r}"
 
 
 def _asks(token: Token) -> bool:
@@ -194,10 +194,10 @@ def head_problems(head: str) -> tuple[str, ...]:
 
 
 def _head_problems(found: tuple[Token, ...]) -> Iterator[str]:
-    if not found or any(one.kind not in (TokenKind.COMMENT, TokenKind.NEWLINE) for one in found):
+    if not found or any(token.kind not in (TokenKind.COMMENT, TokenKind.NEWLINE) for token in found):
         yield "there is more than comments before the runtime"
-    asked = [one.text[len("#requires ") :] for one in found if _asks(one)]
-    yield from _heeded(one for one in found if not _asks(one))
+    asked = [token.text[len("#requires ") :] for token in found if _asks(token)]
+    yield from _heeded(token for token in found if not _asks(token))
     if not set(_REQUIRED) <= set(asked) <= {*_REQUIRED, *_OPTIONAL}:
         yield f"it asks for {', '.join(asked) or 'nothing'}"
 

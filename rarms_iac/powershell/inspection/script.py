@@ -69,7 +69,10 @@ class Script:
 def functions_of(root: "Node") -> dict[str, Function]:
     """The functions that a tree defines, by name in lower case; a name in doubt is defined twice and kept once."""
     return {
-        one.name.lower(): one for node in walk(root) if node.type == "function_statement" for one in _function(node)
+        function.name.lower(): function
+        for node in walk(root)
+        if node.type == "function_statement"
+        for function in _function(node)
     }
 
 

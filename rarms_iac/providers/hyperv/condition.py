@@ -26,14 +26,16 @@ def condition_of(seen: Observation) -> HostCondition:
         powershell=powershell.version if powershell else None,
         bits=windows.bits if windows else None,
         policies={
-            PolicyScope(one.scope): one.policy for one in or_else(seen.execution_policy, ()) if _known(one.scope)
+            PolicyScope(policy.scope): policy.policy
+            for policy in or_else(seen.execution_policy, ())
+            if _known(policy.scope)
         },
         module=_value(seen.module),
         power_plans=_value(seen.power_plan),
         pending_restart=_value(seen.pending_restart),
         seen_processors=sum(socket.logical for socket in sockets) if sockets else None,
         numa_nodes=len(nodes) if nodes else None,
-        machines=tuple(_machine(one, groups.get(one.id, "")) for one in or_else(seen.machines, ())),
+        machines=tuple(_machine(machine, groups.get(machine.id, "")) for machine in or_else(seen.machines, ())),
         responsiveness=_responsiveness(seen),
         unread=dict(_unread(seen)),
     )

@@ -316,7 +316,7 @@ def _decoded(hint: Any, data: Json, path: str) -> Any:
 
 
 def _check_machines(found: Observation) -> None:
-    ids = [one.id for one in or_else(found.machines, ())]
+    ids = [machine.id for machine in or_else(found.machines, ())]
     for one in ids:
         if ids.count(one) > 1:
             raise NotDecodable("machines.value", f"two machines have the id {one}")

@@ -126,7 +126,7 @@ def rights_of(seen: Observation) -> Rights:
         return Rights.MISSING if is_denied(seen.machines) or not or_else(seen.elevated, True) else Rights.UNKNOWN
     if any(or_else(one, False) for one in asked):
         return Rights.PROVEN
-    if all(isinstance(one, Unread) and not one.denied for one in asked):
+    if all(isinstance(unread, Unread) and not unread.denied for unread in asked):
         return Rights.PROVEN if isinstance(seen.hypervisor, Read) else Rights.UNKNOWN
     return Rights.MISSING
 
@@ -137,15 +137,15 @@ def partitions_of(seen: Observation) -> tuple[Partition, ...]:
     Raises:
         NotDecodable: an enumeration has a name that Hyper-V does not give.
     """
-    machines = sorted(or_else(seen.machines, ()), key=lambda one: (one.name, one.id))
+    machines = sorted(or_else(seen.machines, ()), key=lambda machine: (machine.name, machine.id))
     judged = judge_marks({machine.id: machine.notes for machine in machines})
     return tuple(_partition(machine, judged[machine.id]) for machine in machines)
 
 
 def disks_of(seen: Observation) -> tuple[Disk, ...]:
     """The virtual disks that machines have, by path; where only the path is known, of unknown kind."""
-    looked_at = {one.path: one for one in or_else(seen.virtual_disks, ())}
-    attached = sorted((path, one.id) for one in or_else(seen.machines, ()) for path in one.disks if path)
+    looked_at = {disk.path: disk for disk in or_else(seen.virtual_disks, ())}
+    attached = sorted((path, machine.id) for machine in or_else(seen.machines, ()) for path in machine.disks if path)
     return tuple(_disk(path, machine, looked_at.get(path)) for path, machine in attached)
 
 
@@ -158,7 +158,7 @@ def tasks_of(seen: Observation, inside: str = "", machine: str = "") -> tuple[Ta
     """The task classes of one operating system by name, a record without its key included."""
     records = _records(or_else(seen.records, ()))
     records.pop(_RESPONSIVENESS, None)
-    keys = {one.name.lower(): one for one in or_else(seen.tasks, ())}
+    keys = {key.name.lower(): key for key in or_else(seen.tasks, ())}
     return tuple(
         TaskClass(
             name=keys[lower].name if lower in keys else records[lower][0],
@@ -195,7 +195,10 @@ def serials_of(seen: Observation) -> Mapping[str, int]:
 def values_of(values: Iterable[NamedValue]) -> dict[str, RegistryValue]:
     """Registry values with their types; known names in their usual spelling, as the registry tells no case apart."""
     return {
-        _SPELT.get(one.name.lower(), one.name): RegistryValue(kind=_kind(one.kind), data=one.data) for one in values
+        _SPELT.get(named_value.name.lower(), named_value.name): RegistryValue(
+            kind=_kind(named_value.kind), data=named_value.data
+        )
+        for named_value in values
     }
 
 
@@ -247,7 +250,7 @@ def _records(keys: Iterable[RecordKey]) -> dict[str, tuple[str, TaskRecord]]:
     """By class in lower case: its name, and the record that counts. A record without a digest was never finished."""
     found: dict[str, tuple[str, TaskRecord]] = {}
     for key in keys:
-        values = {one.name.lower(): str(one.data) for one in key.values}
+        values = {named_value.name.lower(): str(named_value.data) for named_value in key.values}
         if values.get("set"):
             record = TaskRecord(application=key.application, set=values["set"], before=_before(key, values))
             found[key.task.lower()] = (key.task, record)

@@ -131,7 +131,9 @@ class Simulated:
     def samples(self) -> Iterator[tuple[str, Sample]]:
         """As the interface says."""
         missing = {name: until.samples if isinstance(until, SampleCount) else 1 for name, until in self.until.items()}
-        ends = max((float(one.time) for one in self.until.values() if isinstance(one, Elapsed)), default=0.0)
+        ends = max(
+            (float(elapsed.time) for elapsed in self.until.values() if isinstance(elapsed, Elapsed)), default=0.0
+        )
         while any(left > 0 for left in missing.values()) or self._now < ends:
             job = next(self.jobs)
             self._now = max(self._now, job.began + job.response)

@@ -27,7 +27,7 @@ def as_recorded(setting: Setting) -> Setting:
 
     Whoever decides by what was measured decides by this, so that a run that goes on from its log decides the same.
     """
-    return replace(setting, series=tuple(_rounded_series(one) for one in setting.series))
+    return replace(setting, series=tuple(_rounded_series(series) for series in setting.series))
 
 
 def line_of(recorded: Recorded) -> dict[str, Json]:
@@ -37,7 +37,7 @@ def line_of(recorded: Recorded) -> dict[str, Json]:
         "reserve": setting.reserve,
         "beside": setting.beside,
         "seed": setting.seed,
-        "series": [_columns(one) for one in setting.series],
+        "series": [_columns(series) for series in setting.series],
         "provenance": encode(recorded.provenance),
     }
 

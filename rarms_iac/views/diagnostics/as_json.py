@@ -24,7 +24,7 @@ def findings_document(diagnostics: Sequence[Diagnostic], *, accepted: Sequence[D
         "format_version": FORMAT_VERSION,
         "kind": "findings",
         "findings": [_finding(diagnostic) for diagnostic in diagnostics],
-        "accepted": [_finding(one) for one in accepted],
+        "accepted": [_finding(diagnostic) for diagnostic in accepted],
         "counts": {
             f"{severity.value}s": sum(diagnostic.severity is severity for diagnostic in diagnostics)
             for severity in Severity

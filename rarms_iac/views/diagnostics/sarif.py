@@ -31,7 +31,7 @@ def as_sarif(
     rules = {diagnostic.code: diagnostic for diagnostic in (*accepted, *diagnostics)}
     codes = sorted(rules)
     results = [_result(diagnostic, codes.index(diagnostic.code), suppressed=False) for diagnostic in diagnostics]
-    results += [_result(one, codes.index(one.code), suppressed=True) for one in accepted]
+    results += [_result(diagnostic, codes.index(diagnostic.code), suppressed=True) for diagnostic in accepted]
     log = {
         "$schema": SCHEMA,
         "version": "2.1.0",

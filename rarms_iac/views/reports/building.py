@@ -34,7 +34,7 @@ def report_of(
 ) -> Report:
     """Everything that these logs show of the system; what they say of components that are gone is left out."""
     known = [log for log in logs if all(name in system.components for name in log.log.header.setup.members)]
-    measurements = sorted((_measurement(system, one) for one in known), key=_order)
+    measurements = sorted((_measurement(system, logged) for logged in known), key=_order)
     rested = {measurement.components for measurement in measurements if measurement.rests}
     return Report(
         application=system.application.name,

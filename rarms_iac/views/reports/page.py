@@ -134,11 +134,13 @@ def cards_of(report: Report) -> tuple[Card, ...]:
     return tuple(
         Card(
             id=f"m{number}",
-            of=one,
-            plots=tuple(plot_of(index, one, f"m{number}-{place}") for place, index in enumerate(one.indexes, 1)),
-            capacity=capacities.get(one.platform),
+            of=measurement,
+            plots=tuple(
+                plot_of(index, measurement, f"m{number}-{place}") for place, index in enumerate(measurement.indexes, 1)
+            ),
+            capacity=capacities.get(measurement.platform),
         )
-        for number, one in enumerate(report.measurements, 1)
+        for number, measurement in enumerate(report.measurements, 1)
     )
 
 

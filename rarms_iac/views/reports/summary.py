@@ -169,7 +169,11 @@ def _fit(report: Report, capacity: Capacity) -> Fit:
     total = sum((part.amount for part in capacity.fixed), Fraction(0))
     for one in here:
         total += guaranteed(one.reserve or 0, one.processors)
-    return Fit(of=capacity, total=total, missing=tuple(one.name for one in here if one.wants and one.reserve is None))
+    return Fit(
+        of=capacity,
+        total=total,
+        missing=tuple(measurement.name for measurement in here if measurement.wants and measurement.reserve is None),
+    )
 
 
 def fit_text(fit: Fit) -> str:

@@ -188,7 +188,7 @@ def test_undo_says_when_there_is_nothing_to_undo(lab: Lab) -> None:
     (nothing,) = lab.undo()
     assert (nothing.ending, codes(nothing.diagnostics)) == (Ending.NOTHING, ["RARMS192"])
     lab.apply(lab.plan())
-    assert [one.ending for one in lab.undo()] == [Ending.DONE]
+    assert [report.ending for report in lab.undo()] == [Ending.DONE]
 
     (again,) = lab.undo()
 
@@ -222,7 +222,7 @@ def test_an_undo_is_told_by_what_it_does(lab: Lab) -> None:
 def test_an_interrupted_undo_is_finished_by_the_next_one_and_by_apply(lab: Lab) -> None:
     before = lab.observe()
     lab.apply(lab.plan())
-    assert [one.ending for one in lab.undo(Countdown(3))] == [Ending.INTERRUPTED]
+    assert [report.ending for report in lab.undo(Countdown(3))] == [Ending.INTERRUPTED]
 
     finished = lab.finish()
 

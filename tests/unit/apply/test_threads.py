@@ -95,7 +95,10 @@ def test_classes_are_listed_system_by_system_with_who_names_them() -> None:
 
     found = threads_of(decided, system, {"body": ("leg", "arm", "eye")})
 
-    assert [(one.inside, one.task.lower(), one.thread_priority, one.components) for one in found] == [
+    assert [
+        (thread_class.inside, thread_class.task.lower(), thread_class.thread_priority, thread_class.components)
+        for thread_class in found
+    ] == [
         ("body", "motioncontrol", 23, ("leg", "arm")),
         ("body", "localization", 21, ("eye",)),
     ]

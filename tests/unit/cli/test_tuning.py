@@ -68,7 +68,7 @@ def test_a_compound_stays_where_the_partition_of_its_name_runs(here: Path) -> No
     write(MANIFEST.replace("}, hosts: [onboard] }\n  ballast", "} }\n  ballast") + VIDEO)
 
     subject = subject_of()
-    vision = next(one for one in subject.cois if one.name == "vision")
+    vision = next(coi for coi in subject.cois if coi.name == "vision")
     both = Coi(name="paths", members=("paths", "video"), criticality=20, processors=2, reserve=31)
 
     room = Room(subject=subject)

@@ -52,7 +52,7 @@ def test_each_address_that_silences_nothing_is_told() -> None:
 
     kept, _ = apply_acceptances([case("partition/vision")], accepting, PLACES, LAST_DAY)
 
-    assert [(one.code, one.place) for one in kept] == [
+    assert [(diagnostic.code, diagnostic.place) for diagnostic in kept] == [
         ("RARMS096", Place(file="rarms.yaml", line=1, column=1, path="policy.accept.RARMS065.at.1"))
     ]
 

@@ -92,7 +92,7 @@ BEYOND = "RARMS028"  # JSON Schema cannot say which days there are
 def test_a_case_that_can_be_read_is_judged_alike(path: Path) -> None:
     read = read_text(path.read_bytes(), "rarms.yaml", str(path.parent))
     told = load(str(path), today=date(2026, 1, 1), checks=no_checks).diagnostics
-    wrong = {one.code for one in told if "RARMS015" <= one.code <= "RARMS040"} - {BEYOND}
+    wrong = {diagnostic.code for diagnostic in told if "RARMS015" <= diagnostic.code <= "RARMS040"} - {BEYOND}
 
     if read.readable and read.value is not None:
         assert jsonschema.Draft202012Validator(manifest_schema()).is_valid(read.value) == (not wrong)

@@ -92,9 +92,9 @@ def test_a_misspelt_key_is_not_missing_too(tmp_path: Path) -> None:
     misspelt = loaded(tmp_path, SMALL.replace("criticality:", "criticallity:")).diagnostics
     both = loaded(tmp_path, SMALL.replace("criticality: 40", "rank: 40")).diagnostics
 
-    assert [one.code for one in misspelt] == ["RARMS015"]
+    assert [diagnostic.code for diagnostic in misspelt] == ["RARMS015"]
     assert "criticality" in misspelt[0].advice
-    assert sorted(one.code for one in both) == ["RARMS015", "RARMS016"]
+    assert sorted(diagnostic.code for diagnostic in both) == ["RARMS015", "RARMS016"]
 
 
 def test_a_missing_or_empty_overlay_is_not_advised_to_become_a_manifest(tmp_path: Path) -> None:

@@ -172,7 +172,7 @@ def test_several_components_in_one_partition_must_all_meet_their_thresholds(tmp_
     ended = bench.measure(bench.search("paper"))
 
     assert ended.conclusion == Sufficient(reserve=50, failed=40, error=0.0325)
-    assert [one.component for one in ended.settings[0].series] == ["speech", "vision"]
+    assert [series.component for series in ended.settings[0].series] == ["speech", "vision"]
 
 
 def test_the_task_classes_of_the_members_are_in_p1_as_a_plan_would_set_them(tmp_path: Path) -> None:

@@ -43,7 +43,10 @@ def test_test_partitions_stand_marked_and_running_while_the_context_lasts(tmp_pa
         set_reserves(host, "robot", SHAPES, {P1: 40, P2: 60})
         reserves = [partition.settings.reserve for partition in host.observe().partitions]
 
-    assert [one.mark and (one.mark.application, one.mark.name) for one in (p1, p2)] == [("robot", P1), ("robot", P2)]
+    assert [partition.mark and (partition.mark.application, partition.mark.name) for partition in (p1, p2)] == [
+        ("robot", P1),
+        ("robot", P2),
+    ]
     assert (p1.settings.processors, p1.settings.limit, p1.settings.weight, p1.settings.memory) == (1, 80, 200, 2**29)
     assert (p2.settings.processors, p2.settings.limit, p2.settings.weight, p2.settings.memory) == (2, 100, 100, 2**28)
     assert p1.settings.running

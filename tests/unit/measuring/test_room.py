@@ -72,6 +72,6 @@ def test_whatever_runs_is_in_the_way_and_test_partitions_are_not() -> None:
     pending = partition(settings("rarms-p2.rarms-000000000000", running=False), application=None)
     state = State(facts=facts(), partitions=(ours, strangers, off, left, pending))
 
-    assert [one.settings.name for one in in_the_way(state)] == ["a-game", "vision"]
+    assert [partition.settings.name for partition in in_the_way(state)] == ["a-game", "vision"]
     assert room_of(a_host(), state, "robot").others != ()
-    assert {one.state for one in in_the_way(state)} == {RunState.RUNNING}
+    assert {partition.state for partition in in_the_way(state)} == {RunState.RUNNING}

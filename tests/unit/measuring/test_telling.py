@@ -18,8 +18,8 @@ EXPERIMENT = experiment_of(SYSTEM, SYSTEM.hosts["onboard"], ("vision",), "busy-l
 def told(times: list[float]) -> list[str]:
     settings = (a_setting(100, a_series("vision", times)),)
     found = list(findings_of(EXPERIMENT, NotAchievable(reserve=100, error=0.01), settings, NoPlaces()))
-    assert {one.code for one in found} == {"RARMS110"}
-    return [one.detail for one in found]
+    assert {diagnostic.code for diagnostic in found} == {"RARMS110"}
+    return [diagnostic.detail for diagnostic in found]
 
 
 def test_the_indexes_that_are_on_the_wrong_side_are_named() -> None:
@@ -63,9 +63,9 @@ def test_less_that_may_be_enough_is_told_of_where_settings_between_say_nothing(
 
     found = list(findings_of(experiment, end, tuple(map(drifting, untold)), NoPlaces()))
 
-    assert [one.code for one in found] == (["RARMS267"] if says else [])
-    assert all(says is not None and says in one.detail for one in found)
-    assert all("(vision at 45 %: its response times still changed" in one.detail for one in found)
+    assert [diagnostic.code for diagnostic in found] == (["RARMS267"] if says else [])
+    assert all(says is not None and says in diagnostic.detail for diagnostic in found)
+    assert all("(vision at 45 %: its response times still changed" in diagnostic.detail for diagnostic in found)
 
 
 @pytest.mark.parametrize(("reserve", "codes"), [("30 %", ["RARMS266"]), ("measured", []), (None, [])])
@@ -76,5 +76,5 @@ def test_a_reservation_that_is_fixed_and_measured_is_told_of(reserve: str | None
 
     found = list(findings_of(experiment, Sufficient(reserve=21, failed=20, error=0.03), (), NoPlaces()))
 
-    assert [one.code for one in found] == codes
-    assert all("21 %" in one.detail and "reserves 30 %" in one.detail for one in found)
+    assert [diagnostic.code for diagnostic in found] == codes
+    assert all("21 %" in diagnostic.detail and "reserves 30 %" in diagnostic.detail for diagnostic in found)

@@ -117,7 +117,7 @@ def test_reservations_that_exceed_the_platform_are_told_with_ways_out_that_fit()
 
     found = planned(system).findings
 
-    assert [(one.code, one.place.path if one.place else "") for one in found] == [
+    assert [(diagnostic.code, diagnostic.place.path if diagnostic.place else "") for diagnostic in found] == [
         ("RARMS014", "hosts.onboard.logical_processors")
     ]
     needed = "fdp 70 %, srp 30 % and ppp 20 % need 120 % of the two logical processors."

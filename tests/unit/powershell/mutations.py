@@ -15,7 +15,7 @@ def _replace(pattern: str, change: Callable[[re.Match[str], random.Random], str]
     """Changes one of the places, any of them."""
 
     def mutate(script: str, pick: random.Random) -> str | None:
-        found = [one for one in re.finditer(pattern, script) if not _in_comment(script, one.start())]
+        found = [match for match in re.finditer(pattern, script) if not _in_comment(script, match.start())]
         if not found:
             return None
         one = pick.choice(found)
@@ -35,7 +35,7 @@ def _insert(*lines: str) -> Mutation:
 
     def mutate(script: str, pick: random.Random) -> str | None:
         starts = [
-            one.start() for one in re.finditer(r"(?m)^ +(?=\$\w+ = |Hyper-V\\|\[ordered\]|Add-Step|Write-)", script)
+            match.start() for match in re.finditer(r"(?m)^ +(?=\$\w+ = |Hyper-V\\|\[ordered\]|Add-Step|Write-)", script)
         ]
         if not starts:
             return None
@@ -60,15 +60,15 @@ def _value(*choices: str) -> Callable[[re.Match[str], random.Random], str]:
 
 
 def _before(*choices: str) -> Callable[[re.Match[str], random.Random], str]:
-    return lambda one, pick: pick.choice(choices) + one[0]
+    return lambda match, pick: pick.choice(choices) + match[0]
 
 
 def _after(*choices: str) -> Callable[[re.Match[str], random.Random], str]:
-    return lambda one, pick: one[0] + pick.choice(choices)
+    return lambda match, pick: match[0] + pick.choice(choices)
 
 
 def _lost_quote(script: str, pick: random.Random) -> str | None:
-    places = [one.start() for one in re.finditer("'", script) if not _in_comment(script, one.start())]
+    places = [match.start() for match in re.finditer("'", script) if not _in_comment(script, match.start())]
     at = pick.choice(places)
     return script[:at] + script[at + 1 :]
 
@@ -79,7 +79,7 @@ def _strange_character(script: str, pick: random.Random) -> str:
 
 
 def _line_end(script: str, pick: random.Random) -> str:
-    at = pick.choice([one.start() for one in re.finditer(LINE, script)])
+    at = pick.choice([match.start() for match in re.finditer(LINE, script)])
     return script[:at] + "\n" + script[at + 2 :]
 
 

@@ -55,7 +55,7 @@ def test_steps_that_only_one_has() -> None:
 def test_a_step_that_was_moved_is_told_once() -> None:
     old = script(more=True)
     first, *others = old.steps
-    steps = tuple(replace(one, number=at) for at, one in enumerate([*others, first]))
+    steps = tuple(replace(step, number=at) for at, step in enumerate([*others, first]))
 
     (moved,) = difference(old, Outline(run=old.run, steps=steps)).steps
 

@@ -15,7 +15,7 @@ scripts = pytest.mark.parametrize("name", sorted(SCRIPTS))
 
 
 def carried(script: str) -> tuple[str, ...]:
-    return tuple(one.name for one in split(script).fixed if one.name)
+    return tuple(piece.name for piece in split(script).fixed if piece.name)
 
 
 def statements(script: str) -> list[Leaf]:
@@ -78,14 +78,14 @@ def test_all_of_it_does() -> None:
     found = inspect(every.replace("\n", "\r\n").encode("ascii"), ScriptKind.APPLY, trusting=False)
 
     # It is no script: it has neither head nor steps. Nothing else is wrong with it.
-    assert {one.code for one in found} == {"RARMS211", "RARMS219"}
+    assert {diagnostic.code for diagnostic in found} == {"RARMS211", "RARMS219"}
 
 
 @scripts
 def test_the_tree_of_a_script_is_the_trees_of_its_pieces_one_after_another(name: str) -> None:
     whole = SCRIPTS[name]
     parts = split(whole)
-    apart = [*(one.text for one in parts.fixed), parts.steps]
+    apart = [*(piece.text for piece in parts.fixed), parts.steps]
 
     assert statements(whole) == [leaf for piece in apart for leaf in statements(piece.replace("\n", "\r\n"))]
 

@@ -70,7 +70,7 @@ def test_a_program_that_ends_without_a_sample_is_a_failed_sample(tmp_path: Path)
 def test_death_by_a_signal_is_a_failed_sample(tmp_path: Path, samples: Samples) -> None:
     found = all_of(a_run("os.kill(os.getpid(), signal.SIGSEGV)", samples=samples, until=1), tmp_path)
 
-    assert [(one.response_ms, one.successful, one.failure) for one in found] == [
+    assert [(sample.response_ms, sample.successful, sample.failure) for sample in found] == [
         (None, False, "it was killed by SIGSEGV")
     ]
 

@@ -91,7 +91,7 @@ def test_a_periodic_call_counts_from_its_scheduled_start(tmp_path: Path) -> None
     samples = all_of(a_run(module(tmp_path, text), samples=PER_RUN, until=4, every=100), tmp_path)
 
     assert [round(sample.began_ms) for sample in samples] == [0, 100, 200, 300]
-    assert [(one.response_ms or 0) >= least for one, least in zip(samples, (250, 150, 50, 0), strict=True)] == [
+    assert [(sample.response_ms or 0) >= least for sample, least in zip(samples, (250, 150, 50, 0), strict=True)] == [
         True
     ] * 4
 
@@ -103,7 +103,7 @@ def test_fields_of_what_a_function_returns_are_read(tmp_path: Path) -> None:
 
     found = all_of(a_run(module(tmp_path, text), samples=samples, until=1), tmp_path)
 
-    assert [(one.successful, one.count) for one in found] == [(True, 12)]
+    assert [(sample.successful, sample.count) for sample in found] == [(True, 12)]
     assert found[0].response_ms is not None
 
 
@@ -176,4 +176,6 @@ def test_without_a_field_for_it_a_line_has_no_response_time(tmp_path: Path) -> N
 
     found = all_of(a_run("say('{\"frames\": 3}')\ntime.sleep(9)", samples=samples, until=1), tmp_path)
 
-    assert [(one.response_ms, one.successful, one.count, one.failure) for one in found] == [(None, True, 3, "")]
+    assert [(sample.response_ms, sample.successful, sample.count, sample.failure) for sample in found] == [
+        (None, True, 3, "")
+    ]

@@ -62,7 +62,7 @@ def test_a_replace_that_fails_leaves_nothing_beside_the_file(tmp_path: Path) -> 
     with pytest.raises(OSError):  # noqa: PT011  (which OSError it is, the system decides)
         replace(target, b"new")
 
-    assert [one.name for one in tmp_path.iterdir()] == ["state.json"]
+    assert [path.name for path in tmp_path.iterdir()] == ["state.json"]
 
 
 def test_records_come_back_in_order(tmp_path: Path) -> None:

@@ -17,7 +17,9 @@ def check(host: Examination) -> Iterator[Diagnostic]:
     policies = host.condition.policies
     # How the PowerShell that looked was started says nothing of the next one.
     scopes = [
-        one for one in PolicyScope if one is not PolicyScope.PROCESS and policies.get(one, "Undefined") != "Undefined"
+        scope
+        for scope in PolicyScope
+        if scope is not PolicyScope.PROCESS and policies.get(scope, "Undefined") != "Undefined"
     ]
     if policies and not scopes and host.state.facts.client:
         yield _told(host, "no scope sets an execution policy, and a client Windows then runs no scripts", by_hand=True)

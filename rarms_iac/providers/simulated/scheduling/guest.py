@@ -35,7 +35,7 @@ class OperatingSystem:
         if last is not None and last.thread is None:
             self._put(thread, last)
             return
-        vp = next((one for one in self.vps if one.thread is None), None)
+        vp = next((processor for processor in self.vps if processor.thread is None), None)
         if vp is None:
             vp = min(self.vps, key=_priority)
             if _priority(vp) >= thread.priority:
@@ -56,7 +56,7 @@ class OperatingSystem:
 
     def drop(self, thread: Thread) -> None:
         """The thread has nothing more to do, whatever it was at: its work is not wanted any more."""
-        vp = next((one for one in self.vps if one.thread is thread), None)
+        vp = next((processor for processor in self.vps if processor.thread is thread), None)
         if vp is None:
             self._ready = [one for one in self._ready if one[2] is not thread]
             heapify(self._ready)

@@ -51,7 +51,7 @@ class Hypervisor:
     def wake(self, vp: VirtualProcessor) -> None:
         """The VP has a thread again."""
         vp.accrue(self._clock(), self._window)
-        vp.used = max(vp.used, min((one.used for one in self._waiting), default=vp.used))
+        vp.used = max(vp.used, min((processor.used for processor in self._waiting), default=vp.used))
         self._queue(vp)
 
     def rest(self, vp: VirtualProcessor) -> None:

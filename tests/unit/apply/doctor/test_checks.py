@@ -112,7 +112,7 @@ CASES = {
 def test_what_is_wrong_is_told_alone_and_where_it_is(case: str) -> None:
     code, address, host = CASES[case]
 
-    assert [(one.code, one.address) for one in examine(host)] == [(code, address)]
+    assert [(diagnostic.code, diagnostic.address) for diagnostic in examine(host)] == [(code, address)]
 
 
 def test_every_check_of_the_doctor_has_a_case() -> None:
@@ -134,7 +134,9 @@ def test_a_powershell_that_runs_the_scripts_is_not_told_of(version: str) -> None
 
 @pytest.mark.parametrize("version", ["2.0", "3", "5.0.10586.117", "", "core"])
 def test_one_that_does_not_is(version: str) -> None:
-    assert [one.code for one in examine(examination(how=HostCondition(powershell=version)))] == ["RARMS240"]
+    assert [diagnostic.code for diagnostic in examine(examination(how=HostCondition(powershell=version)))] == [
+        "RARMS240"
+    ]
 
 
 def test_the_policy_that_rarms_started_the_look_with_counts_for_nothing() -> None:

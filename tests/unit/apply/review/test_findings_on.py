@@ -49,7 +49,7 @@ def findings(
 
 
 def told(found: list[Diagnostic]) -> list[tuple[str, str]]:
-    return [(one.code, one.address) for one in found]
+    return [(diagnostic.code, diagnostic.address) for diagnostic in found]
 
 
 def test_a_plan_without_changes_has_no_findings() -> None:
@@ -103,7 +103,7 @@ def test_what_no_machine_can_be_made_from_is_an_error(making: dict[str, Any], ex
 
     found = findings(steps=[step], switches=("lab",) if known else None)
 
-    assert [one.code for one in found] == (expected if known or expected != ["RARMS258"] else [])
+    assert [diagnostic.code for diagnostic in found] == (expected if known or expected != ["RARMS258"] else [])
 
 
 class TestUnmanaged:
@@ -173,8 +173,8 @@ def test_disks_that_stay_are_told_where_the_machine_has_some(disks: tuple[str, .
 
     found = findings(build.delete(before), machines=[before], steps=[remove], disks=attached)
 
-    assert [one.code for one in found if one.code == "RARMS224"] == expected
-    assert all(path in one.detail for one in found for path in disks if one.code == "RARMS224")
+    assert [diagnostic.code for diagnostic in found if diagnostic.code == "RARMS224"] == expected
+    assert all(path in diagnostic.detail for diagnostic in found for path in disks if diagnostic.code == "RARMS224")
 
 
 @pytest.mark.parametrize(

@@ -322,5 +322,5 @@ def test_a_value_whose_name_is_a_pattern_is_left_alone_with_its_class(name: str)
 
 
 def test_numbers_and_plain_text_can_be_brought_back() -> None:
-    assert all(one.is_restorable for one in build.task().values.values())
+    assert all(registry_value.is_restorable for registry_value in build.task().values.values())
     assert RegistryValue(kind=ValueKind.QWORD, data=2**40).is_restorable

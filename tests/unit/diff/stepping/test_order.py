@@ -128,22 +128,22 @@ def crossed() -> tuple[list[Planned], Room]:
     taken = [
         Planned(
             change=Update(
-                address=Address(partition=one.settings.name, machine=one.id),
-                before=one,
-                after=one,
+                address=Address(partition=partition.settings.name, machine=partition.id),
+                before=partition,
+                after=partition,
                 reason=Reason(says="for the test"),
                 disruption=Disruption.LIVE,
             ),
             steps=changes,
         )
-        for one, changes in [
+        for partition, changes in [
             (vision, (step(vision, claim(80, 100), claim(80, 900)), step(vision, claim(80, 900), claim(20, 900)))),
             (speech, (step(speech, claim(20, 900), claim(80, 900)), step(speech, claim(80, 900), claim(80, 100)))),
         ]
     ]
     room = Room(
         capacity=Capacity(logical_processors=1, processors=LogicalProcessors(Fraction(1)), memory=Bytes(1000 * MIB)),
-        ours={one.id: one for one in (vision, speech)},
+        ours={partition.id: partition for partition in (vision, speech)},
         criticality={"vision": 2, "speech": 1},
     )
     return taken, room
@@ -169,7 +169,9 @@ def test_where_no_order_fits_the_least_critical_is_stopped_for_a_while_and_the_p
 
 
 def never_over(steps: tuple[Step, ...], room: Room) -> bool:
-    claims = {key: claim(one.settings.reserve, one.settings.memory // MIB) for key, one in room.ours.items()}
+    claims = {
+        key: claim(partition.settings.reserve, partition.settings.memory // MIB) for key, partition in room.ours.items()
+    }
     for step in steps:
         assert claims[step.address.machine] == step.claim_before, f"{step.address} {step.title}"
         claims[step.address.machine] = step.claim_after

@@ -27,7 +27,7 @@ ROOMY = a_host(keep_processor="10 %", keep_memory="1 GiB")
 def found(system: System) -> list[tuple[str, str]]:
     """Code and path of everything the checks tell."""
     told = run_checks(system, PathPlaces(), date(2026, 1, 1))
-    return [(one.code, one.place.path if one.place else "") for one in told]
+    return [(diagnostic.code, diagnostic.place.path if diagnostic.place else "") for diagnostic in told]
 
 
 def details(system: System) -> str:

@@ -21,7 +21,7 @@ def problem(seed: int, minimise: Minimise = Minimise.RESERVATION) -> tuple[Tunin
     chance = random.Random(f"guided/{seed}")
     of: tuple[Coi, ...] = cois(**{name: chance.randint(8, 45) for name in "abcdef"})
     needs = needs_of(of, chance)
-    capacity = int(sum(one.cost for one in of) * chance.uniform(0.9, 0.97))
+    capacity = int(sum(coi.cost for coi in of) * chance.uniform(0.9, 0.97))
     return tuning_of(of, objective(of, capacity, minimise), anyone, largest=2), needs
 
 
@@ -44,7 +44,7 @@ def test_however_wrong_they_are_the_answer_is_the_same(off: float, minimise: Min
         assert isinstance(found, Best)
         assert isinstance(plain, Best)
         assert found.total == plain.total
-        assert sorted(one.members for one in found.cois) == sorted(one.members for one in plain.cois)
+        assert sorted(coi.members for coi in found.cois) == sorted(coi.members for coi in plain.cois)
 
 
 def test_good_predictions_save_questions() -> None:
@@ -75,7 +75,7 @@ def test_at_a_probability_it_ends_sooner_and_claims_no_proof() -> None:
         assert found.probability in (None, 0.9)
         stopped += found.probability is not None
         best += found.total == proof.total
-        assert all(one.reserve >= needs.get(one.members, one.reserve) for one in found.cois), "what is said holds"
+        assert all(coi.reserve >= needs.get(coi.members, coi.reserve) for coi in found.cois), "what is said holds"
 
     assert settings["0.9"] < settings["proof"]
     assert stopped >= len(SEEDS) // 2

@@ -82,7 +82,7 @@ def test_the_papers_steps_in_the_papers_order() -> None:
     assert done.message == SUCCESSFUL
     (made,) = done.combinations
     assert (made.compound.name, made.compound.criticality, made.compound.reserve, made.gain) == ("vision", 40, 50, 5)
-    assert [one.name for one in done.cois] == ["vision", "speech", "paths"]
+    assert [coi.name for coi in done.cois] == ["vision", "speech", "paths"]
 
 
 def test_one_worse_than_its_apt_does_not_stop_the_pair() -> None:
@@ -118,7 +118,7 @@ def test_repeated_it_goes_on_with_the_compound_until_the_total_fits() -> None:
         ("speech", 40),
     ]
     assert oracle.asked[4:6] == [("paths+speech+video", 60), ("paths+speech+video", 10)]
-    assert [one.cost for one in done.cois] == [40, 40], "80 fits into 90: there it ends"
+    assert [coi.cost for coi in done.cois] == [40, 40], "80 fits into 90: there it ends"
 
 
 def test_a_compound_is_worse_when_any_of_its_members_is() -> None:

@@ -50,7 +50,7 @@ def objective(of: Sequence[Coi], capacity: int, minimise: Minimise = Minimise.CO
         capacity=capacity,
         fits=lambda layout: total(layout) <= capacity,
         minimise=minimise,
-        criticalities={one.name: one.criticality for one in of},
+        criticalities={coi.name: coi.criticality for coi in of},
     )
 
 
@@ -66,7 +66,7 @@ def partitions(of: Sequence[Coi]) -> Iterator[list[tuple[Coi, ...]]]:
     first, rest = of[0], of[1:]
     for size in range(len(rest) + 1):
         for others in itertools.combinations(rest, size):
-            left = [one for one in rest if one not in others]
+            left = [coi for coi in rest if coi not in others]
             for more in partitions(left):
                 yield [(first, *others), *more]
 
@@ -75,9 +75,9 @@ def by_hand(of: Sequence[Coi], needs: Mapping[Members, int], capacity: int, mini
     """The best value of all layouts, by looking at every one; None: none fits."""
     values = []
     for layout in partitions(of):
-        shared = sorted((one.criticality for block in layout if len(block) > 1 for one in block), reverse=True)
+        shared = sorted((coi.criticality for block in layout if len(block) > 1 for coi in block), reverse=True)
         costs = [
-            needs[tuple(sorted(one.name for one in block))] if len(block) > 1 else block[0].reserve for block in layout
+            needs[tuple(sorted(coi.name for coi in block))] if len(block) > 1 else block[0].reserve for block in layout
         ]
         gains = all(
             cost < total(block) for cost, block in zip(costs, layout, strict=True) if len(block) > 1
@@ -90,10 +90,10 @@ def by_hand(of: Sequence[Coi], needs: Mapping[Members, int], capacity: int, mini
 
 def needs_of(of: Sequence[Coi], chance: random.Random) -> dict[Members, int]:
     """Of every compound: at least what its parts need, sometimes more than their sum."""
-    found: dict[Members, int] = {(one.name,): one.reserve for one in of}
+    found: dict[Members, int] = {(coi.name,): coi.reserve for coi in of}
     for size in range(2, len(of) + 1):
         for block in itertools.combinations(of, size):
-            names = tuple(sorted(one.name for one in block))
+            names = tuple(sorted(coi.name for coi in block))
             floor = max(found[tuple(name for name in names if name != left)] for left in names)
             found[names] = floor + chance.randint(0, max(1, (total(block) - floor) * 5 // 4))
     return found
@@ -122,7 +122,7 @@ def test_the_answer_is_the_best_of_all_layouts(seed: int, minimise: Minimise) ->
     )
     first, second = (shared, found.total) if minimise is Minimise.COMBINING else (found.total, shared)
     assert (first, second, len(found.cois)) == best
-    assert all(one.reserve == needs[one.members] for one in found.cois)
+    assert all(coi.reserve == needs[coi.members] for coi in found.cois)
 
 
 def test_what_fits_already_is_not_asked_for() -> None:
@@ -159,7 +159,7 @@ def test_a_combination_that_is_declined_is_left_out() -> None:
     found, _ = search(tuning_of(of, objective(of, 80), anyone), asking)
 
     assert isinstance(found, Best)
-    assert [one.members for one in found.cois] == [("a", "c"), ("b",)]
+    assert [coi.members for coi in found.cois] == [("a", "c"), ("b",)]
     assert not found.proved, "the one that was declined may be better"
 
 
@@ -182,11 +182,11 @@ def test_layouts_that_cannot_fit_are_dropped_unmeasured(seed: int) -> None:
     _, trail = search(tuning, Asking(oracle=Needs(needs_of(of, chance))))
     assert trail
 
-    layouts = [[tuple(sorted(one.name for one in block)) for block in layout] for layout in partitions(of)]
-    alone = {one.members: one.reserve for one in of}
+    layouts = [[tuple(sorted(coi.name for coi in block)) for block in layout] for layout in partitions(of)]
+    alone = {coi.members: coi.reserve for coi in of}
     for at, question in enumerate(trail):
         known = informed(tuning.candidates, trail[:at]).by_mask.values()
-        least = alone | {one.coi.members: one.low for one in known if one.is_gain}
+        least = alone | {candidate.coi.members: candidate.low for candidate in known if candidate.is_gain}
         possible = [layout for layout in layouts if question.members in layout and all(one in least for one in layout)]
         assert min(sum(least[one] for one in layout) for layout in possible) <= capacity
 
@@ -234,7 +234,7 @@ def test_a_compound_that_needs_less_than_a_part_of_it_voids_the_proof() -> None:
 
 
 def test_on_several_processors_a_compound_may_need_two_points_less_than_a_part() -> None:
-    of = tuple(replace(one, processors=2) for one in cois(a=40, b=30))
+    of = tuple(replace(coi, processors=2) for coi in cois(a=40, b=30))
     tuning = tuning_of(of, objective(of, 80), anyone)
     found, trail = search(tuning, Asking(oracle=Needs({("a", "b"): 39})))
     assert isinstance(found, Best)
@@ -260,16 +260,16 @@ def test_what_else_was_measured_counts_once_there_would_be_an_answer() -> None:
 
     assert isinstance(without, Best)
     assert isinstance(found, Best)
-    assert (without.proved, [one.members for one in without.cois]) == (True, [("a", "b"), ("c",)])
+    assert (without.proved, [coi.members for coi in without.cois]) == (True, [("a", "b"), ("c",)])
     assert trail[: len(asked)] == asked, "the same questions first, so that a search that was stopped asks them again"
     assert recorded[1] in trail[len(asked) :]
     assert len({(one.members, one.reserve) for one in trail}) == len(trail), "nothing is told twice"
-    assert (found.proved, [one.members for one in found.cois]) == (False, [("a",), ("b", "c")])
+    assert (found.proved, [coi.members for coi in found.cois]) == (False, [("a",), ("b", "c")])
     assert [one.says for one in found.breaks] == ["b+c meets its thresholds with less than b needs"]
 
 
 def test_a_compound_is_looked_for_down_to_what_its_parts_were_shown_to_miss() -> None:
-    of = tuple(replace(one, missed=missed) for one, missed in zip(cois(a=40, b=30), (34, None), strict=True))
+    of = tuple(replace(coi, missed=missed) for coi, missed in zip(cois(a=40, b=30), (34, None), strict=True))
     found, trail = search(tuning_of(of, objective(of, 60), anyone), Asking(oracle=Needs({("a", "b"): 36})))
 
     assert isinstance(found, Best)

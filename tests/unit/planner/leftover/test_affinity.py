@@ -29,8 +29,16 @@ def test_the_less_critical_are_kept_to_the_last_processors_each_with_its_own_bes
 
     found = classes_of([arm, log, map_], {}, "body", PLACES, processors=4).classes
 
-    assert {one.name: one.affinity for one in found} == {"Arm": ALL, "Log": 0b1000, "Map": 0b1110}
-    assert {one.name: registry_values(one)["Affinity"].data for one in found} == {"Arm": 0, "Log": 8, "Map": 14}
+    assert {class_values.name: class_values.affinity for class_values in found} == {
+        "Arm": ALL,
+        "Log": 0b1000,
+        "Map": 0b1110,
+    }
+    assert {class_values.name: registry_values(class_values)["Affinity"].data for class_values in found} == {
+        "Arm": 0,
+        "Log": 8,
+        "Map": 14,
+    }
 
 
 def test_the_most_critical_may_use_what_nobody_above_wants() -> None:
@@ -69,7 +77,7 @@ def test_who_names_no_class_may_use_all_so_what_is_above_may_too_and_what_is_bel
 
 def _masks(*components: Component) -> dict[str, int]:
     found = classes_of(components, {}, "body", PLACES, processors=4).classes
-    return {one.name: one.affinity for one in found}
+    return {class_values.name: class_values.affinity for class_values in found}
 
 
 def test_who_shares_a_class_shares_its_processors() -> None:
@@ -143,7 +151,7 @@ def test_the_more_critical_never_has_less_and_what_is_kept_to_some_finds_its_own
         for (lower, narrow), (upper, wide) in pairwise(by_weight):
             assert narrow & wide == narrow, "what the less critical may use, the more critical may"
             assert lower.criticality != upper.criticality or narrow == wide
-        kept = [(one.processors or 0, mask) for one, mask in by_weight if mask != everything]
+        kept = [(component.processors or 0, mask) for component, mask in by_weight if mask != everything]
         for number in range(1, len(kept) + 1):
             for some in combinations(kept, number):
                 together = 0
@@ -154,7 +162,7 @@ def test_the_more_critical_never_has_less_and_what_is_kept_to_some_finds_its_own
 
 def test_who_says_how_many_is_kept_wherever_there_is_room_beside_those_below() -> None:
     for components, masks in systems(4):
-        kept = {one.name: mask for one, mask in zip(components, masks, strict=True) if mask != 0b1111}
+        kept = {component.name: mask for component, mask in zip(components, masks, strict=True) if mask != 0b1111}
         assert kept == {
             component.name: 0b1111 & ~((1 << (4 - below)) - 1)
             for component in components

@@ -79,7 +79,7 @@ def weight(levels: Sequence[Sequence[TaskWish]], chosen: Sequence[Values]) -> tu
 
 
 def as_values(chosen: Sequence[Sequence[LevelValues]]) -> list[Values]:
-    return [(one.category, one.thread_priority) for level in chosen for one in level]
+    return [(level_values.category, level_values.thread_priority) for level in chosen for level_values in level]
 
 
 def groups(wishes: Sequence[TaskWish]) -> Iterator[list[list[TaskWish]]]:
@@ -125,7 +125,7 @@ def test_where_no_values_keep_all_in_order_the_fewest_are_left_out() -> None:
 
     ((first,), (second,), (third,)) = chosen_values([[lowest], [ALL_OPEN], [ALL_OPEN]])
 
-    assert [one.thread_priority for one in (first, second, third)] == [8, 23, 21]
+    assert [level_values.thread_priority for level_values in (first, second, third)] == [8, 23, 21]
 
 
 def test_equals_run_alike_as_far_as_each_can() -> None:
@@ -133,14 +133,16 @@ def test_equals_run_alike_as_far_as_each_can() -> None:
         [[ALL_OPEN, ALL_OPEN, a_task("Fixed", category=MEDIUM, priority=4)], [ALL_OPEN]]
     )
 
-    assert [one.thread_priority for one in (open_, other, fixed, below)] == [23, 23, 20, 18]
+    assert [level_values.thread_priority for level_values in (open_, other, fixed, below)] == [23, 23, 20, 18]
 
 
 @pytest.mark.parametrize("wish", SOME + MORE)
 def test_what_a_wish_leaves_is_listed_once_each_the_highest_threads_first(wish: TaskWish) -> None:
-    assert [(one.category, one.thread_priority) for one in values_within(wish)] == values(wish)
+    assert [(level_values.category, level_values.thread_priority) for level_values in values_within(wish)] == values(
+        wish
+    )
 
 
 def test_the_number_that_a_category_does_not_go_by_follows_the_one_that_it_does() -> None:
-    for one in values_within(ALL_OPEN):
-        assert one.priority == one.background_priority
+    for level_values in values_within(ALL_OPEN):
+        assert level_values.priority == level_values.background_priority

@@ -32,7 +32,7 @@ def a_robot(reserve: str = "30 %") -> System:
 def test_by_criticality_the_more_critical_has_the_larger_part() -> None:
     found = placed(a_robot())
 
-    assert {name: (one.limit, one.weight) for name, one in found.items()} == {
+    assert {name: (partition.limit, partition.weight) for name, partition in found.items()} == {
         "vision": (100, 300),
         "speech": (100, 200),
         "logging": (100, 100),
@@ -45,19 +45,19 @@ def test_what_one_needs_moves_nobody_elses_share() -> None:
     before, after = placed(a_robot()), placed(a_robot("45 %"))
 
     assert before["vision"] != after["vision"]
-    assert {name: one for name, one in before.items() if name != "vision"} == {
-        name: one for name, one in after.items() if name != "vision"
+    assert {name: partition for name, partition in before.items() if name != "vision"} == {
+        name: partition for name, partition in after.items() if name != "vision"
     }
 
 
 def test_equal_hands_out_the_same() -> None:
-    assert {one.weight for one in placed(a_robot(), Headroom.EQUAL).values()} == {WEIGHT}
+    assert {partition.weight for partition in placed(a_robot(), Headroom.EQUAL).values()} == {WEIGHT}
 
 
 def test_none_keeps_those_without_an_apt_to_their_reservation() -> None:
     found = placed(a_robot(), Headroom.NONE)
 
-    assert {name: (one.limit, one.weight) for name, one in found.items()} == {
+    assert {name: (partition.limit, partition.weight) for name, partition in found.items()} == {
         "vision": (100, 100),
         "speech": (20, 1),
         "logging": (100, 1),

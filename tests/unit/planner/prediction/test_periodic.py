@@ -52,14 +52,14 @@ def misses(tasks: Sequence[Task], supply: Supply, order: Order, first: Sequence[
         for rank, (task, begins) in enumerate(zip(tasks, first, strict=True)):
             if tick >= begins and (tick - begins) % task.period == 0:
                 ready.append(Job(rank=rank, due=tick + task.deadline, left=task.work))
-        if any(one.due <= tick for one in ready):
+        if any(job.due <= tick for job in ready):
             return True
         if ready and supply(tick):
             runs = min(ready, key=order)
             runs.left -= 1
             if not runs.left:
                 ready.remove(runs)
-    return any(one.due <= until for one in ready)
+    return any(job.due <= until for job in ready)
 
 
 def at_worst(resource: Resource) -> Supply:

@@ -39,7 +39,7 @@ def test_a_changed_bootstrap_does_not(old: bytes, new: bytes, code: str) -> None
     changed = render_bootstrap().replace(old, new, 1)
 
     assert changed != render_bootstrap()
-    assert code in {one.code for one in inspect(changed, ScriptKind.BOOTSTRAP)}
+    assert code in {diagnostic.code for diagnostic in inspect(changed, ScriptKind.BOOTSTRAP)}
 
 
 def test_what_travels_is_the_same_without_remarks_and_indentation() -> None:

@@ -57,7 +57,7 @@ def test_names_that_two_machines_share_and_marks_that_were_copied() -> None:
     assert "names another machine" in told["bbbbbbbb"][2]
     assert told["cccccccc"] == ("vision", False, "")
     speech = [partition for partition in state.partitions if partition.settings.name.startswith("speech")]
-    assert [one.foreign_mark for one in speech] == ["the mark of robot/speech stands on 2 machines"] * 2
+    assert [partition.foreign_mark for partition in speech] == ["the mark of robot/speech stands on 2 machines"] * 2
 
 
 def test_every_state_is_off_running_paused_saved_critical_or_busy() -> None:

@@ -38,7 +38,7 @@ def test_no_two_boxes_overlap_and_all_lie_within_the_drawing() -> None:
     drawing = drawing_of(all_of(NAMES))
 
     assert len(drawing.boxes) == 15
-    assert not any(overlap(one, other) for one, other in combinations(drawing.boxes, 2))
+    assert not any(overlap(box, other) for box, other in combinations(drawing.boxes, 2))
     assert max(box.x + box.width for box in drawing.boxes) <= drawing.width
     assert max(box.y + box.height for box in drawing.boxes) <= drawing.height
     assert all(line.y < box.y + box.height for box in drawing.boxes for line in box.lines)
@@ -48,8 +48,8 @@ def test_each_node_is_joined_to_its_largest_parts_that_lie_left_of_it() -> None:
     nodes = all_of(NAMES)
     drawing = drawing_of(nodes)
     left = {
-        one.name: box.x
-        for one, box in zip(sorted(nodes, key=lambda each: len(each.members)), drawing.boxes, strict=True)
+        node.name: box.x
+        for node, box in zip(sorted(nodes, key=lambda each: len(each.members)), drawing.boxes, strict=True)
     }
 
     assert covered(nodes)["path+speech+video"] == ("path+speech", "path+video", "speech+video")
@@ -82,6 +82,6 @@ def test_of_too_many_the_measured_ones_stay_with_all_they_consist_of() -> None:
 
     assert len(shown) <= MOST_NODES
     assert known in shown
-    assert {one.name for one in shown} >= set(names)
-    drawn = {one.name for one in shown}
-    assert all(set(one.parts) <= drawn for one in shown)
+    assert {node.name for node in shown} >= set(names)
+    drawn = {node.name for node in shown}
+    assert all(set(node.parts) <= drawn for node in shown)
