@@ -15,6 +15,7 @@ from pathlib import Path
 from rarms_iac.storage import disk
 from rarms_iac.storage.codec import Json
 from rarms_iac.storage.digest import parse_json
+from rarms_iac.storage.reading import LOG_LIMIT, open_regular, read_file
 
 Record = Mapping[str, Json]
 
@@ -70,7 +71,11 @@ def read_records(path: Path) -> tuple[dict[str, Json], ...]:
     Raises:
         Damaged: one before the last is not as it was written.
     """
-    return records_in(path.read_bytes(), path) if path.exists() else ()
+    try:
+        data = read_file(path, LOG_LIMIT)
+    except FileNotFoundError:
+        return ()
+    return records_in(data, path)
 
 
 def records_in(data: bytes, path: Path) -> tuple[dict[str, Json], ...]:
@@ -94,10 +99,11 @@ def read_first(path: Path) -> dict[str, Json] | None:
     Raises:
         Damaged: it is damaged, and others follow.
     """
-    if not path.exists():
+    try:
+        with open_regular(path) as file:
+            line, more = file.readline(), file.read(1)
+    except FileNotFoundError:
         return None
-    with path.open("rb") as file:
-        line, more = file.readline(), file.read(1)
     text = _text_of(line[:-1]) if line.endswith(b"\n") else None
     if text is None and more:
         raise Damaged(path, 1, "the record is damaged: its length or checksum does not fit its text")
@@ -145,7 +151,7 @@ def _last_line(path: Path, size: int) -> tuple[int, bytes]:
     """Where the last line begins, and its bytes with the line end, if it has one; read from the end."""
     if not size:
         return 0, b""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         start, tail = size, b""
         while start and b"\n" not in tail[:-1]:
             length = min(start, max(_CHUNK, len(tail)))

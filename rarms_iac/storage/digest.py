@@ -2,9 +2,13 @@
 
 import hashlib
 import json
+import re
+from math import isfinite
 from typing import Any
 
 from rarms_iac.storage.codec import Json, NotDecodable, encode
+
+_HUGE = re.compile(r"[eE]\+?[0-9]{3}|[0-9]{300}")
 
 
 def canonical(value: object) -> str:
@@ -32,8 +36,12 @@ def parse_json(text: str) -> Json:
     Raises:
         NotDecodable: it is not JSON, says a key twice, is nested too deeply, or holds NaN or an overlong number.
     """
+    # A callback for every number would double the time of a long log: it is set where a number may be too large.
+    parse_float = _finite if _HUGE.search(text) else None
     try:
-        data: Json = json.loads(text, object_pairs_hook=_without_duplicates, parse_constant=_refuse_constant)
+        data: Json = json.loads(
+            text, object_pairs_hook=_without_duplicates, parse_constant=_refuse_constant, parse_float=parse_float
+        )
     except RecursionError:
         raise NotDecodable("", "it is nested too deeply") from None
     except NotDecodable:
@@ -59,6 +67,13 @@ def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         names = [name for name, _ in pairs]
         raise NotDecodable("", f"the key {next(name for name in names if names.count(name) > 1)!r} is there twice")
     return found
+
+
+def _finite(digits: str) -> float:
+    number = float(digits)
+    if not isfinite(number):
+        raise NotDecodable("", f"{digits[:20]} is too large a number")
+    return number
 
 
 def _refuse_constant(name: str) -> Json:

@@ -15,6 +15,8 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 
+from rarms_iac.storage.reading import open_regular
+
 POLL_SECONDS = 0.02
 OWNER_BYTES = 4096
 _LOCKED_BYTE = 1 << 30  # behind any text
@@ -58,7 +60,7 @@ def hold(path: Path, owner: str, timeout_ms: int = 0) -> Iterator[None]:
 def read_owner(path: Path) -> str:
     """Who holds the lock, or held it when it was killed; empty where nobody says."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             return file.read(OWNER_BYTES).decode("utf-8", "replace").strip()
     except OSError:
         return ""

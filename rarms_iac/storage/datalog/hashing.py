@@ -13,6 +13,7 @@ from pathlib import Path
 from rarms_iac.model.system import Call, Command, CommandLoad, Run
 from rarms_iac.storage.datalog.identity import Subject
 from rarms_iac.storage.digest import short
+from rarms_iac.storage.reading import open_regular
 
 _LOOKED_AT = 8000  # bytes: git tells a text from other content by them
 _CHUNK = 2**20
@@ -94,7 +95,7 @@ def file_digest(path: Path) -> str:
         OSError: it cannot be read.
     """
     total = hashlib.sha256()
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         chunk = file.read(_CHUNK)
         is_text = b"\0" not in chunk[:_LOOKED_AT]
         held = b""

@@ -1,0 +1,87 @@
+"""The one reader: what rarms reads from a disk comes through `open_regular` (DESIGN section 4).
+
+`make lint` refuses any other way to open a file for reading, but for what rarms ships and for files of the kernel.
+"""
+
+import os
+import stat
+import sys
+import time
+from pathlib import Path
+from typing import BinaryIO
+
+MEBIBYTE = 2**20
+STATE_LIMIT = 64 * MEBIBYTE
+JOURNAL_LIMIT = 256 * MEBIBYTE
+LOG_LIMIT = 1024 * MEBIBYTE
+"""The largest state of a simulated host, journal and data log, in bytes."""
+
+_RETRIES, _RETRY_SECONDS = 40, 0.025
+
+
+class NotRegular(OSError):
+    """The path names a folder, a device, a pipe or a socket."""
+
+    def __init__(self, path: Path | str, kind: str) -> None:
+        super().__init__(0, f"it is {kind}, not a regular file", str(path))
+        self.kind = kind
+
+
+class TooLarge(OSError):
+    """The file has more bytes than files of its kind may have."""
+
+    def __init__(self, path: Path | str, limit: int) -> None:
+        super().__init__(0, f"it has more than {limit:,} bytes", str(path))
+        self.limit = limit
+
+
+def open_regular(path: Path | str) -> BinaryIO:
+    """Open a regular file for reading, once and without blocking.
+
+    A symbolic link is followed; what counts is what it leads to. The caller closes the file.
+
+    Raises:
+        NotRegular: it is no regular file: a pipe would block, a device may be endless.
+        OSError: there is no such file, or the system does not let us read it.
+        ValueError: no file can have this name (it holds a NUL).
+    """
+    handle = _open(path)
+    mode = os.fstat(handle).st_mode
+    if not stat.S_ISREG(mode):
+        os.close(handle)
+        raise NotRegular(path, "a folder" if stat.S_ISDIR(mode) else "a device, a pipe or a socket")
+    return os.fdopen(handle, "rb")
+
+
+def _open(path: Path | str) -> int:
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    for _ in range(_RETRIES):
+        try:
+            return os.open(path, flags)
+        except PermissionError:
+            if sys.platform != "win32":
+                raise
+            if Path(path).is_dir():  # Windows opens no folder, and says it has no right to
+                raise NotRegular(path, "a folder") from None
+            time.sleep(_RETRY_SECONDS)  # Windows: somebody is replacing the file right now
+    return os.open(path, flags)
+
+
+def read_file(path: Path | str, limit: int) -> bytes:
+    """Read a whole regular file.
+
+    Args:
+        path: a link is followed.
+        limit: bytes that the file may have.
+
+    Raises:
+        NotRegular: it is no regular file.
+        TooLarge: it has more bytes than the limit; no more than one of them was read beyond it.
+        OSError: as `open_regular`.
+        ValueError: as `open_regular`.
+    """
+    with open_regular(path) as file:
+        data = file.read(limit + 1)
+    if len(data) > limit:
+        raise TooLarge(path, limit)
+    return data

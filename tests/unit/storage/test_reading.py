@@ -1,0 +1,52 @@
+import os
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.storage.codec import NotDecodable
+from rarms_iac.storage.digest import parse_json
+from rarms_iac.storage.reading import NotRegular, TooLarge, open_regular, read_file
+from tests.needs import require
+
+
+def test_a_file_is_read_up_to_its_limit_and_no_further(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_bytes(b"12345")
+
+    assert read_file(file, 5) == b"12345"
+    with pytest.raises(TooLarge, match="more than 4 bytes"):
+        read_file(file, 4)
+
+
+def test_a_folder_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(NotRegular, match="a folder"):
+        read_file(tmp_path, 5)
+
+
+def test_a_pipe_is_refused_without_waiting_for_its_writer(tmp_path: Path) -> None:
+    require("posix")
+    os.mkfifo(tmp_path / "pipe")
+
+    with pytest.raises(NotRegular, match="pipe"):
+        open_regular(tmp_path / "pipe")
+
+
+def test_a_link_counts_as_what_it_leads_to(tmp_path: Path) -> None:
+    require("posix")
+    (tmp_path / "file").write_bytes(b"text")
+    (tmp_path / "link").symlink_to("file")
+    (tmp_path / "endless").symlink_to("/dev/zero")
+
+    assert read_file(tmp_path / "link", 10) == b"text"
+    with pytest.raises(NotRegular, match="device"):
+        read_file(tmp_path / "endless", 10)
+
+
+@pytest.mark.parametrize("number", ["1e999", "-1E+400", "1" * 400 + ".0"])
+def test_a_number_that_no_float_can_hold_is_refused(number: str) -> None:
+    with pytest.raises(NotDecodable, match="too large"):
+        parse_json(f'{{"response_ms": [1.5, {number}]}}')
+
+
+def test_a_text_that_looks_like_a_huge_number_is_a_text() -> None:
+    assert parse_json('{"id": "3e9995", "small": 1e-999}') == {"id": "3e9995", "small": 0.0}
