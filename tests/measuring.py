@@ -13,8 +13,7 @@ from rarms_iac.model.system import System
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.reservations import names_of, rests_on_a_log
 from rarms_iac.storage.datalog.files import append_setting, begin_log
-from rarms_iac.storage.datalog.hashing import Files
-from rarms_iac.storage.datalog.identity import header_of, identity_of
+from rarms_iac.storage.datalog.identity import Files, header_of, identity_of
 from rarms_iac.storage.datalog.log import Provenance, Recorded
 from tests.builders_measured import a_bench, a_series, a_setting
 

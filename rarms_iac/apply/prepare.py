@@ -28,7 +28,7 @@ from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner.reservations import ReservationSource
 from rarms_iac.powershell.guests import GuestTask
-from rarms_iac.storage.planfile.sealing import identified
+from rarms_iac.storage.plan_file import identified
 
 Judge = Callable[[Sequence[Diagnostic]], tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]]
 """Which findings stay, and which the manifest's policy accepts."""

@@ -19,7 +19,7 @@ from rarms_iac.cli.session import Session
 from rarms_iac.cli.telling import tell
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.providers.interface import LiveHost
-from rarms_iac.storage.planfile.sealing import write_plan
+from rarms_iac.storage.plan_file import write_plan
 from rarms_iac.views.diagnostics import Sources
 from rarms_iac.views.plan import plan_text
 from rarms_iac.views.plan_colour import coloured_plan

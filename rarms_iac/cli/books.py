@@ -17,11 +17,9 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.state import Partition
 from rarms_iac.planner.findings import UNREADABLE
 from rarms_iac.providers.measuring import MeasuringHost
-from rarms_iac.storage.datalog.files import LogUnreadable, read_log
-from rarms_iac.storage.datalog.hashing import Files
-from rarms_iac.storage.datalog.identity import header_of, identity_of
+from rarms_iac.storage.datalog.files import LogUnreadable, log_path, read_log
+from rarms_iac.storage.datalog.identity import Files, header_of, identity_of
 from rarms_iac.storage.datalog.log import DataLog, Header, Provenance
-from rarms_iac.storage.datalog.paths import log_path
 from rarms_iac.storage.datalog.staleness import Changed, compare, known
 
 

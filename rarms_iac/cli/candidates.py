@@ -21,7 +21,7 @@ from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.prediction.members import alone_in, predictor_of
 from rarms_iac.planner.problem import by_name, problem_of
 from rarms_iac.planner.reservations import NotMeasured, names_of, rests_on_a_log
-from rarms_iac.storage.datalog.paths import log_path
+from rarms_iac.storage.datalog.files import log_path
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

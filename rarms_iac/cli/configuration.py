@@ -19,8 +19,7 @@ from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.reservations import names_of, rests_on_a_log
 from rarms_iac.planner.sizes import Sized, size
 from rarms_iac.storage.datalog.configuration import Chosen, append_entry, last_chosen, read_entries
-from rarms_iac.storage.datalog.files import LogUnreadable, read_log
-from rarms_iac.storage.datalog.paths import configuration_path
+from rarms_iac.storage.datalog.files import LogUnreadable, configuration_path, read_log
 
 
 def record_choices(measured: Measurements, components: Iterable[str] = ()) -> tuple[Path, ...]:

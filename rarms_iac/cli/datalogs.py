@@ -26,11 +26,9 @@ from rarms_iac.planner.reservations import (
     to_be_measured,
 )
 from rarms_iac.statistics.curve import Curve, curve_of
-from rarms_iac.storage.datalog.files import LogUnreadable, read_log
-from rarms_iac.storage.datalog.hashing import Files
-from rarms_iac.storage.datalog.identity import Subject, identity_of
+from rarms_iac.storage.datalog.files import LogUnreadable, log_path, read_log
+from rarms_iac.storage.datalog.identity import Files, Subject, identity_of
 from rarms_iac.storage.datalog.log import DataLog
-from rarms_iac.storage.datalog.paths import log_path
 from rarms_iac.storage.datalog.staleness import BenchNow, Comparison, compare
 
 LISTED = 4

@@ -22,7 +22,7 @@ from rarms_iac.model.spelling import suggestion
 from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import System
 from rarms_iac.providers.interface import HostError, HostLocked, LiveHost, RecordableHost
-from rarms_iac.storage.planfile.snapshot import write_snapshot
+from rarms_iac.storage.snapshot_file import write_snapshot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

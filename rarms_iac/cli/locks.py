@@ -8,9 +8,9 @@ from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.hosts import owner
 from rarms_iac.cli.problems import Halted
 from rarms_iac.measuring.findings import MEASURED_ELSEWHERE
-from rarms_iac.storage.datalog.paths import FOLDER
+from rarms_iac.storage.datalog.files import FOLDER
+from rarms_iac.storage.disk import PRIVATE, make_room
 from rarms_iac.storage.lock import Locked, hold
-from rarms_iac.storage.private import PRIVATE, make_room
 from rarms_iac.storage.replace import remove_leftovers
 
 LOCKS = "locks"

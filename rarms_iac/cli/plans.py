@@ -7,7 +7,7 @@ from rarms_iac.cli.files import read_file
 from rarms_iac.cli.problems import Halted
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.model.plan import Plan
-from rarms_iac.storage.planfile.sealing import MAX_BYTES, PlanFileError, read_plan
+from rarms_iac.storage.plan_file import MAX_BYTES, PlanFileError, read_plan
 
 
 def read_plan_file(path: str) -> Plan:

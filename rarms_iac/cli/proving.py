@@ -35,7 +35,7 @@ from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.statistics.steadiness import Unsteady
 from rarms_iac.statistics.verdict import Met, Missed, TooFewSamples, TooManyFailures, WithinTheNoise
 from rarms_iac.storage.datalog.configuration import Proven, ProvenIndex, append_entry
-from rarms_iac.storage.datalog.paths import configuration_path
+from rarms_iac.storage.datalog.files import configuration_path
 from rarms_iac.views.proved import proof_text, prove_json, sampled, verdict_of
 
 USUAL_SEED = 1

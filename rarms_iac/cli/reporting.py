@@ -27,10 +27,9 @@ from rarms_iac.model.indexes import find_index
 from rarms_iac.model.system import Host, System
 from rarms_iac.planner.findings import UNREADABLE
 from rarms_iac.storage.datalog.configuration import Proven, ProvenIndex, read_entries
-from rarms_iac.storage.datalog.files import LogUnreadable, read_log
-from rarms_iac.storage.datalog.hashing import Files
+from rarms_iac.storage.datalog.files import FOLDER, LogUnreadable, configuration_path, read_log
+from rarms_iac.storage.datalog.identity import Files
 from rarms_iac.storage.datalog.log import DataLog
-from rarms_iac.storage.datalog.paths import FOLDER, configuration_path
 from rarms_iac.views.reports.building import Logged, report_of
 from rarms_iac.views.reports.candidate_drawing import few_enough
 from rarms_iac.views.reports.model import Combining, Proof, Report

@@ -18,7 +18,7 @@ from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.inspection.lists import ScriptKind
 from rarms_iac.powershell.outline import Outline, outline
 from rarms_iac.powershell.render import script_name
-from rarms_iac.storage.planfile.sealing import MAX_BYTES, PlanFileError, read_plan
+from rarms_iac.storage.plan_file import MAX_BYTES, PlanFileError, read_plan
 
 SCRIPT_ORIGIN = "rarms show --script PLAN --out FOLDER"
 

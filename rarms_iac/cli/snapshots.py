@@ -13,7 +13,7 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import State
 from rarms_iac.storage.codec import NotDecodable
-from rarms_iac.storage.planfile.snapshot import MAX_BYTES, SnapshotUnreadable, read_snapshot
+from rarms_iac.storage.snapshot_file import MAX_BYTES, SnapshotUnreadable, read_snapshot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,7 @@ from enum import StrEnum
 
 from rarms_iac.model.changes import RESPONSIVENESS, Address
 from rarms_iac.model.state import Partition, Responsiveness, StartAction, State, TaskClass
-from rarms_iac.storage.sets import set_of_settings, set_of_values
+from rarms_iac.storage.digest import set_of_settings, set_of_values
 
 
 class DriftKind(StrEnum):

@@ -18,7 +18,7 @@ from rarms_iac.manifest.load import load
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.providers.hyperv.observation import read_observation
 from rarms_iac.providers.hyperv.parse import to_state
-from rarms_iac.storage.planfile.sealing import read_plan
+from rarms_iac.storage.plan_file import read_plan
 from rarms_iac.views.diagnostics import OutputFormat, render
 from rarms_iac.views.plan import plan_text
 from tests.twin.host import WindowsHost

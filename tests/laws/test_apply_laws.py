@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from rarms_iac.apply.reports import Ending
 from rarms_iac.model.state import Partition, State
 from rarms_iac.model.system import System
-from rarms_iac.storage.planfile.sealing import read_plan, write_plan
+from rarms_iac.storage.plan_file import read_plan, write_plan
 from tests.effort import examples
 from tests.lab import Countdown, Lab, a_lab, without_serials
 from tests.strategies import Strangers, strangers, systems

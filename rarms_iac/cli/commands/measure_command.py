@@ -34,7 +34,7 @@ from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.storage.datalog.files import LogUnreadable
-from rarms_iac.storage.datalog.log import Pass
+from rarms_iac.storage.datalog.log import Remeasurement
 from rarms_iac.views.measured import Measured, measure_json, summary_text
 
 STRATEGIES = ("default", "bisection", "paper")
@@ -154,7 +154,7 @@ class Done:
     results: tuple[Measured, ...]
     findings: tuple[Diagnostic, ...]
     waiting: tuple[Experiment, ...] = ()
-    complete: Mapping[Path, Pass] = field(default_factory=dict)  # passes with nothing left to measure, by data log
+    complete: Mapping[Path, Remeasurement] = field(default_factory=dict)  # finished, by data log
 
     @property
     def stopped(self) -> bool:
@@ -178,7 +178,7 @@ def measured(session: Session, hosts: Hosts, options: MeasureOptions, *, interac
     experiments = experiments_for(hosts, options)
     results: list[Measured] = []
     found: list[Diagnostic] = []
-    complete: dict[Path, Pass] = {}
+    complete: dict[Path, Remeasurement] = {}
     names = [experiment.host.name for experiment in experiments]
     with held_benches(session, hosts, names, options.lock_timeout_ms) as benches:
         passes = _passes(hosts, experiments, benches, options)
@@ -200,7 +200,7 @@ def measured(session: Session, hosts: Hosts, options: MeasureOptions, *, interac
 
 def _passes(
     hosts: Hosts, experiments: Sequence[Experiment], benches: Mapping[str, MeasuringHost], options: MeasureOptions
-) -> Mapping[Path, Pass]:
+) -> Mapping[Path, Remeasurement]:
     """The passes of `--again`, by data log; none where it is not asked for."""
     if not options.again:
         return {}

@@ -64,8 +64,8 @@ from rarms_iac.providers.simulated.parse import (
 from rarms_iac.providers.simulated.rules import Refusal, refuse_change, refuse_creation, refuse_without_rights
 from rarms_iac.storage.append import Damaged
 from rarms_iac.storage.codec import NotDecodable
+from rarms_iac.storage.disk import make_room
 from rarms_iac.storage.lock import Locked, hold
-from rarms_iac.storage.private import make_room
 from rarms_iac.storage.replace import remove_leftovers
 from rarms_iac.storage.replace import replace as replace_file
 

@@ -1,16 +1,16 @@
 """Data logs as files: read whole, begun anew, or a setting longer."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from rarms_iac.storage.append import Damaged, append, read_records
 from rarms_iac.storage.append import line_of as sealed_line
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.datalog.columns import line_of, setting_in
-from rarms_iac.storage.datalog.log import FORMAT, DataLog, Header, Pass, Recorded
+from rarms_iac.storage.datalog.log import FORMAT, DataLog, Header, Recorded, Remeasurement
 from rarms_iac.storage.replace import replace
 
-ITS_FIELD = "pass"
+REMEASUREMENT_FIELD = "pass"
 """The one field of a pass's record; of several records of a pass the last holds."""
 
 
@@ -36,13 +36,13 @@ def begin_log(path: Path, header: Header) -> None:
     replace(path, sealed_line(line))
 
 
-def append_pass(path: Path, one: Pass) -> None:
+def append_remeasurement(path: Path, one: Remeasurement) -> None:
     """Add that a pass begins, or has ended, to a log that was begun. It is on the disk on return.
 
     Raises:
         OSError: it cannot be written.
     """
-    append(path, {ITS_FIELD: encode(one)})
+    append(path, {REMEASUREMENT_FIELD: encode(one)})
 
 
 def append_setting(path: Path, recorded: Recorded) -> None:
@@ -72,23 +72,23 @@ def read_log(path: Path) -> DataLog | None:
     first, *rest = records
     header = _header(path, first)
     recorded: list[Recorded] = []
-    passes: dict[int, Pass] = {}
+    remeasurements: dict[int, Remeasurement] = {}
     for line, record in enumerate(rest, start=2):
         try:
-            if ITS_FIELD in record:
-                one = _pass_in(record)
-                passes[one.seed] = one
+            if REMEASUREMENT_FIELD in record:
+                one = _remeasurement_in(record)
+                remeasurements[one.seed] = one
             else:
                 recorded.append(setting_in(record))
         except NotDecodable as problem:
             raise LogUnreadable(path, line, str(problem)) from None
-    return DataLog(header=header, recorded=tuple(recorded), passes=tuple(passes.values()))
+    return DataLog(header=header, recorded=tuple(recorded), remeasurements=tuple(remeasurements.values()))
 
 
-def _pass_in(record: Mapping[str, Json]) -> Pass:
-    if unknown := record.keys() - {ITS_FIELD}:
+def _remeasurement_in(record: Mapping[str, Json]) -> Remeasurement:
+    if unknown := record.keys() - {REMEASUREMENT_FIELD}:
         raise NotDecodable(min(unknown), "there is no such field")
-    return decode(Pass, record[ITS_FIELD])
+    return decode(Remeasurement, record[REMEASUREMENT_FIELD])
 
 
 def _header(path: Path, record: dict[str, Json]) -> Header:
@@ -99,3 +99,21 @@ def _header(path: Path, record: dict[str, Json]) -> Header:
         return decode(Header, record)
     except NotDecodable as problem:
         raise LogUnreadable(path, 1, str(problem)) from None
+
+
+FOLDER = "measurements"
+
+
+def log_path(folder: Path, platform: str, components: Iterable[str], interference: str) -> Path:
+    """The data log of components that are in one partition, below the manifest's folder."""
+    return folder / FOLDER / platform / joined(components) / f"{interference}.jsonl"
+
+
+def configuration_path(folder: Path, platform: str, component: str) -> Path:
+    """The configuration log of a component on a platform; no name has a dot, so it is nobody's folder."""
+    return folder / FOLDER / platform / f"{component}.configuration.jsonl"
+
+
+def joined(components: Iterable[str]) -> str:
+    """Components of one partition as one name: `path-planning+video-streaming`, in name order."""
+    return "+".join(sorted(components))

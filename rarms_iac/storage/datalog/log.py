@@ -54,7 +54,7 @@ class Recorded:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pass:
+class Remeasurement:
     """Measuring all that was asked for once more, beside what is recorded: who is killed in it goes on with it."""
 
     seed: int  # of its settings, and of no others before it
@@ -69,7 +69,7 @@ class DataLog:
 
     header: Header
     recorded: tuple[Recorded, ...]  # in the order in which they were measured
-    passes: tuple[Pass, ...] = ()  # those that were asked for, in order
+    remeasurements: tuple[Remeasurement, ...] = ()  # those that were asked for, in order
 
     @property
     def counting(self) -> tuple[Recorded, ...]:
@@ -78,7 +78,7 @@ class DataLog:
         A setting that was measured while something else ran gives way to a later one of the same reservation that had
         the host to itself, and to every later pass that was measured so to its end.
         """
-        clean = self._last_clean_pass()
+        clean = self._last_clean_remeasurement()
         return tuple(one for at, one in enumerate(self.recorded) if not (one.is_busy and self._gives_way(at, clean)))
 
     @property
@@ -89,7 +89,10 @@ class DataLog:
     @property
     def highest_seed(self) -> int:
         """The last seed that anything was, or was to be, measured with; 0 where nothing was."""
-        seeds = [*(one.setting.seed for one in self.recorded), *(measuring_pass.seed for measuring_pass in self.passes)]
+        seeds = [
+            *(one.setting.seed for one in self.recorded),
+            *(remeasurement.seed for remeasurement in self.remeasurements),
+        ]
         return max(seeds, default=0)
 
     def _gives_way(self, at: int, clean: int) -> bool:
@@ -97,14 +100,14 @@ class DataLog:
         later = self.recorded[at + 1 :]
         return busy.seed < clean or any(one.setting.reserve == busy.reserve and not one.is_busy for one in later)
 
-    def _last_clean_pass(self) -> int:
+    def _last_clean_remeasurement(self) -> int:
         """The seed of the last pass that ended and had the host to itself; 0: there is none."""
         busy = {one.setting.seed for one in self.recorded if one.is_busy}
         return max(
             (
-                measuring_pass.seed
-                for measuring_pass in self.passes
-                if measuring_pass.ended and measuring_pass.seed not in busy
+                remeasurement.seed
+                for remeasurement in self.remeasurements
+                if remeasurement.ended and remeasurement.seed not in busy
             ),
             default=0,
         )

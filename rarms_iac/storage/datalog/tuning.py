@@ -12,8 +12,7 @@ from typing import Literal
 from rarms_iac.model.quantities import show_percent
 from rarms_iac.storage.append import Damaged, append, read_records
 from rarms_iac.storage.codec import NotDecodable, decode, encode
-from rarms_iac.storage.datalog.files import LogUnreadable
-from rarms_iac.storage.datalog.paths import FOLDER
+from rarms_iac.storage.datalog.files import FOLDER, LogUnreadable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from rarms_iac.storage.planfile.sealing import read_plan
+from rarms_iac.storage.plan_file import read_plan
 from rarms_iac.storage.shipped import shipped
 from tests.files import copy_files
 from tests.recorded_hosts import document, recorded_bytes

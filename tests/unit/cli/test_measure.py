@@ -10,7 +10,7 @@ import pytest
 from rarms_iac.measuring.partitions import load_shape, standing
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.storage.datalog.configuration import Chosen, Proven, read_entries
-from rarms_iac.storage.datalog.paths import configuration_path
+from rarms_iac.storage.datalog.files import configuration_path
 from rarms_iac.storage.lock import hold
 from tests.builders import a_host
 from tests.unit.cli.running import Ran, rarms

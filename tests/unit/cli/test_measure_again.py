@@ -104,7 +104,7 @@ def test_a_pass_that_was_killed_is_gone_on_with_by_the_same_command(here: Path) 
 
         assert done.code == 0, (at, done.err)
         assert recorded("vision") == recorded("speech") == TWICE, at
-        assert [measuring_pass.ended for measuring_pass in the_log("speech").passes] == [True]
+        assert [remeasurement.ended for remeasurement in the_log("speech").remeasurements] == [True]
         assert not list(here.rglob("*.new"))
     assert cut_short > 3
 
@@ -120,7 +120,7 @@ def test_a_pass_that_ended_is_followed_by_another_and_a_plain_measure_runs_nothi
 def test_another_question_has_a_pass_of_its_own(here: Path) -> None:
     with disk.use(CrashingDisk(40)), suppress(Crash):
         rarms(*SWEPT, "--again")
-    assert [measuring_pass.ended for measuring_pass in the_log("vision").passes] == [False]
+    assert [remeasurement.ended for remeasurement in the_log("vision").remeasurements] == [False]
     other = ("measure", "vision", "--from", "60%", "--to", "80%", "--host", "left", "--again")
 
     assert rarms(*other).code == 0
@@ -167,12 +167,12 @@ def test_what_was_measured_on_a_busy_host_no_longer_counts_after_a_pass_that_had
     assert (busy.code, "RARMS263" in busy.err) == (0, True), busy.err
     assert "RARMS108" in rarms("plan").out
     assert code_of(rarms(*searched, "--again")) == (3, "RARMS115")
-    assert the_log("vision").passes == (), "what is refused begins nothing"
+    assert the_log("vision").remeasurements == (), "what is refused begins nothing"
     assert rarms("destroy", "--auto-approve").code == 0
 
     with disk.use(CrashingDisk(60)), suppress(Crash):
         rarms(*searched, "--again")
-    assert [measuring_pass.ended for measuring_pass in the_log("vision").passes] == [False]
+    assert [remeasurement.ended for remeasurement in the_log("vision").remeasurements] == [False]
     assert "RARMS108" in rarms("plan").out, "half a pass stands for nothing"
     again = rarms(*searched, "--again")
 

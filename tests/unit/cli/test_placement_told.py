@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.planner.certifying.checker import check as check_certificate
-from rarms_iac.storage.planfile.sealing import read_plan
+from rarms_iac.storage.plan_file import read_plan
 from tests.unit.cli.running import rarms
 from tests.unit.views.test_json import check
 

@@ -11,7 +11,7 @@ import pytest
 from rarms_iac.model.state import Partition
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.storage.datalog.configuration import Proven, read_entries
-from rarms_iac.storage.datalog.paths import configuration_path
+from rarms_iac.storage.datalog.files import configuration_path
 from tests.builders import a_host
 from tests.unit.cli.running import Ran, rarms
 

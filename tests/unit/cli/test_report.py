@@ -10,11 +10,9 @@ from rarms_iac.cli.datalogs import path_of, subject_of
 from rarms_iac.cli.manifests import open_manifest
 from rarms_iac.cli.options import today_utc
 from rarms_iac.storage.datalog.configuration import Proven, ProvenIndex, append_entry
-from rarms_iac.storage.datalog.files import append_setting, begin_log
-from rarms_iac.storage.datalog.hashing import Files
-from rarms_iac.storage.datalog.identity import header_of, identity_of
+from rarms_iac.storage.datalog.files import append_setting, begin_log, configuration_path
+from rarms_iac.storage.datalog.identity import Files, header_of, identity_of
 from rarms_iac.storage.datalog.log import Recorded
-from rarms_iac.storage.datalog.paths import configuration_path
 from tests.builders_measured import TAKEN, a_bench
 from tests.measured_robot import a_measured_setting, face_detection
 from tests.unit.cli.running import rarms

@@ -5,7 +5,7 @@ from shlex import quote
 import pytest
 
 from rarms_iac.storage.datalog.configuration import Chosen, read_entries
-from rarms_iac.storage.datalog.paths import configuration_path
+from rarms_iac.storage.datalog.files import configuration_path
 from tests.unit.cli.running import rarms
 from tests.unit.cli.test_data_logs import MEANS, edit, here, measure
 from tests.unit.views.test_json import check

@@ -12,7 +12,7 @@ import openpyxl
 import pytest
 
 from rarms_iac.storage.datalog.configuration import last_chosen, read_entries
-from rarms_iac.storage.datalog.paths import configuration_path
+from rarms_iac.storage.datalog.files import configuration_path
 from tests.builders_measured import a_setting
 from tests.files import copy_files
 from tests.measuring import leave_log, steady

@@ -9,7 +9,7 @@ import pytest
 
 from rarms_iac.storage import disk
 from rarms_iac.storage.append import Damaged, Record, append, line_of, read_first, read_last, read_records
-from rarms_iac.storage.private import make_room
+from rarms_iac.storage.disk import make_room
 from rarms_iac.storage.replace import remove_leftovers, replace
 from tests.crashing import Crash, CrashingDisk, When
 

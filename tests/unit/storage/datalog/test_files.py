@@ -7,9 +7,8 @@ import pytest
 from rarms_iac.model.measurement import Sample
 from rarms_iac.storage.append import append
 from rarms_iac.storage.datalog.columns import as_recorded, line_of
-from rarms_iac.storage.datalog.files import LogUnreadable, append_setting, begin_log, read_log
+from rarms_iac.storage.datalog.files import LogUnreadable, append_setting, begin_log, log_path, read_log
 from rarms_iac.storage.datalog.log import Recorded
-from rarms_iac.storage.datalog.paths import log_path
 from tests.builders_measured import TAKEN, a_header, a_series, a_setting
 
 

@@ -26,8 +26,7 @@ from rarms_iac.model.system import (
     TaskCategory,
     TaskWish,
 )
-from rarms_iac.storage.datalog.hashing import Files, file_digest
-from rarms_iac.storage.datalog.identity import Subject, identity_of
+from rarms_iac.storage.datalog.identity import Files, Subject, file_digest, identity_of
 from rarms_iac.storage.datalog.log import Identity
 from rarms_iac.storage.datalog.staleness import BenchNow, compare, known
 from tests.builders import a_component, a_cpu, a_run, at_most, memory, milliseconds

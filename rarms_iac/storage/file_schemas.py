@@ -1,13 +1,16 @@
-"""The JSON Schema of a line of a data log: `python -m rarms_iac.storage.datalog.json_schema schemas` writes it."""
+"""The JSON Schemas of data logs, plan files and snapshots: `python -m rarms_iac.storage.file_schemas schemas`."""
 
 import json
 import sys
 from pathlib import Path
 from typing import Any
 
-from rarms_iac.storage.datalog.files import ITS_FIELD
-from rarms_iac.storage.datalog.log import FORMAT, Header, Pass, Provenance
+from rarms_iac.model.plan import Plan
+from rarms_iac.model.state import State
+from rarms_iac.storage.datalog.files import REMEASUREMENT_FIELD
+from rarms_iac.storage.datalog.log import FORMAT, Header, Provenance, Remeasurement
 from rarms_iac.storage.json_schema import Schema, schema_of
+from rarms_iac.storage.snapshot_file import FORMAT as SNAPSHOT_FORMAT
 
 _NUMBERS: Schema = {"type": "array", "items": {"type": "number"}}
 _SEAL: dict[str, Schema] = {
@@ -17,34 +20,29 @@ _SEAL: dict[str, Schema] = {
 
 
 def data_log_schema() -> Schema:
-    """The schema that `schemas/datalog.json` holds: each line is a header (the first), a setting or a pass."""
-    header, provenance, one = schema_of(Header), schema_of(Provenance), schema_of(Pass)
-    definitions: dict[str, Any] = {**header["$defs"], **provenance["$defs"], **one["$defs"]}
+    """The schema that `schemas/datalog.json` holds: each line is a header (the first), a setting or a remeasurement."""
+    header, provenance, remeasurement = schema_of(Header), schema_of(Provenance), schema_of(Remeasurement)
+    definitions: dict[str, Any] = {**header["$defs"], **provenance["$defs"], **remeasurement["$defs"]}
     first = definitions["Header"]
     first["properties"] = {**first["properties"], "format_version": {"const": FORMAT}, **_SEAL}
     first["required"] = [*first["required"], "format_version", *_SEAL]
     definitions["Series"] = _series()
     definitions["Setting"] = _setting()
-    definitions["PassLine"] = _pass_line()
+    definitions["RemeasurementLine"] = _remeasurement_line()
     return {
         "$schema": header["$schema"],
         "title": f"A line of a data log ({FORMAT})",
-        "anyOf": [{"$ref": f"#/$defs/{name}"} for name in ("Header", "Setting", "PassLine")],
+        "anyOf": [{"$ref": f"#/$defs/{name}"} for name in ("Header", "Setting", "RemeasurementLine")],
         "$defs": dict(sorted(definitions.items())),
     }
 
 
-def schema_text() -> str:
-    """The text of `schemas/datalog.json`."""
-    return json.dumps(data_log_schema(), indent=2, ensure_ascii=False) + "\n"
-
-
-def _pass_line() -> Schema:
+def _remeasurement_line() -> Schema:
     return {
-        "description": "A pass begins or has ended; of several with one seed the last holds.",
+        "description": "A remeasurement begins or has ended; of several with one seed the last holds.",
         "type": "object",
-        "properties": {ITS_FIELD: {"$ref": "#/$defs/Pass"}, **_SEAL},
-        "required": [ITS_FIELD, *_SEAL],
+        "properties": {REMEASUREMENT_FIELD: {"$ref": "#/$defs/Remeasurement"}, **_SEAL},
+        "required": [REMEASUREMENT_FIELD, *_SEAL],
         "additionalProperties": False,
     }
 
@@ -95,5 +93,40 @@ def _series() -> Schema:
     }
 
 
+def plan_schema() -> Schema:
+    """The schema that `schemas/plan.json` holds: a plan and its seal."""
+    schema = schema_of(Plan)
+    plan = schema["$defs"].pop("Plan")
+    plan["properties"]["seal"] = {
+        "type": "string",
+        "pattern": "^[0-9a-f]{64}$",
+        "description": "Digest of all the rest: a file that was edited is refused.",
+    }
+    return {"$schema": schema["$schema"], **plan, "required": [*plan["required"], "seal"], "$defs": schema["$defs"]}
+
+
+def snapshot_schema() -> Schema:
+    """The schema that `schemas/snapshot.json` holds."""
+    schema = schema_of(State)
+    return {
+        "$schema": schema["$schema"],
+        "description": "What a host looks like, as `rarms snapshot` writes it; of a Hyper-V host it keeps what "
+        "observe.ps1 printed (docs/scripts.md).",
+        "type": "object",
+        "properties": {"format_version": {"const": SNAPSHOT_FORMAT}, "state": {"$ref": schema["$ref"]}},
+        "required": ["format_version", "state"],
+        "additionalProperties": False,
+        "$defs": schema["$defs"],
+    }
+
+
+def text_of(schema: Schema) -> str:
+    """A schema as its file holds it."""
+    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
+
+
+SCHEMAS = {"datalog": data_log_schema, "plan": plan_schema, "snapshot": snapshot_schema}
+
 if __name__ == "__main__":
-    (Path(sys.argv[1]) / "datalog.json").write_text(schema_text(), encoding="utf-8", newline="\n")
+    for name, made in SCHEMAS.items():
+        (Path(sys.argv[1]) / f"{name}.json").write_text(text_of(made()), encoding="utf-8", newline="\n")

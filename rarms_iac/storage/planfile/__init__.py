@@ -1,1 +1,0 @@
-"""Plan <-> versioned JSON, sealed: what was reviewed is what runs."""
