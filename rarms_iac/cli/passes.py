@@ -65,7 +65,7 @@ def asked_for(options: MeasureOptions) -> str:
 
 
 def _last(kept: Kept, asked: str) -> Remeasurement | None:
-    passes = () if kept.holds is None else kept.holds.passes
+    passes = () if kept.holds is None else kept.holds.remeasurements
     return next((each for each in reversed(passes) if each.asked == asked), None)
 
 
