@@ -4,7 +4,7 @@ import re
 
 from rarms_iac.manifest.edit import set_value
 from rarms_iac.model.names import WINDOWS_DEVICES
-from rarms_iac.storage.shipped import shipped
+from rarms_iac.storage.shipped import shipped_text
 
 _LONGEST = 63
 _WITHOUT_A_NAME = "my-application"
@@ -12,7 +12,7 @@ _WITHOUT_A_NAME = "my-application"
 
 def initial_manifest(name: str) -> str:
     """A commented manifest of an application of this name, which validates and plans on a simulated host."""
-    template = shipped("templates/init/rarms.yaml").read_text(encoding="utf-8")
+    template = shipped_text("templates/init/rarms.yaml")
     return set_value(template, ("application", "name"), name)
 
 

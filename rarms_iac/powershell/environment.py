@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import TYPE_CHECKING
 
-from rarms_iac.storage.shipped import shipped
+from rarms_iac.storage.shipped import shipped, shipped_text
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -43,4 +43,4 @@ def as_script(text: str) -> bytes:
 
 def read(name: str) -> str:
     """A template's text as it lies in its file, with LF."""
-    return (shipped(FOLDER) / name).read_text(encoding="utf-8").replace("\r\n", "\n")
+    return shipped_text(f"{FOLDER}/{name}")

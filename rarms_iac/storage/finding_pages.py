@@ -1,12 +1,8 @@
-"""The findings' pages: one a code, and so the list of all codes there are."""
+"""The pages of all findings: `docs/findings/RARMS014.md`, a page for each id, and so the list of all ids."""
 
-import re
-
-from rarms_iac.storage.shipped import shipped
+from rarms_iac.storage.shipped import shipped, shipped_text
 
 FOLDER = "docs/findings"
-
-_CODE = re.compile(r"RARMS[0-9]{3}")
 
 
 def known_codes() -> tuple[str, ...]:
@@ -16,10 +12,7 @@ def known_codes() -> tuple[str, ...]:
 
 def finding_page(code: str) -> str | None:
     """The finding's page as it is written, or None where there is none of that code."""
-    if not _CODE.fullmatch(code):
-        return None
-    page = shipped(FOLDER) / f"{code}.md"
-    return page.read_text(encoding="utf-8") if page.is_file() else None
+    return shipped_text(f"{FOLDER}/{code}.md") if code in known_codes() else None
 
 
 def severity_line(page: str) -> str:

@@ -12,9 +12,8 @@ from typing import BinaryIO
 
 MEBIBYTE = 2**20
 STATE_LIMIT = 64 * MEBIBYTE
-JOURNAL_LIMIT = 256 * MEBIBYTE
 LOG_LIMIT = 1024 * MEBIBYTE
-"""The largest state of a simulated host, journal and data log, in bytes."""
+"""The largest state of a simulated host; the largest data log or journal; in bytes."""
 
 _RETRIES, _RETRY_SECONDS = 40, 0.025
 

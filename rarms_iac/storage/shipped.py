@@ -24,3 +24,12 @@ def shipped(relative: str) -> Path:
         if found.exists():
             return found
     raise NotShipped(relative)
+
+
+def shipped_text(relative: str) -> str:
+    """The text of a shipped file, with LF on every system.
+
+    Raises:
+        NotShipped: it lies in neither place.
+    """
+    return shipped(relative).read_text(encoding="utf-8")

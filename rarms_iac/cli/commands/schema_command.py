@@ -4,7 +4,7 @@ import click
 
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.storage.shipped import shipped
+from rarms_iac.storage.shipped import shipped_text
 
 SCHEMAS = ("manifest", "plan", "snapshot", "output", "datalog")
 
@@ -18,5 +18,5 @@ def command(session: Session, *, name: str) -> ExitCode:
 
     An editor that knows the manifest's schema completes keys and shows what each is for.
     """
-    session.terminal.data(shipped(f"schemas/{name}.json").read_text(encoding="utf-8"))
+    session.terminal.data(shipped_text(f"schemas/{name}.json"))
     return ExitCode.DONE

@@ -1,10 +1,8 @@
 """Fetches the raw bytes of a simulated host's file. Makes nothing."""
 
-import sys
-import time
 from pathlib import Path
 
-RETRIES, RETRY_SECONDS = 40, 0.025
+from rarms_iac.storage.reading import STATE_LIMIT, read_file
 
 
 def fetch(path: Path) -> bytes | None:
@@ -13,13 +11,7 @@ def fetch(path: Path) -> bytes | None:
     Raises:
         OSError: it cannot be read.
     """
-    for _ in range(RETRIES):
-        try:
-            return path.read_bytes()
-        except FileNotFoundError:
-            return None
-        except PermissionError:
-            if sys.platform != "win32":
-                raise
-            time.sleep(RETRY_SECONDS)  # it is being replaced right now
-    return path.read_bytes()
+    try:
+        return read_file(path, STATE_LIMIT)
+    except FileNotFoundError:
+        return None

@@ -12,7 +12,7 @@ from hashlib import sha256
 from typing import TYPE_CHECKING
 
 from rarms_iac.statistics.told_errors import ERRORS
-from rarms_iac.storage.shipped import shipped
+from rarms_iac.storage.shipped import shipped, shipped_text
 from rarms_iac.views.reports.candidate_drawing import Drawing, drawing_of
 from rarms_iac.views.reports.model import Combining, Report
 from rarms_iac.views.reports.page import RESERVES, Card, cards_of, data_of
@@ -129,4 +129,4 @@ def _environment() -> "Environment":
 
 
 def _read(name: str) -> str:
-    return (shipped(FOLDER) / name).read_text(encoding="utf-8").replace("\r\n", "\n")
+    return shipped_text(f"{FOLDER}/{name}")
