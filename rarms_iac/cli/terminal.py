@@ -8,7 +8,10 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
+
+if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
 
 NARROWEST = 40
 WIDEST = 120
@@ -26,6 +29,8 @@ class Terminal:
     lively: bool = False  # standard error is a terminal: lines may be written over
     answers: bool = False  # somebody can be asked
     width: int = DEFAULT_WIDTH
+    piped: bool = False  # nobody looks at standard output: its lines stay whole, however long
+    talk_piped: bool = False  # the same of standard error
     debug: bool = False
     answered: bool = False  # data was written
 
@@ -50,10 +55,27 @@ class Terminal:
         else:
             self.data(text)
 
-    def talk(self, text: str) -> None:
-        """Write what is said beside it, with a line end."""
+    def show(self, content: "RenderableType") -> None:
+        """Write what a person asked for, laid out for standard output."""
+        from rarms_iac.views.console import UNLIMITED, render
+
+        self.data(render(content, UNLIMITED if self.piped else self.width, colour=self.colour))
+
+    def talk(self, content: "RenderableType") -> None:
+        """Write what is said beside it, with a line end; a `str` as it is, anything else laid out by rich."""
         self.out = _flush(self.out)
-        self.err = _write(self.err, text + "\n")
+        if not isinstance(content, str):
+            from rarms_iac.views.console import UNLIMITED, render
+
+            width = UNLIMITED if self.talk_piped else self.width
+            content = render(content, width, colour=self.talk_colour).removesuffix("\n")
+        self.err = _write(self.err, content + "\n")
+
+    def live(self) -> "Console":
+        """A console on standard error for what is updated in place; only where `lively`."""
+        from rarms_iac.views.console import live_console
+
+        return live_console(self.err, self.width, colour=self.talk_colour)
 
     def status(self, text: str) -> None:
         """Write a piece of progress as it is, and show it now."""
@@ -81,6 +103,8 @@ def this_terminal(environment: Mapping[str, str] = os.environ) -> Terminal:
         lively=err.isatty() and environment.get("TERM") != "dumb",
         answers=sys.stdin is not None and sys.stdin.isatty() and err.isatty(),
         width=width_of(out, environment),
+        piped=not _has_width(out, environment),
+        talk_piped=not _has_width(err, environment),
     )
 
 
@@ -91,9 +115,13 @@ def _nobody() -> TextIO:
 
 def width_of(out: TextIO, environment: Mapping[str, str]) -> int:
     """Columns of a terminal or as `COLUMNS` says, within reason; 80 where nobody looks."""
-    if not (out.isatty() or environment.get("COLUMNS", "").isdecimal()):
+    if not _has_width(out, environment):
         return DEFAULT_WIDTH
     return max(NARROWEST, min(shutil.get_terminal_size((DEFAULT_WIDTH, 24)).columns, WIDEST))
+
+
+def _has_width(stream: TextIO, environment: Mapping[str, str]) -> bool:
+    return stream.isatty() or environment.get("COLUMNS", "").isdecimal()
 
 
 def safe(stream: TextIO) -> TextIO:

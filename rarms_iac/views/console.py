@@ -1,0 +1,217 @@
+"""The pieces that every text for a person is made of, and `render`, which lets rich lay them out.
+
+A view's `..._text` function takes values and returns a renderable: pieces of this module, stacked. `cli.terminal` knows
+the width and the colours of the stream and renders it there; a test renders it with `render` at 80 columns. What a
+program reads (JSON, SARIF, JUnit, GitHub annotations, scripts) is plain `str` and does not come here: rich takes about
+70 ms to import, so it is imported inside these functions, and only there.
+"""
+
+import io
+import re
+import unicodedata
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TextIO, TypeAlias, Union
+
+if TYPE_CHECKING:
+    from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+    from rich.text import Text
+
+Content: TypeAlias = Union["Text", str]
+"""Text of one style, or of several; a `str` is made harmless wherever it is shown."""
+
+WIDTH = 80
+UNLIMITED = 1_000_000
+"""Columns of a pipe or a file: no line is broken there, so that `grep` and `diff` find it whole."""
+
+NARROWEST_COLUMN = 8
+
+ERROR, WARNING, NOTE, DIM, STRONG = "bold red", "bold yellow", "bold cyan", "dim", "bold"
+GOOD, CHANGED, BAD = "green", "yellow", "red"
+
+_HARMLESS = re.compile(r"[\x20-\x7e]*")
+_UNIT = re.compile(r"(?<=[0-9]) (?=(?:%|LP|us|ms|s|min|h|B|[KMGT]iB|/s|/min|/h)(?![\w/]))")
+_ITEM = re.compile(r" *- ")
+_ACTING = {"Cc", "Cf", "Cs", "Zl", "Zp"}
+_GLUE = "\ue000"  # stands for a space that no line is broken at; rich would break at a no-break space
+
+
+def visible(text: str, keep: str = "\n") -> str:
+    """Spell out everything that could act on a terminal, or has no encoding: `<U+202E>`.
+
+    Control characters, bidirectional and other invisible formatting, line separators and lone surrogates.
+
+    Args:
+        text: from anywhere, also from an attacker.
+        keep: characters that stay as they are.
+    """
+    if _HARMLESS.fullmatch(text):
+        return text
+    return "".join(
+        character
+        if character in keep or (unicodedata.category(character) not in _ACTING and character != _GLUE)
+        else f"<U+{ord(character):04X}>"
+        for character in text
+    )
+
+
+def counted(number: int, noun: str) -> str:
+    """`1 error`, `2 errors`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def columns(text: str) -> int:
+    """How many columns of a terminal the visible text takes: two for a wide character, none for a combining one."""
+    if text.isascii():
+        return len(text)
+    from rich.cells import cell_len
+
+    return cell_len(text)
+
+
+def styled(*parts: Content | tuple[str, str]) -> "Text":
+    """One text of several parts; a pair is a part and its style, such as `("done", GOOD)`."""
+    from rich.text import Text
+
+    text = Text()
+    for part in parts:
+        if isinstance(part, Text):
+            text.append_text(part)
+        else:
+            words, style = (part, "") if isinstance(part, str) else part
+            text.append(_UNIT.sub(_GLUE, visible(words)), style)
+    return text
+
+
+def stack(*parts: "RenderableType | None") -> "RenderableType":
+    """The parts, one below the other; `""` is an empty line, None is nothing."""
+    from rich.console import Group
+
+    return Group(*(part for part in parts if part is not None))
+
+
+def paragraph(content: Content, *, indent: int = 0, more: int = 0, start: Content = "") -> "RenderableType":
+    """Running text, wrapped between words; a word longer than a line keeps a line of its own.
+
+    Its own line ends stay. The further lines of an item (`- so`) stand below the item's first word.
+
+    Args:
+        content: the text.
+        indent: columns before every line.
+        more: further columns before every line but the first.
+        start: what stands before the first line; the other lines stand below what follows it.
+    """
+    head = styled(" " * indent, start)
+    lines = [_item(line) for line in styled(content).split("\n", allow_blank=True)]
+    below = styled(" " * head.cell_len)
+    return stack(*(_Hung(head=below if number else head, more=more, content=line) for number, line in enumerate(lines)))
+
+
+def _item(line: "Text") -> "RenderableType":
+    found = _ITEM.match(line.plain)
+    return _Hung(head=line[: found.end()], more=0, content=line[found.end() :]) if found else line
+
+
+def indented(content: "RenderableType", indent: int) -> "RenderableType":
+    """Anything, some columns to the right."""
+    return _Hung(head=styled(" " * indent), more=0, content=content)
+
+
+def table(
+    rows: Iterable[Sequence[Content]],
+    *,
+    header: Sequence[str] = (),
+    wrap: Sequence[int] = (),
+    right: Sequence[int] = (),
+    indent: int = 0,
+) -> "RenderableType":
+    """Cells in columns, two spaces apart.
+
+    Args:
+        rows: of equal length.
+        header: a name for each column; empty: the table has no header.
+        wrap: numbers of the columns whose cells continue on lines below where the table is wider than the terminal;
+            the others stay whole, so a name or a number is never broken.
+        right: numbers of the columns whose cells stand at the right, for numbers.
+        indent: columns before the table.
+    """
+    from rich.table import Table
+
+    cells = [[styled(cell) for cell in row] for row in rows]
+    made = Table(box=None, show_header=bool(header), pad_edge=False, padding=(0, 2, 0, 0), header_style=STRONG)
+    for number in range(max(map(len, cells), default=len(header))):
+        folds = number in wrap
+        texts = [*header[number : number + 1], *(row[number].plain for row in cells)]
+        whole = [word for text in texts for word in text.split()] if folds else texts
+        made.add_column(
+            styled(header[number]) if header else "",
+            justify="right" if number in right else "left",
+            no_wrap=not folds,
+            min_width=max(map(columns, whole), default=0),  # rather too wide a table than a broken word
+        )
+    for row in cells:
+        made.add_row(*row)
+    return indented(made, indent) if indent else made
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Hung:
+    """Content whose first line stands behind a head, and whose further lines stand below the first.
+
+    NOTE: rich's `Padding` would cut a word that is longer than the line.
+    """
+
+    head: "Text"
+    more: int
+    content: "RenderableType"
+
+    def __rich_console__(self, console: "Console", options: "ConsoleOptions") -> "RenderResult":
+        from rich.segment import Segment
+        from rich.text import Text
+
+        width = max(options.max_width - self.head.cell_len - self.more, NARROWEST_COLUMN)
+        blank = Segment(" " * (self.head.cell_len + self.more))
+        content = self.content
+        if isinstance(content, Text):
+            content = content.copy()
+            content.overflow = "ignore"
+            content = Text("\n", no_wrap=True, overflow="ignore").join(content.wrap(console, width))
+        for number, line in enumerate(Segment.split_lines(console.render(content, options.update_width(width)))):
+            yield from [blank] if number else self.head.render(console)
+            yield from line
+            yield Segment.line()
+
+
+def render(content: "RenderableType", width: int = WIDTH, *, colour: bool = False) -> str:
+    """Lay the content out as text that ends with a line end, without blanks at line ends.
+
+    Args:
+        content: a renderable of rich; a `str` is taken as it is, not made harmless.
+        width: columns; `UNLIMITED` breaks no line.
+        colour: with escape sequences; without, the same text in the same lines.
+    """
+    out = io.StringIO()
+    _console(out, width, terminal=False, colour=colour).print(content, crop=False, end="")
+    text = out.getvalue().replace(_GLUE, " ")
+    return "".join(f"{line.rstrip(' ')}\n" for line in text.removesuffix("\n").split("\n"))
+
+
+def live_console(stream: TextIO, width: int, *, colour: bool) -> "Console":
+    """A console for what rich updates in place on a terminal (`rich.live`, `rich.progress`)."""
+    return _console(stream, width, terminal=True, colour=colour)
+
+
+def _console(stream: TextIO, width: int, *, terminal: bool, colour: bool) -> "Console":
+    from rich.console import Console
+
+    return Console(
+        file=stream,
+        width=width,
+        force_terminal=terminal or colour,
+        color_system="standard" if colour else None,
+        legacy_windows=False,
+        markup=False,
+        highlight=False,
+        emoji=False,
+        _environ={},  # COLUMNS and NO_COLOR are asked by who knows the stream
+    )

@@ -1,0 +1,86 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rarms_iac.views.console import (
+    BAD,
+    UNLIMITED,
+    columns,
+    indented,
+    paragraph,
+    render,
+    stack,
+    styled,
+    table,
+    visible,
+)
+
+
+def lines(content: object, width: int = 80) -> list[str]:
+    return render(content, width).splitlines()  # type: ignore[arg-type]  # rich says `object` for renderables
+
+
+def test_a_number_is_not_parted_from_its_unit() -> None:
+    assert lines(paragraph("it takes 120 % of it"), 12) == ["it takes", "120 % of it"]
+
+
+def test_an_item_s_further_lines_stand_below_its_first_word() -> None:
+    assert lines(paragraph("one of:\n- the first way\n  - a part of it", indent=2), 14) == [
+        "  one of:",
+        "  - the first",
+        "    way",
+        "    - a part",
+        "      of it",
+    ]
+
+
+def test_further_lines_hang_below_the_text() -> None:
+    assert lines(paragraph("set this and that", start="  [1/2] "), 18) == ["  [1/2] set this", "        and that"]
+    assert lines(paragraph("set this and that", indent=2, more=2), 12) == ["  set this", "    and that"]
+
+
+def test_a_word_longer_than_the_line_is_not_broken() -> None:
+    assert lines(paragraph("see /a/path/that/is/longer now", indent=2), 14) == [
+        "  see",
+        "  /a/path/that/is/longer",
+        "  now",
+    ]
+
+
+@given(st.text(st.characters(), max_size=300), st.integers(20, 100))
+def test_wrapping_loses_no_word_and_only_single_words_stick_out(text: str, width: int) -> None:
+    shown = lines(paragraph(text, indent=2), width)
+
+    assert visible(text).split() == " ".join(shown).split()
+    assert all(columns(line) <= width or len(line.split()) <= 2 for line in shown)
+
+
+def test_what_acts_on_a_terminal_is_spelt_out() -> None:
+    assert lines(styled("\x1b[31m", ("\u202e!", BAD))) == ["<U+001B>[31m<U+202E>!"]
+    assert visible("\ud800") == "<U+D800>"
+
+
+def test_a_table_wraps_the_columns_that_may_and_breaks_no_name() -> None:
+    rows = [("mean_response_time", "88 ms", "far below what it must be"), ("x", "9 ms", "met")]
+
+    assert lines(table(rows, header=("index", "value", "verdict"), right=(1,), wrap=(2,)), 44) == [
+        "index               value  verdict",
+        "mean_response_time  88 ms  far below what it",
+        "                           must be",
+        "x                    9 ms  met",
+    ]
+
+
+def test_a_table_that_cannot_be_narrowed_is_wider_than_the_terminal() -> None:
+    assert lines(indented(table([("a-long-name", "another-long-name")]), 2), 20) == ["  a-long-name  another-long-name"]
+
+
+def test_no_line_of_a_pipe_is_broken() -> None:
+    assert len(lines(paragraph("word " * 500), UNLIMITED)) == 1
+
+
+@pytest.mark.parametrize("colour", [False, True])
+def test_colour_changes_no_word(colour: bool) -> None:
+    text = render(stack(styled(("bad", BAD)), "", paragraph("good")), colour=colour)
+
+    assert text == ("\x1b[31mbad\x1b[0m\n\ngood\n" if colour else "bad\n\ngood\n")
