@@ -10,9 +10,9 @@ from math import ceil
 from benchmarks.combining_host import host
 from benchmarks.combining_models import NEVER, edf, fair, mixing
 from rarms_iac.model.system import Minimise
-from rarms_iac.planner.combining.objective import Objective
-from rarms_iac.planner.combining.values import Coi, Members, total
-from rarms_iac.planner.prediction.floor import at_least
+from rarms_iac.planner.combining.layouts import Objective
+from rarms_iac.planner.combining.oracle import Coi, Members, total
+from rarms_iac.planner.prediction.belief import at_least
 from rarms_iac.planner.prediction.members import NOTHING, Predictor, predictor_of
 
 MODELS = {"edf": edf, "fair": fair, "mixing": mixing, "host": host}

@@ -13,7 +13,7 @@ from math import inf
 
 from benchmarks.combining_models import CURVE, Drawn, Need, halving
 from rarms_iac.planner.prediction.members import Alone
-from rarms_iac.planner.prediction.sharing import demand_of
+from rarms_iac.planner.prediction.periodic import demand_of
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 from rarms_iac.providers.simulated.scheduling.values import BusyLoops, Demand, Machine, VirtualMachine
 

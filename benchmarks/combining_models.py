@@ -12,7 +12,7 @@ from itertools import combinations
 from math import ceil, floor
 
 from rarms_iac.planner.prediction.members import Alone, task_of
-from rarms_iac.planner.prediction.sharing import Demand, demand_of
+from rarms_iac.planner.prediction.periodic import Demand, demand_of
 
 NEVER = 101
 CURVE = range(10, 101, 10)

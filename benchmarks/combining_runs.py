@@ -11,10 +11,9 @@ from benchmarks.combining_models import NEVER
 from rarms_iac.model.system import Minimise
 from rarms_iac.planner.combining.candidates import informed
 from rarms_iac.planner.combining.guiding import needs_less, outlook_of
-from rarms_iac.planner.combining.oracle import PerformanceOracle
+from rarms_iac.planner.combining.oracle import Asked, Coi, Members, PerformanceOracle, total
 from rarms_iac.planner.combining.paper import Asking, tune_performance_to_use_less_resource
 from rarms_iac.planner.combining.questions import Best, Tuning, search, tuning_of
-from rarms_iac.planner.combining.values import Asked, Coi, Members, total
 from rarms_iac.planner.prediction.belief import Outlook, belief_of
 from rarms_iac.planner.prediction.members import NOTHING
 

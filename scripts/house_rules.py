@@ -45,9 +45,11 @@ def _classes_of_two_meanings(trees: dict[Path, ast.Module]) -> Iterator[str]:
 
 def _names_that_say_nothing(path: Path, tree: ast.Module) -> Iterator[str]:
     for node in ast.walk(tree):
-        is_bound = isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) and node.id == "one"
-        if is_bound or (isinstance(node, ast.arg) and node.arg == "one"):
-            yield f"{path.as_posix()}:{node.lineno}: `one` does not say what it holds: use the noun"
+        match node:
+            case ast.Name(id="one", ctx=ast.Store()) | ast.arg(arg="one"):
+                yield f"{path.as_posix()}:{node.lineno}: `one` does not say what it holds: use the noun"
+            case _:
+                pass
 
 
 def _other_readers(path: Path, tree: ast.Module) -> Iterator[str]:

@@ -7,7 +7,7 @@ from rarms_iac.model.plan import ThreadClass
 from rarms_iac.model.state import RegistryValue, State, TaskClass, ValueKind
 from rarms_iac.model.system import System, TaskCategory
 from rarms_iac.planner.groups import most_critical_first
-from rarms_iac.planner.leftover.classes import ClassValues
+from rarms_iac.planner.task_classes import ClassValues
 
 Decided = Mapping[tuple[str, str], ClassValues]
 """By partition (empty: the host) and class."""

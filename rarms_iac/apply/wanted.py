@@ -23,9 +23,9 @@ from rarms_iac.planner.desired import desired_state
 from rarms_iac.planner.findings import MEMORY, PACKING, RESERVATIONS
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.layout import plan_layout
-from rarms_iac.planner.leftover.classes import ClassValues
 from rarms_iac.planner.problem import host_view
 from rarms_iac.planner.reservations import FixedReservations, ReservationSource
+from rarms_iac.planner.task_classes import ClassValues
 
 FIXED = FixedReservations()
 

@@ -11,11 +11,9 @@ from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Host, PartitionWish, System
-from rarms_iac.planner.combining.candidates import Candidates, Mask, candidates_of, informed, named
+from rarms_iac.planner.combining.candidates import Candidates, Mask, Node, candidates_of, informed, named, nodes_of
 from rarms_iac.planner.combining.guiding import Guide, guide_of
-from rarms_iac.planner.combining.measured import coi_as_measured
-from rarms_iac.planner.combining.nodes import Node, nodes_of
-from rarms_iac.planner.combining.values import WHOLE, Asked, Members
+from rarms_iac.planner.combining.oracle import WHOLE, Asked, Members, coi_as_measured
 from rarms_iac.planner.groups import Group, groups_of, may_share
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.prediction.members import alone_in, predictor_of

@@ -14,9 +14,9 @@ from rarms_iac.model.quantities import Unit
 from rarms_iac.model.system import Command, Component, Host, RunsOn
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import plan_layout
-from rarms_iac.planner.leftover.classes import ClassValues, classes_of, registry_values
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, rests_on_a_log
 from rarms_iac.planner.sizes import Sized, size
+from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
 from rarms_iac.views.guide import GuideFacts
 
 

@@ -8,7 +8,7 @@ from rarms_iac.cli.files import write_file
 from rarms_iac.cli.manifests import Opened
 from rarms_iac.manifest.edit import remove_value, set_value
 from rarms_iac.model.system import System
-from rarms_iac.planner.combining.values import Coi
+from rarms_iac.planner.combining.oracle import Coi
 from rarms_iac.planner.groups import most_critical_first
 
 

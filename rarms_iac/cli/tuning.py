@@ -21,11 +21,9 @@ from rarms_iac.model.measurement import Setting
 from rarms_iac.model.plan import Claim
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Host, System
-from rarms_iac.planner.combining import findings
-from rarms_iac.planner.combining.measured import coi_as_measured
-from rarms_iac.planner.combining.objective import Objective
-from rarms_iac.planner.combining.oracle import Unanswered
-from rarms_iac.planner.combining.values import Coi, Members
+from rarms_iac.planner import findings
+from rarms_iac.planner.combining.layouts import Objective
+from rarms_iac.planner.combining.oracle import Coi, Members, Unanswered, coi_as_measured
 from rarms_iac.planner.groups import Group, may_share
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.placing.first_fit import Item, cost, free_in

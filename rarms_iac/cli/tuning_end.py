@@ -14,9 +14,9 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.system import System
-from rarms_iac.planner.combining import findings
+from rarms_iac.planner import findings
 from rarms_iac.planner.combining.candidates import Break
-from rarms_iac.planner.combining.oracle import PlannerReporter, Unanswered
+from rarms_iac.planner.combining.oracle import WHOLE, Asked, Coi, Members, PlannerReporter, Unanswered, total
 from rarms_iac.planner.combining.paper import (
     SUCCESSFUL,
     UNABLE,
@@ -25,7 +25,6 @@ from rarms_iac.planner.combining.paper import (
     tune_performance_to_use_less_resource,
 )
 from rarms_iac.planner.combining.questions import Best, search, tuning_of
-from rarms_iac.planner.combining.values import WHOLE, Asked, Coi, Members, total
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.problem import host_view

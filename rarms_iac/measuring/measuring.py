@@ -17,7 +17,7 @@ from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.watching import TooManyFailed, watch
 from rarms_iac.model.diagnostics import Place
 from rarms_iac.model.measurement import P1, P2, Series, Setting
-from rarms_iac.planner.leftover.classes import classes_of, registry_values
+from rarms_iac.planner.task_classes import classes_of, registry_values
 from rarms_iac.providers.measuring import Inside, MeasuringHost, Work
 from rarms_iac.storage.datalog.columns import as_recorded
 

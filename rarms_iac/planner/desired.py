@@ -23,7 +23,7 @@ from rarms_iac.model.state import (
     ValueKind,
 )
 from rarms_iac.model.system import Host, ProviderKind, StartMode, System
-from rarms_iac.planner.leftover.classes import ClassValues, classes_of, registry_values
+from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
 from rarms_iac.storage.digest import set_of_settings, set_of_values
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.system import Component, Headroom, PartitionWish, RunsOn, System
 from rarms_iac.planner import findings
-from rarms_iac.planner.leftover.share import Asking, Rank, ranks_of
+from rarms_iac.planner.headroom import Asking, Rank, ranks_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

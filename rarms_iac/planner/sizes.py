@@ -18,7 +18,7 @@ from rarms_iac.model.quantities import (
 from rarms_iac.model.system import Host, HypervHost, Measured
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import Group
-from rarms_iac.planner.leftover.share import share_of
+from rarms_iac.planner.headroom import share_of
 from rarms_iac.planner.reservations import NotMeasured, ReservationSource
 
 

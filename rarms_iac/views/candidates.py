@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import assert_never
 
-from rarms_iac.planner.combining.nodes import Node
+from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.graph import GraphFormat, dot_quoted, mermaid_quoted
 from rarms_iac.views.output.combining import CandidateOutput, CandidatesOutput

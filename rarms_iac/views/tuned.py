@@ -7,8 +7,8 @@ from typing import Literal
 
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.quantities import show_processors
-from rarms_iac.planner.combining.values import Asked
-from rarms_iac.planner.prediction.floor import ASSUMED
+from rarms_iac.planner.combining.oracle import Asked
+from rarms_iac.planner.prediction.belief import ASSUMED
 from rarms_iac.storage.datalog.tuning import TunedPartition, claim_of
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap

@@ -13,11 +13,11 @@ from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.model.system import TaskCategory, TaskWish
 from rarms_iac.planner.layout import plan_layout
-from rarms_iac.planner.leftover.classes import classes_of
 from rarms_iac.planner.placing.first_fit import Bin, Item, cost
 from rarms_iac.planner.placing.place import place
 from rarms_iac.planner.problem import HostView
 from rarms_iac.planner.reservations import FixedReservations
+from rarms_iac.planner.task_classes import classes_of
 from tests.builders import a_component, a_host, a_partition, a_system, a_task
 from tests.planning import PLACES
 

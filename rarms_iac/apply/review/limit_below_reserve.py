@@ -6,7 +6,7 @@ from rarms_iac.apply.review.reviewed import Reviewed
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.where import partition_place
 from rarms_iac.planner.groups import groups_of
-from rarms_iac.planner.leftover.share import said_limit
+from rarms_iac.planner.headroom import said_limit
 
 FINDING = Finding(code="RARMS221", severity=Severity.WARNING, summary="A limit is below what the reserve needs")
 

@@ -47,7 +47,7 @@ def command(session: Session, *, source: ManifestOptions, form: str, candidates:
 
 def _candidates(session: Session, measured: Measurements, opened: Opened, form: str, *, as_json: bool) -> ExitCode:
     from rarms_iac.cli.candidates import candidates_in
-    from rarms_iac.planner.combining.nodes import nodes_of as candidate_nodes
+    from rarms_iac.planner.combining.candidates import nodes_of as candidate_nodes
     from rarms_iac.views.candidates import candidates_json, candidates_text
 
     drawn = candidates_in(measured, opened)

@@ -1,7 +1,7 @@
 """Layouts in the order in which they are better, as what is known of their compounds allows at best."""
 
 import heapq
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from itertools import count
@@ -9,8 +9,41 @@ from typing import NamedTuple
 
 from rarms_iac.model.system import Minimise
 from rarms_iac.planner.combining.candidates import Candidates, Mask
-from rarms_iac.planner.combining.objective import Choice, Objective, Value, weights_of
-from rarms_iac.planner.combining.values import Coi
+from rarms_iac.planner.combining.oracle import Coi
+
+Fits = Callable[[Sequence[Coi]], bool]
+"""Whether hosts can keep these promises at once; less reserve never fits worse."""
+
+Value = tuple[int, int, int]
+"""What layouts are compared on, in order; the smaller, the better."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Objective:
+    """What makes a layout the better one, beside that it fits (DESIGN section 3)."""
+
+    capacity: int  # of all hosts, in per cent of one logical processor: what exceeds it need not be tried
+    fits: Fits
+    minimise: Minimise
+    criticalities: Mapping[str, int]  # by component
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """A layout by its compounds; every other CoI keeps its partition."""
+
+    blocks: tuple[Mask, ...]
+    total: int  # at least what it reserves, in per cent of one logical processor
+    partitions: int
+    key: int  # the criticalities of those who share: the smaller, the better
+
+
+def weights_of(cois: Sequence[Coi], criticalities: Mapping[str, int]) -> list[int]:
+    """What it costs that a CoI shares: sums compare as sorted lists of criticalities do, most critical first."""
+    levels = sorted(set(criticalities.values()))
+    base = len(criticalities) + 1
+    return [sum(base ** levels.index(criticalities[name]) for name in coi.members) for coi in cois]
+
 
 PARTITIONS = 8
 """Bits of a `Least` that count partitions: more than there are."""

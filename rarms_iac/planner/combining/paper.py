@@ -3,8 +3,20 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-from rarms_iac.planner.combining.oracle import Always, Consent, PerformanceOracle, PlannerReporter, Silent
-from rarms_iac.planner.combining.values import WHOLE, Asked, Coi, Members, leader, total, union
+from rarms_iac.planner.combining.oracle import (
+    WHOLE,
+    Always,
+    Asked,
+    Coi,
+    Consent,
+    Members,
+    PerformanceOracle,
+    PlannerReporter,
+    Silent,
+    leader,
+    total,
+    union,
+)
 
 SUCCESSFUL = "successful"
 UNABLE = "Unable to reduce total CPU reservation by combining CoIs"

@@ -21,10 +21,9 @@ from rarms_iac.planner.combining.guiding import (
     raises_most,
     settles_most,
 )
-from rarms_iac.planner.combining.layouts import Layouts
-from rarms_iac.planner.combining.objective import Choice, Objective
+from rarms_iac.planner.combining.layouts import Choice, Layouts, Objective
+from rarms_iac.planner.combining.oracle import WHOLE, Asked, Coi, Members, total
 from rarms_iac.planner.combining.paper import Asking, Sharing
-from rarms_iac.planner.combining.values import WHOLE, Asked, Coi, Members, total
 from rarms_iac.planner.prediction.members import NOTHING, Predictor
 
 

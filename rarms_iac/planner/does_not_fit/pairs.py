@@ -13,10 +13,8 @@ from rarms_iac.model.phrases import in_a_row, number
 from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime, show_percent
 from rarms_iac.model.system import CpuWish, Host
 from rarms_iac.planner.combining.candidates import Candidate, Candidates, candidates_of, compound_of
-from rarms_iac.planner.combining.layouts import Layouts
-from rarms_iac.planner.combining.measured import coi_as_measured
-from rarms_iac.planner.combining.objective import Objective
-from rarms_iac.planner.combining.values import WHOLE, Coi
+from rarms_iac.planner.combining.layouts import Layouts, Objective
+from rarms_iac.planner.combining.oracle import WHOLE, Coi, coi_as_measured
 from rarms_iac.planner.does_not_fit.levers import largest
 from rarms_iac.planner.does_not_fit.variants import Counted, Edit, Trial, Variant, edited
 from rarms_iac.planner.groups import Group, may_share

@@ -209,3 +209,22 @@ def _each_hypothesis(ways: int) -> Iterator[tuple[Hypothesis, float]]:
         for bias in BIASES:
             for error in ERRORS:
                 yield Hypothesis(way=way, bias=bias, error=error), known / (ways * len(BIASES) * len(ERRORS))
+
+
+SLACK = 2
+"""Points of CR by which a compound on several processors may need less than a part of it."""
+
+ASSUMED = f"a compound needs at least what any part of it needs (on several processors: at most {SLACK} points less)"
+
+SELDOM = 0.1
+"""Part of these compounds that do, as one expects before any was asked."""
+
+
+def slack_on(processors: int) -> int:
+    """Points of CR by which a compound on so many virtual processors may need less than a part of it."""
+    return SLACK if processors > 1 else 0
+
+
+def at_least(cost: int, processors: int) -> int:
+    """The CR that a compound on so many needs at least of which a part needs `cost` (per cent of one LP)."""
+    return max(1, -(-cost // processors) - slack_on(processors))

@@ -7,17 +7,19 @@ from math import ceil
 from rarms_iac.model.indexes.percentile_response_time import percentile_of
 from rarms_iac.model.system import AtMost, Component, Host, Periodic
 from rarms_iac.planner.groups import Group
-from rarms_iac.planner.prediction.belief import Outlook, belief_of
-from rarms_iac.planner.prediction.floor import SELDOM, at_least, slack_on
+from rarms_iac.planner.prediction.belief import SELDOM, Outlook, at_least, belief_of, slack_on
 from rarms_iac.planner.prediction.periodic import (
+    WHOLE,
+    Demand,
     Meets,
     Resource,
     Task,
+    demand_of,
     least_budget,
+    least_shared,
     meets_by_deadline,
     meets_by_priority,
 )
-from rarms_iac.planner.prediction.sharing import WHOLE, Demand, demand_of, least_shared
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, ReservationSource
 
 WAYS = (

@@ -6,7 +6,7 @@ Nothing is drawn with colours here: the page's style has them, for light and dar
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from rarms_iac.planner.combining.nodes import TO_BE_MEASURED, Node
+from rarms_iac.planner.combining.candidates import TO_BE_MEASURED, Node
 
 LINE = 18
 """Pixels from one line of text to the next."""

@@ -7,7 +7,7 @@ from rarms_iac.apply.review.reviewed import Reviewed
 from rarms_iac.apply.threads import above, threads_of
 from rarms_iac.model.plan import Purpose, ThreadClass
 from rarms_iac.model.state import RegistryValue, State, TaskClass, TaskRecord, ValueKind
-from rarms_iac.planner.leftover.classes import classes_of
+from rarms_iac.planner.task_classes import classes_of
 from rarms_iac.providers.simulated.content import SHIPPED
 from tests import builders_plan as build
 from tests.builders import PathPlaces, a_component, a_system

@@ -6,7 +6,7 @@ from pathlib import Path
 from rarms_iac.cli.manifests import Opened, open_manifest
 from rarms_iac.cli.tuned_manifest import Written, write_partitions
 from rarms_iac.model.system import System
-from rarms_iac.planner.combining.values import Coi
+from rarms_iac.planner.combining.oracle import Coi
 
 MANIFEST = """\
 schema: rarms/v1

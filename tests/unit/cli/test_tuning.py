@@ -12,9 +12,9 @@ from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.options import HostOptions, ManifestOptions
 from rarms_iac.cli.tuning import Room, Subject, TuningStopped, bench_of, subject_of_tuning
 from rarms_iac.cli.tuning_end import End, findings_of
-from rarms_iac.planner.combining.findings import CONTRADICTION
+from rarms_iac.planner.combining.oracle import Coi, Members
 from rarms_iac.planner.combining.paper import Asking
-from rarms_iac.planner.combining.values import Coi, Members
+from rarms_iac.planner.findings import CONTRADICTION
 from tests.measuring import leave_logs
 from tests.unit.cli.running import rarms
 

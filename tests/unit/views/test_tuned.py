@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.cli.tuning_log import run_of
-from rarms_iac.planner.combining.values import Asked
+from rarms_iac.planner.combining.oracle import Asked
 from rarms_iac.views.reports.model import Tuning
 from rarms_iac.views.reports.tables import trail_rows
 from rarms_iac.views.tuned import Tuned, tuned_json, tuned_text

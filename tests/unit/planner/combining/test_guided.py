@@ -7,10 +7,9 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.model.system import Minimise
-from rarms_iac.planner.combining.oracle import Silent
+from rarms_iac.planner.combining.oracle import Asked, Coi, Members, Silent
 from rarms_iac.planner.combining.paper import Asking
 from rarms_iac.planner.combining.questions import Ask, Best, Tuning, next_step, search, tuning_of
-from rarms_iac.planner.combining.values import Asked, Coi, Members
 from rarms_iac.planner.prediction.members import Predictor
 from tests.unit.planner.combining.test_questions import Needs, anyone, cois, needs_of, objective
 

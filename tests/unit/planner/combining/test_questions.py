@@ -9,10 +9,10 @@ import pytest
 
 from rarms_iac.model.system import Minimise
 from rarms_iac.planner.combining.candidates import candidates_of, graph_of, informed
-from rarms_iac.planner.combining.objective import Objective
+from rarms_iac.planner.combining.layouts import Objective
+from rarms_iac.planner.combining.oracle import Asked, Coi, Members, total
 from rarms_iac.planner.combining.paper import Asking
 from rarms_iac.planner.combining.questions import Ask, Best, NothingFits, next_step, search, tuning_of
-from rarms_iac.planner.combining.values import Asked, Coi, Members, total
 
 
 @dataclass

@@ -13,8 +13,7 @@ from rarms_iac.planner.prediction.members import (
     said_of,
     task_of,
 )
-from rarms_iac.planner.prediction.periodic import least_budget, meets_by_deadline
-from rarms_iac.planner.prediction.sharing import Demand
+from rarms_iac.planner.prediction.periodic import Demand, least_budget, meets_by_deadline
 
 CAMERA = Alone(
     demand=Demand(waits_ms=0.0, work_ms=10.0, enough=30, period_ms=100.0),

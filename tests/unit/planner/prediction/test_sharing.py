@@ -4,7 +4,7 @@ from math import inf
 
 import pytest
 
-from rarms_iac.planner.prediction.sharing import Demand, demand_of, least_shared, responses
+from rarms_iac.planner.prediction.periodic import Demand, demand_of, least_shared, responses
 
 BUSY = Demand(waits_ms=0.0, work_ms=10.0, enough=20)  # answers after 50 ms there, and never waits
 HALF = Demand(waits_ms=40.0, work_ms=8.0, enough=20)  # computes half of the time there

@@ -2,7 +2,7 @@
 
 from itertools import combinations
 
-from rarms_iac.planner.combining.nodes import Node
+from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.views.reports.candidate_drawing import MOST_NODES, Box, covered, drawing_of, few_enough
 
 NAMES = ("path", "speech", "video", "vision")

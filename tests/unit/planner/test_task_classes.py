@@ -1,7 +1,7 @@
 import pytest
 
 from rarms_iac.model.system import Component, TaskCategory, TaskWish
-from rarms_iac.planner.leftover.classes import Classes, classes_of, registry_values
+from rarms_iac.planner.task_classes import Classes, classes_of, registry_values
 from tests.builders import a_component, a_task, codes
 from tests.planning import PLACES
 

@@ -6,11 +6,12 @@ levels between threads in Medium, then in Low, then few classes in Low, then hig
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from operator import add
 from typing import NamedTuple
 
 from rarms_iac.model.class_values import LevelValues, values_within
-from rarms_iac.model.system import TaskCategory, TaskWish
+from rarms_iac.model.system import Component, TaskCategory, TaskWish
 
 REAL_TIME = 16
 """Threads from here on are above whatever Windows raises for a while."""
@@ -123,3 +124,51 @@ def _weight(option: _Option, ceiling: int, floor: int) -> tuple[bool, bool, bool
     is_near = option.thread == ceiling - 1
     is_out = not floor <= option.thread < ceiling
     return is_out, option.is_against, is_near and not option.is_low, is_near and option.is_low, option.is_low_freely
+
+
+ALL = 0
+"""The mask that keeps a class to nothing (FACTS 6.1)."""
+
+NAMED_UP_TO = 32
+"""A mask has so many bits: of more processors not all can be named."""
+
+
+def masks_of(users: Sequence[Sequence[Component]], processors: int) -> Mapping[str, int]:
+    """The mask of each class that is kept to some, by its name in lower case.
+
+    From the least critical up, each level gets its own processors beside those of the levels below, the last ones
+    first. A level that finds no room beside them is not kept, and then none above it is.
+
+    Args:
+        users: of each class the components that name it, and each component that names none, in any order; all of
+            one operating system.
+        processors: how many this has; 0 where nobody knows.
+    """
+    if not 1 < processors <= NAMED_UP_TO:
+        return {}
+    found: dict[str, int] = {}
+    width = 0
+    levels = [list(level) for _, level in groupby(sorted(users, key=_criticality), key=_criticality)]
+    for level in levels[:-1]:
+        width += sum(_wanted(one, processors) for one in level)
+        if width >= processors:
+            break
+        for one in level:
+            assert one[0].task is not None, "who names no class wants all"
+            found[one[0].task.lower()] = _last(width, processors)
+    return found
+
+
+def _criticality(users: Sequence[Component]) -> int:
+    return max(user.criticality for user in users)
+
+
+def _wanted(users: Sequence[Component], processors: int) -> int:
+    """What all components of a class can use at once; everything where one has an APT, or no class, or does not say."""
+    if any(user.apt or user.task is None or user.processors is None for user in users):
+        return processors
+    return sum(user.processors or 0 for user in users)
+
+
+def _last(width: int, processors: int) -> int:
+    return ((1 << width) - 1) << (processors - width)

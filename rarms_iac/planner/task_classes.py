@@ -13,8 +13,7 @@ from rarms_iac.model.state import RegistryValue, ValueKind
 from rarms_iac.model.system import Component, TaskCategory, TaskWish
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import most_critical_first
-from rarms_iac.planner.leftover.affinity import ALL, masks_of
-from rarms_iac.planner.leftover.ordering import REAL_TIME, chosen_values
+from rarms_iac.planner.task_class_values import ALL, REAL_TIME, chosen_values, masks_of
 
 CLOCK_RATE = 10_000
 """In 100 ns: other values were seen to stop the task from working."""
