@@ -1,6 +1,6 @@
 """The candidate graph of a manifest, with what the data logs of compounds say; nothing is measured."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rarms_iac.cli.codes import ExitCode
@@ -11,7 +11,7 @@ from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Host, PartitionWish, System
-from rarms_iac.planner.combining.candidates import Candidates, Mask, Node, candidates_of, informed, named, nodes_of
+from rarms_iac.planner.combining.candidates import Candidates, Mask, Node, candidates_of, informed, nodes_of
 from rarms_iac.planner.combining.guiding import Guide, guide_of
 from rarms_iac.planner.combining.oracle import WHOLE, Asked, Members, coi_as_measured
 from rarms_iac.planner.groups import Group, groups_of, may_share
@@ -30,14 +30,6 @@ class Drawn:
     predicted: Mapping[Mask, int]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Nodes:
-    """A part of the graph as nodes."""
-
-    nodes: tuple[Node, ...]
-    left_out: int
-
-
 def candidates_in(measured: Measurements, opened: Opened) -> Drawn:
     """Every compound of the partitions that rest on data logs, on the first host by name that all of them may run on.
 
@@ -48,18 +40,14 @@ def candidates_in(measured: Measurements, opened: Opened) -> Drawn:
     return Drawn(candidates=known, predicted=_predicted(guide, known.by_mask))
 
 
-def nodes_to_draw(measured: Measurements, opened: Opened, few: Callable[[Sequence[Node]], Sequence[Node]]) -> Nodes:
-    """The same as nodes, those that `few` chooses, and how many it leaves out; only what is drawn is predicted.
+def unpredicted_nodes(measured: Measurements, opened: Opened) -> tuple[Node, ...]:
+    """Return the same graph as nodes without predictions, which take longer than everything else.
 
     Raises:
         Halted: as `candidates_in`.
     """
-    known, guide = _known(measured, opened)
-    everything = nodes_of(known, {})
-    chosen = {node.name for node in few(everything)}
-    masks = [mask for mask, candidate in known.by_mask.items() if named(candidate.coi.members) in chosen]
-    told = nodes_of(known, _predicted(guide, masks))
-    return Nodes(nodes=tuple(node for node in told if node.name in chosen), left_out=len(everything) - len(chosen))
+    known, _ = _known(measured, opened)
+    return nodes_of(known, {})
 
 
 def _predicted(guide: Guide, masks: Iterable[Mask]) -> Mapping[Mask, int]:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.cli.candidates import nodes_to_draw
+from rarms_iac.cli.candidates import unpredicted_nodes
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.datalogs import (
     bench_now,
@@ -25,14 +25,14 @@ from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.system import Host, System
+from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.planner.findings import UNREADABLE
 from rarms_iac.storage.datalog.configuration import Proven, ProvenIndex, read_entries
 from rarms_iac.storage.datalog.files import FOLDER, LogUnreadable, configuration_path, read_log
 from rarms_iac.storage.datalog.identity import Files
 from rarms_iac.storage.datalog.log import DataLog
 from rarms_iac.views.reports.building import Logged, report_of
-from rarms_iac.views.reports.candidate_drawing import few_enough
-from rarms_iac.views.reports.model import Combining, Proof, Report
+from rarms_iac.views.reports.model import Proof, Report
 
 NOTHING_MEASURED = Finding(code="RARMS290", severity=Severity.ERROR, summary="There is nothing to report")
 
@@ -59,16 +59,13 @@ def reported(source: ManifestOptions, components: tuple[str, ...] = ()) -> Repor
     return report
 
 
-def combining_of(source: ManifestOptions) -> Combining | None:
-    """What could share a partition, for the page; None where there is nothing to combine, or it cannot be told yet."""
+def candidates_for(source: ManifestOptions) -> tuple[Node, ...]:
+    """Return the candidate graph for the page; nothing where a reservation is not known yet."""
     system, opened = system_of(source)
     try:
-        drawn = nodes_to_draw(measurements_of(system, opened.loaded.folder, source), opened, few_enough)
+        return unpredicted_nodes(measurements_of(system, opened.loaded.folder, source), opened)
     except Halted:
-        return None
-    if not any(node.parts for node in drawn.nodes):
-        return None
-    return Combining(nodes=drawn.nodes, left_out=drawn.left_out)
+        return ()
 
 
 def _nothing(components: tuple[str, ...]) -> Diagnostic:

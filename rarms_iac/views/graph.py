@@ -8,8 +8,9 @@ from typing import Literal, assert_never
 from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.quantities import show_bytes, show_percent, show_processors
 from rarms_iac.model.system import System
+from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.output.graph import GraphOutput, NodeOutput
+from rarms_iac.views.output.combining import CandidateOutput, CandidatesOutput, GraphOutput, NodeOutput
 
 
 class GraphFormat(StrEnum):
@@ -20,7 +21,7 @@ class GraphFormat(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Node:
+class GraphNode:
     """A host, partition or component; `inside` is the id of what it lies in."""
 
     id: str
@@ -30,15 +31,17 @@ class Node:
     label: tuple[str, ...]  # lines
 
 
-def nodes_of(system: System, layout: Layout) -> tuple[Node, ...]:
+def graph_nodes(system: System, layout: Layout) -> tuple[GraphNode, ...]:
     """Hosts by name, each followed by its partitions, each followed by its components."""
     return tuple(node for name in sorted(system.hosts) for node in _host(system, layout, name))
 
 
-def _host(system: System, layout: Layout, name: str) -> Iterator[Node]:
+def _host(system: System, layout: Layout, name: str) -> Iterator[GraphNode]:
     host = system.hosts[name]
     size = f"{show_processors(host.logical_processors)}, {show_bytes(host.memory)}"
-    yield Node(id=f"host/{name}", is_a="host", name=name, inside="", label=(name, f"{host.provider.value}, {size}"))
+    yield GraphNode(
+        id=f"host/{name}", is_a="host", name=name, inside="", label=(name, f"{host.provider.value}, {size}")
+    )
     for partition in layout.partitions:
         if partition.host == name:
             yield from _partition(system, partition)
@@ -47,35 +50,35 @@ def _host(system: System, layout: Layout, name: str) -> Iterator[Node]:
             yield _component(system, component, f"host/{name}")
 
 
-def _partition(system: System, partition: PlacedPartition) -> Iterator[Node]:
+def _partition(system: System, partition: PlacedPartition) -> Iterator[GraphNode]:
     own = f"partition/{partition.name}"
     reserve = f"{show_processors(partition.reserved)} reserved ({show_percent(partition.reserve)} each VP)"
     label = (partition.name, reserve, show_bytes(partition.memory))
-    yield Node(id=own, is_a="partition", name=partition.name, inside=f"host/{partition.host}", label=label)
+    yield GraphNode(id=own, is_a="partition", name=partition.name, inside=f"host/{partition.host}", label=label)
     for component in partition.components:
         yield _component(system, component, own)
 
 
-def _component(system: System, name: str, inside: str) -> Node:
+def _component(system: System, name: str, inside: str) -> GraphNode:
     component = system.components[name]
     task = (f"task {component.task}",) if component.task else ()
     label = (name, f"criticality {component.criticality}", *task)
-    return Node(id=f"component/{name}", is_a="component", name=name, inside=inside, label=label)
+    return GraphNode(id=f"component/{name}", is_a="component", name=name, inside=inside, label=label)
 
 
-def graph_text(form: GraphFormat, title: str, nodes: Sequence[Node]) -> str:
+def graph_text(form: GraphFormat, title: str, nodes: Sequence[GraphNode]) -> str:
     """The graph in that language, ending with a line end."""
     match form:
         case GraphFormat.DOT:
-            lines = _dot(title, nodes)
+            lines = _system_dot(title, nodes)
         case GraphFormat.MERMAID:
-            lines = _mermaid(title, nodes)
+            lines = _system_mermaid(title, nodes)
         case _:
             assert_never(form)
     return "\n".join(lines) + "\n"
 
 
-def graph_json(application: str, nodes: Sequence[Node]) -> str:
+def graph_json(application: str, nodes: Sequence[GraphNode]) -> str:
     """The same for programs."""
     shown = tuple(
         NodeOutput(id=node.id, is_a=node.is_a, name=node.name, inside=node.inside, label="\n".join(node.label))
@@ -84,12 +87,12 @@ def graph_json(application: str, nodes: Sequence[Node]) -> str:
     return as_json(GraphOutput(application=application, nodes=shown))
 
 
-def inside(nodes: Sequence[Node], parent: str) -> tuple[Node, ...]:
+def inside(nodes: Sequence[GraphNode], parent: str) -> tuple[GraphNode, ...]:
     """What lies directly in it."""
     return tuple(node for node in nodes if node.inside == parent)
 
 
-def _dot(title: str, nodes: Sequence[Node]) -> Iterator[str]:
+def _system_dot(title: str, nodes: Sequence[GraphNode]) -> Iterator[str]:
     yield f"digraph {dot_quoted(title)} {{"
     yield "  graph [rankdir=LR, compound=true];"
     yield "  node [shape=box, style=rounded];"
@@ -98,7 +101,7 @@ def _dot(title: str, nodes: Sequence[Node]) -> Iterator[str]:
     yield "}"
 
 
-def _dot_cluster(nodes: Sequence[Node], node: Node, indent: str) -> Iterator[str]:
+def _dot_cluster(nodes: Sequence[GraphNode], node: GraphNode, indent: str) -> Iterator[str]:
     if node.is_a == "component":
         yield f"{indent}{dot_quoted(node.id)} [label={dot_quoted(*node.label)}];"
         return
@@ -117,7 +120,7 @@ def dot_quoted(*lines: str) -> str:
     return '"' + "\\n".join(line.replace("\\", "\\\\").replace('"', '\\"') for line in lines) + '"'
 
 
-def _mermaid(title: str, nodes: Sequence[Node]) -> Iterator[str]:
+def _system_mermaid(title: str, nodes: Sequence[GraphNode]) -> Iterator[str]:
     yield "---"
     yield f'title: "{title}"'
     yield "---"
@@ -127,7 +130,7 @@ def _mermaid(title: str, nodes: Sequence[Node]) -> Iterator[str]:
         yield from _mermaid_group(nodes, host, numbers, "  ")
 
 
-def _mermaid_group(nodes: Sequence[Node], node: Node, numbers: dict[str, str], indent: str) -> Iterator[str]:
+def _mermaid_group(nodes: Sequence[GraphNode], node: GraphNode, numbers: dict[str, str], indent: str) -> Iterator[str]:
     label = f'["{mermaid_quoted(*node.label)}"]'
     if node.is_a == "component":
         yield f"{indent}{numbers[node.id]}{label}"
@@ -144,3 +147,60 @@ def mermaid_quoted(*lines: str) -> str:
 
 
 _MERMAID = {'"': "#quot;", "#": "#35;", "&": "#amp;", "<": "#lt;", ">": "#gt;", ";": "#59;", "`": "#96;"}
+
+
+def candidates_text(form: GraphFormat, title: str, nodes: Sequence[Node]) -> str:
+    """The graph in that language, ending with a line end."""
+    match form:
+        case GraphFormat.DOT:
+            lines = _candidates_dot(title, nodes)
+        case GraphFormat.MERMAID:
+            lines = _candidates_mermaid(title, nodes)
+        case _:
+            assert_never(form)
+    return "\n".join(lines) + "\n"
+
+
+def candidates_json(application: str, nodes: Sequence[Node]) -> str:
+    """The same for programs."""
+    shown = tuple(
+        CandidateOutput(
+            name=node.name,
+            members=node.members,
+            parts=node.parts,
+            low=node.low,
+            high=node.high,
+            predicted=node.predicted,
+            measured=node.measured,
+            is_gain=node.is_gain,
+        )
+        for node in nodes
+    )
+    return as_json(CandidatesOutput(application=application, candidates=shown))
+
+
+def _candidates_dot(title: str, nodes: Sequence[Node]) -> Iterator[str]:
+    yield f"digraph {dot_quoted(title)} {{"
+    yield "  graph [rankdir=LR];"
+    yield "  node [shape=box, style=rounded];"
+    for node in nodes:
+        style = "" if node.measured and node.is_gain else ', style="rounded,dashed"'
+        yield f"  {dot_quoted(node.name)} [label={dot_quoted(*node.label)}{style}];"
+    for node in nodes:
+        for part in node.parts:
+            yield f"  {dot_quoted(part)} -> {dot_quoted(node.name)};"
+    yield "}"
+
+
+def _candidates_mermaid(title: str, nodes: Sequence[Node]) -> Iterator[str]:
+    yield "---"
+    yield f'title: "{title}"'
+    yield "---"
+    yield "flowchart LR"
+    numbers = {one.name: f"n{at}" for at, one in enumerate(nodes)}
+    for node in nodes:
+        yield f'  {numbers[node.name]}["{mermaid_quoted(*node.label)}"]'
+    for node in nodes:
+        arrow = "-->" if node.measured and node.is_gain else "-.->"
+        for part in node.parts:
+            yield f"  {numbers[part]} {arrow} {numbers[node.name]}"

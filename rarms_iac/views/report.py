@@ -7,7 +7,7 @@ from rarms_iac.statistics.told_errors import ERRORS
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap
 from rarms_iac.views.output.combining import AskedOutput
-from rarms_iac.views.output.report import (
+from rarms_iac.views.output.measuring import (
     ReportCapacityOutput,
     ReportDifferenceOutput,
     ReportIndexOutput,

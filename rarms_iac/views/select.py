@@ -9,7 +9,7 @@ from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
 from rarms_iac.model.system import Threshold
 from rarms_iac.model.thresholds import show_threshold, show_value
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.output.choosing import HeadroomOutput, LevelOutput, SelectionOutput
+from rarms_iac.views.output.measuring import HeadroomOutput, LevelOutput, SelectionOutput
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

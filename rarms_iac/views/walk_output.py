@@ -2,7 +2,7 @@
 
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap
-from rarms_iac.views.output.choosing import WalkOutput, WalkStepOutput
+from rarms_iac.views.output.measuring import WalkOutput, WalkStepOutput
 from rarms_iac.views.walk import HostWalk, Walk
 from rarms_iac.views.walk_steps import steps_of
 

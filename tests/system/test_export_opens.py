@@ -12,7 +12,7 @@ import pytest
 from rarms_iac.views.reports.building import report_of
 from rarms_iac.views.reports.model import Report
 from rarms_iac.views.reports.scale import UNIT_TEXT
-from rarms_iac.views.reports.workbook import workbook
+from rarms_iac.views.reports.spreadsheet import workbook
 from tests.measured_robot import a_robot, the_logs
 
 pytestmark = pytest.mark.needs("libreoffice")

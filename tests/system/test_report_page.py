@@ -19,11 +19,11 @@ from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.curve import curve_of, least_reserve
 from rarms_iac.views.reports.building import report_of
 from rarms_iac.views.reports.html import as_html
-from rarms_iac.views.reports.model import Combining, Standing, Tuning
+from rarms_iac.views.reports.model import Standing, Tuning
 from tests.browser import ask, chromium, looks, messages, whole_page
 from tests.measured_robot import a_robot, the_logs
 from tests.unit.storage.datalog.test_tuning import RUN
-from tests.unit.views.reports.test_candidate_drawing import all_of
+from tests.unit.views.reports.test_html import all_of
 
 if TYPE_CHECKING:
     from selenium.webdriver.chrome.webdriver import WebDriver
@@ -42,7 +42,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator["WebDriver"]:
     report = replace(
         report_of(SYSTEM, the_logs(SYSTEM), (), [Standing(host="onboard", differs=(("partition/vision", "gone"),))]),
         tunings=(Tuning(platform="onboard", run=RUN),),
-        combining=Combining(nodes=tuple(all_of(("path-planning", "speech-recognition", "video-streaming", "vision")))),
+        candidates=all_of(("path-planning", "speech-recognition", "video-streaming", "vision")),
     )
     (folder / "report.html").write_bytes(as_html(report))
     with chromium(folder / "profile") as driver:
@@ -262,35 +262,6 @@ def test_it_fits_every_screen_and_can_be_read_in_light_and_dark(page: "WebDriver
         Path(folder, f"report-{width}-{'dark' if dark else 'light'}.png").write_bytes(whole_page(page, width))
 
 
-@pytest.mark.parametrize(("width", "dark"), [(1200, False), (1200, True), (360, False), (360, True)])
-def test_what_could_share_a_partition_can_be_read_on_every_screen(page: "WebDriver", width: int, dark: bool) -> None:
-    looks(page, width=width, dark=dark)
-    drawn = run(page, BOXES_WITH_TEXTS)
-
-    assert len(drawn) == 15
-    assert [text for box, texts in drawn for text in texts if text["right"] > box["right"]] == []
-    assert [text for box, texts in drawn for text in texts if text["bottom"] > box["bottom"]] == []
-    assert {text["says"] for _, texts in drawn for text in texts} >= {"path-planning", "vision", "20 %"}
-    assert run(page, LEAST_CONTRAST_OF_THE_DRAWING) >= 4.5
-    assert run(page, "return document.documentElement.scrollWidth") <= width, "it scrolls within the page"
-    assert run(page, f"const one = {REGION}; return one.scrollWidth > one.clientWidth") is (width == 360)
-
-
-REGION = "document.querySelector('.candidates').parentElement"
-
-BOXES_WITH_TEXTS = """
-    const texts = [...document.querySelectorAll(".candidates text")].map((one) => [one.textContent, one.getBBox()]);
-    return [...document.querySelectorAll(".candidates rect")].map((rect) => {
-      const box = rect.getBBox();
-      const inside = texts.filter(([, at]) => at.x >= box.x && at.x < box.x + box.width
-        && at.y >= box.y && at.y < box.y + box.height);
-      return [
-        { right: box.x + box.width, bottom: box.y + box.height },
-        inside.map(([says, at]) => ({ says, right: at.x + at.width, bottom: at.y + at.height })),
-      ];
-    });
-"""
-
 PILLS_OVER_TEXT = """
     const boxes = (query) => [...document.querySelectorAll(query)]
       .filter((one) => getComputedStyle(one).visibility === "visible")
@@ -323,14 +294,5 @@ LEAST_CONTRAST = (
     return Math.min(...[...document.querySelectorAll("h1, h2, p, th, td, dd, dt, pre, button, summary, .pill")]
       .filter((one) => one.offsetParent !== null && one.textContent.trim() !== "")
       .map((one) => contrast(parts(getComputedStyle(one).color), behind(one))));
-"""
-)
-
-LEAST_CONTRAST_OF_THE_DRAWING = (
-    CONTRAST
-    + """
-    const ground = behind(document.querySelector(".candidates").parentElement);
-    return Math.min(...[...document.querySelectorAll(".candidates text")]
-      .map((one) => contrast(parts(getComputedStyle(one).fill), ground)));
 """
 )

@@ -30,7 +30,7 @@ def command(
     data log, a sheet with settings, curve and a chart; after `rarms tune` also what that asked for. Numbers are
     numbers; their units stand in the headers.
     """
-    from rarms_iac.views.reports.tables import csv_text, sample_rows, setting_rows, trail_rows
+    from rarms_iac.views.reports.spreadsheet import csv_text, sample_rows, setting_rows, trail_rows
 
     ending = Path(file).suffix.lower()
     if ending not in {".csv", ".xlsx"}:
@@ -42,7 +42,7 @@ def command(
         rows = trail_rows(report.tunings) if trail else sample_rows(report) if samples else setting_rows(report)
         data = csv_text(rows).encode("utf-8", "replace")
     else:
-        from rarms_iac.views.reports.workbook import TooManyRows, workbook
+        from rarms_iac.views.reports.spreadsheet import TooManyRows, workbook
 
         try:
             data = workbook(report, samples=samples)

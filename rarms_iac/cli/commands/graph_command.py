@@ -10,7 +10,7 @@ from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.layout import Layout
 from rarms_iac.planner.layout import plan_layout
-from rarms_iac.views.graph import GraphFormat, graph_json, graph_text, nodes_of
+from rarms_iac.views.graph import GraphFormat, graph_json, graph_nodes, graph_text
 
 
 @rarms_command("graph")
@@ -40,7 +40,7 @@ def command(session: Session, *, source: ManifestOptions, form: str, candidates:
     planning = plan_layout(system, reservations, {}, opened.loaded.places)
     if not isinstance(planning.answer, Layout):
         raise Halted(ExitCode.NO, planning.findings, opened.loaded.sources)
-    name, nodes = system.application.name, nodes_of(system, planning.answer)
+    name, nodes = system.application.name, graph_nodes(system, planning.answer)
     session.terminal.data(graph_json(name, nodes) if as_json else graph_text(GraphFormat(form), name, nodes))
     return ExitCode.DONE
 
@@ -48,7 +48,7 @@ def command(session: Session, *, source: ManifestOptions, form: str, candidates:
 def _candidates(session: Session, measured: Measurements, opened: Opened, form: str, *, as_json: bool) -> ExitCode:
     from rarms_iac.cli.candidates import candidates_in
     from rarms_iac.planner.combining.candidates import nodes_of as candidate_nodes
-    from rarms_iac.views.candidates import candidates_json, candidates_text
+    from rarms_iac.views.graph import candidates_json, candidates_text
 
     drawn = candidates_in(measured, opened)
     name, nodes = measured.system.application.name, candidate_nodes(drawn.candidates, drawn.predicted)

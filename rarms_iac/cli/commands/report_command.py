@@ -7,7 +7,7 @@ import click
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.files import write_file
 from rarms_iac.cli.options import ManifestOptions, json_option, manifest_options
-from rarms_iac.cli.reporting import combining_of, reported, speaks_ascii_only
+from rarms_iac.cli.reporting import candidates_for, reported, speaks_ascii_only
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.telling import tell
 from rarms_iac.model.diagnostics import Finding, Severity
@@ -59,7 +59,7 @@ def command(
             return ExitCode.DONE
     from rarms_iac.views.reports.html import as_html
 
-    page, file = as_html(replace(report, combining=combining_of(source))), out or DEFAULT_FILE
+    page, file = as_html(replace(report, candidates=candidates_for(source))), out or DEFAULT_FILE
     if file == "-":
         session.terminal.data(page.decode("utf-8"))
         return ExitCode.DONE

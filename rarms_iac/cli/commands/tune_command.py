@@ -31,7 +31,7 @@ from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.planner.combining.oracle import Always
 from rarms_iac.planner.combining.paper import Asking
 from rarms_iac.views.reports.model import Tuning
-from rarms_iac.views.reports.tables import csv_text, trail_rows
+from rarms_iac.views.reports.spreadsheet import csv_text, trail_rows
 from rarms_iac.views.tuned import Tuned, tuned_json, tuned_text
 
 STRATEGIES = ("default", "paper")

@@ -4,14 +4,11 @@ Within `rarms-output/1` fields and kinds may be added; none changes its meaning 
 memory in bytes, reserve and limit in whole per cent of each virtual processor.
 """
 
-from rarms_iac.views.output.choosing import SelectionOutput, WalkOutput
-from rarms_iac.views.output.combining import CandidatesOutput, TuneOutput
+from rarms_iac.views.output.combining import CandidatesOutput, GraphOutput, TuneOutput
 from rarms_iac.views.output.common import FORMAT_VERSION
-from rarms_iac.views.output.graph import GraphOutput
 from rarms_iac.views.output.hosts import DoctorOutput, DriftOutput
-from rarms_iac.views.output.measuring import MeasureOutput, ProveOutput
+from rarms_iac.views.output.measuring import MeasureOutput, ProveOutput, ReportOutput, SelectionOutput, WalkOutput
 from rarms_iac.views.output.plan import PlanOutput
-from rarms_iac.views.output.report import ReportOutput
 from rarms_iac.views.output.runs import ComponentRunOutput, RunOutput
 from rarms_iac.views.output.scripts import ScriptDifferenceOutput, ScriptsOutput
 from rarms_iac.views.output.told import ExplanationOutput, FindingsOutput, FmtOutput, VersionOutput, WrittenOutput

@@ -81,3 +81,24 @@ class CandidatesOutput:
     kind: Literal["candidates"] = "candidates"
     application: str
     candidates: tuple[CandidateOutput, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NodeOutput:
+    """Something in a graph."""
+
+    id: str
+    is_a: Literal["host", "partition", "component"]
+    name: str
+    inside: str
+    label: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GraphOutput:
+    """`rarms graph`."""
+
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["graph"] = "graph"
+    application: str
+    nodes: tuple[NodeOutput, ...]

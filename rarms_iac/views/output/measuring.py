@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.views.output.combining import AskedOutput
 from rarms_iac.views.output.common import FORMAT_VERSION, Format
 
 
@@ -98,3 +99,183 @@ class ProveOutput:
     met: bool
     indexes: tuple[ProvenIndexOutput, ...]
     findings: tuple[Diagnostic, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WalkStepOutput:
+    """A step from the APT to the per cent: what it is about, and its sentences."""
+
+    topic: str
+    says: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WalkOutput:
+    """`rarms explain COMPONENT`. `cr` is per cent of P1's virtual processors, null where nothing was looked up.
+
+    What is reserved is null where nothing says how much; a component that runs on the host itself has steps only.
+    """
+
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["walk"] = "walk"
+    component: str
+    partition: str | None
+    host: str | None
+    fits: bool  # false: there is no layout, and the host is where it runs, or the first by name that could have it
+    data_log: str | None
+    cr: int | None
+    interpolated: bool
+    wanted_processors: float | None  # LPs before rounding to the provider's grain
+    reserved_processors: float | None  # LPs after it
+    reserve: int | None  # whole per cent of each virtual processor
+    processors: int | None
+    limit: int | None
+    weight: int | None
+    steps: tuple[WalkStepOutput, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LevelOutput:
+    """What a partition gets on a platform, in per cent of each of its processors; the index there with its band."""
+
+    platform: str
+    partition: str
+    reserve: int
+    processors: int
+    interpolated: bool
+    value: float | None
+    lower: float | None
+    upper: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeadroomOutput:
+    """What a host has left, in logical processors."""
+
+    host: str
+    processors: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SelectionOutput:
+    """`rarms select`: an APT that was chosen, in the index's own unit (ms, %, /s), and what follows from it."""
+
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["selection"] = "selection"
+    component: str
+    index: str
+    before: float | None
+    after: float
+    file: str
+    written: bool
+    levels: tuple[LevelOutput, ...]
+    headrooms: tuple[HeadroomOutput, ...]
+    fits: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportPointOutput:
+    """An index at a setting. `error`: how probably the verdict is wrong."""
+
+    reserve: int
+    value: float | None
+    low: float | None
+    high: float | None
+    samples: int
+    failed: int
+    verdict: str
+    error: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportRowOutput:
+    """The curve at one whole per cent; a reservation rests on `safe`."""
+
+    reserve: int
+    value: float | None
+    safe: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportIndexOutput:
+    """An index of a component against the reserve; `reserve` is what its threshold alone asks for."""
+
+    component: str
+    index: str
+    direction: str
+    threshold: float | None
+    reserve: int | None
+    points: tuple[ReportPointOutput, ...]
+    curve: tuple[ReportRowOutput, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportMeasurementOutput:
+    """A data log. `rests`: a plan looks its reservation up here."""
+
+    components: tuple[str, ...]
+    platform: str
+    interference: str
+    log: str
+    processors: int
+    rests: bool
+    stale: tuple[str, ...]
+    reserve: int | None
+    interpolated: bool
+    indexes: tuple[ReportIndexOutput, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportCapacityOutput:
+    """What the hosts of a platform can promise and what they would, in LPs."""
+
+    platform: str
+    hosts: tuple[str, ...]
+    capacity: float
+    reserved: float
+    fits: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportDifferenceOutput:
+    """Something that is not on the host as the manifest wants it."""
+
+    address: str
+    says: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportStandingOutput:
+    """A host that could be looked at without waiting; `is_planned`: there is a layout that could be applied."""
+
+    host: str
+    is_planned: bool
+    differs: tuple[ReportDifferenceOutput, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportTuningOutput:
+    """The last run of `rarms tune` on a platform; amounts are per cent of one logical processor (140: 1.4 LP)."""
+
+    platform: str
+    when: str
+    strategy: Literal["default", "paper"]
+    ending: Literal["successful", "unable", "nothing_to_do"]
+    proved: bool
+    claim: str  # proved; not proved; not proved, at least 95 %
+    before: int
+    after: int
+    trail: tuple[AskedOutput, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportOutput:
+    """`rarms report`: what was measured, and what each threshold reserves."""
+
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["report"] = "report"
+    application: str
+    measurements: tuple[ReportMeasurementOutput, ...]
+    capacities: tuple[ReportCapacityOutput, ...]
+    standings: tuple[ReportStandingOutput, ...]
+    tunings: tuple[ReportTuningOutput, ...]

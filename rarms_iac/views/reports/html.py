@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.statistics.told_errors import ERRORS
 from rarms_iac.storage.shipped import shipped, shipped_text
-from rarms_iac.views.reports.candidate_drawing import Drawing, drawing_of
-from rarms_iac.views.reports.model import Combining, Report
+from rarms_iac.views.reports.model import Report
 from rarms_iac.views.reports.page import RESERVES, Card, cards_of, data_of
 from rarms_iac.views.reports.summary import (
     Fit,
+    candidate_rows,
+    candidates_left_out,
     fit_text,
     fits_of,
     proofs_of,
@@ -54,7 +55,8 @@ def as_html(report: Report) -> bytes:
             tunings=[
                 (tuning.platform, tuning_text(tuning), trail_of(tuning), tuned_of(tuning)) for tuning in report.tunings
             ],
-            combinings=[] if report.combining is None else [_combining(report.combining)],
+            candidates=[candidate_rows(report)] if candidate_rows(report) else [],
+            more_candidates=candidates_left_out(report),
             standings=[
                 ("standing differs" if standing.differs else "standing", standing.host, standing_text(standing))
                 for standing in report.standings
@@ -81,14 +83,6 @@ def _bar(fit: Fit) -> dict[str, str]:
         "used": f"{float(min(100 * fit.total / processors, Fraction(100))):.3f}",
         "kind": "used" if fit.fits else "used over",
     }
-
-
-def _combining(combining: Combining) -> tuple[Drawing, str]:
-    """The drawing, and a word on what it leaves out."""
-    more = (
-        f" {combining.left_out} more are not drawn: rarms graph --candidates lists all." if combining.left_out else ""
-    )
-    return drawing_of(combining.nodes), more
 
 
 def _policy(style: str, script: str) -> str:

@@ -168,14 +168,6 @@ class Tuning:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Combining:
-    """What could share a partition, as the manifest is now."""
-
-    nodes: tuple[Node, ...]  # parts before what consists of them
-    left_out: int = 0  # compounds that are not shown, because they are too many
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
     """Everything that `rarms report` shows."""
 
@@ -187,4 +179,4 @@ class Report:
     proofs: tuple[Proof, ...] = ()
     standings: tuple[Standing, ...] = ()  # by host
     tunings: tuple[Tuning, ...] = ()  # by platform
-    combining: Combining | None = None  # None: nothing could be combined, or it is not all measured
+    candidates: tuple[Node, ...] = ()  # the candidate graph; empty: nothing can be combined, or not all is measured

@@ -5,10 +5,13 @@ from fractions import Fraction
 
 from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
 from rarms_iac.model.thresholds import show_threshold
+from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.planner.prediction.belief import ASSUMED
 from rarms_iac.statistics.told_errors import wrong
 from rarms_iac.views.reports.model import Capacity, Measurement, Point, Proof, Report, Shown, Standing, Tuning
 from rarms_iac.views.reports.scale import shown
+
+MOST_CANDIDATES = 24
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -233,6 +236,28 @@ def tuned_of(tuning: Tuning) -> tuple[tuple[str, str, str, str, str], ...]:
         )
         for part in tuning.run.partitions
     )
+
+
+def candidate_rows(report: Report) -> tuple[tuple[str, str], ...]:
+    """List the compounds that could reserve less than their parts, at most `MOST_CANDIDATES`.
+
+    Returns:
+        A row a compound: its components, and what is known of the reserve of their common partition. Measured compounds
+        come first, then those that may save most.
+    """
+    ranked = sorted(
+        _compounds(report), key=lambda node: (not node.measured, node.low - node.high, len(node.members), node.name)
+    )
+    return tuple((" + ".join(node.members), node.label[-1]) for node in ranked[:MOST_CANDIDATES])
+
+
+def candidates_left_out(report: Report) -> int:
+    """Count the compounds that `candidate_rows` leaves out."""
+    return max(0, len(_compounds(report)) - MOST_CANDIDATES)
+
+
+def _compounds(report: Report) -> list[Node]:
+    return [node for node in report.candidates if node.parts and node.is_gain]
 
 
 def _processors(percent: int) -> str:

@@ -8,7 +8,7 @@ from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind, RunStarted, StepStatus
 from rarms_iac.model.layout import Layout
 from rarms_iac.views.drift import HostDrift, drift_json, drift_text
-from rarms_iac.views.graph import GraphFormat, dot_quoted, graph_json, graph_text, mermaid_quoted, nodes_of
+from rarms_iac.views.graph import GraphFormat, dot_quoted, graph_json, graph_nodes, graph_text, mermaid_quoted
 from rarms_iac.views.progress import StepProgress, fitting
 from rarms_iac.views.run import run_json, run_text
 from tests.builders import the_delivery_robot
@@ -122,7 +122,7 @@ def a_layout() -> Layout:
 
 
 def test_a_graph_nests_hosts_partitions_and_components() -> None:
-    nodes = nodes_of(the_delivery_robot(), a_layout())
+    nodes = graph_nodes(the_delivery_robot(), a_layout())
 
     dot = graph_text(GraphFormat.DOT, "delivery-robot", nodes)
     mermaid = graph_text(GraphFormat.MERMAID, "delivery-robot", nodes)

@@ -8,7 +8,7 @@ import pytest
 from rarms_iac.cli.tuning_log import run_of
 from rarms_iac.planner.combining.oracle import Asked
 from rarms_iac.views.reports.model import Tuning
-from rarms_iac.views.reports.tables import trail_rows
+from rarms_iac.views.reports.spreadsheet import trail_rows
 from rarms_iac.views.tuned import Tuned, tuned_json, tuned_text
 from tests.unit.views.test_json import check
 

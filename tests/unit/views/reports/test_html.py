@@ -6,16 +6,18 @@ import re
 from base64 import b64encode
 from dataclasses import replace
 from html.parser import HTMLParser
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 from hypothesis import given
 from hypothesis import strategies as st
 
 from rarms_iac.model.indexes import find_index
+from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.views.reports.building import report_of
 from rarms_iac.views.reports.html import as_html
 from rarms_iac.views.reports.model import Proof
 from rarms_iac.views.reports.page import SEEN, corners
+from rarms_iac.views.reports.summary import MOST_CANDIDATES, candidate_rows
 from tests.measured_robot import a_robot, the_logs
 
 SYSTEM = a_robot()
@@ -162,3 +164,46 @@ def test_proofs_are_a_table_of_their_own() -> None:
     assert "All together, in the applied layout" in page
     assert re.search(r"113 ms, 112 ms to 115 ms.*missed \(wrong in at most 1 %\)", page, re.DOTALL)
     assert "All together" not in PAGE
+
+
+def node(*members: str, low: int = 20, high: int = 60, measured: bool = False, is_gain: bool = True) -> Node:
+    return Node(
+        name="+".join(members),
+        members=members,
+        parts=members if len(members) > 1 else (),
+        low=low,
+        high=high,
+        predicted=None,
+        measured=measured or len(members) == 1,
+        is_gain=is_gain,
+    )
+
+
+def all_of(names: tuple[str, ...]) -> tuple[Node, ...]:
+    return tuple(node(*members) for size in range(1, len(names) + 1) for members in combinations(names, size))
+
+
+def test_what_could_share_a_partition_is_listed_measured_compounds_first() -> None:
+    nodes = (
+        node("a"),
+        node("b"),
+        node("c"),
+        node("a", "b"),
+        node("a", "c", measured=True),
+        node("b", "c", is_gain=False),
+    )
+    report = replace(report_of(a_robot(), the_logs(a_robot())), candidates=nodes)
+
+    page = as_html(report).decode()
+
+    assert candidate_rows(report) == (("a + c", "20 %"), ("a + b", "20 % to 60 %, to be measured"))
+    assert '<th scope="row">a + c</th><td data-is="Reserve">20 %</td>' in page
+    assert "more are not listed" not in page
+
+
+def test_a_long_list_of_compounds_is_cut_and_says_so() -> None:
+    names = tuple("abcdef")
+    report = replace(report_of(a_robot(), the_logs(a_robot())), candidates=all_of(names))
+
+    assert len(candidate_rows(report)) == MOST_CANDIDATES
+    assert f"{57 - MOST_CANDIDATES} more are not listed" in as_html(report).decode()

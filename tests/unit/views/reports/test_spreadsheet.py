@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from rarms_iac.model.measurement import Sample
 from rarms_iac.views.reports.building import report_of
 from rarms_iac.views.reports.model import Measurement, Report
-from rarms_iac.views.reports.tables import SETTINGS, csv_text, sample_rows, setting_rows
-from rarms_iac.views.reports.workbook import TooManyRows, workbook
+from rarms_iac.views.reports.spreadsheet import SETTINGS, TooManyRows, csv_text, sample_rows, setting_rows, workbook
 from tests.measured_robot import a_robot, the_logs
 
 SYSTEM = a_robot()
