@@ -15,7 +15,6 @@ from benchmarks.combining_models import CURVE, Drawn, Need, halving
 from rarms_iac.planner.prediction.members import Alone
 from rarms_iac.planner.prediction.periodic import demand_of
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
-from rarms_iac.providers.simulated.scheduling.values import BusyLoops, Demand, Machine, VirtualMachine
 
 POOLS = 12
 IN_A_POOL = 14

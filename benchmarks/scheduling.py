@@ -8,8 +8,8 @@ import time
 from itertools import islice
 
 from benchmarks.timing import Figure, report
+from rarms_iac.providers.simulated.scheduling.machine import BusyLoops, Machine
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
-from rarms_iac.providers.simulated.scheduling.values import BusyLoops, Machine
 from scripts.paper_experiments import FDP, PAIRS, RESERVES, bench, demands, playing
 
 JOBS = 150

@@ -20,7 +20,7 @@ from rarms_iac.measuring.search import STRATEGIES, Found, Goal, Measure, NotAchi
 from rarms_iac.measuring.search import values as searched
 from rarms_iac.measuring.search.bisection import halve
 from rarms_iac.measuring.strategies import Agreeing, Searching, Verifying
-from rarms_iac.statistics.curve import curves_of, holds
+from rarms_iac.statistics.curves import curves_of, holds
 
 COMPONENTS = 1000
 WALKED_BY_ONE = 10  # one component in so many is walked by 1 % too: that takes fifty settings

@@ -14,7 +14,7 @@ from rarms_iac.measuring.search import Goal, Member
 from rarms_iac.model.measurement import Sample, Series, Setting
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.system import AtLeast, AtMost, Closed, Command, Run, SampleCount, Samples, Stop
-from rarms_iac.statistics.verdict import next_look
+from rarms_iac.statistics.verdicts import next_look
 from rarms_iac.storage.datalog.columns import DIGITS
 
 ALLOWED = 4000

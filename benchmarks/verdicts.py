@@ -11,8 +11,8 @@ from rarms_iac.model.measurement import Series
 from rarms_iac.model.system import Threshold
 from rarms_iac.statistics.distributions import share_below
 from rarms_iac.statistics.estimates import USUAL_ERROR, NoEstimate, estimate
-from rarms_iac.statistics.steadiness import Unsteady
-from rarms_iac.statistics.verdict import Met, Missed, Verdict, decide, judge, next_look
+from rarms_iac.statistics.steady_state import Unsteady
+from rarms_iac.statistics.verdicts import Met, Missed, Verdict, decide, judge, next_look
 
 SERIES = 1000
 LONG = 4000

@@ -11,9 +11,8 @@ from statistics import mean
 
 from rarms_iac.manifest.load import load
 from rarms_iac.model.system import System
-from rarms_iac.providers.simulated.scheduling.demands import demand_of
-from rarms_iac.providers.simulated.scheduling.simulation import simulate
-from rarms_iac.providers.simulated.scheduling.values import (
+from rarms_iac.providers.simulated.measuring import demand_of
+from rarms_iac.providers.simulated.scheduling.machine import (
     IDLE,
     ORDINARY,
     QUIET_INTERRUPTS,
@@ -26,6 +25,7 @@ from rarms_iac.providers.simulated.scheduling.values import (
     Piece,
     VirtualMachine,
 )
+from rarms_iac.providers.simulated.scheduling.simulation import simulate
 from rarms_iac.storage.shipped import shipped
 
 FDP, SRP, VSP, PPP = "face-detection", "speech-recognition", "video-streaming", "path-planning"

@@ -6,7 +6,7 @@ For tests that are about measuring and not about scheduling: the answers are kno
 from collections.abc import Iterator
 from random import Random
 
-from rarms_iac.providers.simulated.scheduling.values import JobDone, Machine
+from rarms_iac.providers.simulated.scheduling.machine import JobDone, Machine
 
 
 def fluid(machine: Machine, seed: int) -> Iterator[JobDone]:

@@ -18,7 +18,7 @@ from rarms_iac.cli.session import Session
 from rarms_iac.cli.telling import tell
 from rarms_iac.measuring.conclusions import Swept
 from rarms_iac.measuring.strategies import apts_of
-from rarms_iac.statistics.curve import curves_of, least_reserve
+from rarms_iac.statistics.curves import curves_of, least_reserve
 from rarms_iac.views.measured import Measured, settings_text
 from rarms_iac.views.plot import plot_text
 from rarms_iac.views.reports.model import Measurement

@@ -25,7 +25,7 @@ from rarms_iac.planner.reservations import (
     rests_on_a_log,
     to_be_measured,
 )
-from rarms_iac.statistics.curve import Curve, curve_of
+from rarms_iac.statistics.curves import Curve, curve_of
 from rarms_iac.storage.datalog.files import LogUnreadable, log_path, read_log
 from rarms_iac.storage.datalog.identity import Files, Subject, identity_of
 from rarms_iac.storage.datalog.log import DataLog

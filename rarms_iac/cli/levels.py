@@ -10,7 +10,7 @@ from rarms_iac.model.quantities import UNITS, Unit, plain
 from rarms_iac.model.system import Host, Threshold
 from rarms_iac.model.thresholds import show_value
 from rarms_iac.planner.reservations import MeasuredTogether
-from rarms_iac.statistics.curve import Curve
+from rarms_iac.statistics.curves import Curve
 
 FAR = 10
 """So many times worse than the worst that was measured is no level that somebody wants."""

@@ -28,7 +28,7 @@ from rarms_iac.model.state import Partition
 from rarms_iac.model.system import ProviderKind
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.providers.measuring import Inside, MeasuringHost
-from rarms_iac.statistics.curve import curves_of, least_reserve
+from rarms_iac.statistics.curves import curves_of, least_reserve
 from rarms_iac.views.measured import Measured
 from rarms_iac.views.measuring import MeasuringProgress
 

@@ -32,8 +32,8 @@ from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, Disruption, RunsOn
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.providers.measuring import MeasuringHost
-from rarms_iac.statistics.steadiness import Unsteady
-from rarms_iac.statistics.verdict import Met, Missed, TooFewSamples, TooManyFailures, WithinTheNoise
+from rarms_iac.statistics.steady_state import Unsteady
+from rarms_iac.statistics.verdicts import Met, Missed, TooFewSamples, TooManyFailures, WithinTheNoise
 from rarms_iac.storage.datalog.configuration import Proven, ProvenIndex, append_entry
 from rarms_iac.storage.datalog.files import configuration_path
 from rarms_iac.views.proved import proof_text, prove_json, sampled, verdict_of

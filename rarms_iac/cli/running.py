@@ -14,12 +14,10 @@ from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.system import Component, Elapsed, Run, SampleCount, System
-from rarms_iac.running.component import ComponentRun
-from rarms_iac.running.errors import CannotStart, RunningError
+from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.loads import Load, LoadEnded
-from rarms_iac.running.order import Surroundings
-from rarms_iac.running.record import Ending
-from rarms_iac.running.together import together
+from rarms_iac.running.samples import Ending
+from rarms_iac.running.start import CannotStart, RunningError, StartContext
 from rarms_iac.views.component_run import Ran, sample_text, summary_text
 from rarms_iac.views.diagnostics.layout import visible
 from rarms_iac.views.diagnostics.text import counted
@@ -62,11 +60,11 @@ def run_components(
     try:
         with _load(system, wish, base) as load:
             for group in [chosen] if wish.together else [[one] for one in chosen]:
-                ran += _run_group(session, group, Surroundings(base=base), load, live=wish.live)
+                ran += _run_group(session, group, StartContext(base=base), load, live=wish.live)
     except (LoadEnded, CannotStart) as problem:
         name = problem.load if isinstance(problem, LoadEnded) else problem.component
         of_load = isinstance(problem, LoadEnded) or name not in system.components
-        told = _load_problem(name, problem.says) if of_load else _cannot_start(opened, name, problem.says)
+        told = _load_problem(name, problem.message) if of_load else _cannot_start(opened, name, problem.message)
         raise Halted(ExitCode.FAILED, [told], opened.loaded.sources) from problem
     except RunningError as problem:
         told = CANNOT_START.at(None, f"{problem}.", "Somebody ended it from outside: run it again.")
@@ -125,21 +123,21 @@ def _load(system: System, wish: RunWish, base: Path) -> Iterator[Load | None]:
         return
     refuse_unknown((wish.interference,), system.interference, "interference")
     load = system.interference[wish.interference]
-    with Load(wish.interference, load, Surroundings(base=base)) as running:
+    with Load(wish.interference, load, StartContext(base=base)) as running:
         yield running
 
 
 def _run_group(
     session: Session,
     group: Sequence[tuple[Component, Run]],
-    around: Surroundings,
+    around: StartContext,
     load: Load | None,
     *,
     live: bool,
 ) -> list[Ran]:
     runs = [ComponentRun(component.name, run, around) for component, run in group]
     numbers = {run.component: 0 for run in runs}
-    with together(runs) as samples:
+    with run_in_parallel(runs) as samples:
         for name, sample in samples:
             numbers[name] += 1
             if load is not None:

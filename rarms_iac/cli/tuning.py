@@ -32,7 +32,7 @@ from rarms_iac.planner.prediction.members import NOTHING, Predictor, alone_in, p
 from rarms_iac.planner.problem import Problem, host_view, problem_of
 from rarms_iac.planner.reservations import names_of, rests_on_a_log
 from rarms_iac.providers.measuring import MeasuringHost
-from rarms_iac.statistics.curve import curves_of, holds
+from rarms_iac.statistics.curves import curves_of, holds
 
 
 class TuningStopped(Unanswered):

@@ -117,7 +117,7 @@ def state_path(host: str, folder: str, overlays: Sequence[str]) -> str:
 
 def unfinished_beside(folder: str) -> tuple[LiveHost, ...]:
     """The simulated hosts below this folder with an unfinished run: their journals say all that is needed of them."""
-    from rarms_iac.providers.simulated.journal import read_journal
+    from rarms_iac.providers.simulated.files import read_journal
 
     found: list[LiveHost] = []
     for path in sorted((Path(folder) / HOSTS).rglob("*.journal.jsonl")):

@@ -7,10 +7,10 @@ from typing import Literal
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.measurement import Series, Setting, run_of
 from rarms_iac.model.system import AtLeast, AtMost, Component, Run, Threshold
-from rarms_iac.statistics import values
+from rarms_iac.statistics import samples as values
 from rarms_iac.statistics.estimates import Estimate, NoEstimate, estimate
-from rarms_iac.statistics.steadiness import Steady, Unsteady, steady_part
-from rarms_iac.statistics.verdict import VERDICT_ERROR, Missed, judge, part_for
+from rarms_iac.statistics.steady_state import Steady, Unsteady, steady_part
+from rarms_iac.statistics.verdicts import VERDICT_ERROR, Missed, judge, part_for
 
 Below = Literal["missed", "within the noise", "no steady state"]
 

@@ -13,8 +13,8 @@ from rarms_iac.model.measurement import P2, Series, run_of
 from rarms_iac.model.system import Component, Interference, SampleCount
 from rarms_iac.providers.measuring import Inside, MeasuringHost, Running, Work
 from rarms_iac.statistics.estimates import Estimate
-from rarms_iac.statistics.steadiness import Unsteady
-from rarms_iac.statistics.verdict import (
+from rarms_iac.statistics.steady_state import Unsteady
+from rarms_iac.statistics.verdicts import (
     Met,
     Missed,
     TooFewSamples,

@@ -19,7 +19,7 @@ from rarms_iac.measuring.search.tree import WIDTH
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.system import Threshold
-from rarms_iac.statistics.curve import curves_of, least_reserve
+from rarms_iac.statistics.curves import curves_of, least_reserve
 
 
 def goal_of(experiment: Experiment) -> Goal:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.system import Component
 from rarms_iac.providers.measuring import Running
-from rarms_iac.statistics.verdict import next_look
+from rarms_iac.statistics.verdicts import next_look
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

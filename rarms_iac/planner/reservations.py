@@ -10,7 +10,7 @@ from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, ProcessorTi
 from rarms_iac.model.system import Component, Host, Measured, Threshold
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import Group
-from rarms_iac.statistics.curve import Curve, LeastReserve, least_reserve
+from rarms_iac.statistics.curves import Curve, LeastReserve, least_reserve
 
 Names = tuple[str, ...]
 """Components together in one partition, in the order of their names."""

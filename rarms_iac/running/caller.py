@@ -1,12 +1,13 @@
-"""Calls a component's function, job after job, and tells what each showed. A program of its own (`run.call`).
+"""Calls a component's function, job after job, and sends the outcome of each. A program of its own (`run.call`).
 
-Words: the manifest's folder, module, function, the period in ms (0: the next job starts when the last one ended),
-and `values` where what the function returns is to be told. Standard library only: the component brings the rest.
+Arguments: the manifest's folder, module, function, the period in ms (0: the next job starts when the last one ended),
+and `values` where what the function returns is to be sent. Standard library only: the component brings the rest.
 
-What it tells is a JSON object a line on what was its standard output; what the function prints goes to standard
+It sends a JSON object a line on what was its standard output; what the function prints goes to standard
 error instead, so that nothing it prints can be taken for a sample.
 """
 
+import functools
 import importlib
 import json
 import os
@@ -19,27 +20,28 @@ LONGEST = 60_000
 
 def main(words: list[str]) -> None:
     """Load the function, then call it until nobody listens."""
-    base, module, name, period, told = words
+    base, module, name, period, sends = words
     answers = os.dup(1)
     os.dup2(2, 1)
     sys.path[:0] = list(dict.fromkeys([os.getcwd(), base]))  # noqa: PTH109 - what Python itself would put there
     try:
         function = getattr(importlib.import_module(module), name)
     except BaseException as error:
-        tell(answers, cannot=described(error))
+        send(answers, cannot=describe(error))
         raise
     if not callable(function):
-        tell(answers, cannot=f"{module}:{name} is not a function")
+        send(answers, cannot=f"{module}:{name} is not a function")
         return
     begun = time.perf_counter()
-    tell(answers, ready=begun)
-    call(function, begun, float(period) / 1000, lambda **what: tell(answers, **what), values=told == "values")
+    send(answers, ready=begun)
+    report = functools.partial(send, answers)
+    call(function, begun, float(period) / 1000, report, with_result=sends == "values")
 
 
 def call(
-    function: Callable[[], object], begun: float, period: float, say: Callable[..., None], *, values: bool
+    function: Callable[[], object], begun: float, period: float, report: Callable[..., None], *, with_result: bool
 ) -> None:
-    """One job after another; a periodic one is due at its time, whatever those before it took."""
+    """Run one job after another; a periodic one is due at its time, whatever those before it took."""
     number = 0
     while True:
         due = begun + number * period if period else time.perf_counter()
@@ -49,26 +51,26 @@ def call(
         try:
             result = function()
         except Exception as error:  # noqa: BLE001 - an exception of the function is a failed sample
-            say(due=due, error=described(error))
+            report(due=due, error=describe(error))
             continue
         ended = time.perf_counter()
-        say(due=due, response=1000 * (ended - due), **({"result": sendable(result)} if values else {}))
+        report(due=due, response=1000 * (ended - due), **({"result": sendable(result)} if with_result else {}))
 
 
 def sendable(result: object) -> object:
-    """What the function returned, where it is a text or a map that can be told."""
-    kept = dict(result) if isinstance(result, Mapping) else result if isinstance(result, str) else None
-    return kept if len(json.dumps(kept, default=str)) <= LONGEST else None
+    """What the function returned, where it is a text or a map that can be sent."""
+    value = dict(result) if isinstance(result, Mapping) else result if isinstance(result, str) else None
+    return value if len(json.dumps(value, default=str)) <= LONGEST else None
 
 
-def described(error: BaseException) -> str:
-    """The exception in a line."""
+def describe(error: BaseException) -> str:
+    """Write the exception in one line of at most 500 characters."""
     return " ".join(f"{type(error).__name__}: {error}".split())[:500]
 
 
-def tell(answers: int, **what: object) -> None:
-    """One write, which a pipe does not tear."""
-    os.write(answers, json.dumps(what, default=str).encode() + b"\n")
+def send(answers: int, **values: object) -> None:
+    """Send a JSON object in one write, which a pipe does not tear."""
+    os.write(answers, json.dumps(values, default=str).encode() + b"\n")
 
 
 if __name__ == "__main__":

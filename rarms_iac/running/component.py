@@ -1,39 +1,36 @@
 """A component's run on this machine: its processes started, watched and ended, its samples as they happen."""
 
-from collections.abc import Generator, Iterator
+import queue
+import threading
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
 from types import TracebackType
 from typing import Self
 
 from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.system import Call, Run
-from rarms_iac.running.kept import Interrupted, Kept
-from rarms_iac.running.order import Surroundings, order_of
-from rarms_iac.running.per_line import samples_of_lines
-from rarms_iac.running.per_run import samples_of_runs
-from rarms_iac.running.record import Ending, Record
-
-
-def run_component(component: str, run: Run, around: Surroundings) -> "ComponentRun":
-    """The component's run, not begun yet: a context manager, and an iterator of samples.
-
-    Raises:
-        CannotStart: a folder, a program or a variable is not there. Iterating raises it, too, and `KeeperLost`.
-    """
-    return ComponentRun(component, run, around)
+from rarms_iac.running.samples import Ending, SampleRecord, samples_of_lines, samples_of_runs
+from rarms_iac.running.start import StartContext, order_of
+from rarms_iac.running.supervisor import Interrupted, Supervisor
 
 
 class ComponentRun:
     """Yields each sample as it happens, failed ones too; leaves no process behind when it is closed.
 
+    A context manager, and an iterator of samples; nothing is started before the first sample is asked for.
+
+    Raises:
+        CannotStart: a folder, a program or a variable is not there. Iterating raises it, too, and `SupervisorLost`.
+
     The setting begins with the first job (docs/running.md). The samples end as `ending` says: after `run.until`, with
     more failed ones than `run.failures`, or when it is closed, at any moment.
     """
 
-    def __init__(self, component: str, run: Run, around: Surroundings) -> None:
+    def __init__(self, component: str, run: Run, around: StartContext) -> None:
         self.component = component
         self._order = order_of(component, run, around)
-        self._record = Record(run)
-        self._kept: Kept | None = None
+        self._record = SampleRecord(run)
+        self._supervisor: Supervisor | None = None
         self._interrupted = False
         self._samples = self._begin()
 
@@ -54,8 +51,8 @@ class ComponentRun:
     def interrupt(self) -> None:
         """Have the thread that reads the samples see no more of them; it is the one to close."""
         self._interrupted = True
-        if self._kept is not None:
-            self._kept.interrupt()
+        if self._supervisor is not None:
+            self._supervisor.interrupt()
 
     def close(self) -> None:
         """Stop it as its `stop` says, and wait until nothing of it is left; may be called twice."""
@@ -69,7 +66,7 @@ class ComponentRun:
             component=self.component,
             samples=tuple(self._record.samples),
             elapsed_ms=self._record.elapsed_ms,
-            cpu_ms=self._kept.cpu_ms if self._kept else None,
+            cpu_ms=self._supervisor.cpu_ms if self._supervisor else None,
         )
 
     @property
@@ -85,18 +82,76 @@ class ComponentRun:
     @property
     def tail(self) -> str:
         """The last that the component wrote to standard error: at most 4 KiB."""
-        return self._kept.tail if self._kept else ""
+        return self._supervisor.tail if self._supervisor else ""
 
     def _begin(self) -> Generator[Sample, None, None]:
-        kept = self._kept = Kept(self._order)
+        supervisor = self._supervisor = Supervisor(self._order)
         if self._interrupted:
-            kept.interrupt()
+            supervisor.interrupt()
         try:
-            per_run = self._record.run.samples.source == "per_run" and not isinstance(self._record.run.start, Call)
-            yield from (
-                samples_of_runs(kept, self._record) if per_run else samples_of_lines(self.component, kept, self._record)
-            )
+            if self._record.run.samples.source == "per_run" and not isinstance(self._record.run.start, Call):
+                yield from samples_of_runs(supervisor, self._record)
+            else:
+                yield from samples_of_lines(self.component, supervisor, self._record)
         except Interrupted:
             self._record.ending = Ending.CLOSED
         finally:
-            kept.close()
+            supervisor.close()
+
+
+WAITING_SAMPLES = 256
+"""So many samples of parallel runs wait to be read; a component that is faster waits for its reader."""
+
+_Message = tuple[str, Sample | BaseException | None]
+"""A component's name with a sample, with the exception that ended its run, or with None when it has ended."""
+
+
+@contextmanager
+def run_in_parallel(runs: Sequence[ComponentRun]) -> Iterator[Iterator[tuple[str, Sample]]]:
+    """Run several components at once and read their samples, each with the component's name, as they happen.
+
+    Each run ends as its own `until` says; leaving the `with` ends all of them, at any moment, and closes them.
+
+    Raises:
+        CannotStart, SupervisorLost: raised to whoever reads the samples, whichever run it happened to.
+    """
+    messages: queue.Queue[_Message] = queue.Queue(WAITING_SAMPLES)
+    threads = [threading.Thread(target=_read_run, args=(run, messages), daemon=True) for run in runs]
+    for thread in threads:
+        thread.start()
+    try:
+        yield _read_samples(messages, len(threads))
+    finally:
+        for run in runs:
+            run.interrupt()
+        while any(thread.is_alive() for thread in threads):
+            try:
+                messages.get(timeout=0.02)  # a thread may wait for room in the queue
+            except queue.Empty:
+                continue
+
+
+def _read_samples(messages: queue.Queue[_Message], running: int) -> Iterator[tuple[str, Sample]]:
+    while running:
+        try:
+            component, message = messages.get(timeout=0.5)  # in pieces: on Windows an endless wait hears no Ctrl-C
+        except queue.Empty:
+            continue
+        if isinstance(message, BaseException):
+            raise message
+        if message is None:
+            running -= 1
+        else:
+            yield component, message
+
+
+def _read_run(run: ComponentRun, messages: queue.Queue[_Message]) -> None:
+    """In a thread: read one component's samples, and close it."""
+    last: BaseException | None = None
+    try:
+        with run:
+            for sample in run:
+                messages.put((run.component, sample))
+    except BaseException as error:  # noqa: BLE001 - raised again, to whoever reads the samples
+        last = error
+    messages.put((run.component, last))

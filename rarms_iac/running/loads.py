@@ -11,12 +11,14 @@ from typing import Self, assert_never
 
 from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Interference
-from rarms_iac.running.errors import CannotStart, RunningError
-from rarms_iac.running.kept import Ended, Kept, Line
-from rarms_iac.running.order import Surroundings, order_of_words
+from rarms_iac.running.start import CannotStart, RunningError, StartContext, order_of_words
+from rarms_iac.running.supervisor import Line, ProcessEnded, Supervisor
 
 HERE = Path(__file__).resolve().parent
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
+BUSY_LOOP = "while True: pass"
+"""A loop that never waits: one of a busy-loop program's (BLP)."""
+
 STREAMS = "rarms streams"
 """What `stream.html` writes to the browser's console when its video plays."""
 
@@ -36,10 +38,10 @@ SETTLING_S = 60.0
 class LoadEnded(RunningError):
     """An interfering load ended while it was to go on: what was measured since then is void."""
 
-    def __init__(self, load: str, says: str) -> None:
-        super().__init__(f"{load}: {says}")
+    def __init__(self, load: str, message: str) -> None:
+        super().__init__(f"{load}: {message}")
         self.load = load
-        self.says = says
+        self.message = message
 
 
 class Load:
@@ -49,17 +51,17 @@ class Load:
         CannotStart: a program is not there, or it does not get to run.
     """
 
-    def __init__(self, name: str, load: Interference, around: Surroundings, *, processors: int | None = None) -> None:
+    def __init__(self, name: str, load: Interference, around: StartContext, *, processors: int | None = None) -> None:
         """`processors`: the LPs to keep busy, where the load does not say how many; None: this machine's."""
         self.name = name
         self._scratch = Path(tempfile.mkdtemp(prefix="rarms-load-"))
         try:
             words = load_words(name, load, self._scratch, processors or logical_processors())
-            self._kept = Kept(order_of_words(name, words, around.base, around))
+            self._supervisor = Supervisor(order_of_words(name, words, around.base, around))
             try:
                 self._wait()
             except BaseException:
-                self._kept.close()
+                self._supervisor.close()
                 raise
         except BaseException:
             shutil.rmtree(self._scratch, ignore_errors=True)
@@ -79,28 +81,28 @@ class Load:
         Raises:
             LoadEnded: it does not.
         """
-        while (event := self._kept.next(until=0.0)) is not None:
-            if isinstance(event, Ended):
+        while (event := self._supervisor.next(until=0.0)) is not None:
+            if isinstance(event, ProcessEnded):
                 raise LoadEnded(self.name, self._last_words())
 
     def close(self) -> None:
         """End it; may be called twice."""
-        self._kept.close()
+        self._supervisor.close()
         shutil.rmtree(self._scratch, ignore_errors=True)
 
     @property
     def cpu_ms(self) -> float | None:
-        """The processor time that it took, once closed; None where it is not told."""
-        return self._kept.cpu_ms
+        """The processor time that it took, once closed; None where it is not known."""
+        return self._supervisor.cpu_ms
 
     def _wait(self) -> None:
         until = time.perf_counter() + SETTLING_S
-        self._kept.start()
+        self._supervisor.start()
         while True:
-            match self._kept.next(until):
+            match self._supervisor.next(until):
                 case Line(text="running"):
                     return
-                case Ended():
+                case ProcessEnded():
                     raise CannotStart(self.name, self._last_words())
                 case None:
                     waited = show_milliseconds(int(1000 * SETTLING_S))
@@ -109,7 +111,7 @@ class Load:
                     pass
 
     def _last_words(self) -> str:
-        said = [line.strip()[-200:] for line in self._kept.tail.splitlines() if line.strip()]
+        said = [line.strip()[-200:] for line in self._supervisor.tail.splitlines() if line.strip()]
         return "; ".join(said[-2:]) or "it ended"
 
 
@@ -120,16 +122,16 @@ def load_words(name: str, load: Interference, scratch: Path, processors: int) ->
         CannotStart: there is no browser on this machine.
     """
     python = (sys.executable, "-I", "-S")
-    crowd = (*python, str(HERE / "crowd.py"))
+    several = (*python, str(HERE / "instances.py"))
     match load:
         case BusyLoop(threads=threads):
-            return (*crowd, str(threads or processors), "", *python, str(HERE / "busy.py"))
+            return (*several, str(threads or processors), "", *python, "-c", BUSY_LOOP)
         case Browser(instances=instances):
             profile = f"--user-data-dir={scratch / 'profile-{n}'}"
             page = (HERE / "stream.html").as_uri()
-            return (*crowd, str(instances), STREAMS, find_browser(name), *FLAGS, *_sandbox(), profile, page)
+            return (*several, str(instances), STREAMS, find_browser(name), *FLAGS, *_sandbox(), profile, page)
         case CommandLoad(command=command, instances=instances):
-            return (*crowd, str(instances), "", *command)
+            return (*several, str(instances), "", *command)
         case _:
             assert_never(load)
 

@@ -1,12 +1,12 @@
-"""A piece of a component's output -> what it says of a job (`run.samples`)."""
+"""Reads a component's output: a line of text in, what it says of one job out (`run.samples` in the manifest)."""
 
 import json
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from rarms_iac.model.system import Field, Samples
+from rarms_iac.model.system import Call, Field, Run, Samples
 
 SHOWN = 60
 """Characters of an unreadable line that its message shows."""
@@ -27,15 +27,15 @@ class Reading:
 class Unreadable:
     """Why something that should have been a sample is none."""
 
-    says: str
+    message: str
 
 
-Read = Callable[[str], Reading | Unreadable | None]
-"""A line to what it says; None where it is no sample at all."""
+LineReader = Callable[[str], Reading | Unreadable | None]
+"""Reads a line; None: the line is no sample at all, and not a damaged one either."""
 
 
-def reader(samples: Samples) -> Read:
-    """How the lines of a command are read, as `run.samples` says."""
+def line_reader(samples: Samples) -> LineReader:
+    """Choose how the lines of a command are read, as `run.samples` says."""
     if samples.source == "pattern":
         match = _matcher(samples.pattern)
 
@@ -48,13 +48,13 @@ def reader(samples: Samples) -> Read:
 
 
 def read_json(samples: Samples, line: str) -> Reading | Unreadable:
-    """One JSON object."""
+    """Read one JSON object with the fields that the manifest names."""
     try:
         values = json.loads(line, parse_constant=_refused)
     except (ValueError, RecursionError):
-        return Unreadable(says=f"not a JSON object: {quoted(line)}")
+        return Unreadable(message=f"not a JSON object: {quoted(line)}")
     if not isinstance(values, dict):
-        return Unreadable(says=f"not a JSON object: {quoted(line)}")
+        return Unreadable(message=f"not a JSON object: {quoted(line)}")
     return read_values(samples, values, line)
 
 
@@ -142,5 +142,66 @@ def _refused(name: str) -> float:
 
 def _wrong(field: Field, wanted: str, value: object, line: str, *, there: bool) -> Unreadable:
     if not there:
-        return Unreadable(says=f'no field "{field.name}" in {quoted(line)}')
-    return Unreadable(says=f'the field "{field.name}" is {quoted(json.dumps(value, default=str))}, not {wanted}')
+        return Unreadable(message=f'no field "{field.name}" in {quoted(line)}')
+    return Unreadable(message=f'the field "{field.name}" is {quoted(json.dumps(value, default=str))}, not {wanted}')
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """A job's answer; or that the function is loaded, that it cannot be, or that it raised."""
+
+    reading: Reading = Reading()
+    began: float | None = None  # where the runner knows it; a periodic job's scheduled start
+    ready: float | None = None
+    cannot: str = ""
+    failure: str = ""
+
+
+AnswerReader = Callable[[str], Answer | Unreadable | None]
+"""Reads a line of any component, a function's caller included; None: it says nothing about a job."""
+
+
+def answer_reader(run: Run) -> AnswerReader:
+    """Choose how this component's lines are read."""
+    read = line_reader(run.samples)
+    if isinstance(run.start, Call):
+        return lambda line: _read_caller(run, read, line)
+
+    def read_command(line: str) -> Answer | Unreadable | None:
+        reading = read(line)
+        return Answer(reading=reading) if isinstance(reading, Reading) else reading
+
+    return read_command
+
+
+def _read_caller(run: Run, read: LineReader, line: str) -> Answer | Unreadable | None:
+    message = json.loads(line)
+    match message:
+        case {"ready": float(ready)}:
+            return Answer(ready=ready)
+        case {"cannot": str(cannot)}:
+            return Answer(cannot=cannot)
+        case {"due": float(due), "error": str(error)}:
+            return Answer(began=due, failure=error)
+        case {"due": float(due), "response": float(response)}:
+            reading = _read_result(run, read, message.get("result"), response)
+            return Answer(reading=reading, began=due) if isinstance(reading, Reading) else reading
+        case _:
+            return Unreadable(message=f"the runner's line {line[:60]!r}")
+
+
+def _read_result(run: Run, read: LineReader, result: object, response: float) -> Reading | Unreadable:
+    """The job by the clock of who called it, and by what the function returned where the manifest names fields."""
+    samples = run.samples
+    if not any((samples.response_time, samples.success, samples.count)):
+        return Reading(response_ms=response)
+    if samples.source == "pattern":
+        reading = read(result) if isinstance(result, str) else None
+        reading = reading or Unreadable(message="the function returned no text that the pattern matches")
+    elif isinstance(result, dict):
+        reading = read_values(samples, result, json.dumps(result))
+    else:
+        return Unreadable(message="the function returned no map with the fields that `run.samples` names")
+    if isinstance(reading, Reading) and samples.response_time is None:
+        return replace(reading, response_ms=response)
+    return reading

@@ -10,9 +10,9 @@ from math import ceil, exp, inf, log, sqrt
 from rarms_iac.model.indexes import percentile_of
 from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.system import Run
-from rarms_iac.statistics import values
-from rarms_iac.statistics.correlation import effective_samples
+from rarms_iac.statistics import samples as values
 from rarms_iac.statistics.distributions import beta_quantile, share_interval, student_quantile
+from rarms_iac.statistics.samples import effective_samples
 
 USUAL_ERROR = 0.05
 """The probability that the truth lies outside an interval that is shown to people."""

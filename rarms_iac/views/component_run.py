@@ -9,7 +9,7 @@ from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.quantities import Unit
 from rarms_iac.model.system import AtLeast, AtMost, Component, Run, Threshold
-from rarms_iac.running.record import Ending
+from rarms_iac.running.samples import Ending
 from rarms_iac.statistics.estimates import Estimate, NoEstimate, estimate
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import visible

@@ -21,8 +21,8 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.phrases import in_a_row
 from rarms_iac.model.system import AtLeast, AtMost
-from rarms_iac.statistics.curve import LeastReserve
-from rarms_iac.statistics.told_errors import ERRORS, share
+from rarms_iac.statistics.curves import LeastReserve
+from rarms_iac.statistics.verdicts import ERRORS, share
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap
 from rarms_iac.views.output.measuring import ExperimentOutput, IndexOutput, MeasureOutput, SettingOutput

@@ -9,9 +9,8 @@ from rarms_iac.measuring.proving import Proof, Tried
 from rarms_iac.measuring.telling import show_threshold
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Series
-from rarms_iac.statistics.steadiness import Unsteady
-from rarms_iac.statistics.told_errors import share
-from rarms_iac.statistics.verdict import Met, Missed, TooFewSamples, TooManyFailures, Verdict, WithinTheNoise
+from rarms_iac.statistics.steady_state import Unsteady
+from rarms_iac.statistics.verdicts import Met, Missed, TooFewSamples, TooManyFailures, Verdict, WithinTheNoise, share
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.measured import index_outputs, show_band
 from rarms_iac.views.output.measuring import ProvenIndexOutput, ProvenVerdict, ProveOutput

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from math import isfinite
 
-from rarms_iac.statistics.told_errors import ERRORS
+from rarms_iac.statistics.verdicts import ERRORS
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap
 from rarms_iac.views.output.combining import AskedOutput

@@ -7,7 +7,7 @@ from rarms_iac.model.quantities import LogicalProcessors
 from rarms_iac.model.system import Component, Host, SchedulerType, Threshold
 from rarms_iac.planner.alternatives import Elsewhere
 from rarms_iac.planner.groups import Group
-from rarms_iac.statistics.curve import Curve, LeastReserve
+from rarms_iac.statistics.curves import Curve, LeastReserve
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,8 +7,8 @@ from rarms_iac.model.indexes import find_index
 from rarms_iac.model.quantities import show_percent
 from rarms_iac.model.system import AtMost, Threshold
 from rarms_iac.model.thresholds import show_threshold, show_value
-from rarms_iac.statistics.curve import Point, holds
-from rarms_iac.statistics.told_errors import wrong
+from rarms_iac.statistics.curves import Point, holds
+from rarms_iac.statistics.verdicts import wrong
 from rarms_iac.views.walk import Looked, Walk
 
 

@@ -9,8 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from rarms_iac.providers.simulated.scheduling.hypervisor import SHORTEST_TURN_MS
-from rarms_iac.providers.simulated.scheduling.simulation import Simulation, simulate
-from rarms_iac.providers.simulated.scheduling.values import (
+from rarms_iac.providers.simulated.scheduling.machine import (
     IDLE,
     INTERRUPT,
     PARENT,
@@ -24,6 +23,7 @@ from rarms_iac.providers.simulated.scheduling.values import (
     Programs,
     VirtualMachine,
 )
+from rarms_iac.providers.simulated.scheduling.simulation import Simulation, simulate
 from tests.effort import examples
 
 UNTIL_MS = 160.0

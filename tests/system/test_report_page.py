@@ -16,7 +16,7 @@ import yaml
 
 from rarms_iac.model.quantities import Unit, parse_quantity
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
-from rarms_iac.statistics.curve import curve_of, least_reserve
+from rarms_iac.statistics.curves import curve_of, least_reserve
 from rarms_iac.views.reports.building import report_of
 from rarms_iac.views.reports.html import as_html
 from rarms_iac.views.reports.model import Standing, Tuning

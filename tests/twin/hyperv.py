@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping
 
-from rarms_iac.providers.simulated.packing import packs
+from rarms_iac.providers.simulated.rules import packs
 from tests.twin.host import Vm, WindowsHost
 from tests.twin.members import cast
 from tests.twin.scopes import Scope

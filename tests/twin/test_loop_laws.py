@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.system import Host, ProviderKind, RunsOn, System
-from rarms_iac.providers.simulated.packing import packs
+from rarms_iac.providers.simulated.rules import packs
 from tests.builders import a_host
 from tests.effort import examples
 from tests.strategies import FOREIGN_NAMES, systems

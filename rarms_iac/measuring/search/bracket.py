@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from rarms_iac.measuring.search.values import NotAchievable, NotResolved, Trial
-from rarms_iac.statistics.steadiness import Unsteady
-from rarms_iac.statistics.verdict import TooFewSamples, TooManyFailures, Verdict, WithinTheNoise
+from rarms_iac.statistics.steady_state import Unsteady
+from rarms_iac.statistics.verdicts import TooFewSamples, TooManyFailures, Verdict, WithinTheNoise
 
 MOST_UNTOLD = 3
 """Settings without a steady state between a fail and a pass, after which nothing below them is looked for."""

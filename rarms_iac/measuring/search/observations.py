@@ -8,7 +8,7 @@ from statistics import NormalDist
 from rarms_iac.measuring.search.values import Goal, Member, Trial
 from rarms_iac.model.measurement import Series
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
-from rarms_iac.statistics import values
+from rarms_iac.statistics import samples as values
 from rarms_iac.statistics.estimates import NoEstimate, estimate
 
 _ONE_DEVIATION = 0.3173  # the error at which bounds are one standard deviation away

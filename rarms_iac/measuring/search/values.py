@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from rarms_iac.model.measurement import Series, Setting
 from rarms_iac.model.system import Run, Threshold
 from rarms_iac.statistics.estimates import SAFE_SIDE, NoEstimate, estimate
-from rarms_iac.statistics.steadiness import Unsteady
-from rarms_iac.statistics.verdict import LAST_EARLY_LOOK, VERDICT_ERROR, Met, Missed, Verdict, decide, judge
+from rarms_iac.statistics.steady_state import Unsteady
+from rarms_iac.statistics.verdicts import LAST_EARLY_LOOK, VERDICT_ERROR, Met, Missed, Verdict, decide, judge
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

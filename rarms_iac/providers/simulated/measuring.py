@@ -7,21 +7,93 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import assert_never
 
 from rarms_iac.diff.readings import resolve
 from rarms_iac.model.class_values import thread_priority
 from rarms_iac.model.measurement import Bench, Sample, run_of
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import RegistryValue, State, ValueKind
-from rarms_iac.model.system import Component, Elapsed, Host, SampleCount, TaskCategory
+from rarms_iac.model.system import (
+    Browser,
+    BusyLoop,
+    CommandLoad,
+    Component,
+    Elapsed,
+    Host,
+    Interference,
+    Periodic,
+    SampleCount,
+    TaskCategory,
+)
 from rarms_iac.providers.interface import Refused
 from rarms_iac.providers.measuring import Inside, Work
 from rarms_iac.providers.simulated.content import Content, Machine
 from rarms_iac.providers.simulated.parse import description
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
-from rarms_iac.providers.simulated.scheduling import values as model
-from rarms_iac.providers.simulated.scheduling.demands import NoDemand, demand_of, load_of
+from rarms_iac.providers.simulated.scheduling import machine as model
+from rarms_iac.providers.simulated.scheduling.machine import (
+    ORDINARY,
+    Arrival,
+    Browsers,
+    BusyLoops,
+    Demand,
+    Every,
+    Load,
+    OneAfterAnother,
+    Programs,
+)
 from rarms_iac.storage.replace import remove_leftovers
+
+
+class NoDemand(ValueError):
+    """The component has no `simulation`, so nobody knows what it asks of a simulated host."""
+
+    def __init__(self, component: str) -> None:
+        super().__init__(f"{component} has no `simulation`: say there what a job demands on a simulated host")
+        self.component = component
+
+
+def demand_of(component: Component, priority: int = ORDINARY) -> Demand:
+    """The component's demand; its threads run at this priority.
+
+    Raises:
+        NoDemand: it has no `simulation`.
+    """
+    asked = component.simulation
+    if asked is None:
+        raise NoDemand(component.name)
+    return Demand(
+        component=component.name,
+        work_ms=float(asked.work),
+        blocked_ms=float(asked.blocked),
+        varies=float(asked.varies),
+        threads=asked.threads,
+        arrival=_arrival(component),
+        success_within_ms=None if asked.success_within is None else float(asked.success_within),
+        timeout_ms=float(run_of(component).timeout),
+        priority=priority,
+    )
+
+
+def load_of(interference: Interference) -> Load:
+    """The load that interferes. Of another program nothing is known, so it is taken for one that never waits."""
+    match interference:
+        case BusyLoop(threads=threads):
+            return BusyLoops(threads=threads)
+        case Browser(instances=instances):
+            return Browsers(instances=instances)
+        case CommandLoad(instances=instances):
+            return Programs(instances=instances)
+        case _:
+            assert_never(interference)
+
+
+def _arrival(component: Component) -> Arrival:
+    if component.run is not None and isinstance(component.run.arrival, Periodic):
+        return Every(period_ms=float(component.run.arrival.period))
+    return OneAfterAnother()
+
 
 PROCESSOR = "simulated"
 """What a simulated host calls its processors."""

@@ -29,7 +29,16 @@ from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import Fault, FaultEffect, Host
 from rarms_iac.providers.interface import Failed, HostDamaged, HostLocked, Refused
-from rarms_iac.providers.simulated.change import (
+from rarms_iac.providers.simulated.content import Content, Machine, empty, next_id
+from rarms_iac.providers.simulated.files import (
+    append_record,
+    fetch,
+    read_journal,
+    read_serials,
+    read_unfinished,
+    start_journal,
+)
+from rarms_iac.providers.simulated.operations import (
     address_of,
     change_machine,
     change_registry,
@@ -41,15 +50,6 @@ from rarms_iac.providers.simulated.change import (
     with_new_disk,
     with_new_machine,
 )
-from rarms_iac.providers.simulated.content import Content, Machine, empty, next_id
-from rarms_iac.providers.simulated.journal import (
-    append_record,
-    read_journal,
-    read_serials,
-    read_unfinished,
-    start_journal,
-)
-from rarms_iac.providers.simulated.observe import fetch
 from rarms_iac.providers.simulated.parse import (
     description,
     facts_of,

@@ -11,7 +11,7 @@ from functools import cache
 from hashlib import sha256
 from typing import TYPE_CHECKING
 
-from rarms_iac.statistics.told_errors import ERRORS
+from rarms_iac.statistics.verdicts import ERRORS
 from rarms_iac.storage.shipped import shipped, shipped_text
 from rarms_iac.views.reports.model import Report
 from rarms_iac.views.reports.page import RESERVES, Card, cards_of, data_of

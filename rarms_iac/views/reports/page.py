@@ -10,7 +10,7 @@ from fractions import Fraction
 from math import isfinite
 
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
-from rarms_iac.statistics.curve import least_reserve
+from rarms_iac.statistics.curves import least_reserve
 from rarms_iac.views.reports.model import Capacity, Measurement, Point, Report, Row, Shown
 from rarms_iac.views.reports.scale import UNIT_TEXT, Scale, digits, exact, scale_of, shown
 from rarms_iac.views.reports.summary import error_text

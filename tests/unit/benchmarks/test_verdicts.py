@@ -16,8 +16,8 @@ from benchmarks.verdicts import (
 )
 from rarms_iac.model.indexes import INDEXES
 from rarms_iac.statistics.estimates import USUAL_ERROR
-from rarms_iac.statistics.steadiness import Unsteady
-from rarms_iac.statistics.verdict import VERDICT_ERROR, Met, Missed, judge
+from rarms_iac.statistics.steady_state import Unsteady
+from rarms_iac.statistics.verdicts import VERDICT_ERROR, Met, Missed, judge
 from tests.effort import examples
 
 UNLIKELY = 0.01

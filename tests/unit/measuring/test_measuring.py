@@ -18,8 +18,8 @@ from rarms_iac.measuring.strategies import Agreeing, Searching, Sweeping, Verify
 from rarms_iac.model.measurement import run_of
 from rarms_iac.model.system import SampleCount
 from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuringHost
-from rarms_iac.providers.simulated.scheduling.values import JobDone, Machine
-from rarms_iac.statistics.curve import LeastReserve, curves_of, least_reserve
+from rarms_iac.providers.simulated.scheduling.machine import JobDone, Machine
+from rarms_iac.statistics.curves import LeastReserve, curves_of, least_reserve
 from rarms_iac.storage import disk
 from rarms_iac.storage.datalog.identity import Subject, header_of, identity_of
 from rarms_iac.storage.datalog.log import Provenance

@@ -24,7 +24,7 @@ from rarms_iac.model.measurement import Setting
 from rarms_iac.model.system import SampleCount
 from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
-from rarms_iac.statistics.curve import LeastReserve, curves_of, least_reserve
+from rarms_iac.statistics.curves import LeastReserve, curves_of, least_reserve
 from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most
 
 

@@ -9,7 +9,7 @@ from rarms_iac.model.measurement import run_of
 from rarms_iac.model.system import PartitionWish, System
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, NotMeasured
-from rarms_iac.statistics.curve import Curve, curve_of
+from rarms_iac.statistics.curves import Curve, curve_of
 from tests.builders import PathPlaces, a_component, a_cpu, a_host, a_system, at_most
 from tests.builders_measured import a_series, a_setting
 

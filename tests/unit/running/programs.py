@@ -22,8 +22,8 @@ from rarms_iac.model.system import (
     Samples,
     Stop,
 )
-from rarms_iac.running.component import ComponentRun, run_component
-from rarms_iac.running.order import Surroundings
+from rarms_iac.running.component import ComponentRun
+from rarms_iac.running.start import StartContext
 
 PER_RUN = Samples(source="per_run")
 JSON_LINES = Samples(source="json_lines", response_time=Field(name="ms"))
@@ -75,8 +75,8 @@ def a_run(
 
 
 def component(run: Run, base: Path, environment: Mapping[str, str] | None = None) -> ComponentRun:
-    around = Surroundings(base=base) if environment is None else Surroundings(base=base, environment=dict(environment))
-    return run_component("vision", run, around)
+    around = StartContext(base=base) if environment is None else StartContext(base=base, environment=dict(environment))
+    return ComponentRun("vision", run, around)
 
 
 def all_of(run: Run, base: Path) -> list[Sample]:

@@ -8,9 +8,8 @@ import pytest
 
 from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.system import Call, Field, FromEnvironment, Run, Samples, Stop
-from rarms_iac.running.errors import CannotStart
-from rarms_iac.running.order import Surroundings
-from rarms_iac.running.record import Ending
+from rarms_iac.running.samples import Ending
+from rarms_iac.running.start import CannotStart, StartContext
 from tests.needs import ON_WINDOWS
 from tests.unit.running.programs import PER_RUN, a_run, all_of, component, failures, ms, responses, same_everywhere
 
@@ -155,7 +154,7 @@ def test_the_environment_is_the_manifest_s_and_a_periodic_program_knows_its_peri
         every=33.5,
         environment={"A": "text ", "B": FromEnvironment(name="RARMS_TEST_SECRET")},
     )
-    own = {**Surroundings(base=tmp_path).environment, "RARMS_TEST_SECRET": "secret"}
+    own = {**StartContext(base=tmp_path).environment, "RARMS_TEST_SECRET": "secret"}
 
     with component(run, tmp_path, own) as one:
         found = list(one)
@@ -188,13 +187,13 @@ CANNOT = {
 }
 
 
-@pytest.mark.parametrize(("run", "says"), CANNOT.values(), ids=CANNOT.keys())
-def test_what_cannot_be_started_is_told(tmp_path: Path, run: Run, says: str) -> None:
-    with pytest.raises(CannotStart) as told:
+@pytest.mark.parametrize(("run", "message"), CANNOT.values(), ids=CANNOT.keys())
+def test_what_cannot_be_started_is_told(tmp_path: Path, run: Run, message: str) -> None:
+    with pytest.raises(CannotStart) as result:
         all_of(run, tmp_path)
 
-    assert told.value.says.startswith(says)
-    assert told.value.component == "vision"
+    assert result.value.message.startswith(message)
+    assert result.value.component == "vision"
 
 
 @pytest.mark.needs("posix")

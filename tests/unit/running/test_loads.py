@@ -8,11 +8,10 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.model.system import Browser, BusyLoop, CommandLoad
-from rarms_iac.running.errors import CannotStart
+from rarms_iac.running.component import run_in_parallel
 from rarms_iac.running.loads import BROWSERS, STREAMS, Load, LoadEnded, load_words
-from rarms_iac.running.order import Surroundings
-from rarms_iac.running.record import Ending
-from rarms_iac.running.together import together
+from rarms_iac.running.samples import Ending
+from rarms_iac.running.start import CannotStart, StartContext
 from tests.effort import LONG
 from tests.unit.running.programs import a_run, component, same_everywhere
 
@@ -30,7 +29,7 @@ def processes_with(word: str) -> int:
 
 @pytest.mark.needs("linux")
 def test_a_busy_loop_uses_what_it_is_given(tmp_path: Path) -> None:
-    with Load("busy-loop", BusyLoop(threads=2), Surroundings(base=tmp_path)) as load:
+    with Load("busy-loop", BusyLoop(threads=2), StartContext(base=tmp_path)) as load:
         time.sleep(0.3)
         load.check()
         load.close()
@@ -43,7 +42,7 @@ def test_a_busy_loop_uses_what_it_is_given(tmp_path: Path) -> None:
 def test_a_command_runs_so_often_at_once(tmp_path: Path) -> None:
     program = "import os, time\nopen(f'ran-{os.getpid()}', 'w').close()\nwhile True: time.sleep(0.1)"
 
-    with Load("others", CommandLoad(command=(sys.executable, "-c", program), instances=3), Surroundings(base=tmp_path)):
+    with Load("others", CommandLoad(command=(sys.executable, "-c", program), instances=3), StartContext(base=tmp_path)):
         until = time.perf_counter() + 20
         while len(list(tmp_path.glob("ran-*"))) < 3 and time.perf_counter() < until:
             time.sleep(0.02)
@@ -55,7 +54,7 @@ def test_a_load_that_ends_is_told(tmp_path: Path) -> None:
     load = CommandLoad(command=(sys.executable, "-c", "import time, sys\ntime.sleep(0.3)\nsys.exit(5)"))
 
     def measure() -> None:
-        with Load("others", load, Surroundings(base=tmp_path)) as running:
+        with Load("others", load, StartContext(base=tmp_path)) as running:
             until = time.perf_counter() + 20
             while time.perf_counter() < until:
                 running.check()
@@ -68,7 +67,7 @@ def test_a_load_that_ends_is_told(tmp_path: Path) -> None:
 @same_everywhere
 def test_a_load_that_cannot_run_is_told(tmp_path: Path) -> None:
     with pytest.raises(CannotStart):
-        Load("others", CommandLoad(command=("no-such-program-anywhere",)), Surroundings(base=tmp_path))
+        Load("others", CommandLoad(command=("no-such-program-anywhere",)), StartContext(base=tmp_path))
 
 
 def test_a_browser_shows_a_page_of_ours_that_needs_no_network(tmp_path: Path) -> None:
@@ -89,7 +88,7 @@ if LONG:  # a browser takes its time to start
 
     @pytest.mark.needs("chromium")
     def test_browsers_stream_and_nothing_of_them_stays(tmp_path: Path) -> None:
-        with Load("browsers", Browser(instances=1), Surroundings(base=tmp_path)) as load:
+        with Load("browsers", Browser(instances=1), StartContext(base=tmp_path)) as load:
             load.check()
             assert processes_with("stream.html") > 0
 
@@ -101,7 +100,7 @@ def test_several_components_run_at_once(tmp_path: Path) -> None:
     fast = a_run("while True:\n    say('{\"ms\": 2}')\n    time.sleep(0.01)", until=7)
     runs = [component(slow, tmp_path), component(fast, tmp_path)]
 
-    with together(runs) as samples:
+    with run_in_parallel(runs) as samples:
         found = [sample.response_ms for _, sample in samples]
 
     assert sorted(one or 0 for one in found) == [1.0] * 5 + [2.0] * 7
@@ -113,7 +112,7 @@ def test_components_that_run_at_once_end_at_any_moment(tmp_path: Path) -> None:
     endless = a_run("while True: say('{\"ms\": 1}')", until=1_000_000)
     runs = [component(endless, tmp_path), component(endless, tmp_path)]
 
-    with together(runs) as samples:
+    with run_in_parallel(runs) as samples:
         next(samples)
 
     assert [run.ending for run in runs] == [Ending.CLOSED] * 2
@@ -124,6 +123,6 @@ def test_components_that_run_at_once_end_at_any_moment(tmp_path: Path) -> None:
 def test_a_component_can_be_ended_by_another_thread(tmp_path: Path) -> None:
     runs = [component(a_run("time.sleep(60)"), tmp_path)]
 
-    with together(runs) as samples:
+    with run_in_parallel(runs) as samples:
         runs[0].interrupt()
         assert list(samples) == []

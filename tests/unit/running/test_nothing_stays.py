@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.running.errors import KeeperLost
+from rarms_iac.running.start import SupervisorLost
 from tests.needs import CHECKOUT
 from tests.unit.running.programs import PER_RUN, a_run, component, same_everywhere
 
@@ -93,7 +93,7 @@ def test_a_keeper_that_is_killed_is_told_and_takes_the_component_with_it(tmp_pat
     with component(a_run(program, until=1000), tmp_path) as one:
         next(one)
         os.kill(int((tmp_path / "pid").read_text(encoding="ascii")), getattr(signal, "SIGKILL", signal.SIGTERM))
-        with pytest.raises(KeeperLost):
+        with pytest.raises(SupervisorLost):
             list(one)
 
     assert not beats_in_the_end(tmp_path)

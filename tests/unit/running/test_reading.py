@@ -1,11 +1,11 @@
-"""A line to what it says of a job, without any process."""
+"""A line to what it message of a job, without any process."""
 
 from fractions import Fraction
 
 import pytest
 
 from rarms_iac.model.system import Field, Samples
-from rarms_iac.running.reading import Reading, Unreadable, quoted, reader
+from rarms_iac.running.reading import Reading, Unreadable, line_reader, quoted
 
 JSON = Samples(source="json_lines", response_time=Field(name="ms"))
 WHOLE = Samples(
@@ -32,13 +32,13 @@ UNREADABLE = {
 }
 
 
-@pytest.mark.parametrize(("line", "says"), UNREADABLE.values(), ids=UNREADABLE.keys())
-def test_what_is_no_sample_says_why(line: str, says: str) -> None:
-    found = reader(JSON)(line)
+@pytest.mark.parametrize(("line", "message"), UNREADABLE.values(), ids=UNREADABLE.keys())
+def test_what_is_no_sample_says_why(line: str, message: str) -> None:
+    found = line_reader(JSON)(line)
 
     assert isinstance(found, Unreadable)
-    assert found.says.startswith(says)
-    assert found.says.isprintable()
+    assert found.message.startswith(message)
+    assert found.message.isprintable()
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_what_is_no_sample_says_why(line: str, says: str) -> None:
     ],
 )
 def test_a_field_is_a_number_or_null(line: str, reading: Reading) -> None:
-    assert reader(JSON)(line) == reading
+    assert line_reader(JSON)(line) == reading
 
 
 @pytest.mark.parametrize(
@@ -58,19 +58,19 @@ def test_a_field_is_a_number_or_null(line: str, reading: Reading) -> None:
     [("true", True), ("false", False), ("1", True), ("0", False), ('"True"', True), ('"0"', False)],
 )
 def test_dots_lead_into_objects_and_units_into_ours(success: str, means: bool) -> None:
-    found = reader(WHOLE)('{"job": {"took": 0.25, "frames": 3}, "ok": ' + success + "}")
+    found = line_reader(WHOLE)('{"job": {"took": 0.25, "frames": 3}, "ok": ' + success + "}")
 
     assert found == Reading(response_ms=250, successful=means, count=3)
 
 
 def test_a_key_with_a_dot_in_it_comes_before_the_way_into_an_object() -> None:
-    found = reader(WHOLE)('{"job.took": 1, "job": {"took": 2, "frames": 1}, "ok": true}')
+    found = line_reader(WHOLE)('{"job.took": 1, "job": {"took": 2, "frames": 1}, "ok": true}')
 
     assert found == Reading(response_ms=1000)
 
 
 def test_a_group_that_took_no_part_is_a_job_without_an_answer() -> None:
-    read = reader(OPTIONAL)
+    read = line_reader(OPTIONAL)
 
     assert read("job took 12") == Reading(response_ms=12)
     assert read("job") == Reading(response_ms=None, successful=False)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.model.system import Call, Field, Samples
-from rarms_iac.running.record import Ending
+from rarms_iac.running.samples import Ending
 from tests.needs import ON_WINDOWS
 from tests.unit.running.programs import PER_RUN, a_run, all_of, component, failures, responses, same_everywhere
 
@@ -163,11 +163,11 @@ def test_the_processor_time_of_all_processes_is_told(tmp_path: Path) -> None:
     with component(run, tmp_path) as one:
         list(one)
 
-    told = one.series().cpu_ms
-    if told is None:
+    result = one.series().cpu_ms
+    if result is None:
         assert sys.platform == "win32"
         pytest.skip("needs posix: this system does not tell the processor time of a job")
-    assert 300 <= told < 3000
+    assert 300 <= result < 3000
 
 
 @same_everywhere

@@ -6,7 +6,7 @@ from rarms_iac.measuring.conclusions import Stopped, Sufficient
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.system import System
-from rarms_iac.statistics.told_errors import ERRORS
+from rarms_iac.statistics.verdicts import ERRORS
 from rarms_iac.views.measured import Measured, measure_json, summary_text
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.builders_measured import a_series, a_setting

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.model.indexes import find_index
-from rarms_iac.statistics.curve import curve_of
+from rarms_iac.statistics.curves import curve_of
 from rarms_iac.views.plot import ASCII, UNICODE, plot_text
 from rarms_iac.views.report import report_text
 from rarms_iac.views.reports.building import report_of

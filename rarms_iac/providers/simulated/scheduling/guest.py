@@ -2,10 +2,9 @@
 
 from heapq import heapify, heappop, heappush
 
-from rarms_iac.providers.simulated.scheduling.agenda import INSTANT
 from rarms_iac.providers.simulated.scheduling.hypervisor import Hypervisor
-from rarms_iac.providers.simulated.scheduling.processors import Thread, VirtualProcessor
-from rarms_iac.providers.simulated.scheduling.values import VirtualMachine
+from rarms_iac.providers.simulated.scheduling.machine import VirtualMachine
+from rarms_iac.providers.simulated.scheduling.processors import INSTANT, Thread, VirtualProcessor
 
 QUANTUM_MS = 31.2
 """Two ticks of the 15.6 ms clock: the turn of an ordinary thread on a client Windows."""

@@ -4,15 +4,16 @@ from collections.abc import Callable
 from functools import partial
 from math import inf
 
-from rarms_iac.providers.simulated.scheduling.agenda import INSTANT, Agenda
+from rarms_iac.providers.simulated.scheduling.machine import Piece
 from rarms_iac.providers.simulated.scheduling.processors import (
     CLAIM,
+    INSTANT,
     LATE,
     NOTHING,
+    Agenda,
     LogicalProcessor,
     VirtualProcessor,
 )
-from rarms_iac.providers.simulated.scheduling.values import Piece
 
 SHORTEST_TURN_MS = 2.0
 """A waiting VP must have saved claim for this much time before it interrupts one without: VPs do not thrash."""

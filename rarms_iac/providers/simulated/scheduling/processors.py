@@ -2,11 +2,57 @@
 
 from collections import deque
 from collections.abc import Callable
+from heapq import heappop, heappush
 from math import inf
 from typing import Protocol
 
-from rarms_iac.providers.simulated.scheduling.agenda import INSTANT, Action, Owner
-from rarms_iac.providers.simulated.scheduling.values import IDLE
+from rarms_iac.providers.simulated.scheduling.machine import IDLE
+
+Action = Callable[[], None]
+
+INSTANT = 1e-6
+"""Milliseconds below which a duration is none: far above a float's grain after days, far below all we model."""
+
+
+class Owner:
+    """Whose actions they are; raising its turn makes the ones that it asked for before void."""
+
+    __slots__ = ("turn",)
+
+    def __init__(self) -> None:
+        self.turn = 0
+
+
+class Agenda:
+    """The clock, and the actions to come."""
+
+    __slots__ = ("_asked", "_coming", "now")
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        self._asked = 0
+        self._coming: list[tuple[float, int, int, Owner, Action]] = []
+
+    def at(self, time: float, owner: Owner, action: Action) -> None:
+        """Lets the action happen then, unless the owner's turn has been raised in between."""
+        self._asked += 1
+        heappush(self._coming, (time, self._asked, owner.turn, owner, action))
+
+    def after(self, delay: float, owner: Owner, action: Action) -> None:
+        """Lets the action happen so much later."""
+        self.at(self.now + delay, owner, action)
+
+    def due(self, until: float) -> Action | None:
+        """The next action that counts, the clock set to its time; None (the clock at `until`) when none comes first."""
+        coming = self._coming
+        while coming and coming[0][0] <= until:
+            time, _, turn, owner, action = heappop(coming)
+            if owner.turn == turn:
+                self.now = max(self.now, time)
+                return action
+        self.now = max(self.now, until) if until != float("inf") else self.now
+        return None
+
 
 NOTHING, CLAIM, LATE = 0, 1, 2
 """The standings of a VP; the higher one runs."""

@@ -5,12 +5,56 @@ from collections.abc import Callable
 from math import ceil, inf, log, sqrt
 from random import Random
 
-from rarms_iac.providers.simulated.scheduling import browsers
-from rarms_iac.providers.simulated.scheduling.agenda import INSTANT, Action, Agenda, Owner
 from rarms_iac.providers.simulated.scheduling.guest import OperatingSystem
 from rarms_iac.providers.simulated.scheduling.hypervisor import Hypervisor
-from rarms_iac.providers.simulated.scheduling.processors import Account, LogicalProcessor, Thread
-from rarms_iac.providers.simulated.scheduling.values import INTERRUPT, ORDINARY, PARENT, Demand, Every, JobDone
+from rarms_iac.providers.simulated.scheduling.machine import INTERRUPT, ORDINARY, PARENT, Demand, Every, JobDone
+from rarms_iac.providers.simulated.scheduling.processors import (
+    INSTANT,
+    Account,
+    Action,
+    Agenda,
+    LogicalProcessor,
+    Owner,
+    Thread,
+)
+
+FRAME_MS = 40.0
+"""25 frames a second, as web video of the time had."""
+
+DECODE_MS = 4.0
+"""Decoding and scaling one frame in software, on the browser's own thread."""
+
+PAINT_MS = 2.0
+"""Drawing it where the graphics driver is the machine's own."""
+
+INTERRUPT_MS = 0.2
+"""ISRs and DPCs of a frame's network packets and its screen update."""
+
+INTERCEPT_MS = 10.0
+"""The same in a partition: every access to an emulated device traps into the hypervisor, above every VP."""
+
+PARENT_MS = 16.0
+"""Drawing it in a partition: the parent emulates the screen and encodes it, above every VP."""
+
+PIECE_MS = 1.0
+"""The longest piece in which interrupts and the parent take an LP."""
+
+SYSTEM_MIB = 150.0
+"""What the guest's operating system needs of its memory."""
+
+BROWSER_MIB = 130.0
+"""What a browser that plays video works on."""
+
+PAGE_IN_MS = 4.0
+"""What a frame waits for the disk if nothing of what it touches is in memory; the screen is locked meanwhile."""
+
+
+def absent_share(instances: int, memory_mib: float | None) -> float:
+    """The part of the browsers' working sets that is not in memory, 0..1."""
+    if memory_mib is None or not instances:
+        return 0.0
+    return max(0.0, 1.0 - max(0.0, memory_mib - SYSTEM_MIB) / (instances * BROWSER_MIB))
+
 
 LEAST_WORK_MS = 1e-3
 
@@ -125,13 +169,13 @@ class Devices:
 
     def interrupt(self, duration: float) -> None:
         """ISRs and DPCs of this duration, spread over the LPs; nobody waits for their end."""
-        pieces = max(1, ceil(duration / browsers.PIECE_MS))
+        pieces = max(1, ceil(duration / PIECE_MS))
         for _ in range(pieces):
             self._hypervisor.take(self._next(), duration / pieces, INTERRUPT)
 
     def parent(self, duration: float, then: Action) -> None:
         """The parent works for a guest, piece by piece; `then` follows."""
-        piece = min(duration, browsers.PIECE_MS)
+        piece = min(duration, PIECE_MS)
         rest = duration - piece
         after = then if rest < LEAST_WORK_MS else lambda: self.parent(rest, then)
         self._hypervisor.take(self._next(), piece, PARENT, after)
@@ -185,30 +229,30 @@ class Browser(Owner):
         self._screen = screen
         self._variation = Variation(random, 20.0)
         self._thread = Thread(ORDINARY, Account(), self._decoded)
-        self._due = random.uniform(0.0, browsers.FRAME_MS)
+        self._due = random.uniform(0.0, FRAME_MS)
 
     def start(self) -> None:
         """The first frame comes within the first period."""
         self._agenda.at(self._due, self, self._frame)
 
     def _frame(self) -> None:
-        work = browsers.DECODE_MS if self._screen else browsers.DECODE_MS + browsers.PAINT_MS
+        work = DECODE_MS if self._screen else DECODE_MS + PAINT_MS
         self._thread.remaining = self._variation.of(work)
         self._system.ready(self._thread)
 
     def _decoded(self) -> None:
         if self._screen is None:
-            self._devices.interrupt(browsers.INTERRUPT_MS)
+            self._devices.interrupt(INTERRUPT_MS)
             self._drawn()
         else:
             self._screen.lock(self._draw)
 
     def _draw(self) -> None:
-        self._agenda.after(self._variation.of(browsers.PAGE_IN_MS * self._absent), self, self._paged_in)
+        self._agenda.after(self._variation.of(PAGE_IN_MS * self._absent), self, self._paged_in)
 
     def _paged_in(self) -> None:
-        self._devices.interrupt(browsers.INTERCEPT_MS)
-        self._devices.parent(self._variation.of(browsers.PARENT_MS), self._painted)
+        self._devices.interrupt(INTERCEPT_MS)
+        self._devices.parent(self._variation.of(PARENT_MS), self._painted)
 
     def _painted(self) -> None:
         assert self._screen is not None
@@ -217,7 +261,7 @@ class Browser(Owner):
 
     def _drawn(self) -> None:
         now = self._agenda.now
-        self._due = max(now, self._due + browsers.FRAME_MS)
+        self._due = max(now, self._due + FRAME_MS)
         self._agenda.at(self._due, self, self._frame)
 
 
@@ -229,7 +273,7 @@ class Interrupts(Owner):
     ) -> None:
         super().__init__()
         self._lp = lp
-        self._gap = browsers.PIECE_MS * (1.0 / share - 1.0)
+        self._gap = PIECE_MS * (1.0 / share - 1.0)
         self._hypervisor = hypervisor
         self._agenda = agenda
         self._random = random
@@ -239,7 +283,7 @@ class Interrupts(Owner):
         self._agenda.after(self._random.expovariate(1.0) * self._gap, self, self._come)
 
     def _come(self) -> None:
-        self._hypervisor.take(self._lp, browsers.PIECE_MS, INTERRUPT, self.start)
+        self._hypervisor.take(self._lp, PIECE_MS, INTERRUPT, self.start)
 
 
 def busy_loop(system: OperatingSystem) -> None:

@@ -6,19 +6,9 @@ from math import inf
 from random import Random
 from typing import Self, assert_never
 
-from rarms_iac.providers.simulated.scheduling import browsers
-from rarms_iac.providers.simulated.scheduling.agenda import Agenda
 from rarms_iac.providers.simulated.scheduling.guest import OperatingSystem
 from rarms_iac.providers.simulated.scheduling.hypervisor import Hypervisor
-from rarms_iac.providers.simulated.scheduling.programs import (
-    Browser,
-    Component,
-    Devices,
-    Interrupts,
-    Screen,
-    busy_loop,
-)
-from rarms_iac.providers.simulated.scheduling.values import (
+from rarms_iac.providers.simulated.scheduling.machine import (
     Browsers,
     BusyLoops,
     JobDone,
@@ -27,6 +17,16 @@ from rarms_iac.providers.simulated.scheduling.values import (
     Piece,
     Programs,
     VirtualMachine,
+)
+from rarms_iac.providers.simulated.scheduling.processors import Agenda
+from rarms_iac.providers.simulated.scheduling.programs import (
+    Browser,
+    Component,
+    Devices,
+    Interrupts,
+    Screen,
+    absent_share,
+    busy_loop,
 )
 
 
@@ -106,7 +106,7 @@ class Simulation:
             self._components[demand.component] = component
             component.begin()
         playing = sum(load.instances for load in machine.loads if isinstance(load, Browsers))
-        absent = browsers.absent(playing, machine.memory_mib)
+        absent = absent_share(playing, machine.memory_mib)
         screen = Screen() if machine.partitioned else None
         for number, load in enumerate(machine.loads):
             self._start_load(load, machine, system, (f"{machine.name}/{number}", screen, absent))

@@ -21,7 +21,7 @@ from rarms_iac.measuring.search.bracket import MOST_UNTOLD, Bracket, below, brac
 from rarms_iac.measuring.search.observations import questions
 from rarms_iac.model.measurement import Sample, Series, Setting
 from rarms_iac.model.system import SampleCount
-from rarms_iac.statistics.verdict import Missed
+from rarms_iac.statistics.verdicts import Missed
 from tests.builders import a_run, at_least, at_most
 from tests.effort import examples
 from tests.measured import a_series, noisy

@@ -4,7 +4,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 from rarms_iac.model.system import Component, System
-from rarms_iac.statistics.curve import curves_of, least_reserve
+from rarms_iac.statistics.curves import curves_of, least_reserve
 from rarms_iac.views.reports.building import Logged, report_of
 from rarms_iac.views.reports.model import Report
 from rarms_iac.views.reports.summary import fit_text, fits_of, summary_of

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.system import AtMost
-from rarms_iac.statistics.curve import curve_of
+from rarms_iac.statistics.curves import curve_of
 from rarms_iac.views.reports.model import Shown
 from rarms_iac.views.reports.scale import Scale, digits, round_down, scale_of
 from tests.builders import a_run

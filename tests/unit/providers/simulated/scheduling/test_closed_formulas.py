@@ -7,8 +7,8 @@ import pytest
 
 from rarms_iac.providers.simulated.scheduling.guest import QUANTUM_MS
 from rarms_iac.providers.simulated.scheduling.hypervisor import SHORTEST_TURN_MS
+from rarms_iac.providers.simulated.scheduling.machine import BusyLoops, Demand, Machine, Piece, VirtualMachine
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
-from rarms_iac.providers.simulated.scheduling.values import BusyLoops, Demand, Machine, Piece, VirtualMachine
 
 LOOP = (BusyLoops(),)
 

@@ -3,8 +3,8 @@
 import pytest
 
 from rarms_iac.model.system import Browser, BusyLoop, CommandLoad
-from rarms_iac.providers.simulated.scheduling.demands import NoDemand, demand_of, load_of
-from rarms_iac.providers.simulated.scheduling.values import Browsers, BusyLoops, Demand, Every, Programs
+from rarms_iac.providers.simulated.measuring import NoDemand, demand_of, load_of
+from rarms_iac.providers.simulated.scheduling.machine import Browsers, BusyLoops, Demand, Every, Programs
 from tests.builders import a_component, a_run, a_simulation
 
 

@@ -2,8 +2,7 @@
 
 from itertools import islice
 
-from rarms_iac.providers.simulated.scheduling.simulation import simulate
-from rarms_iac.providers.simulated.scheduling.values import (
+from rarms_iac.providers.simulated.scheduling.machine import (
     BusyLoops,
     Demand,
     Every,
@@ -12,6 +11,7 @@ from rarms_iac.providers.simulated.scheduling.values import (
     OneAfterAnother,
     VirtualMachine,
 )
+from rarms_iac.providers.simulated.scheduling.simulation import simulate
 
 
 def face_detection(varies: float = 0) -> Demand:

@@ -6,8 +6,8 @@ import pytest
 
 from rarms_iac.model.measurement import Sample
 from rarms_iac.model.system import SampleCount, Threshold
-from rarms_iac.statistics.steadiness import Unsteady
-from rarms_iac.statistics.verdict import (
+from rarms_iac.statistics.steady_state import Unsteady
+from rarms_iac.statistics.verdicts import (
     FIRST_LOOK,
     Met,
     Missed,

@@ -7,6 +7,7 @@ from typing import cast
 from rarms_iac.model.journal import Journal, JournalRecord, RunClosed, RunStarted, StepRecorded
 from rarms_iac.storage.append import Record, append, line_of, read_first, read_last, read_records
 from rarms_iac.storage.codec import NotDecodable, decode_union, encode
+from rarms_iac.storage.reading import STATE_LIMIT, read_file
 from rarms_iac.storage.replace import replace
 
 
@@ -87,3 +88,15 @@ def _decode(number: int, data: object) -> JournalRecord:
     except NotDecodable as problem:
         raise NotDecodable(f"record {number + 1}", str(problem)) from None
     return record
+
+
+def fetch(path: Path) -> bytes | None:
+    """The file's bytes, None where there is no file: an empty machine.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    try:
+        return read_file(path, STATE_LIMIT)
+    except FileNotFoundError:
+        return None

@@ -52,7 +52,7 @@ class BusyLoops:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Browsers:
-    """Browsers that stream video (`browsers.py` says what each does)."""
+    """Browsers that stream video (`programs.py` says what each does)."""
 
     instances: int
 

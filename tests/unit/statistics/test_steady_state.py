@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from rarms_iac.statistics.steadiness import Steady, Unsteady, steady_part
+from rarms_iac.statistics.steady_state import Steady, Unsteady, steady_part
 from tests.effort import examples
 from tests.measured import noisy
 

@@ -8,7 +8,29 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from rarms_iac.model.system import Call, Command, FromEnvironment, Periodic, Run, Stop
-from rarms_iac.running.errors import CannotStart
+
+
+class RunningError(Exception):
+    """Something about a component's processes that its samples cannot tell."""
+
+
+class CannotStart(RunningError):
+    """The component cannot be started as the manifest says it."""
+
+    def __init__(self, component: str, message: str) -> None:
+        super().__init__(f"{component}: {message}")
+        self.component = component
+        self.message = message
+
+
+class SupervisorLost(RunningError):
+    """The process between rarms and the component is gone: somebody killed it, and the component was ended with it."""
+
+    def __init__(self, component: str, message: str) -> None:
+        super().__init__(f"{component}: {message}")
+        self.component = component
+        self.message = message
+
 
 PERIOD_VARIABLE = "RARMS_PERIOD_MS"
 """Tells a command that paces itself its period, as a number of milliseconds."""
@@ -17,7 +39,7 @@ CALLER = Path(__file__).resolve().with_name("caller.py")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Inside:
+class ProcessPlace:
     """Where a component's processes are to be: nothing said, they run beside everything else.
 
     `words` stand before the component's own (`chrt`, `taskset`); `join` are files that take the process' id before
@@ -29,8 +51,8 @@ class Inside:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Order:
-    """A process as the keeper starts it."""
+class StartOrder:
+    """A process as the supervisor starts it."""
 
     name: str
     words: tuple[str, ...]  # the program's whole path first
@@ -41,15 +63,15 @@ class Order:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Surroundings:
+class StartContext:
     """What a component finds when it starts: the manifest's folder, rarms' own environment, and the partition."""
 
     base: Path
     environment: Mapping[str, str] = field(default_factory=lambda: dict(os.environ))
-    inside: Inside = field(default_factory=Inside)
+    inside: ProcessPlace = field(default_factory=ProcessPlace)
 
 
-def order_of(component: str, run: Run, around: Surroundings) -> Order:
+def order_of(component: str, run: Run, around: StartContext) -> StartOrder:
     """How the component is started.
 
     Raises:
@@ -66,11 +88,11 @@ def order_of_words(
     name: str,
     words: tuple[str, ...],
     folder: Path,
-    around: Surroundings,
+    around: StartContext,
     *,
     environment: Mapping[str, str] | None = None,
     stop: Stop | None = None,
-) -> Order:
+) -> StartOrder:
     """A program and its arguments as they are started in a folder.
 
     Raises:
@@ -82,7 +104,7 @@ def order_of_words(
     program = _program(name, (*before, *found)[0], folder, known)
     if before:
         found = (_program(name, found[0], folder, known), *found[1:])
-    return Order(
+    return StartOrder(
         name=name,
         words=(program, *(*before, *found)[1:]),
         folder=folder.resolve(),

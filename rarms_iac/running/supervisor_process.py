@@ -1,11 +1,12 @@
-"""Keeps one component's processes: starts them, asks them to end, and leaves none behind. A program of its own.
+"""Supervises one component's processes: starts them, asks them to end, and leaves none behind. A program of its own.
 
 rarms starts it as a process between itself and the component, since only a process that outlives rarms can clear up
 when rarms is killed: its standard input is the lifeline. It adopts what the component's processes leave behind, tells
-the processor time of all of them, and needs the standard library only. `kept.py` is the other end.
+the processor time of all of them, and needs the standard library only. `supervisor.py` is the other end.
 
 Standard input, a line each: the order (a JSON object), then `start <time>`, `stop`; its end ends everything.
-Standard output is the component's own; what the keeper says stands between in lines that begin with the order's mark.
+Standard output is the component's own; the supervisor's messages stand between, in lines that begin with the order's
+mark.
 Times are those of `time.perf_counter`, which all processes of a system share.
 """
 
@@ -25,11 +26,11 @@ KILLING_S = 5.0
 """How long killed processes may take to be gone: one that waits for a disk cannot be hurried."""
 PAUSE_S = 0.02
 IGNORED = [getattr(signal, name) for name in ("SIGINT", "SIGHUP", "SIGTERM") if hasattr(signal, name)]
-"""What a terminal or a service manager sends to everybody: the keeper ends when rarms does, not before."""
+"""What a terminal or a service manager sends to everybody: the supervisor ends when rarms does, not before."""
 
 
-class Keeper:
-    """The keeper's loop: one component's process at a time, and all that it starts."""
+class PosixSupervisor:
+    """The supervisor's loop: one component's process at a time, and all that it starts."""
 
     def __init__(self, order: dict[str, Any], commands: bytes) -> None:
         self._order = order
@@ -118,7 +119,7 @@ class Keeper:
         if wrong:
             os.waitpid(self._pid, 0)
             self._pid = 0
-            self._say(event="cannot", says=wrong.decode("utf-8", "replace"))
+            self._say(event="cannot", message=wrong.decode("utf-8", "replace"))
 
     def _become(self, says: int) -> None:
         """In the new process: become the component, or say why not."""
@@ -134,7 +135,7 @@ class Keeper:
             os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
             os.chdir(self._order["folder"])
             os.execve(self._order["words"][0], self._order["words"], self._order["environment"])  # noqa: S606 - so it is meant
-        except BaseException as error:  # noqa: BLE001 - whatever it is, this process must not go on as a second keeper
+        except BaseException as error:  # noqa: BLE001 - whatever it is, this process must not go on as a second supervisor
             named = f"{error.filename}: " if isinstance(error, OSError) and error.filename else ""
             text = (error.strerror if isinstance(error, OSError) else "") or str(error) or type(error).__name__
             os.write(says, (named + text).encode("utf-8", "replace")[:4000])
@@ -215,7 +216,7 @@ def main() -> None:
         said += piece
     order, _, commands = said.partition(b"\n")
     with contextlib.suppress(BrokenPipeError):
-        Keeper(json.loads(order), commands).run()
+        PosixSupervisor(json.loads(order), commands).run()
 
 
 if __name__ == "__main__":

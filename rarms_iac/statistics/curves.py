@@ -7,15 +7,16 @@ The band is made monotone likewise; its safe side is the one away from what is g
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 from math import inf
 
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import Series, Setting
 from rarms_iac.model.system import AtLeast, AtMost, Run, Threshold
-from rarms_iac.statistics import isotonic, values
+from rarms_iac.statistics import samples as values
 from rarms_iac.statistics.estimates import USUAL_ERROR, Estimate, NoEstimate, estimate
-from rarms_iac.statistics.steadiness import Steady, steady_part
-from rarms_iac.statistics.verdict import part_for
+from rarms_iac.statistics.steady_state import Steady, steady_part
+from rarms_iac.statistics.verdicts import part_for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -223,11 +224,11 @@ def _fit_of(index: str, weights: Sequence[float]) -> Callable[[Sequence[float]],
     """How an index is made monotone; of an extreme nothing is averaged: more CPU does not undo what was seen."""
     match index:
         case "maximum_response_time":
-            return isotonic.not_below_later
+            return not_below_later
         case "minimum_response_time":
-            return isotonic.not_above_earlier
+            return not_above_earlier
         case _:
-            fit = isotonic.falling if _smaller_is_better(index) else isotonic.rising
+            fit = falling if _smaller_is_better(index) else rising
             return lambda side: fit(side, weights)
 
 
@@ -252,3 +253,33 @@ def _smaller_is_better(index: str) -> bool:
     if found is None:
         raise ValueError(f"{index!r} is no performance index")
     return found.smaller_is_better
+
+
+def falling(numbers: Sequence[float], weights: Sequence[float]) -> list[float]:
+    """The numbers made non-increasing with the least weighted squares, by pooling neighbours that rise."""
+    pools: list[tuple[float, float, int]] = []  # mean, weight, how many
+    for number, weight in zip(numbers, weights, strict=True):
+        pools.append((number, weight, 1))
+        while len(pools) > 1 and pools[-2][0] < pools[-1][0]:
+            pools.append(_pooled(pools.pop(), pools.pop()))
+    return [mean for mean, _, many in pools for _ in range(many)]
+
+
+def rising(numbers: Sequence[float], weights: Sequence[float]) -> list[float]:
+    """The same, non-decreasing."""
+    return [-number for number in falling([-number for number in numbers], weights)]
+
+
+def not_below_later(numbers: Sequence[float]) -> list[float]:
+    """Non-increasing and at least each number: what was seen at one place may happen at every place before it."""
+    return list(accumulate(reversed(numbers), max))[::-1]
+
+
+def not_above_earlier(numbers: Sequence[float]) -> list[float]:
+    """Non-increasing and at most each number: what was seen at one place may happen at every place after it."""
+    return list(accumulate(numbers, min))
+
+
+def _pooled(one: tuple[float, float, int], other: tuple[float, float, int]) -> tuple[float, float, int]:
+    weight = one[1] + other[1]
+    return (one[0] * one[1] + other[0] * other[1]) / weight, weight, one[2] + other[2]

@@ -1,10 +1,11 @@
-"""Rarms' end of a keeper: start and stop a component's process, and hear what it says, with times and limits."""
+"""The calling end of a supervisor process: starts and stops a component's process and reads its lines, with limits."""
 
 import contextlib
 import json
 import os
 import queue
 import secrets
+import signal as signals
 import subprocess
 import sys
 import threading
@@ -13,8 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
-from rarms_iac.running.errors import CannotStart, KeeperLost
-from rarms_iac.running.order import Order
+from rarms_iac.running.start import CannotStart, StartOrder, SupervisorLost
 
 LONGEST_LINE = 64 * 1024
 FLOOD = 16 * 1024 * 1024
@@ -26,7 +26,7 @@ WAITING = 64
 GOING_S = 10.0
 """How much longer than its grace a component's end may take."""
 
-_PROGRAM = "keeper_windows.py" if sys.platform == "win32" else "keeper.py"
+_PROGRAM = "supervisor_process_windows.py" if sys.platform == "win32" else "supervisor_process.py"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,14 +47,14 @@ class TooLong:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Started:
+class ProcessStarted:
     """The process is about to begin."""
 
     at: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ended:
+class ProcessEnded:
     """The process has ended, and all that it started with it."""
 
     at: float  # when it ended itself
@@ -62,22 +62,22 @@ class Ended:
     signal: int  # 0: it was not killed by one; on Windows the code of a crash
 
 
-Event = Line | TooLong | Started | Ended
+Event = Line | TooLong | ProcessStarted | ProcessEnded
 
 
 class Interrupted(Exception):
     """Another thread wants no more of this."""
 
 
-class Kept:
-    """A keeper with a component's process, or none at the moment.
+class Supervisor:
+    """A supervisor with a component's process, or none at the moment.
 
     Raises:
         CannotStart: from `next`, when the process cannot be started.
-        KeeperLost: from anything, when the keeper is gone.
+        SupervisorLost: from anything, when the supervisor is gone.
     """
 
-    def __init__(self, order: Order) -> None:
+    def __init__(self, order: StartOrder) -> None:
         self._name = order.name
         self._grace_s = float(order.stop.grace) / 1000
         self._mark = secrets.token_hex(16).encode()
@@ -109,7 +109,7 @@ class Kept:
         self._tell(f"start {at!r}")
 
     def stop(self) -> None:
-        """Ask the process to end, and kill it with all that it started after its grace; `Ended` tells when."""
+        """Ask the process to end, and kill it with all that it started after its grace; `ProcessEnded` tells when."""
         self._tell("stop")
 
     def unheard(self) -> None:
@@ -163,7 +163,7 @@ class Kept:
 
     @property
     def cpu_ms(self) -> float | None:
-        """The processor time of all of the component's processes, once closed; None where it is not told."""
+        """The processor time of all of the component's processes, once closed; None where it is not known."""
         return self._cpu_ms
 
     @property
@@ -173,14 +173,14 @@ class Kept:
 
     @property
     def pid(self) -> int:
-        """The keeper's process id."""
+        """The supervisor's process id."""
         return self._process.pid
 
     def _commands(self) -> IO[bytes]:
         assert self._process.stdin is not None
         return self._process.stdin
 
-    def _as_json(self, order: Order) -> dict[str, Any]:
+    def _as_json(self, order: StartOrder) -> dict[str, Any]:
         return {
             "mark": self._mark.decode(),
             "words": order.words,
@@ -195,18 +195,20 @@ class Kept:
         try:
             self._commands().write(line.encode("ascii") + b"\n")
         except OSError as error:
-            raise KeeperLost(self._name, f"its keeper (process {self._process.pid}) is gone") from error
+            raise SupervisorLost(self._name, f"its supervisor (process {self._process.pid}) is gone") from error
 
     def _word(self, said: dict[str, Any]) -> Event:
         match said:
             case {"event": "started", "at": at}:
-                return Started(at=at)
+                return ProcessStarted(at=at)
             case {"event": "ended", "at": at, "code": code, "signal": number}:
-                return Ended(at=at, code=code, signal=number)
-            case {"event": "cannot", "says": says}:
-                raise CannotStart(self._name, says)
+                return ProcessEnded(at=at, code=code, signal=number)
+            case {"event": "cannot", "message": message}:
+                raise CannotStart(self._name, message)
             case _:
-                raise KeeperLost(self._name, f"its keeper (process {self._process.pid}) ended: {self.tail[-200:]}")
+                raise SupervisorLost(
+                    self._name, f"its supervisor (process {self._process.pid}) ended: {self.tail[-200:]}"
+                )
 
     def _note(self, events: list[Event | dict[str, Any]]) -> None:
         for event in events:
@@ -234,7 +236,7 @@ class Kept:
 
 
 class _Lines:
-    """Cuts a stream into lines of a bearable length, and finds the keeper's words between them."""
+    """Cuts a stream into lines of a bearable length, and finds the supervisor's words between them."""
 
     def __init__(self, mark: bytes) -> None:
         self._mark = mark
@@ -271,3 +273,28 @@ def _read(stream: IO[bytes]) -> bytes:
         return os.read(stream.fileno(), PIECE)
     except (OSError, ValueError):
         return b""
+
+
+_LAST_SIGNAL = 1000
+
+
+def ended_by_itself(ended: ProcessEnded) -> bool:
+    """Whether it ended by itself, and says that all is well."""
+    return ended.code == 0 and ended.signal == 0
+
+
+def describe_early_end(ended: ProcessEnded) -> str:
+    """What to say of a process that was to go on."""
+    if ended.signal:
+        return describe_death(ended)
+    return "it ended without a sample" if ended.code == 0 else f"it ended with exit code {ended.code}"
+
+
+def describe_death(ended: ProcessEnded) -> str:
+    """Which signal killed it, or how it crashed."""
+    if ended.signal > _LAST_SIGNAL:
+        return f"it crashed with 0x{ended.signal:08X}"
+    try:
+        return f"it was killed by {signals.Signals(ended.signal).name}"
+    except ValueError:
+        return f"it was killed by signal {ended.signal}"

@@ -7,9 +7,9 @@ from typing import Final
 
 from rarms_iac.model.measurement import Series
 from rarms_iac.model.system import AtLeast, AtMost, Elapsed, Run, SampleCount, Threshold
-from rarms_iac.statistics import values
-from rarms_iac.statistics.estimates import Estimate, NoEstimate, estimate
-from rarms_iac.statistics.steadiness import Steady, Unsteady, steady_part
+from rarms_iac.statistics import samples as values
+from rarms_iac.statistics.estimates import SAFE_SIDE, USUAL_ERROR, Estimate, NoEstimate, estimate
+from rarms_iac.statistics.steady_state import Steady, Unsteady, steady_part
 
 VERDICT_ERROR: Final = 0.01
 """The probability with which a verdict may be wrong unless somebody asks for another."""
@@ -210,3 +210,26 @@ def _bounds(judged: Judged) -> tuple[float, float]:
     ends = (found.value, found.value) if found.beyond is not None else (found.lower, found.upper)
     first, second = (_excess(judged, end) for end in ends)
     return max(first, second), min(first, second)
+
+
+PASSING = SAFE_SIDE + LAST_EARLY_LOOK * VERDICT_ERROR
+"""Of "enough": at a setting's end by the safe side, or before by what early looks may spend."""
+
+
+def share(error: float) -> str:
+    """`2.5 %`."""
+    return f"{100 * error:.3g} %"
+
+
+def wrong(error: float) -> str:
+    """What stands behind a verdict: `wrong in at most 1 %`."""
+    return f"wrong in at most {share(error)}"
+
+
+ERRORS = (
+    "Wrong in: how often such a verdict is wrong at most. A reserve is enough where the safe side of the interval "
+    f"meets the threshold: {share(SAFE_SIDE)}, or {share(PASSING)} where the setting could end early. That a threshold "
+    f"is missed, and what is proven, is said with {share(VERDICT_ERROR)}. An interval (from to) leaves the truth out "
+    f"in at most {share(USUAL_ERROR)} of cases, half of that on each side."
+)
+"""The figures that measuring shows, and what each is of."""

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.model.measurement import Setting
-from rarms_iac.statistics.curve import Curve, LeastReserve, curve_of, highest_missed, least_reserve
+from rarms_iac.statistics.curves import Curve, LeastReserve, curve_of, highest_missed, least_reserve
 from tests.builders import a_run, at_least, at_most
 from tests.measured import a_series, noisy
 

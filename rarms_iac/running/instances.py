@@ -1,7 +1,7 @@
-"""Runs one program so often at once, and ends when the first of them does. A program of its own (`loads.py`).
+"""Runs several instances of one program at once, until the first of them ends. A program of its own (`loads.py`).
 
-Words: how often, a text that each has to write to standard error before it counts as running (empty: none), and the
-program with its arguments, in which `{n}` is the instance's number. Writes `running` once all are.
+Arguments: how many instances, a text that each has to write to standard error before it counts as running (empty:
+none), and the program with its arguments, in which `{n}` is the instance's number. Writes `running` once all are.
 """
 
 import queue
@@ -16,13 +16,13 @@ NOT_THERE = 127
 def main(words: list[str]) -> int:
     """Start them all and wait for the first to end, which is none of a load's business."""
     count, expected, *program = words
-    heard: queue.Queue[tuple[int, int | None]] = queue.Queue()
+    messages: queue.Queue[tuple[int, int | None]] = queue.Queue()
     for number in range(int(count)):
         own = [word.replace("{n}", str(number)) for word in program]
-        threading.Thread(target=watch, args=(number, own, expected.encode(), heard), daemon=True).start()
+        threading.Thread(target=watch, args=(number, own, expected.encode(), messages), daemon=True).start()
     waiting = set(range(int(count)))
     while True:
-        number, code = heard.get()
+        number, code = messages.get()
         if code is not None:
             sys.stderr.write(f"\ninstance {number + 1} of {count} ended with exit code {code}\n")
             return 1
@@ -32,27 +32,27 @@ def main(words: list[str]) -> int:
             sys.stdout.flush()
 
 
-def watch(number: int, program: list[str], expected: bytes, heard: "queue.Queue[tuple[int, int | None]]") -> None:
-    """In a thread: start one, tell when it is running, pass on what it says, and tell when it ends."""
+def watch(number: int, program: list[str], expected: bytes, messages: "queue.Queue[tuple[int, int | None]]") -> None:
+    """In a thread: start an instance, send None when it runs and its exit code when it ends, pass its errors on."""
     nothing = subprocess.DEVNULL
     try:
         process = subprocess.Popen(program, stdin=nothing, stdout=nothing, stderr=subprocess.PIPE)
     except OSError as error:
         sys.stderr.write(f"{program[0]}: {error.strerror or error}\n")
-        heard.put((number, NOT_THERE))
+        messages.put((number, NOT_THERE))
         return
     assert process.stderr is not None
-    said, running = b"", not expected
+    written, running = b"", not expected
     if running:
-        heard.put((number, None))
+        messages.put((number, None))
     while line := process.stderr.readline(PIECE):
-        said = (said + line)[-PIECE:]
-        if not running and expected in said:
+        written = (written + line)[-PIECE:]
+        if not running and expected in written:
             running = True
-            heard.put((number, None))
+            messages.put((number, None))
         sys.stderr.buffer.write(line)
         sys.stderr.flush()
-    heard.put((number, process.wait()))
+    messages.put((number, process.wait()))
 
 
 if __name__ == "__main__":

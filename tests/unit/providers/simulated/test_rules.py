@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from rarms_iac.model.capacity import packs as planned_packs
 from rarms_iac.model.plan import Claim
-from rarms_iac.providers.simulated.packing import CAPACITY, packs
+from rarms_iac.providers.simulated.rules import CAPACITY, packs
 
 
 def fits_somehow(sizes: list[int], processors: int) -> bool:

@@ -1,7 +1,7 @@
-"""The keeper where there are no signals: the same orders and the same words as `keeper.py`, on Windows.
+"""The supervisor where there are no signals: the same orders and the same words as `supervisor_process.py`, on Windows.
 
-Job objects do what process groups and adoption do there: the keeper and everything below it are in one that ends
-with the keeper, and every process of the component is in one of its own besides. There is nothing to ask with but
+Job objects do what process groups and adoption do there: the supervisor and everything below it are in one that ends
+with the supervisor, and every process of the component is in one of its own besides. There is nothing to ask with but
 Ctrl-Break; a process that it cannot reach is ended at once.
 """
 
@@ -25,8 +25,8 @@ LIMITS_SIZE = 144 if ctypes.sizeof(ctypes.c_void_p) == 8 else 112
 FLAGS_AT = 16
 
 
-class Jobs:
-    """The few calls of the system that a keeper needs; where one is missing, it does without."""
+class JobObjects:
+    """The few calls of the system that a supervisor needs; where one is missing, it does without."""
 
     def __init__(self) -> None:
         self._kernel = ctypes.WinDLL("kernel32", use_last_error=True)  # type: ignore[attr-defined]  # Windows only
@@ -46,23 +46,23 @@ class Jobs:
         self._kernel.AssignProcessToJobObject(ctypes.c_void_p(job), ctypes.c_void_p(process))
 
     def put_this(self, job: int) -> None:
-        """Have the keeper itself in the job."""
+        """Have the supervisor itself in the job."""
         self.put(job, self._kernel.GetCurrentProcess())
 
     def end(self, job: int) -> float | None:
-        """End every process of the job; the processor time that they had in ms, None where it is not told."""
+        """End every process of the job; the processor time that they had in ms, None where it is not known."""
         self._kernel.TerminateJobObject(ctypes.c_void_p(job), 1)
-        told = (ctypes.c_int64 * 6)()
-        known = self._kernel.QueryInformationJobObject(ctypes.c_void_p(job), ACCOUNTING, told, 48, None)
+        result = (ctypes.c_int64 * 6)()
+        known = self._kernel.QueryInformationJobObject(ctypes.c_void_p(job), ACCOUNTING, result, 48, None)
         self._kernel.CloseHandle(ctypes.c_void_p(job))
-        used = (told[0] + told[1]) / 10_000  # in units of 100 ns
+        used = (result[0] + result[1]) / 10_000  # in units of 100 ns
         return used if known and used else None
 
 
-class Keeper:
+class WindowsSupervisor:
     """One component's process at a time, and all that it starts."""
 
-    def __init__(self, order: dict[str, Any], jobs: Jobs) -> None:
+    def __init__(self, order: dict[str, Any], jobs: JobObjects) -> None:
         self._order = order
         self._jobs = jobs
         self._said: queue.Queue[tuple[str, float]] = queue.Queue()
@@ -119,7 +119,7 @@ class Keeper:
                 creationflags=NEW_GROUP,
             )
         except OSError as error:
-            self._say(event="cannot", says=f"{self._order['words'][0]}: {error.strerror or error}")
+            self._say(event="cannot", message=f"{self._order['words'][0]}: {error.strerror or error}")
             return
         self._job = self._jobs.make()
         self._jobs.put(self._job, int(self._process._handle))  # type: ignore[attr-defined]  # noqa: SLF001 - Windows only
@@ -155,11 +155,11 @@ def main() -> None:
     """Read the order, then keep."""
     order = sys.stdin.buffer.readline()
     if order:
-        jobs = Jobs()
+        jobs = JobObjects()
         jobs.put_this(jobs.make())
         with contextlib.suppress(OSError):
-            Keeper(json.loads(order), jobs).run()
-    os._exit(0)  # the job object goes with the keeper, and whatever is left in it
+            WindowsSupervisor(json.loads(order), jobs).run()
+    os._exit(0)  # the job object goes with the supervisor, and whatever is left in it
 
 
 if __name__ == "__main__":

@@ -1,0 +1,286 @@
+"""What has been seen of a component so far: when it began, its samples, and whether that is enough."""
+
+import time
+from collections.abc import Generator
+from dataclasses import dataclass
+from enum import StrEnum
+
+from rarms_iac.model.measurement import Sample
+from rarms_iac.model.quantities import show_milliseconds
+from rarms_iac.model.system import Elapsed, Periodic, Run, SampleCount
+from rarms_iac.running.reading import Answer, AnswerReader, Unreadable, answer_reader
+from rarms_iac.running.start import CannotStart
+from rarms_iac.running.supervisor import (
+    FLOOD,
+    LONGEST_LINE,
+    Event,
+    Line,
+    ProcessEnded,
+    ProcessStarted,
+    Supervisor,
+    TooLong,
+    describe_death,
+    describe_early_end,
+    ended_by_itself,
+)
+
+
+class Ending(StrEnum):
+    """Why no more samples come."""
+
+    RUNNING = "running"  # they still do
+    UNTIL = "until"  # measured enough, as the manifest says
+    FAILURES = "failures"  # more failed samples than it allows: no verdict
+    CLOSED = "closed"  # whoever reads them has seen enough
+
+
+class SampleRecord:
+    """The samples of one run and its times, which are those of `time.perf_counter` in seconds."""
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+        self.samples: list[Sample] = []
+        self.failed = 0
+        self.ending = Ending.RUNNING
+        self._begun: float | None = None
+        self._last: float | None = None
+
+    def begin(self, at: float) -> float:
+        """The setting begins, if it has not yet; answers with when it did."""
+        if self._begun is None:
+            self._begun = at
+        return self._begun
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether the component has begun to do its jobs."""
+        return self._begun is not None
+
+    def take(self, sample: Sample, at: float) -> Sample:
+        """Count a sample in that came at this time."""
+        self.samples.append(sample)
+        self.failed += bool(sample.failure)
+        self._last = at
+        if self.failed > self.run.failures:
+            self.ending = Ending.FAILURES
+        elif isinstance(self.run.until, SampleCount) and len(self.samples) >= self.run.until.samples:
+            self.ending = Ending.UNTIL
+        return sample
+
+    def is_over(self, at: float) -> bool:
+        """Whether the setting has lasted long enough at this time; it then ends."""
+        over = self.over
+        if over is None or at < over:
+            return False
+        self.ending, self._last = Ending.UNTIL, over
+        return True
+
+    @property
+    def over(self) -> float | None:
+        """When the setting ends; None where samples decide, or it has not begun."""
+        match self.run.until:
+            case Elapsed(time=limit) if self._begun is not None:
+                return self._begun + float(limit) / 1000
+            case _:
+                return None
+
+    @property
+    def elapsed_ms(self) -> float:
+        """From its begin to its end, or to the last sample where nothing but samples can end it."""
+        if self._begun is None:
+            return 0.0
+        return 1000 * max(0.0, (self._last if self._last is not None else time.perf_counter()) - self._begun)
+
+    def answered(self, began: float, response_ms: float | None, *, successful: bool, count: float = 1.0) -> Sample:
+        """A job's sample."""
+        return Sample(began_ms=self._since(began), response_ms=response_ms, successful=successful, count=count)
+
+    def failure(self, began: float, message: str) -> Sample:
+        """A failed sample: unsuccessful, without response time, and why."""
+        return Sample(began_ms=self._since(began), response_ms=None, successful=False, failure=message)
+
+    @property
+    def timeout(self) -> float:
+        """How long a job may take, in seconds."""
+        return float(self.run.timeout) / 1000
+
+    @property
+    def period(self) -> float | None:
+        """The period of a periodic component, in seconds."""
+        arrival = self.run.arrival
+        return float(arrival.period) / 1000 if isinstance(arrival, Periodic) else None
+
+    def _since(self, at: float) -> float:
+        return 1000 * max(0.0, at - self.begin(at))
+
+
+def earliest(*times: float | None) -> float | None:
+    """The first of these times; None where there is none."""
+    known = [time for time in times if time is not None]
+    return min(known) if known else None
+
+
+FLOOD_SIZE = f"more than {FLOOD // 2**20} MiB"
+LONG_LINE = Unreadable(message=f"a line of more than {LONGEST_LINE // 1024} KiB")
+
+
+@dataclass(slots=True)
+class _Process:
+    """What is known of the process that runs now."""
+
+    last: float  # when it began, or its last sample came
+    samples: int = 0
+    unread: int = 0  # bytes since then that were no sample
+    stopping: bool = False
+
+
+def samples_of_lines(component: str, supervisor: Supervisor, record: SampleRecord) -> Generator[Sample, None, None]:
+    """A sample a line, and one for each death, time-out and unreadable line.
+
+    Raises:
+        CannotStart: it cannot be started, or its function not be loaded.
+    """
+    return _LineReader(component, supervisor, record).samples()
+
+
+class _LineReader:
+    def __init__(self, component: str, supervisor: Supervisor, record: SampleRecord) -> None:
+        self._component = component
+        self._supervisor = supervisor
+        self._record = record
+        self._read_answer: AnswerReader = answer_reader(record.run)
+        self._patience = record.timeout + (record.period or 0.0)
+        self._now = _Process(last=time.perf_counter())
+
+    def samples(self) -> Generator[Sample, None, None]:
+        record = self._record
+        self._supervisor.start()
+        while record.ending is Ending.RUNNING:
+            event = self._supervisor.next(earliest(self._impatient_at(), record.over))
+            at = time.perf_counter() if event is None else event.at
+            if record.is_over(at):
+                return
+            sample = self._sample(event, at)
+            if sample is not None:
+                yield record.take(sample, at)
+            if isinstance(event, ProcessEnded):
+                self._now = _Process(last=time.perf_counter())
+                self._supervisor.start()
+
+    def _impatient_at(self) -> float | None:
+        return None if self._now.stopping else self._now.last + self._patience
+
+    def _sample(self, event: Event | None, at: float) -> Sample | None:
+        """The sample that this makes, if any."""
+        if self._now.stopping:
+            return None  # what it says while it is stopped belongs to no job
+        match event:
+            case ProcessStarted():
+                self._now.last = at
+                return None
+            case Line(text=text, size=size):
+                return self._of_line(self._read_answer(text), size, at)
+            case TooLong(flood=True):
+                return self._give_up(f"a line of {FLOOD_SIZE}")
+            case TooLong():
+                return self._of_line(LONG_LINE, 0, at)
+            case ProcessEnded():
+                well = ended_by_itself(event) and self._now.samples > 0
+                return None if well else self._record.failure(self._now.last, describe_early_end(event))
+            case None:
+                return self._give_up(f"no sample within {show_milliseconds(self._record.run.timeout)}")
+
+    def _of_line(self, answer: Answer | Unreadable | None, size: int, at: float) -> Sample | None:
+        if answer is None:
+            self._now.unread += size
+            return self._give_up(f"{FLOOD_SIZE} without a sample") if self._now.unread > FLOOD else None
+        if isinstance(answer, Answer) and answer.cannot:
+            raise CannotStart(self._component, answer.cannot)
+        if isinstance(answer, Answer) and answer.ready is not None:
+            self._record.begin(answer.ready)
+            self._now.last = at
+            return None
+        sample = self._of_job(answer, at)
+        self._now.last, self._now.unread = at, 0
+        self._now.samples += not sample.failure
+        return sample
+
+    def _of_job(self, answer: Answer | Unreadable, at: float) -> Sample:
+        if isinstance(answer, Unreadable):
+            return self._record.failure(self._now.last, answer.message)
+        if answer.failure:
+            return self._record.failure(self._now.last if answer.began is None else answer.began, answer.failure)
+        result = answer.reading
+        took = (result.response_ms or 0.0) / 1000
+        began = at - took if answer.began is None else answer.began
+        if not self._record.has_begun:
+            # How long a program takes to start is no job's time: the setting begins with the first job, as far as
+            # its beginning can be known.
+            known = took or self._record.period
+            self._record.begin(self._now.last if known is None else at - known)
+        return self._record.answered(began, result.response_ms, successful=result.successful, count=result.count)
+
+    def _give_up(self, message: str) -> Sample:
+        self._now.stopping = True
+        self._supervisor.stop()
+        return self._record.failure(self._now.last, message)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Job:
+    """A process that has ended."""
+
+    began: float
+    ended: ProcessEnded
+    late: bool  # it was stopped, since it took longer than a job may
+
+
+def samples_of_runs(supervisor: Supervisor, record: SampleRecord) -> Generator[Sample, None, None]:
+    """Job after job; a periodic one counts from its scheduled start, and no overrun shifts the schedule."""
+    supervisor.unheard()
+    number = 0
+    while record.ending is Ending.RUNNING:
+        due = _due(record, number)
+        job = _one_job(supervisor, record, due)
+        if job is None or record.is_over(job.ended.at):
+            return
+        scheduled = job.began if due is None else due
+        yield record.take(_sample(record, scheduled, job), job.ended.at)
+        number += 1
+
+
+def _due(record: SampleRecord, number: int) -> float | None:
+    """When the job is to start; None: at once, and that is when it counts from."""
+    if record.period is None or not record.has_begun:
+        return None
+    return record.begin(0.0) + number * record.period
+
+
+def _one_job(supervisor: Supervisor, record: SampleRecord, due: float | None) -> _Job | None:
+    """Start a job and wait for its end; None where the setting ends before."""
+    now = time.perf_counter()
+    supervisor.start(now if due is None else due)
+    began, late = max(now, due or 0.0), False
+    while True:
+        event = supervisor.next(earliest(None if late else began + record.timeout, record.over))
+        match event:
+            case ProcessStarted(at=at):
+                began = at
+                record.begin(at)
+            case ProcessEnded():
+                return _Job(began=began, ended=event, late=late)
+            case None if record.is_over(time.perf_counter()):
+                return None
+            case None:
+                late = True
+                supervisor.stop()
+            case _:
+                pass  # its output is not heard
+
+
+def _sample(record: SampleRecord, scheduled: float, job: _Job) -> Sample:
+    if job.late:
+        return record.failure(scheduled, f"no exit within {show_milliseconds(record.run.timeout)}")
+    if job.ended.signal:
+        return record.failure(scheduled, describe_death(job.ended))
+    return record.answered(scheduled, 1000 * (job.ended.at - scheduled), successful=job.ended.code == 0)
