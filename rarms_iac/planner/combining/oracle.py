@@ -8,7 +8,7 @@ from rarms_iac.model.plan import Claim
 from rarms_iac.model.system import Host
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, ReservationSource, names_of
-from rarms_iac.statistics.curve import highest_missed
+from rarms_iac.statistics.curves import highest_missed
 
 Members = tuple[str, ...]
 """Components together in one partition, by name."""

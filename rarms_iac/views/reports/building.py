@@ -11,11 +11,11 @@ from rarms_iac.model.quantities import in_processors, per_virtual_processor, sho
 from rarms_iac.model.system import Component, Host, Measured, Run, System, Threshold
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.reservations import fixed, names_of, rests_on_a_log, to_be_measured
-from rarms_iac.statistics.curve import curve_of
+from rarms_iac.statistics.curves import curve_of
 from rarms_iac.statistics.estimates import SAFE_SIDE
-from rarms_iac.statistics.steadiness import Unsteady
-from rarms_iac.statistics.values import failed
-from rarms_iac.statistics.verdict import (
+from rarms_iac.statistics.samples import failed
+from rarms_iac.statistics.steady_state import Unsteady
+from rarms_iac.statistics.verdicts import (
     Met,
     Missed,
     TooFewSamples,

@@ -11,7 +11,7 @@ from rarms_iac.model.indexes import PerformanceIndex
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.system import Threshold
 from rarms_iac.planner.combining.candidates import Node
-from rarms_iac.statistics.curve import Curve, LeastReserve, least_reserve
+from rarms_iac.statistics.curves import Curve, LeastReserve, least_reserve
 from rarms_iac.storage.datalog.tuning import TuningRun
 
 

@@ -7,7 +7,7 @@ from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
 from rarms_iac.model.thresholds import show_threshold
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.planner.prediction.belief import ASSUMED
-from rarms_iac.statistics.told_errors import wrong
+from rarms_iac.statistics.verdicts import wrong
 from rarms_iac.views.reports.model import Capacity, Measurement, Point, Proof, Report, Shown, Standing, Tuning
 from rarms_iac.views.reports.scale import shown
 
