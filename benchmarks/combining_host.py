@@ -14,6 +14,7 @@ from math import inf
 from benchmarks.combining_models import CURVE, Drawn, Need, halving
 from rarms_iac.planner.prediction.members import Alone
 from rarms_iac.planner.prediction.periodic import demand_of
+from rarms_iac.providers.simulated.scheduling.machine import BusyLoops, Demand, Machine, VirtualMachine
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 
 POOLS = 12

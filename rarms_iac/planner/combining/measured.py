@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from rarms_iac.model.plan import Claim
 from rarms_iac.model.system import Host
-from rarms_iac.planner.combining.values import Coi
+from rarms_iac.planner.combining.oracle import Coi
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, ReservationSource, names_of
 from rarms_iac.statistics.curves import highest_missed
