@@ -6,9 +6,9 @@ Nothing of it is a simulation. It is there for tests of reports, plots and expor
 from collections.abc import Callable, Sequence
 from random import Random
 
+from rarms_iac.app.report_measurements import LogBesideManifest
 from rarms_iac.model.measurement import Sample, Series, Setting
 from rarms_iac.model.system import Component, System
-from rarms_iac.views.reports.building import Logged
 from tests.builders import a_component, a_host, a_run, a_system, at_least, at_most
 from tests.builders_measured import a_log, a_subject
 
@@ -45,10 +45,10 @@ def a_measured_setting(name: str, reserve: int, shape: Shape, *, samples: int = 
     return Setting(reserve=reserve, series=(series,), beside=100 - reserve, seed=7)
 
 
-def a_log_of(component: Component, shape: Shape, reserves: Sequence[int] = RESERVES) -> Logged:
+def a_log_of(component: Component, shape: Shape, reserves: Sequence[int] = RESERVES) -> LogBesideManifest:
     """The component's log against busy loops."""
     settings = [a_measured_setting(component.name, reserve, shape) for reserve in reserves]
-    return Logged(
+    return LogBesideManifest(
         path=f"measurements/onboard/{component.name}/busy-loop.jsonl", log=a_log(settings, a_subject(component))
     )
 
@@ -72,7 +72,7 @@ def a_robot() -> System:
     return a_system(hosts=[a_host("onboard", platform="onboard")], components=components)
 
 
-def the_logs(system: System) -> tuple[Logged, ...]:
+def the_logs(system: System) -> tuple[LogBesideManifest, ...]:
     """A log of each component that is measured."""
     return (
         a_log_of(system.components["face-detection"], face_detection),

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from rarms_iac.app.measure import ExperimentResult
+from rarms_iac.app.report_model import Measurement
 from rarms_iac.cli.datalogs import measurements_of
 from rarms_iac.cli.files import STANDARD_INPUT, write_file
 from rarms_iac.cli.hosts import Hosts
@@ -19,9 +21,8 @@ from rarms_iac.cli.telling import tell
 from rarms_iac.measuring.conclusions import Swept
 from rarms_iac.measuring.strategies import apts_of
 from rarms_iac.statistics.curves import curves_of, least_reserve
-from rarms_iac.views.measured import Measured, settings_text
+from rarms_iac.views.measured import settings_text
 from rarms_iac.views.plot import plot_text
-from rarms_iac.views.reports.model import Measurement
 from rarms_iac.views.select import selection_text
 
 
@@ -38,7 +39,7 @@ def refuse_without_terminal(session: Session, source: ManifestOptions) -> None:
         raise click.UsageError("Standard input cannot be changed: name a file.", click.get_current_context())
 
 
-def ask_levels(session: Session, hosts: Hosts, result: Measured) -> Measured:
+def ask_levels(session: Session, hosts: Hosts, result: ExperimentResult) -> ExperimentResult:
     """Show what was measured, and take a level for each component until the answer is empty; what it comes to then."""
     source = hosts.source
     session.terminal.talk("\n" + settings_text(result, session.terminal.width).rstrip("\n"))
@@ -52,7 +53,7 @@ def ask_levels(session: Session, hosts: Hosts, result: Measured) -> Measured:
     return _as_chosen(hosts, result)
 
 
-def _as_chosen(hosts: Hosts, result: Measured) -> Measured:
+def _as_chosen(hosts: Hosts, result: ExperimentResult) -> ExperimentResult:
     """The same beside the thresholds that the manifest has by now; what was searched for others is not told."""
     system, _ = system_of(hosts.source)
     before = result.experiment

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
+from rarms_iac.app import explanation
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, subject_of
 from rarms_iac.cli.hosts import Hosts, observed
@@ -33,20 +34,19 @@ from rarms_iac.planner.reservations import (
 from rarms_iac.planner.sizes import Sized, size
 from rarms_iac.storage.datalog.files import read_log
 from rarms_iac.storage.datalog.log import DataLog
-from rarms_iac.views import walk as shown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Explained:
     """The walk, and what keeps it from an end."""
 
-    walk: shown.Walk | shown.HostWalk
+    walk: explanation.Explanation | explanation.HostExplanation
     errors: tuple[Diagnostic, ...] = ()  # why nothing can be said of how much it needs
 
     @property
     def fits(self) -> bool:
         """Whether there is a layout with it."""
-        return isinstance(self.walk, shown.HostWalk) or not self.walk.misfit
+        return isinstance(self.walk, explanation.HostExplanation) or not self.walk.misfit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,7 +108,7 @@ def explained(measured: Measurements, hosts: Hosts, component: Component) -> Exp
     if group is None:
         allowed = component.hosts if component.hosts is not None else system.hosts
         homes = tuple(host for host in by_name(system.hosts) if host.name in allowed)
-        return Explained(walk=shown.HostWalk(component=component, hosts=homes))
+        return Explained(walk=explanation.HostExplanation(component=component, hosts=homes))
     states = observed(hosts, needed=())
     reservations = measured_reservations(measured, states)
     views = {name: host_view(state, system.application.name) for name, state in states.items()}
@@ -121,13 +121,13 @@ def explained(measured: Measurements, hosts: Hosts, component: Component) -> Exp
     return Explained(walk=_walk(asked, found, component), errors=errors)
 
 
-def _walk(asked: _Asked, found: _Found, component: Component) -> shown.Walk:
+def _walk(asked: _Asked, found: _Found, component: Component) -> explanation.Explanation:
     group, reservations, layout = asked.group, asked.reservations, asked.layout
     log = reservations.log(group.members, found.host)
     rests = rests_on_a_log(group)
     used = log if rests and isinstance(log, MeasuredTogether) else None
     before = tuned_before(asked.measured.folder, found.host.platform)
-    return shown.Walk(
+    return explanation.Explanation(
         component=component,
         group=group,
         host=found.host,
@@ -207,13 +207,13 @@ def _fixed_by(group: Group) -> str:
     return f"the manifest, for {' and '.join(names)}," if names else ""
 
 
-def _measured(measured: Measurements, group: Group, host: Host, log: MeasuredTogether) -> shown.Measured:
+def _measured(measured: Measurements, group: Group, host: Host, log: MeasuredTogether) -> explanation.DataLogSummary:
     members = names_of(group.members)
     subject = subject_of(measured.system, host, members, interference_of(measured.system, members))
     whole = read_log(path_of(measured.folder, subject))
     assert isinstance(whole, DataLog), "what a reservation rests on was read a moment ago"
     bench, times = whole.header.bench, sorted(one.provenance.when for one in whole.recorded)
-    return shown.Measured(
+    return explanation.DataLogSummary(
         path=log.path,
         first=times[0] if times else "",
         last=times[-1] if times else "",
@@ -230,10 +230,10 @@ def _measured(measured: Measurements, group: Group, host: Host, log: MeasuredTog
     )
 
 
-def _looked(group: Group, log: MeasuredTogether) -> Iterator[shown.Looked]:
+def _looked(group: Group, log: MeasuredTogether) -> Iterator[explanation.MemberCurve]:
     for member in group.members:
         for index, threshold in member.apt.items():
-            yield shown.Looked(
+            yield explanation.MemberCurve(
                 member=member.name, index=index, threshold=threshold, curve=log.curves(member.name, index)
             )
 
@@ -263,7 +263,7 @@ def _apart(asked: _Asked, found: _Found) -> str:
     )
 
 
-def _on_host(asked: _Asked, layout: Layout, found: _Found) -> shown.OnHost:
+def _on_host(asked: _Asked, layout: Layout, found: _Found) -> explanation.HostPromises:
     view = asked.views.get(found.host.name, HostView())
     capacity = capacity_of(found.host, view.facts)
     others = sorted(
@@ -273,7 +273,7 @@ def _on_host(asked: _Asked, layout: Layout, found: _Found) -> shown.OnHost:
     )
     kept = LogicalProcessors(Fraction(capacity.logical_processors) - capacity.processors)
     foreign = LogicalProcessors(Fraction(load_of(view.claims).percent, 100))
-    return shown.OnHost(
+    return explanation.HostPromises(
         capacity=capacity.processors, kept=kept, foreign=foreign, beside=tuple(others), placement=layout.placement
     )
 

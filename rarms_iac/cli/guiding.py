@@ -4,6 +4,7 @@ import shlex
 from collections.abc import Iterable
 from dataclasses import replace
 
+from rarms_iac.app.guide import GuideFacts
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.configuration import apt_in_words
 from rarms_iac.cli.datalogs import Measurements, measured_reservations
@@ -17,7 +18,6 @@ from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, rests_on_a_log
 from rarms_iac.planner.sizes import Sized, size
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
-from rarms_iac.views.guide import GuideFacts
 
 
 def guide_facts(measured: Measurements, opened: Opened, name: str) -> GuideFacts:

@@ -6,6 +6,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from rarms_iac.app.measure import ExperimentResult
 from rarms_iac.cli.books import Kept, book_of, kept, path_for
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.experiments import MeasureOptions
@@ -29,7 +30,6 @@ from rarms_iac.model.system import ProviderKind
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.providers.measuring import Inside, MeasuringHost
 from rarms_iac.statistics.curves import curves_of, least_reserve
-from rarms_iac.views.measured import Measured
 from rarms_iac.views.measuring import MeasuringProgress
 
 PAPER = "paper"
@@ -66,7 +66,7 @@ def run_experiment(
     bench: MeasuringHost,
     options: MeasureOptions,
     strategy: Strategy | None = None,
-) -> Measured:
+) -> ExperimentResult:
     """Measure it as far as its data log does not say it already; `strategy`: None, as the options ask.
 
     Raises:
@@ -85,7 +85,7 @@ def _measured(
     bench: MeasuringHost,
     options: MeasureOptions,
     strategy: Strategy | None,
-) -> Measured:
+) -> ExperimentResult:
     seen = _look(experiment, bench)
     recorded = kept(hosts, experiment, bench)
     book = book_of(recorded, options.seed, seen.running)
@@ -108,7 +108,7 @@ def _measured(
     ended = measure(experiment, strategy or _strategy(hosts, experiment, options, seen), book, around)
     if ended.new and seen.running:
         tell(terminal, [_busy_warning(experiment, seen.running)])
-    return Measured(
+    return ExperimentResult(
         experiment=experiment,
         conclusion=ended.conclusion,
         settings=ended.settings,

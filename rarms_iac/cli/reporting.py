@@ -4,6 +4,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+from rarms_iac.app.report_measurements import LogBesideManifest, report_of
+from rarms_iac.app.report_model import ComponentProof, Report
 from rarms_iac.cli.candidates import unpredicted_nodes
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.datalogs import (
@@ -31,8 +33,6 @@ from rarms_iac.storage.datalog.configuration import Proven, ProvenIndex, read_en
 from rarms_iac.storage.datalog.files import FOLDER, LogUnreadable, configuration_path, read_log
 from rarms_iac.storage.datalog.identity import Files
 from rarms_iac.storage.datalog.log import DataLog
-from rarms_iac.views.reports.building import Logged, report_of
-from rarms_iac.views.reports.model import Proof, Report
 
 NOTHING_MEASURED = Finding(code="RARMS290", severity=Severity.ERROR, summary="There is nothing to report")
 
@@ -76,7 +76,7 @@ def _nothing(components: tuple[str, ...]) -> Diagnostic:
     )
 
 
-def _logged(system: System, folder: Path) -> Iterator[Logged]:
+def _logged(system: System, folder: Path) -> Iterator[LogBesideManifest]:
     """Every log of a platform of the manifest, by path."""
     hosts = {host.platform: host for host in reversed(list(system.hosts.values()))}
     files = Files(folder)
@@ -91,12 +91,12 @@ def _is_of(system: System, log: DataLog) -> bool:
     return set(setup.members) <= system.components.keys() and setup.interference in system.interference
 
 
-def _beside(system: System, folder: Path, path: Path, log: DataLog, host: Host, files: Files) -> Logged:
+def _beside(system: System, folder: Path, path: Path, log: DataLog, host: Host, files: Files) -> LogBesideManifest:
     setup = log.header.setup
     asked = path_of(folder, subject_of(system, host, setup.members, interference_of(system, setup.members)))
     subject = subject_of(system, host, setup.members, setup.interference)
     comparison = compared(log, subject, files, bench_now(host), here=is_here(host))
-    return Logged(
+    return LogBesideManifest(
         path=path.relative_to(folder).as_posix(),
         log=log,
         asked=path == asked,
@@ -104,7 +104,7 @@ def _beside(system: System, folder: Path, path: Path, log: DataLog, host: Host, 
     )
 
 
-def _proofs(system: System, folder: Path, components: tuple[str, ...]) -> Iterator[Proof]:
+def _proofs(system: System, folder: Path, components: tuple[str, ...]) -> Iterator[ComponentProof]:
     """What each component showed when all ran together last, on every platform where they did."""
     for platform in sorted({host.platform for host in system.hosts.values()}):
         for name in sorted(components or system.components):
@@ -120,10 +120,10 @@ def _entries(path: Path) -> list[Proven]:
         raise _unreadable(path, problem) from None
 
 
-def _proof(entry: Proven, one: ProvenIndex, said: str) -> Proof:
+def _proof(entry: Proven, one: ProvenIndex, said: str) -> ComponentProof:
     index = find_index(one.index)
     assert index is not None, "only indexes that there are were proven"
-    return Proof(
+    return ComponentProof(
         component=entry.component,
         index=index,
         threshold=one.threshold,

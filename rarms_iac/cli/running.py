@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
+from rarms_iac.app.run_component import ComponentRunResult
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.experiments import refuse_unknown
 from rarms_iac.cli.manifests import Opened
@@ -18,7 +19,7 @@ from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.loads import Load, LoadEnded
 from rarms_iac.running.samples import Ending
 from rarms_iac.running.start import CannotStart, RunningError, StartContext
-from rarms_iac.views.component_run import Ran, sample_text, summary_text
+from rarms_iac.views.component_run import sample_text, summary_text
 from rarms_iac.views.diagnostics.layout import visible
 from rarms_iac.views.diagnostics.text import counted
 
@@ -47,7 +48,7 @@ class RunWish:
 
 def run_components(
     session: Session, system: System, opened: Opened, wish: RunWish
-) -> tuple[list[Ran], list[Diagnostic]]:
+) -> tuple[list[ComponentRunResult], list[Diagnostic]]:
     """Run them, and tell what each showed and what is wrong with it.
 
     Raises:
@@ -56,7 +57,7 @@ def run_components(
     """
     chosen = _chosen(system, opened, wish)
     base = Path(opened.loaded.folder).resolve()
-    ran: list[Ran] = []
+    ran: list[ComponentRunResult] = []
     try:
         with _load(system, wish, base) as load:
             for group in [chosen] if wish.together else [[one] for one in chosen]:
@@ -72,7 +73,7 @@ def run_components(
     return ran, [finding for one in ran for finding in findings_of(one, opened)]
 
 
-def findings_of(ran: Ran, opened: Opened) -> Iterator[Diagnostic]:
+def findings_of(ran: ComponentRunResult, opened: Opened) -> Iterator[Diagnostic]:
     """What is wrong with a run."""
     name, places = ran.component.name, opened.loaded.places
     address = f"component/{name}"
@@ -134,7 +135,7 @@ def _run_group(
     load: Load | None,
     *,
     live: bool,
-) -> list[Ran]:
+) -> list[ComponentRunResult]:
     runs = [ComponentRun(component.name, run, around) for component, run in group]
     numbers = {run.component: 0 for run in runs}
     with run_in_parallel(runs) as samples:
@@ -146,7 +147,7 @@ def _run_group(
                 session.terminal.data(sample_text(name, numbers[name], sample))
                 session.terminal.flush()
     ran = [
-        Ran(component=component, run=run, series=one.series(), ending=one.ending)
+        ComponentRunResult(component=component, run=run, series=one.series(), ending=one.ending)
         for (component, run), one in zip(group, runs, strict=True)
     ]
     for one, process in zip(ran, runs, strict=True):

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
+from rarms_iac.app.select import HostHeadroom, SelectedLevel, Selection
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.datalogs import Measurements, measured_reservations
 from rarms_iac.cli.levels import advice_beyond, far_from
@@ -24,7 +25,6 @@ from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, NotMeasured, rests_on_a_log
 from rarms_iac.planner.sizes import Sized, size
-from rarms_iac.views.select import Headroom, Level, Selection
 
 
 class Unclear(Exception):
@@ -185,9 +185,11 @@ def _with(system: System, choice: Choice) -> System:
     return replace(system, components={**system.components, choice.component.name: replace(choice.component, apt=apt)})
 
 
-def _levels(group: Group, system: System, reservations: MeasuredReservations, choice: Choice) -> Sequence[Level]:
+def _levels(
+    group: Group, system: System, reservations: MeasuredReservations, choice: Choice
+) -> Sequence[SelectedLevel]:
     """What the group gets on each platform that it was measured for; hosts in name order."""
-    found: dict[str, Level] = {}
+    found: dict[str, SelectedLevel] = {}
     for _, host in sorted(system.hosts.items()):
         if host.platform in found or any(
             member.hosts is not None and host.name not in member.hosts for member in group.members
@@ -198,7 +200,7 @@ def _levels(group: Group, system: System, reservations: MeasuredReservations, ch
         if not isinstance(sized, Sized) or isinstance(log, NotMeasured):
             continue
         least = reservations.least(group.members, host)
-        found[host.platform] = Level(
+        found[host.platform] = SelectedLevel(
             platform=host.platform,
             partition=group.name,
             reserve=sized.placed.reserve,
@@ -216,11 +218,11 @@ def _expected(log: MeasuredTogether, choice: Choice, reserve: int) -> tuple[floa
     return None if point is None else (point.value, point.lower, point.upper)
 
 
-def _headrooms(planning: Planning, system: System) -> tuple[Headroom, ...]:
+def _headrooms(planning: Planning, system: System) -> tuple[HostHeadroom, ...]:
     if not isinstance(planning.answer, Layout):
         return ()
     return tuple(
-        Headroom(
+        HostHeadroom(
             host=name,
             processors=capacity_of(host, None).processors
             - sum(

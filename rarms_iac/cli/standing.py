@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from rarms_iac.app.report_model import HostStatus
 from rarms_iac.apply.look import look
 from rarms_iac.cli.datalogs import measured_reservations, measurements_of
 from rarms_iac.cli.hosts import Hosts, hosts_of, last_runs, observe
@@ -12,7 +13,6 @@ from rarms_iac.diff.drift import DriftKind
 from rarms_iac.diff.left import left_by
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.system import ProviderKind, System
-from rarms_iac.views.reports.model import Standing
 
 SAYS = {
     DriftKind.HOST_CHANGED: "changed on the host",
@@ -23,7 +23,7 @@ SAYS = {
 }
 
 
-def standings_of(system: System, opened: Opened, source: ManifestOptions) -> tuple[Standing, ...]:
+def standings_of(system: System, opened: Opened, source: ManifestOptions) -> tuple[HostStatus, ...]:
     """One a simulated host, by name. NOTE: a report needs no host, and waits for none: others are not asked."""
     names = tuple(sorted(name for name, host in system.hosts.items() if host.provider is ProviderKind.SIMULATED))
     if not names:
@@ -34,16 +34,16 @@ def standings_of(system: System, opened: Opened, source: ManifestOptions) -> tup
         return ()
 
 
-def _looked(hosts: Hosts) -> Iterator[Standing]:
+def _looked(hosts: Hosts) -> Iterator[HostStatus]:
     system, application = hosts.system, hosts.system.application.name
     states = {name: observe(hosts.open(name)) for name in hosts.chosen}
     left = {name: left_by(journal, application) for name, journal in last_runs(hosts)}
     reservations = measured_reservations(measurements_of(system, hosts.folder, hosts.source), states)
     found, problems = look(system, states, hosts.opened.loaded.places, system.policy.max_disruption, left, reservations)
     if has_errors(problems):
-        yield from (Standing(host=name, is_planned=False) for name in hosts.chosen)
+        yield from (HostStatus(host=name, is_planned=False) for name in hosts.chosen)
         return
     for drift in found:
         if drift.host in hosts.chosen:
             differs = ((str(each.address), SAYS[each.kind]) for each in drift.drifted if each.kind in SAYS)
-            yield Standing(host=drift.host, differs=tuple(differs))
+            yield HostStatus(host=drift.host, differs=tuple(differs))

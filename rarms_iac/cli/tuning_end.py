@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
 
+from rarms_iac.app.tune import TuningEnding, TuningResult
 from rarms_iac.cli.candidates import recorded_answers
 from rarms_iac.cli.datalogs import measured_reservations, measurements_of
 from rarms_iac.cli.hosts import Hosts, observed
@@ -29,7 +30,6 @@ from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.problem import host_view
 from rarms_iac.storage.datalog.tuning import TunedPartition
-from rarms_iac.views.tuned import Ending, Tuned
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +37,7 @@ class End:
     """What came of it."""
 
     subject: Subject
-    ending: Ending
+    ending: TuningEnding
     cois: tuple[Coi, ...]  # as they are now, most critical first
     trail: tuple[Asked, ...] = ()
     proved: bool = False
@@ -94,7 +94,7 @@ class _Noting:
 def _by_the_paper(before: End, asking: Asking, *, repeat: bool) -> End:
     subject = before.subject
     done = tune_performance_to_use_less_resource(subject.cois, subject.capacity, asking, repeat=repeat)
-    ending: Ending = "nothing_to_do"
+    ending: TuningEnding = "nothing_to_do"
     if done.needed:
         ending = "successful" if done.combinations else "unable"
     return replace(before, ending=ending, cois=done.cois, trail=done.trail)
@@ -115,7 +115,7 @@ def _by_the_graph(before: End, asking: Asking, probability: float | None) -> End
     if not isinstance(found, Best):
         proved = found.proved and not room.unsure
         return replace(before, ending="unable", trail=trail, proved=proved, breaks=found.breaks)
-    ending: Ending = "successful" if set(found.cois) != set(subject.cois) else "nothing_to_do"
+    ending: TuningEnding = "successful" if set(found.cois) != set(subject.cois) else "nothing_to_do"
     for coi in found.cois:
         if coi not in subject.cois:
             asking.reporter.combined(coi, total(_parts(subject, coi)))
@@ -188,10 +188,10 @@ def still_too_much(hosts: Hosts, end: End) -> Iterator[Diagnostic]:
     )
 
 
-def tuned_of(end: End, strategy: Literal["default", "paper"], system: System, written: str) -> Tuned:
+def tuned_of(end: End, strategy: Literal["default", "paper"], system: System, written: str) -> TuningResult:
     """The same for the reader."""
     message = {"successful": SUCCESSFUL, "unable": UNABLE, "nothing_to_do": "", "stopped": ""}[end.ending]
-    return Tuned(
+    return TuningResult(
         strategy=strategy,
         ending=end.ending,
         message=message,

@@ -4,6 +4,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from rarms_iac import __version__
+from rarms_iac.app.report_model import PlatformTuning
+from rarms_iac.app.tune import TuningResult
 from rarms_iac.cli.books import unreadable
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.configuration import now
@@ -13,11 +15,9 @@ from rarms_iac.cli.problems import Halted
 from rarms_iac.model.system import System
 from rarms_iac.storage.datalog.files import LogUnreadable
 from rarms_iac.storage.datalog.tuning import TrailSetting, TuningRun, append_run, read_runs, tuning_path
-from rarms_iac.views.reports.model import Tuning
-from rarms_iac.views.tuned import Tuned
 
 
-def run_of(tuned: Tuned) -> TuningRun | None:
+def run_of(tuned: TuningResult) -> TuningRun | None:
     """The run as it is written down; None where it was stopped: it goes on, and is written when it ends."""
     if tuned.ending == "stopped":
         return None
@@ -58,7 +58,7 @@ def record_tuning(hosts: Hosts, platform: str, run: TuningRun) -> None:
             raise Halted(ExitCode.NO, [unreadable(problem)]) from None
 
 
-def tunings_of(system: System, folder: Path) -> Iterator[Tuning]:
+def tunings_of(system: System, folder: Path) -> Iterator[PlatformTuning]:
     """The last run of every platform of the manifest that has one.
 
     Raises:
@@ -70,4 +70,4 @@ def tunings_of(system: System, folder: Path) -> Iterator[Tuning]:
         except LogUnreadable as problem:
             raise Halted(ExitCode.NO, [unreadable(problem)]) from None
         if runs:
-            yield Tuning(platform=platform, run=runs[-1])
+            yield PlatformTuning(platform=platform, run=runs[-1])

@@ -1,16 +1,16 @@
 """What `rarms run` shows: each sample of a component as it happens, and what they come to beside the APT."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from math import isfinite
 
+from rarms_iac.app.run_component import ComponentRunResult, meets, noise
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import find_index
-from rarms_iac.model.measurement import Sample, Series
+from rarms_iac.model.measurement import Sample
 from rarms_iac.model.quantities import Unit
-from rarms_iac.model.system import AtLeast, AtMost, Component, Run, Threshold
+from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.running.samples import Ending
-from rarms_iac.statistics.estimates import Estimate, NoEstimate, estimate
+from rarms_iac.statistics.estimates import Estimate, NoEstimate
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import visible
 from rarms_iac.views.diagnostics.text import counted
@@ -24,51 +24,6 @@ ENDINGS = {
     Ending.CLOSED: ", ended early",
     Ending.FAILURES: ", ended by failed samples",
 }
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ran:
-    """A component that was run, and what it showed."""
-
-    component: Component
-    run: Run
-    series: Series
-    ending: Ending
-
-    @property
-    def failed(self) -> int:
-        """How many of the samples are failed ones."""
-        return sum(bool(sample.failure) for sample in self.series.samples)
-
-    @property
-    def estimates(self) -> Mapping[str, Estimate | NoEstimate]:
-        """Every index of the APT; without one, how long its jobs took and how many succeeded."""
-        indexes = tuple(self.component.apt) or ("mean_response_time", "success_rate")
-        return {index: estimate(index, self.series, self.run) for index in indexes}
-
-    @property
-    def missed(self) -> tuple[str, ...]:
-        """The indexes that are on the wrong side of their threshold beyond what is noise."""
-        found = self.estimates
-        return tuple(
-            index
-            for index, threshold in self.component.apt.items()
-            if isinstance(one := found[index], Estimate) and not (meets(one.value, threshold) or noise(one, threshold))
-        )
-
-
-def meets(value: float, threshold: Threshold) -> bool:
-    """Whether a value is good enough."""
-    match threshold:
-        case AtMost(value=most):
-            return value <= most
-        case AtLeast(value=least):
-            return value >= least
-
-
-def noise(found: Estimate, threshold: Threshold) -> bool:
-    """Whether the truth may lie on the other side of the threshold than the value."""
-    return meets(found.lower, threshold) is not meets(found.upper, threshold)
 
 
 def sample_text(component: str, number: int, sample: Sample) -> str:
@@ -85,12 +40,12 @@ def sample_text(component: str, number: int, sample: Sample) -> str:
     return "  ".join(parts) + "\n"
 
 
-def summary_text(ran: Ran) -> str:
+def summary_text(ran: ComponentRunResult) -> str:
     """What the samples come to: a line, and one an index of the APT."""
     return "".join(f"{line}\n" for line in _summary(ran))
 
 
-def _summary(ran: Ran) -> Iterator[str]:
+def _summary(ran: ComponentRunResult) -> Iterator[str]:
     series = ran.series
     cpu = "" if series.cpu_ms is None else f"; {figure(series.cpu_ms / 1000)} s of processor time, its start included"
     failed = f", {ran.failed} failed" if ran.failed else ""
@@ -136,12 +91,12 @@ def figure(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.4g}"
 
 
-def ran_json(ran: Sequence[Ran], findings: Sequence[Diagnostic]) -> str:
+def ran_json(ran: Sequence[ComponentRunResult], findings: Sequence[Diagnostic]) -> str:
     """The same for programs, samples included."""
     return as_json(ComponentRunOutput(components=tuple(map(_output, ran)), findings=tuple(findings)))
 
 
-def _output(ran: Ran) -> RanComponentOutput:
+def _output(ran: ComponentRunResult) -> RanComponentOutput:
     series = ran.series
     return RanComponentOutput(
         component=ran.component.name,

@@ -5,29 +5,8 @@ For a component that cannot be changed, on hosts that rarms does not reach. The 
 
 import shlex
 from collections.abc import Iterator
-from dataclasses import dataclass
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GuideFacts:
-    """What is to be set for one component."""
-
-    component: str
-    partition: str
-    beside: tuple[str, ...]  # other components of the partition
-    apt: tuple[str, ...]  # `mean_response_time at most 100 ms`
-    platform: str
-    reserve: int  # whole per cent of each virtual processor
-    limit: int
-    weight: int
-    processors: int  # virtual
-    host_processors: int
-    memory_mib: int
-    task: str | None
-    task_values: tuple[str, ...]  # `Priority = 5 (DWORD)`
-    command: str
-    rests_on: str  # what the reserve comes from
-    shortest_ms: float | None  # the shortest response time that a threshold allows
+from rarms_iac.app.guide import GuideFacts
 
 
 def guide(facts: GuideFacts) -> str:

@@ -1,10 +1,10 @@
 """What was measured: the summary a component, and the same for programs."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from math import isfinite
 from typing import Literal, assert_never
 
+from rarms_iac.app.measure import ExperimentResult
 from rarms_iac.measuring.conclusions import (
     Conclusion,
     NotAchievable,
@@ -21,7 +21,6 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.phrases import in_a_row
 from rarms_iac.model.system import AtLeast, AtMost
-from rarms_iac.statistics.curves import LeastReserve
 from rarms_iac.statistics.verdicts import ERRORS, share
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap
@@ -34,19 +33,7 @@ Ending = Literal["found", "not_achievable", "not_resolved", "no_verdict", "swept
 Row = tuple[str, str, str, str, str, str]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Measured:
-    """An experiment with its end."""
-
-    experiment: Experiment
-    conclusion: Conclusion
-    settings: tuple[Setting, ...]  # all that its end rests on
-    new: int  # how many of them were run now
-    planned: LeastReserve | None  # what a plan reserves by the curve
-    log: str  # path
-
-
-def summary_text(results: Sequence[Measured], width: int, waiting: Sequence[Experiment] = ()) -> str:
+def summary_text(results: Sequence[ExperimentResult], width: int, waiting: Sequence[Experiment] = ()) -> str:
     """A table, a row an index of a component; the reservation and its verdict stand in the first row of each.
 
     Where verdicts have errors, what these mean stands below.
@@ -60,7 +47,7 @@ def summary_text(results: Sequence[Measured], width: int, waiting: Sequence[Expe
     return table(rows, width) + ("\n" + "\n".join(wrap(ERRORS, width, "")) + "\n" if judged else "")
 
 
-def settings_text(measured: Measured, width: int) -> str:
+def settings_text(measured: ExperimentResult, width: int) -> str:
     """A table, a row a setting in the order of their reservations: what a level is picked from."""
     names = [(member.name, index) for member in measured.experiment.members for index in member.apt]
     heads = [f"{name} {index}" if len(measured.experiment.members) > 1 else index for name, index in names]
@@ -81,21 +68,21 @@ def show_band(shown: Shown) -> str:
     return value if shown.estimate.beyond is not None else f"{value} ({lower.rpartition(' ')[0]} to {upper})"
 
 
-def _rows(measured: Measured) -> Iterator[Row]:
+def _rows(measured: ExperimentResult) -> Iterator[Row]:
     new = f", {measured.new} new" if measured.new else ""
     reserve, verdict = _verdict(measured)
     error = _error(measured)
     yield from _members(measured.experiment, reserve, verdict, error, f"{len(measured.settings)}{new}")
 
 
-def _error(measured: Measured) -> str:
+def _error(measured: ExperimentResult) -> str:
     """How often the verdict is wrong at most; NOTE: of an extreme nobody can say, however often it was met so far."""
     if not isinstance(measured.conclusion, Sufficient | NotAchievable):
         return ""
     return "so far" if _only_extremes(measured, measured.conclusion.reserve) else share(measured.conclusion.error)
 
 
-def _only_extremes(measured: Measured, reserve: int) -> bool:
+def _only_extremes(measured: ExperimentResult, reserve: int) -> bool:
     seen = [
         each
         for setting in measured.settings
@@ -114,7 +101,7 @@ def _members(experiment: Experiment, reserve: str, verdict: str, error: str, use
             yield member.name, "none", reserve, verdict, error, used
 
 
-def _verdict(measured: Measured) -> tuple[str, str]:
+def _verdict(measured: ExperimentResult) -> tuple[str, str]:
     """The CR and what is known of it; NOTE: a plan rests on the curve, so where the two differ both are told."""
     match measured.conclusion:
         case Sufficient(reserve=reserve, failed=failed, untold=untold):
@@ -133,7 +120,7 @@ def _verdict(measured: Measured) -> tuple[str, str]:
             assert_never(measured.conclusion)
 
 
-def _below(measured: Measured, failed: int | None) -> str:
+def _below(measured: ExperimentResult, failed: int | None) -> str:
     """The highest lower setting that was not shown to be enough; NOTE: that is not yet shown to be too little."""
     if not failed:
         return ""
@@ -151,7 +138,7 @@ def _untold(reserves: Sequence[int]) -> str:
     return f", {in_a_row(reserves)} % without a steady state" if reserves else ""
 
 
-def _planned(measured: Measured, reserve: int | None) -> str:
+def _planned(measured: ExperimentResult, reserve: int | None) -> str:
     planned = measured.planned
     if planned is None or planned.reserve == reserve:
         return ""
@@ -160,14 +147,14 @@ def _planned(measured: Measured, reserve: int | None) -> str:
 
 
 def measure_json(
-    results: Sequence[Measured], findings: tuple[Diagnostic, ...], waiting: Sequence[Experiment] = ()
+    results: Sequence[ExperimentResult], findings: tuple[Diagnostic, ...], waiting: Sequence[Experiment] = ()
 ) -> str:
     """The same for programs, every setting with it."""
     not_begun = tuple(experiment.setup.members for experiment in waiting)
     return as_json(MeasureOutput(experiments=tuple(map(_output, results)), not_begun=not_begun, findings=findings))
 
 
-def _output(measured: Measured) -> ExperimentOutput:
+def _output(measured: ExperimentResult) -> ExperimentOutput:
     conclusion, experiment = measured.conclusion, measured.experiment
     return ExperimentOutput(
         components=experiment.setup.members,

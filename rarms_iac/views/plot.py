@@ -7,8 +7,8 @@ nothing that a sign does not say.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from rarms_iac.app.report_model import IndexCurve
 from rarms_iac.model.thresholds import show_threshold
-from rarms_iac.views.reports.model import Shown
 from rarms_iac.views.reports.scale import UNIT_TEXT, Scale, digits, scale_of
 
 HEIGHT = 14
@@ -68,7 +68,7 @@ Cells = dict[tuple[int, int], tuple[str, str]]
 """Column and row from the top -> the sign, and what it stands for."""
 
 
-def plot_text(shown: Shown, *, width: int = 80, ascii_only: bool = False, colour: bool = False) -> str:
+def plot_text(shown: IndexCurve, *, width: int = 80, ascii_only: bool = False, colour: bool = False) -> str:
     """The curve in lines of at most `width` columns, ending with a line end; words where nothing was measured."""
     unit = UNIT_TEXT[shown.index.unit] + (", log scale" if scale_of(shown).logarithmic else "")
     title = f"{shown.component}: {shown.index.name} ({unit}) against CPU reservation (%)"
@@ -92,7 +92,7 @@ def plot_text(shown: Shown, *, width: int = 80, ascii_only: bool = False, colour
     )
 
 
-def _cells(shown: Shown, scale: Scale, field: int, signs: Signs, *, dots: bool) -> Cells:
+def _cells(shown: IndexCurve, scale: Scale, field: int, signs: Signs, *, dots: bool) -> Cells:
     """Later ones lie above earlier ones."""
     cells: Cells = {}
     rows, least = shown.rows, shown.least
@@ -123,7 +123,7 @@ def _row(scale: Scale, value: float) -> int:
     return min(int((1 - scale.height(value)) * HEIGHT), HEIGHT - 1)
 
 
-def _sampled(shown: Shown, steps: int) -> Iterator[tuple[int, float]]:
+def _sampled(shown: IndexCurve, steps: int) -> Iterator[tuple[int, float]]:
     """The curve's value at each of so many steps over the axis, where there is one."""
     for step in range(steps):
         point = shown.curve.value_at(100 * (step + 0.5) / steps)
@@ -131,7 +131,7 @@ def _sampled(shown: Shown, steps: int) -> Iterator[tuple[int, float]]:
             yield step, point.value
 
 
-def _stars(shown: Shown, scale: Scale, field: int, signs: Signs) -> Cells:
+def _stars(shown: IndexCurve, scale: Scale, field: int, signs: Signs) -> Cells:
     return {(column, _row(scale, value)): (signs.curve, "curve") for column, value in _sampled(shown, field)}
 
 
@@ -139,7 +139,7 @@ _DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
 """The bits of a braille sign, by column and row of its dots."""
 
 
-def _braille(shown: Shown, scale: Scale, field: int) -> Cells:
+def _braille(shown: IndexCurve, scale: Scale, field: int) -> Cells:
     bits: dict[tuple[int, int], int] = {}
     for step, value in _sampled(shown, 2 * field):
         dot = min(int((1 - scale.height(value)) * 4 * HEIGHT), 4 * HEIGHT - 1)
@@ -195,7 +195,7 @@ def _wrapped(text: str, width: int) -> Sequence[str]:
     return lines
 
 
-def _says(shown: Shown) -> str:
+def _says(shown: IndexCurve) -> str:
     if shown.threshold is None:
         return "No APT yet."
     wanted, least = show_threshold(shown.index, shown.threshold), shown.least

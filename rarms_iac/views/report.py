@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from math import isfinite
 
+from rarms_iac.app.report_model import IndexCurve, Measurement, Report
 from rarms_iac.statistics.verdicts import ERRORS
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap
@@ -19,7 +20,6 @@ from rarms_iac.views.output.measuring import (
     ReportTuningOutput,
 )
 from rarms_iac.views.plot import plot_text
-from rarms_iac.views.reports.model import Measurement, Report, Shown
 from rarms_iac.views.reports.summary import (
     fit_text,
     fits_of,
@@ -133,7 +133,7 @@ def _measurement(measurement: Measurement) -> ReportMeasurementOutput:
     )
 
 
-def _index(shown: Shown) -> ReportIndexOutput:
+def _index(shown: IndexCurve) -> ReportIndexOutput:
     return ReportIndexOutput(
         component=shown.component,
         index=shown.index.name,

@@ -1,52 +1,14 @@
 """`rarms select`: a level, and the reservation that follows from it."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from fractions import Fraction
 
+from rarms_iac.app.select import SelectedLevel, Selection
 from rarms_iac.model.indexes import PerformanceIndex, find_index
 from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
-from rarms_iac.model.system import Threshold
 from rarms_iac.model.thresholds import show_threshold, show_value
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.output.measuring import HeadroomOutput, LevelOutput, SelectionOutput
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Level:
-    """What a partition gets on a platform, so that the level holds there."""
-
-    platform: str
-    partition: str
-    reserve: int  # whole per cent of each virtual processor
-    processors: int  # virtual ones
-    host: str  # the first of the platform
-    host_processors: int
-    interpolated: bool
-    expected: tuple[float, float, float] | None  # the index there, and its band; None: not measured there
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Headroom:
-    """What a host has left, once every partition has its reservation; less than nothing: it does not fit."""
-
-    host: str
-    processors: Fraction
-    host_processors: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Selection:
-    """A level that was chosen, and what follows."""
-
-    component: str
-    index: str
-    before: Threshold | None
-    after: Threshold
-    levels: tuple[Level, ...]  # by platform
-    rests_on_a_log: bool  # else the manifest fixes the reserve
-    headrooms: tuple[Headroom, ...]  # none where there is no layout
-    why_no_headroom: str
 
 
 def selection_text(selection: Selection) -> str:
@@ -74,7 +36,7 @@ def selection_json(selection: Selection, file: str, *, written: bool) -> str:
     )
 
 
-def _level_output(level: Level) -> LevelOutput:
+def _level_output(level: SelectedLevel) -> LevelOutput:
     value, lower, upper = level.expected or (None, None, None)
     return LevelOutput(
         platform=level.platform,

@@ -1,47 +1,20 @@
 """What tuning came to: partitions, the trail of settings, and the same for programs."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
-from typing import Literal
 
+from rarms_iac.app.tune import TuningResult
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.planner.combining.oracle import Asked
 from rarms_iac.planner.prediction.belief import ASSUMED
-from rarms_iac.storage.datalog.tuning import TunedPartition, claim_of
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap
 from rarms_iac.views.output.combining import AskedOutput, CombinedOutput, TuneOutput
 from rarms_iac.views.table import table
 
-Ending = Literal["nothing_to_do", "successful", "unable", "stopped"]
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tuned:
-    """How `rarms tune` ended; amounts in per cent of one logical processor."""
-
-    strategy: Literal["default", "paper"]
-    ending: Ending
-    message: str
-    capacity: int
-    before: int
-    after: int
-    proved: bool
-    probability: float | None  # that no other layout is better; None: it is proved, or nothing is claimed
-    contradictions: tuple[str, ...]
-    partitions: tuple[TunedPartition, ...]
-    trail: tuple[Asked, ...]
-    written: str = ""
-
-    @property
-    def claim(self) -> str:
-        """What is said of other layouts."""
-        return claim_of(self.proved, self.probability)
-
-
-def tuned_text(tuned: Tuned, width: int) -> str:
+def tuned_text(tuned: TuningResult, width: int) -> str:
     """The trail, the partitions, and what all of it came to."""
     trail = table(list(_trail(tuned.trail)), width) + "\n" if tuned.trail else ""
     rows = [("partition", "components", "CR", "reserves", "apart")]
@@ -64,7 +37,7 @@ def _trail(trail: Sequence[Asked]) -> Iterator[tuple[str, ...]]:
         yield "+".join(one.members), f"{one.reserve} %", *([told] if predicted else []), verdict
 
 
-def _sentence(tuned: Tuned) -> str:
+def _sentence(tuned: TuningResult) -> str:
     before, after, capacity = map(_shown, (tuned.before, tuned.after, tuned.capacity))
     match tuned.ending:
         case "nothing_to_do":
@@ -77,7 +50,7 @@ def _sentence(tuned: Tuned) -> str:
             return f"{tuned.message}: {before} became {after} of {capacity}.{_claimed(tuned)}"
 
 
-def _claimed(tuned: Tuned) -> str:
+def _claimed(tuned: TuningResult) -> str:
     if tuned.proved:
         return f"\nNo other layout is better, if {ASSUMED}."
     if tuned.probability is None:
@@ -92,7 +65,7 @@ def _shown(percent: int) -> str:
     return show_processors(Fraction(percent, 100))
 
 
-def tuned_json(tuned: Tuned, findings: Sequence[Diagnostic]) -> str:
+def tuned_json(tuned: TuningResult, findings: Sequence[Diagnostic]) -> str:
     """The same for programs."""
     return as_json(
         TuneOutput(

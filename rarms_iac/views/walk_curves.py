@@ -3,16 +3,16 @@
 from collections.abc import Iterator
 from fractions import Fraction
 
+from rarms_iac.app.explanation import Explanation, MemberCurve
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.quantities import show_percent
 from rarms_iac.model.system import AtMost, Threshold
 from rarms_iac.model.thresholds import show_threshold, show_value
 from rarms_iac.statistics.curves import Point, holds
 from rarms_iac.statistics.verdicts import wrong
-from rarms_iac.views.walk import Looked, Walk
 
 
-def verdicts(walk: Walk) -> Iterator[str]:
+def verdicts(walk: Explanation) -> Iterator[str]:
     """What was measured at the reservation, or why nothing was."""
     if walk.measured is None:
         yield _why_not_measured(walk)
@@ -35,7 +35,7 @@ def verdicts(walk: Walk) -> Iterator[str]:
     yield from walk.remarks
 
 
-def one_less(walk: Walk, less: int) -> Iterator[str]:
+def one_less(walk: Explanation, less: int) -> Iterator[str]:
     """Why not one per cent less: the index that its curve shows to fail there."""
     missed = [
         (one, at)
@@ -71,7 +71,7 @@ def shown(name: str, threshold: Threshold) -> str:
     return show_threshold(index, threshold)
 
 
-def _why_not_measured(walk: Walk) -> str:
+def _why_not_measured(walk: Explanation) -> str:
     if walk.wanted is None:
         return "not measured: there is no data log that holds"
     if walk.fixed_by:
@@ -82,7 +82,7 @@ def _why_not_measured(walk: Walk) -> str:
     return "not measured: nothing is reserved, and no APT asks"
 
 
-def _verdict(walk: Walk, looked: Looked, point: Point, at: int) -> str:
+def _verdict(walk: Explanation, looked: MemberCurve, point: Point, at: int) -> str:
     seen = (
         f"at {at} %: {_name(walk, looked)} {_value(looked, point.value)}, "
         f"between {_value(looked, point.lower)} and {_value(looked, point.upper)} "
@@ -97,11 +97,11 @@ def _listed(reserves: list[int]) -> str:
     return ", ".join(f"{reserve} %" for reserve in reserves)
 
 
-def _name(walk: Walk, looked: Looked) -> str:
+def _name(walk: Explanation, looked: MemberCurve) -> str:
     return looked.index if looked.member == walk.component.name else f"{looked.index} of {looked.member}"
 
 
-def _samples(looked: Looked, point: Point) -> str:
+def _samples(looked: MemberCurve, point: Point) -> str:
     found = [
         made.samples
         for at, made in zip(looked.curve.points, looked.curve.estimates, strict=True)
@@ -110,11 +110,11 @@ def _samples(looked: Looked, point: Point) -> str:
     return f", {found[0]} samples" if found else ""
 
 
-def _beside(looked: Looked) -> str:
+def _beside(looked: MemberCurve) -> str:
     return shown(looked.index, looked.threshold)
 
 
-def _value(looked: Looked, value: float) -> str:
+def _value(looked: MemberCurve, value: float) -> str:
     index = find_index(looked.index)
     assert index is not None, "a curve is of an index that there is"
     if value in (float("inf"), float("-inf")):

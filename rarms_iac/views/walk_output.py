@@ -1,16 +1,16 @@
 """`rarms explain COMPONENT`, for people and for programs."""
 
+from rarms_iac.app.explanation import Explanation, HostExplanation
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap
 from rarms_iac.views.output.measuring import WalkOutput, WalkStepOutput
-from rarms_iac.views.walk import HostWalk, Walk
 from rarms_iac.views.walk_steps import steps_of
 
 WIDTH = 80
 _MARGIN = "  "
 
 
-def walk_text(walk: Walk | HostWalk, width: int = WIDTH) -> str:
+def walk_text(walk: Explanation | HostExplanation, width: int = WIDTH) -> str:
     """The walk for a terminal of so many columns."""
     lines = [f"{walk.component.name} (criticality {walk.component.criticality})", ""]
     for step in steps_of(walk):
@@ -20,12 +20,12 @@ def walk_text(walk: Walk | HostWalk, width: int = WIDTH) -> str:
     return "\n".join(lines) + "\n"
 
 
-def walk_json(walk: Walk | HostWalk) -> str:
+def walk_json(walk: Explanation | HostExplanation) -> str:
     """The same for programs."""
-    return as_json(_on_the_host(walk) if isinstance(walk, HostWalk) else _in_a_partition(walk))
+    return as_json(_on_the_host(walk) if isinstance(walk, HostExplanation) else _in_a_partition(walk))
 
 
-def _in_a_partition(walk: Walk) -> WalkOutput:
+def _in_a_partition(walk: Explanation) -> WalkOutput:
     placed, known = walk.placed, not walk.cannot
     return WalkOutput(
         component=walk.component.name,
@@ -45,7 +45,7 @@ def _in_a_partition(walk: Walk) -> WalkOutput:
     )
 
 
-def _on_the_host(walk: HostWalk) -> WalkOutput:
+def _on_the_host(walk: HostExplanation) -> WalkOutput:
     return WalkOutput(
         component=walk.component.name,
         partition=None,
@@ -64,5 +64,5 @@ def _on_the_host(walk: HostWalk) -> WalkOutput:
     )
 
 
-def _steps(walk: Walk | HostWalk) -> tuple[WalkStepOutput, ...]:
+def _steps(walk: Explanation | HostExplanation) -> tuple[WalkStepOutput, ...]:
     return tuple(WalkStepOutput(topic=step.topic, says=step.says) for step in steps_of(walk))

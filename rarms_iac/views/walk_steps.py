@@ -1,23 +1,32 @@
 """The sentences of `rarms explain COMPONENT`, step by step; each says something, if only that there is nothing."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from fractions import Fraction
 
+from rarms_iac.app.explanation import DataLogSummary, Explanation, HostExplanation
 from rarms_iac.model.quantities import guaranteed, in_processors, show_bytes, show_percent, show_processors
 from rarms_iac.model.system import Component
 from rarms_iac.views.placement import placement_says
-from rarms_iac.views.walk import HostWalk, Measured, Step, Walk
 from rarms_iac.views.walk_curves import one_less, shown, verdicts
 
 
-def steps_of(walk: Walk | HostWalk) -> tuple[Step, ...]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExplanationStep:
+    """A step of an explanation: what it is about, and its sentences."""
+
+    topic: str
+    says: tuple[str, ...]
+
+
+def steps_of(walk: Explanation | HostExplanation) -> tuple[ExplanationStep, ...]:
     """The steps in order."""
-    made = _on_the_host(walk) if isinstance(walk, HostWalk) else _in_a_partition(walk)
+    made = _on_the_host(walk) if isinstance(walk, HostExplanation) else _in_a_partition(walk)
     steps = ((topic, tuple(says)) for topic, says in made)
-    return tuple(Step(topic=topic, says=says) for topic, says in steps if says)
+    return tuple(ExplanationStep(topic=topic, says=says) for topic, says in steps if says)
 
 
-def _in_a_partition(walk: Walk) -> Iterator[tuple[str, Iterator[str]]]:
+def _in_a_partition(walk: Explanation) -> Iterator[tuple[str, Iterator[str]]]:
     yield "APT", _apt(walk)
     yield "data log", _data_log(walk)
     yield "setting and verdict", verdicts(walk)
@@ -30,7 +39,7 @@ def _in_a_partition(walk: Walk) -> Iterator[tuple[str, Iterator[str]]]:
     yield "no layout", iter(walk.misfit)
 
 
-def _on_the_host(walk: HostWalk) -> Iterator[tuple[str, Iterator[str]]]:
+def _on_the_host(walk: HostExplanation) -> Iterator[tuple[str, Iterator[str]]]:
     one, name = walk.component, walk.component.name
     hosts = ", ".join(host.name for host in walk.hosts) or "no host of the manifest"
     task = f"robotic task class {one.task}: `rarms plan` shows its values" if one.task else "no robotic task class"
@@ -49,7 +58,7 @@ def _on_the_host(walk: HostWalk) -> Iterator[tuple[str, Iterator[str]]]:
     yield "rejected", iter(["nothing: nothing is placed, combined or measured"])
 
 
-def _apt(walk: Walk) -> Iterator[str]:
+def _apt(walk: Explanation) -> Iterator[str]:
     for member in sorted(walk.group.members, key=lambda each: each is not walk.component):
         if member is walk.component:
             yield from _thresholds(member, "")
@@ -64,7 +73,7 @@ def _thresholds(component: Component, whose: str) -> Iterator[str]:
         yield f"{component.name} has none: nothing says how well it must do"
 
 
-def _data_log(walk: Walk) -> Iterator[str]:
+def _data_log(walk: Explanation) -> Iterator[str]:
     log = walk.measured
     if walk.fixed_by:
         yield f"none is needed: {walk.fixed_by} fixes the reserve"
@@ -76,7 +85,7 @@ def _data_log(walk: Walk) -> Iterator[str]:
         yield "none is needed: nothing is reserved"
 
 
-def _log(log: Measured) -> Iterator[str]:
+def _log(log: DataLogSummary) -> Iterator[str]:
     when = log.first if log.first == log.last else f"{log.first} to {log.last}"
     yield f"{log.path}, {_settings(len(log.reserves))}, measured {when}"
     smt = "with SMT" if log.smt else "without SMT"
@@ -92,7 +101,7 @@ def _settings(number: int) -> str:
     return "one setting" if number == 1 else f"{number} settings"
 
 
-def _reservation(walk: Walk) -> Iterator[str]:
+def _reservation(walk: Explanation) -> Iterator[str]:
     whole = walk.host.logical_processors
     if walk.wanted is None:
         yield f"not known: {_what_is_missing(walk)}"
@@ -110,11 +119,11 @@ def _reservation(walk: Walk) -> Iterator[str]:
     yield f"{show_processors(walk.wanted)}, {show_percent(100 * walk.wanted / whole)} of {walk.host.name}"
 
 
-def _what_is_missing(walk: Walk) -> str:
+def _what_is_missing(walk: Explanation) -> str:
     return "no setting that was measured is enough" if walk.measured is not None else "not measured"
 
 
-def _rounding(walk: Walk) -> Iterator[str]:
+def _rounding(walk: Explanation) -> Iterator[str]:
     placed = walk.placed
     if walk.wanted is None or walk.cannot:
         yield "none: " + (walk.cannot if walk.wanted is not None else "there is no reservation to round yet")
@@ -135,7 +144,7 @@ def _virtual(processors: int) -> str:
     return "one virtual processor" if processors == 1 else f"{processors} virtual processors"
 
 
-def _partition(walk: Walk) -> Iterator[str]:
+def _partition(walk: Explanation) -> Iterator[str]:
     others = [member for member in walk.group.members if member is not walk.component]
     if not others:
         yield f"{walk.placed.name}: {walk.component.name} is alone, as nothing asks to combine it"
@@ -146,7 +155,7 @@ def _partition(walk: Walk) -> Iterator[str]:
     yield f"memory {show_bytes(walk.placed.memory)}, {_virtual(walk.placed.processors)}"
 
 
-def _host(walk: Walk) -> Iterator[str]:
+def _host(walk: Explanation) -> Iterator[str]:
     whole = Fraction(walk.host.logical_processors)
 
     def share(processors: Fraction) -> str:
@@ -179,12 +188,12 @@ def _host(walk: Walk) -> Iterator[str]:
         yield placement_says(walk.on_host.placement)
 
 
-def _leftover(walk: Walk) -> Iterator[str]:
+def _leftover(walk: Explanation) -> Iterator[str]:
     yield f"limit {walk.placed.limit} %: {walk.placed.why_limit}"
     yield f"weight {walk.placed.weight}: {walk.placed.why_weight}"
 
 
-def _rejected(walk: Walk) -> Iterator[str]:
+def _rejected(walk: Explanation) -> Iterator[str]:
     yield from _other_reserves(walk)
     if walk.apart:
         yield walk.apart
@@ -196,7 +205,7 @@ def _rejected(walk: Walk) -> Iterator[str]:
         yield "another host: the manifest has no other"
 
 
-def _other_reserves(walk: Walk) -> Iterator[str]:
+def _other_reserves(walk: Explanation) -> Iterator[str]:
     if walk.fixed_by:
         yield f"another reserve: none was looked for, as {walk.fixed_by} fixes it"
     elif walk.wanted is None:

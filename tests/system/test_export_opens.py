@@ -9,8 +9,8 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from rarms_iac.views.reports.building import report_of
-from rarms_iac.views.reports.model import Report
+from rarms_iac.app.report_measurements import report_of
+from rarms_iac.app.report_model import Report
 from rarms_iac.views.reports.scale import UNIT_TEXT
 from rarms_iac.views.reports.spreadsheet import workbook
 from tests.measured_robot import a_robot, the_logs

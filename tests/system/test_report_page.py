@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import yaml
 
+from rarms_iac.app.report_measurements import report_of
+from rarms_iac.app.report_model import HostStatus, PlatformTuning
 from rarms_iac.model.quantities import Unit, parse_quantity
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.curves import curve_of, least_reserve
-from rarms_iac.views.reports.building import report_of
 from rarms_iac.views.reports.html import as_html
-from rarms_iac.views.reports.model import Standing, Tuning
 from tests.browser import ask, chromium, looks, messages, whole_page
 from tests.measured_robot import a_robot, the_logs
 from tests.unit.storage.datalog.test_tuning import RUN
@@ -40,8 +40,8 @@ FACES, SUCCESS, P95, PATHS = "m1-1", "m2-1", "m2-2", "m3-1"
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator["WebDriver"]:
     folder = tmp_path_factory.mktemp("report")
     report = replace(
-        report_of(SYSTEM, the_logs(SYSTEM), (), [Standing(host="onboard", differs=(("partition/vision", "gone"),))]),
-        tunings=(Tuning(platform="onboard", run=RUN),),
+        report_of(SYSTEM, the_logs(SYSTEM), (), [HostStatus(host="onboard", differs=(("partition/vision", "gone"),))]),
+        tunings=(PlatformTuning(platform="onboard", run=RUN),),
         candidates=all_of(("path-planning", "speech-recognition", "video-streaming", "vision")),
     )
     (folder / "report.html").write_bytes(as_html(report))

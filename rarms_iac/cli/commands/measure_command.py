@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from rarms_iac.app.measure import ExperimentResult
 from rarms_iac.cli.asking import ask_levels, refuse_without_terminal
 from rarms_iac.cli.books import path_for, unreadable
 from rarms_iac.cli.codes import ExitCode
@@ -35,7 +36,7 @@ from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.storage.datalog.files import LogUnreadable
 from rarms_iac.storage.datalog.log import Remeasurement
-from rarms_iac.views.measured import Measured, measure_json, summary_text
+from rarms_iac.views.measured import measure_json, summary_text
 
 STRATEGIES = ("default", "bisection", "paper")
 USUAL_STEP = 10
@@ -151,7 +152,7 @@ def record_what_follows(hosts: Hosts) -> None:
 class Done:
     """All experiments: those that were begun, and after an early end the others."""
 
-    results: tuple[Measured, ...]
+    results: tuple[ExperimentResult, ...]
     findings: tuple[Diagnostic, ...]
     waiting: tuple[Experiment, ...] = ()
     complete: Mapping[Path, Remeasurement] = field(default_factory=dict)  # finished, by data log
@@ -176,7 +177,7 @@ def measured(session: Session, hosts: Hosts, options: MeasureOptions, *, interac
         Halted: see `run_experiment`.
     """
     experiments = experiments_for(hosts, options)
-    results: list[Measured] = []
+    results: list[ExperimentResult] = []
     found: list[Diagnostic] = []
     complete: dict[Path, Remeasurement] = {}
     names = [experiment.host.name for experiment in experiments]

@@ -4,6 +4,8 @@ from typing import Literal, cast
 
 import click
 
+from rarms_iac.app.report_model import PlatformTuning
+from rarms_iac.app.tune import TuningResult
 from rarms_iac.cli.asking import refuse_without_terminal
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.commands.measure_command import record_what_follows
@@ -30,9 +32,8 @@ from rarms_iac.cli.tuning_talk import AskingConsent, Telling
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.planner.combining.oracle import Always
 from rarms_iac.planner.combining.paper import Asking
-from rarms_iac.views.reports.model import Tuning
 from rarms_iac.views.reports.spreadsheet import csv_text, trail_rows
-from rarms_iac.views.tuned import Tuned, tuned_json, tuned_text
+from rarms_iac.views.tuned import tuned_json, tuned_text
 
 STRATEGIES = ("default", "paper")
 
@@ -134,13 +135,13 @@ def _tuned(
         return End.of(subject, asking, options.strategy, repeat=repeat, probability=probability)
 
 
-def _keep_trail(session: Session, hosts: Hosts, end: End, tuned: Tuned, file: str | None) -> None:
+def _keep_trail(session: Session, hosts: Hosts, end: End, tuned: TuningResult, file: str | None) -> None:
     """Into the log of tuning, for reports, and into the file that was asked for."""
     platform, run = end.subject.bench.platform, run_of(tuned)
     if run is not None:
         record_tuning(hosts, platform, run)
     if file is not None:
-        rows = trail_rows([] if run is None else [Tuning(platform=platform, run=run)])
+        rows = trail_rows([] if run is None else [PlatformTuning(platform=platform, run=run)])
         write_file(file, csv_text(rows).encode("utf-8"))
         session.terminal.talk(f"Wrote {file}.")
 

@@ -11,9 +11,9 @@ from functools import cache
 from hashlib import sha256
 from typing import TYPE_CHECKING
 
+from rarms_iac.app.report_model import Report
 from rarms_iac.statistics.verdicts import ERRORS
 from rarms_iac.storage.shipped import shipped, shipped_text
-from rarms_iac.views.reports.model import Report
 from rarms_iac.views.reports.page import RESERVES, Card, cards_of, data_of
 from rarms_iac.views.reports.summary import (
     Fit,

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import isfinite
 
+from rarms_iac.app.report_model import CurveRow, IndexCurve, MeasuredPoint, Measurement, PlatformCapacity, Report
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.curves import least_reserve
-from rarms_iac.views.reports.model import Capacity, Measurement, Point, Report, Row, Shown
 from rarms_iac.views.reports.scale import UNIT_TEXT, Scale, digits, exact, scale_of, shown
 from rarms_iac.views.reports.summary import error_text
 
@@ -58,7 +58,7 @@ class Plot:
     band: str  # path
     curve: str  # path
     dots: tuple[Dot, ...]
-    of: Shown
+    of: IndexCurve
     scale: Scale
     points: tuple[tuple[str, ...], ...]  # the table of what was measured
 
@@ -96,7 +96,7 @@ class Card:
     id: str
     of: Measurement
     plots: tuple[Plot, ...]
-    capacity: Capacity | None
+    capacity: PlatformCapacity | None
 
     @property
     def name(self) -> str:
@@ -144,7 +144,7 @@ def cards_of(report: Report) -> tuple[Card, ...]:
     )
 
 
-def plot_of(curve: Shown, measurement: Measurement, name: str) -> Plot:
+def plot_of(curve: IndexCurve, measurement: Measurement, name: str) -> Plot:
     """Where everything of a curve lies."""
     scale = scale_of(curve)
     threshold = beginning(curve, scale)
@@ -173,7 +173,7 @@ def plot_of(curve: Shown, measurement: Measurement, name: str) -> Plot:
     )
 
 
-def beginning(curve: Shown, scale: Scale) -> Threshold:
+def beginning(curve: IndexCurve, scale: Scale) -> Threshold:
     """The APT; without one the grid's threshold nearest to the middle of the axis."""
     if curve.threshold is not None:
         return curve.threshold
@@ -183,7 +183,7 @@ def beginning(curve: Shown, scale: Scale) -> Threshold:
     return AtMost(value=value) if curve.index.smaller_is_better else AtLeast(value=value)
 
 
-def _in_words(curve: Shown) -> str:
+def _in_words(curve: IndexCurve) -> str:
     name = f"{curve.index.name.replace('_', ' ')} of {curve.component}"
     if not curve.curve.points:
         return f"The {name} is not known."
@@ -223,7 +223,7 @@ def corners(points: Sequence[tuple[float, float]]) -> Sequence[tuple[float, floa
     return (*corners(points[: farthest + 1])[:-1], *corners(points[farthest:]))
 
 
-def _band(rows: Sequence[Row], scale: Scale) -> str:
+def _band(rows: Sequence[CurveRow], scale: Scale) -> str:
     if not rows:
         return ""
     above = _path([(row.reserve, scale.height(row.high)) for row in rows])
@@ -231,7 +231,7 @@ def _band(rows: Sequence[Row], scale: Scale) -> str:
     return f"{above}L{_path(below[::-1])[1:]}Z"
 
 
-def _dots(curve: Shown, scale: Scale) -> Iterator[Dot]:
+def _dots(curve: IndexCurve, scale: Scale) -> Iterator[Dot]:
     for point in curve.points:
         if point.value is not None:
             yield Dot(
@@ -243,7 +243,7 @@ def _dots(curve: Shown, scale: Scale) -> Iterator[Dot]:
             )
 
 
-def _told(point: Point, curve: Shown) -> tuple[str, ...]:
+def _told(point: MeasuredPoint, curve: IndexCurve) -> tuple[str, ...]:
     """Reserve, value, interval, samples, verdict with its error, remarks."""
     unit = curve.index.unit
     inside = "" if point.value is None else f"{digits(point.low)} to {shown(point.high, unit)}"

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import ceil, floor, inf, isfinite, log10
 
+from rarms_iac.app.report_model import IndexCurve
 from rarms_iac.model.quantities import Unit, plain
-from rarms_iac.views.reports.model import Shown
 
 WIDE = 5.0
 """From this ratio of largest to smallest on the axis is logarithmic: the low end is where one chooses."""
@@ -80,7 +80,7 @@ def round_down(value: float) -> tuple[int, int]:
     return mantissa, exponent
 
 
-def scale_of(curve: Shown) -> Scale:
+def scale_of(curve: IndexCurve) -> Scale:
     """The axis on which all of a curve is seen, its threshold too; of a band, what lies near the values."""
     values = [point.value for point in curve.curve.points] + [
         point.value for point in curve.points if point.value is not None
@@ -110,7 +110,7 @@ def _logarithmic(smallest: float, largest: float) -> Scale:
     return Scale(low=smallest / room, high=largest * room, logarithmic=True, mantissa=mantissa, exponent=exponent)
 
 
-def _linear(curve: Shown, smallest: float, largest: float) -> Scale:
+def _linear(curve: IndexCurve, smallest: float, largest: float) -> Scale:
     spread = (largest - smallest) or abs(largest) or 1.0
     ends = [end for point in curve.curve.points for end in (point.lower, point.upper) if isfinite(end)]
     low = max(min([smallest, *ends]), smallest - spread / 2, 0.0)

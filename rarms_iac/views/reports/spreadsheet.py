@@ -13,8 +13,8 @@ from io import BytesIO, StringIO
 from math import isfinite
 from typing import TYPE_CHECKING
 
+from rarms_iac.app.report_model import IndexCurve, MeasuredPoint, Measurement, PlatformTuning, Report
 from rarms_iac.model.quantities import guaranteed
-from rarms_iac.views.reports.model import Measurement, Point, Report, Shown, Tuning
 from rarms_iac.views.reports.scale import UNIT_TEXT
 from rarms_iac.views.reports.summary import fits_of, reserved_for, verdict_of
 
@@ -83,7 +83,7 @@ def setting_rows(report: Report) -> Iterator[Sequence[Cell]]:
                 yield _setting(measurement, index, point)
 
 
-def _setting(measurement: Measurement, index: Shown, point: Point) -> Sequence[Cell]:
+def _setting(measurement: Measurement, index: IndexCurve, point: MeasuredPoint) -> Sequence[Cell]:
     threshold = index.threshold
     return (
         index.component,
@@ -145,7 +145,7 @@ TRAIL = (
 )
 
 
-def trail_rows(tunings: Iterable[Tuning]) -> Iterator[Sequence[Cell]]:
+def trail_rows(tunings: Iterable[PlatformTuning]) -> Iterator[Sequence[Cell]]:
     """The header, then a row a setting that tuning asked for, in order; the last says what is claimed of the layout."""
     yield TRAIL
     for tuning in tunings:
@@ -268,7 +268,7 @@ def _levels(report: Report) -> Iterator[Sequence[Cell]]:
             yield part.name, None, None, None, None, None, None, float(part.amount), None, "fixed by the manifest"
 
 
-def _level(measurement: Measurement, index: Shown) -> Sequence[Cell]:
+def _level(measurement: Measurement, index: IndexCurve) -> Sequence[Cell]:
     assert index.threshold is not None
     reserve = reserved_for(measurement, index)
     point = None if reserve is None else index.curve.value_at(reserve)

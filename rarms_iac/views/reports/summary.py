@@ -3,12 +3,21 @@
 from dataclasses import dataclass
 from fractions import Fraction
 
+from rarms_iac.app.report_model import (
+    ComponentProof,
+    HostStatus,
+    IndexCurve,
+    MeasuredPoint,
+    Measurement,
+    PlatformCapacity,
+    PlatformTuning,
+    Report,
+)
 from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
 from rarms_iac.model.thresholds import show_threshold
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.planner.prediction.belief import ASSUMED
 from rarms_iac.statistics.verdicts import wrong
-from rarms_iac.views.reports.model import Capacity, Measurement, Point, Proof, Report, Shown, Standing, Tuning
 from rarms_iac.views.reports.scale import shown
 
 MOST_CANDIDATES = 24
@@ -31,7 +40,7 @@ class Level:
 class Fit:
     """What all reservations of a platform add up to."""
 
-    of: Capacity
+    of: PlatformCapacity
     total: Fraction  # LPs
     missing: tuple[str, ...]  # measurements whose APTs no reserve meets: not in the total
 
@@ -61,7 +70,7 @@ def summary_of(report: Report) -> tuple[Level, ...]:
     )
 
 
-def _level(measurement: Measurement, one: Shown) -> Level:
+def _level(measurement: Measurement, one: IndexCurve) -> Level:
     assert one.threshold is not None
     reserve = reserved_for(measurement, one)
     point = None if reserve is None else one.curve.value_at(reserve)
@@ -76,14 +85,14 @@ def _level(measurement: Measurement, one: Shown) -> Level:
     )
 
 
-def reserved_for(measurement: Measurement, shown: Shown) -> int | None:
+def reserved_for(measurement: Measurement, shown: IndexCurve) -> int | None:
     """What the index's partition gets; where no reserve is enough for all of its indexes, what this one asks for."""
     if shown.least is None:
         return None
     return shown.least.reserve if measurement.reserve is None else measurement.reserve
 
 
-def verdict_of(shown: Shown, reserve: int | None) -> str:
+def verdict_of(shown: IndexCurve, reserve: int | None) -> str:
     """What is known of the APT at this reserve, in words."""
     if reserve is None:
         return "not achieved at any reserve that was measured"
@@ -91,7 +100,7 @@ def verdict_of(shown: Shown, reserve: int | None) -> str:
     return f"measured: {told[-1].verdict}{error_text(told[-1])}" if told else "interpolated: not itself measured"
 
 
-def error_text(point: Point) -> str:
+def error_text(point: MeasuredPoint) -> str:
     """How probably the verdict is wrong, as the end of a sentence; nothing where nobody says."""
     return "" if point.error is None else f" ({wrong(point.error)})"
 
@@ -135,7 +144,7 @@ def proofs_of(report: Report) -> tuple[Proven, ...]:
     return tuple(_proven(proof) for proof in report.proofs)
 
 
-def _proven(proof: Proof) -> Proven:
+def _proven(proof: ComponentProof) -> Proven:
     return Proven(
         component=proof.component,
         index=proof.index.name,
@@ -148,7 +157,7 @@ def _proven(proof: Proof) -> Proven:
     )
 
 
-def _band(proof: Proof) -> str:
+def _band(proof: ComponentProof) -> str:
     """`94.1 ms, 93.5 ms to 94.8 ms`, as far as the samples tell."""
     if proof.value is None:
         return "cannot be told"
@@ -163,7 +172,7 @@ def fits_of(report: Report) -> tuple[Fit, ...]:
     return tuple(_fit(report, capacity) for capacity in report.capacities)
 
 
-def _fit(report: Report, capacity: Capacity) -> Fit:
+def _fit(report: Report, capacity: PlatformCapacity) -> Fit:
     here = [
         measurement
         for measurement in report.measurements
@@ -197,7 +206,7 @@ def fit_text(fit: Fit) -> str:
     )
 
 
-def tuning_text(tuning: Tuning) -> str:
+def tuning_text(tuning: PlatformTuning) -> str:
     """What came of it, and whether it is the best there is."""
     run = tuning.run
     before, after, capacity = (_processors(amount) for amount in (run.before, run.after, run.capacity))
@@ -211,7 +220,7 @@ def tuning_text(tuning: Tuning) -> str:
     return f"{named}: {result} ({run.strategy} strategy, {run.when}).{proof}{broken}{written}"
 
 
-def trail_of(tuning: Tuning) -> tuple[tuple[str, str, str, str], ...]:
+def trail_of(tuning: PlatformTuning) -> tuple[tuple[str, str, str, str], ...]:
     """A row a setting that was asked for, in order: components, CR, what was predicted, answer."""
     return tuple(
         (
@@ -224,7 +233,7 @@ def trail_of(tuning: Tuning) -> tuple[tuple[str, str, str, str], ...]:
     )
 
 
-def tuned_of(tuning: Tuning) -> tuple[tuple[str, str, str, str, str], ...]:
+def tuned_of(tuning: PlatformTuning) -> tuple[tuple[str, str, str, str, str], ...]:
     """A row a partition as it was left: name, components, CR, what it reserves, what its parts reserved apart."""
     return tuple(
         (
@@ -264,7 +273,7 @@ def _processors(percent: int) -> str:
     return show_processors(Fraction(percent, 100))
 
 
-def standing_text(standing: Standing) -> str:
+def standing_text(standing: HostStatus) -> str:
     """Whether what the manifest asks for is on the host, and what brings it there."""
     if not standing.is_planned:
         return "Nothing can be applied as it is: rarms plan tells why."

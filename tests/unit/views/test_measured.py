@@ -2,12 +2,13 @@
 
 from dataclasses import replace
 
+from rarms_iac.app.measure import ExperimentResult
 from rarms_iac.measuring.conclusions import Stopped, Sufficient
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.system import System
 from rarms_iac.statistics.verdicts import ERRORS
-from rarms_iac.views.measured import Measured, measure_json, summary_text
+from rarms_iac.views.measured import measure_json, summary_text
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.builders_measured import a_series, a_setting
 from tests.measured_robot import a_measured_setting
@@ -31,9 +32,9 @@ def at(reserve: int, mean: float) -> Setting:
     return a_setting(reserve, *a_measured_setting("vision", reserve, lambda _: mean).series)
 
 
-def found(mean_below: float) -> Measured:
+def found(mean_below: float) -> ExperimentResult:
     """Enough at 60 %, with this mean at 59 %, where the APT is 100 ms."""
-    return Measured(
+    return ExperimentResult(
         experiment=an_experiment("vision"),
         conclusion=Sufficient(reserve=60, failed=59, error=0.01),
         settings=(at(59, mean_below), at(60, 95.0)),
@@ -80,7 +81,7 @@ def test_settings_between_that_have_no_steady_state_are_told_beside_the_one_that
 
 
 def test_what_the_errors_mean_stands_below_a_verdict_and_nowhere_else() -> None:
-    stopped = Measured(
+    stopped = ExperimentResult(
         experiment=an_experiment("vision"), conclusion=Stopped(), settings=(), new=0, planned=None, log="x"
     )
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import pytest
 
+from rarms_iac.app.report_measurements import report_of
+from rarms_iac.app.report_model import IndexCurve
 from rarms_iac.model.indexes import find_index
 from rarms_iac.statistics.curves import curve_of
 from rarms_iac.views.plot import ASCII, UNICODE, plot_text
 from rarms_iac.views.report import report_text
-from rarms_iac.views.reports.building import report_of
-from rarms_iac.views.reports.model import Shown
 from tests.builders import a_run, at_most
 from tests.measured_robot import a_robot, the_logs
 
@@ -19,11 +19,11 @@ REPORT = report_of(SYSTEM, the_logs(SYSTEM))
 FACES = REPORT.measurements[0].indexes[0]
 
 
-def nothing_known() -> Shown:
+def nothing_known() -> IndexCurve:
     index = find_index("mean_response_time")
     assert index is not None
     curve = curve_of([], "vision", index.name, a_run())
-    return Shown(component="vision", index=index, threshold=at_most(100), curve=curve, points=())
+    return IndexCurve(component="vision", index=index, threshold=at_most(100), curve=curve, points=())
 
 
 def field_of(text: str, axis: str, tick: str) -> list[str]:

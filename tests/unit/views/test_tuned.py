@@ -5,16 +5,17 @@ from dataclasses import replace
 
 import pytest
 
+from rarms_iac.app.report_model import PlatformTuning
+from rarms_iac.app.tune import TuningResult
 from rarms_iac.cli.tuning_log import run_of
 from rarms_iac.planner.combining.oracle import Asked
-from rarms_iac.views.reports.model import Tuning
 from rarms_iac.views.reports.spreadsheet import trail_rows
-from rarms_iac.views.tuned import Tuned, tuned_json, tuned_text
+from rarms_iac.views.tuned import tuned_json, tuned_text
 from tests.unit.views.test_json import check
 
 
-def tuned(*, proved: bool, probability: float | None) -> Tuned:
-    return Tuned(
+def tuned(*, proved: bool, probability: float | None) -> TuningResult:
+    return TuningResult(
         strategy="default",
         ending="successful",
         message="successful",
@@ -41,7 +42,7 @@ def test_the_claim_is_the_same_everywhere(proved: bool, probability: float | Non
     told, run = tuned_json(ended, ()), run_of(ended)
     check(told)
     assert run is not None
-    _, *rows = trail_rows([Tuning(platform="two-core", run=run)])
+    _, *rows = trail_rows([PlatformTuning(platform="two-core", run=run)])
 
     assert json.loads(told)["claim"] == claim
     assert [row[-2:] for row in rows] == [(44, ""), (44, claim)]

@@ -11,11 +11,11 @@ from itertools import combinations, pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rarms_iac.app.report_measurements import report_of
+from rarms_iac.app.report_model import ComponentProof
 from rarms_iac.model.indexes import find_index
 from rarms_iac.planner.combining.candidates import Node
-from rarms_iac.views.reports.building import report_of
 from rarms_iac.views.reports.html import as_html
-from rarms_iac.views.reports.model import Proof
 from rarms_iac.views.reports.page import SEEN, corners
 from rarms_iac.views.reports.summary import MOST_CANDIDATES, candidate_rows
 from tests.measured_robot import a_robot, the_logs
@@ -147,7 +147,7 @@ def test_no_point_lies_visibly_beside_the_line_through_the_corners(heights: list
 def test_proofs_are_a_table_of_their_own() -> None:
     index = find_index("mean_response_time")
     assert index is not None
-    proof = Proof(
+    proof = ComponentProof(
         component="face-detection",
         index=index,
         threshold="at most 100 ms",

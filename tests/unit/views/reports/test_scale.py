@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rarms_iac.app.report_model import IndexCurve
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.system import AtMost
 from rarms_iac.statistics.curves import curve_of
-from rarms_iac.views.reports.model import Shown
 from rarms_iac.views.reports.scale import Scale, digits, round_down, scale_of
 from tests.builders import a_run
 from tests.builders_measured import a_series, a_setting
@@ -19,13 +19,13 @@ VALUES = st.floats(min_value=0.001, max_value=1e6)
 
 def what_is_shown(
     values: dict[int, float], threshold: Fraction | None = None, index: str = "mean_response_time"
-) -> Shown:
+) -> IndexCurve:
     settings = [a_setting(reserve, a_series(responses=[value] * 3)) for reserve, value in values.items()]
     found = find_index(index)
     assert found is not None
     apt = None if threshold is None else AtMost(value=threshold)
     curve = curve_of(settings, "vision", index, a_run())
-    return Shown(component="vision", index=found, threshold=apt, curve=curve, points=())
+    return IndexCurve(component="vision", index=found, threshold=apt, curve=curve, points=())
 
 
 def the_scale(values: dict[int, float], index: str = "mean_response_time") -> Scale:

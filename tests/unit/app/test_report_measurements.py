@@ -3,10 +3,10 @@
 from dataclasses import replace
 from fractions import Fraction
 
+from rarms_iac.app.report_measurements import Logged, report_of
+from rarms_iac.app.report_model import Report
 from rarms_iac.model.system import Component, System
 from rarms_iac.statistics.curves import curves_of, least_reserve
-from rarms_iac.views.reports.building import Logged, report_of
-from rarms_iac.views.reports.model import Report
 from rarms_iac.views.reports.summary import fit_text, fits_of, summary_of
 from tests.builders import a_component, a_cpu, a_host, a_partition, a_run, a_system, at_most
 from tests.builders_measured import a_log, a_series, a_setting, a_subject

@@ -5,6 +5,16 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import assert_never
 
+from rarms_iac.app.report_model import (
+    ComponentProof,
+    FixedReservation,
+    HostStatus,
+    IndexCurve,
+    MeasuredPoint,
+    Measurement,
+    PlatformCapacity,
+    Report,
+)
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import Series, Setting, run_of
 from rarms_iac.model.quantities import in_processors, per_virtual_processor, show_bytes, show_percent, show_processors
@@ -25,14 +35,13 @@ from rarms_iac.statistics.verdicts import (
     judge,
 )
 from rarms_iac.storage.datalog.log import DataLog, Recorded
-from rarms_iac.views.reports.model import Capacity, Fixed, Measurement, Point, Proof, Report, Shown, Standing
 
 WITHOUT_APT = "mean_response_time"
 """What is shown of a component that has no threshold yet."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Logged:
+class LogBesideManifest:
     """A data log with what is known of it."""
 
     path: str  # below the manifest's folder
@@ -42,7 +51,10 @@ class Logged:
 
 
 def report_of(
-    system: System, logs: Sequence[Logged], proofs: Sequence[Proof] = (), standings: Sequence[Standing] = ()
+    system: System,
+    logs: Sequence[LogBesideManifest],
+    proofs: Sequence[ComponentProof] = (),
+    standings: Sequence[HostStatus] = (),
 ) -> Report:
     """Everything that these logs show of the system; what they say of components that are gone is left out."""
     known = [log for log in logs if all(name in system.components for name in log.log.header.setup.members)]
@@ -73,7 +85,7 @@ def _order(measurement: Measurement) -> tuple[str, bool, int, str, str]:
     )
 
 
-def _measurement(system: System, logged: Logged) -> Measurement:
+def _measurement(system: System, logged: LogBesideManifest) -> Measurement:
     header = logged.log.header
     members = [system.components[name] for name in header.setup.members]
     names = tuple(member.name for member in members)
@@ -99,13 +111,13 @@ def _measurement(system: System, logged: Logged) -> Measurement:
     )
 
 
-def _indexes(log: DataLog, component: Component) -> Iterator[Shown]:
+def _indexes(log: DataLog, component: Component) -> Iterator[IndexCurve]:
     for name in component.apt or (WITHOUT_APT,):
         index = find_index(name)
         assert index is not None, "the manifest's names of indexes are checked"
         curve = curve_of(log.settings, component.name, name, run_of(component))
         points = points_of(log.counting, component.name, name, component.apt, run_of(component))
-        yield Shown(
+        yield IndexCurve(
             component=component.name, index=index, threshold=component.apt.get(name), curve=curve, points=points
         )
 
@@ -117,11 +129,11 @@ def _platforms(system: System) -> Mapping[str, list[Host]]:
     return platforms
 
 
-def _capacity(system: System, platform: str) -> Capacity:
+def _capacity(system: System, platform: str) -> PlatformCapacity:
     hosts = _platforms(system)[platform]
     kept = sum((in_processors(host.keep_for_host.processor, host.logical_processors) for host in hosts), Fraction(0))
     processors = sum(host.logical_processors for host in hosts)
-    return Capacity(
+    return PlatformCapacity(
         platform=platform,
         hosts=tuple(sorted(host.name for host in hosts)),
         processors=processors,
@@ -130,7 +142,7 @@ def _capacity(system: System, platform: str) -> Capacity:
     )
 
 
-def _fixed(system: System, hosts: Sequence[Host]) -> Iterator[Fixed]:
+def _fixed(system: System, hosts: Sequence[Host]) -> Iterator[FixedReservation]:
     """What the manifest itself reserves on these hosts, as their first would."""
     host, names = hosts[0], {one.name for one in hosts}
     for group in groups_of(system):
@@ -144,7 +156,7 @@ def _fixed(system: System, hosts: Sequence[Host]) -> Iterator[Fixed]:
         else:
             amount = in_processors(own, host.logical_processors)
         if amount:
-            yield Fixed(name=group.name, components=names_of(group.members), amount=amount)
+            yield FixedReservation(name=group.name, components=names_of(group.members), amount=amount)
 
 
 def _facts(log: DataLog) -> Iterator[tuple[str, str]]:
@@ -169,7 +181,7 @@ def _facts(log: DataLog) -> Iterator[tuple[str, str]]:
 
 def points_of(
     recorded: tuple[Recorded, ...], component: str, index: str, apt: Mapping[str, Threshold], run: Run
-) -> tuple[Point, ...]:
+) -> tuple[MeasuredPoint, ...]:
     """A point a setting in which the component was measured, by reserve."""
     found = [
         _point(one.setting, series, index, {index: apt[index]} if index in apt else {}, run)
@@ -180,12 +192,12 @@ def points_of(
     return tuple(sorted(found, key=lambda point: point.reserve))
 
 
-def _point(setting: Setting, series: Series, index: str, apt: Mapping[str, Threshold], run: Run) -> Point:
+def _point(setting: Setting, series: Series, index: str, apt: Mapping[str, Threshold], run: Run) -> MeasuredPoint:
     estimates = curve_of([setting], series.component, index, run).estimates
     verdict = judge(series, apt, run, error=SAFE_SIDE)
     told, error, remark = _in_words(verdict)
     if not estimates:
-        return Point(
+        return MeasuredPoint(
             reserve=setting.reserve,
             value=None,
             low=0.0,
@@ -198,7 +210,7 @@ def _point(setting: Setting, series: Series, index: str, apt: Mapping[str, Thres
         )
     [estimate] = estimates
     beyond = "" if estimate.beyond is None else f"up to {estimate.beyond:.2g} % of the jobs may lie beyond it"
-    return Point(
+    return MeasuredPoint(
         reserve=setting.reserve,
         value=estimate.value,
         low=estimate.lower,

@@ -16,7 +16,7 @@ from rarms_iac.storage.datalog.tuning import TuningRun
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class CurveRow:
     """The curve at one whole per cent."""
 
     reserve: int  # CR, per cent of the partition's own processors
@@ -27,7 +27,7 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Point:
+class MeasuredPoint:
     """What one setting showed of an index."""
 
     reserve: int
@@ -43,21 +43,21 @@ class Point:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shown:
+class IndexCurve:
     """An index of a component against the reserve."""
 
     component: str
     index: PerformanceIndex
     threshold: Threshold | None  # the APT
     curve: Curve
-    points: tuple[Point, ...]  # by reserve, then as they were measured
+    points: tuple[MeasuredPoint, ...]  # by reserve, then as they were measured
 
     @property
-    def rows(self) -> tuple[Row, ...]:
+    def rows(self) -> tuple[CurveRow, ...]:
         """The curve at every whole per cent where there is one, as everybody looks it up."""
         found = ((reserve, self.curve.value_at(reserve)) for reserve in range(1, 101))
         return tuple(
-            Row(
+            CurveRow(
                 reserve=reserve,
                 value=point.value,
                 low=point.lower,
@@ -88,7 +88,7 @@ class Measurement:
     fixed: tuple[str, ...] = ()  # its components, if the manifest says what they reserve
     floor: int = 0  # per cent that the manifest fixes for some of several members: the least that they get
     stale: tuple[str, ...] = ()  # what changed since; nothing rests on a stale log
-    indexes: tuple[Shown, ...] = ()
+    indexes: tuple[IndexCurve, ...] = ()
     settings: tuple[Setting, ...] = ()  # with every sample, in the order in which they were measured
     facts: tuple[tuple[str, str], ...] = ()  # where it comes from, for people: name, value
 
@@ -115,7 +115,7 @@ class Measurement:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fixed:
+class FixedReservation:
     """A reserve that the manifest itself says."""
 
     name: str  # of the partition
@@ -124,18 +124,18 @@ class Fixed:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Capacity:
+class PlatformCapacity:
     """What the hosts of a platform can promise."""
 
     platform: str
     hosts: tuple[str, ...]
     processors: int
     capacity: Fraction  # LPs, without what is kept for the hosts
-    fixed: tuple[Fixed, ...] = ()  # promised by the manifest itself
+    fixed: tuple[FixedReservation, ...] = ()  # promised by the manifest itself
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Proof:
+class ComponentProof:
     """What a component showed in the applied layout."""
 
     component: str
@@ -151,7 +151,7 @@ class Proof:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Standing:
+class HostStatus:
     """How far what the manifest asks for is on a host that could be looked at."""
 
     host: str
@@ -160,7 +160,7 @@ class Standing:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tuning:
+class PlatformTuning:
     """The last run of `rarms tune` on a platform."""
 
     platform: str
@@ -174,9 +174,9 @@ class Report:
     application: str
     description: str
     measurements: tuple[Measurement, ...]  # by platform, criticality (falling), name, interference
-    capacities: tuple[Capacity, ...]  # by platform
+    capacities: tuple[PlatformCapacity, ...]  # by platform
     unmeasured: tuple[tuple[str, ...], ...] = ()  # components of a partition that no data log here speaks for
-    proofs: tuple[Proof, ...] = ()
-    standings: tuple[Standing, ...] = ()  # by host
-    tunings: tuple[Tuning, ...] = ()  # by platform
+    proofs: tuple[ComponentProof, ...] = ()
+    standings: tuple[HostStatus, ...] = ()  # by host
+    tunings: tuple[PlatformTuning, ...] = ()  # by platform
     candidates: tuple[Node, ...] = ()  # the candidate graph; empty: nothing can be combined, or not all is measured

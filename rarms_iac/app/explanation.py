@@ -1,4 +1,4 @@
-"""What `rarms explain COMPONENT` walks through: from the APT to the per cent that its partition gets."""
+"""What `rarms explain COMPONENT` tells: all that leads from the APT to the per cent that its partition gets."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from rarms_iac.statistics.curves import Curve, LeastReserve
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Measured:
+class DataLogSummary:
     """The data log that a reservation rests on."""
 
     path: str
@@ -30,7 +30,7 @@ class Measured:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Looked:
+class MemberCurve:
     """One index of the APT of one member, with its curve."""
 
     member: str
@@ -40,7 +40,7 @@ class Looked:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OnHost:
+class HostPromises:
     """What the partition's host has promised in the layout."""
 
     capacity: LogicalProcessors
@@ -51,7 +51,7 @@ class OnHost:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Walk:
+class Explanation:
     """All that leads from a component's APT to what its partition gets, or why it cannot be told what it gets."""
 
     component: Component
@@ -61,15 +61,15 @@ class Walk:
     cannot: str  # why no host can have it, whatever else is there; empty: one can
     wanted: LogicalProcessors | None  # before rounding; None: nothing says how much
     fixed_by: str  # who fixes the reserve in the manifest; empty: it rests on the data log, or there is none
-    measured: Measured | None
-    looked: tuple[Looked, ...]
+    measured: DataLogSummary | None
+    looked: tuple[MemberCurve, ...]
     least: LeastReserve | None
     remarks: tuple[str, ...]
     why_together: tuple[str, ...]
     apart: str  # what its members would need in partitions of their own; empty: it cannot be told, or is alone
     shared: tuple[str, ...]  # compounds that were measured and not taken, or why there are none
     partners: tuple[str, ...]  # with whom it would probably save something; predicted
-    on_host: OnHost | None  # None: there is no layout
+    on_host: HostPromises | None  # None: there is no layout
     where_now: str  # that it runs already, and what that means; empty: it does not, as far as was seen
     unseen: tuple[str, ...]  # hosts that could not be looked at
     elsewhere: tuple[Elsewhere, ...]
@@ -77,16 +77,8 @@ class Walk:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HostWalk:
+class HostExplanation:
     """The same for a component that runs on the host itself: there is little to lead anywhere."""
 
     component: Component
     hosts: tuple[Host, ...]  # that it may run on, by name
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
-    """A step of the walk: what it is about, and its sentences."""
-
-    topic: str
-    says: tuple[str, ...]
