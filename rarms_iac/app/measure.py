@@ -7,7 +7,7 @@ from rarms_iac.measuring.conclusions import (
 )
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.measurement import Setting
-from rarms_iac.statistics.curve import LeastReserve
+from rarms_iac.statistics.curves import LeastReserve
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
