@@ -10,7 +10,7 @@ from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.spelling import suggestion
 from rarms_iac.storage.finding_pages import finding_page, known_codes
 from rarms_iac.views.as_json import as_json as to_json
-from rarms_iac.views.explain import explain_finding, unknown_code
+from rarms_iac.views.explain import page_text, unknown_code
 from rarms_iac.views.output.told import ExplanationOutput
 
 if TYPE_CHECKING:
@@ -88,10 +88,12 @@ def _asked_for(source: ManifestOptions, name: str) -> "tuple[Measurements, Opene
 def _finding(session: Session, finding: str, *, as_json: bool) -> ExitCode:
     code = code_of(finding)
     page = finding_page(code)
-    text = explain_finding(code, session.terminal.text_width)
-    if page is None or text is None:
+    if page is None:
         raise click.UsageError(unknown_code(finding), click.get_current_context())
-    session.terminal.data(to_json(ExplanationOutput(subject=code, page=page)) if as_json else text)
+    if as_json:
+        session.terminal.data(to_json(ExplanationOutput(subject=code, page=page)))
+    else:
+        session.terminal.show(page_text(page))
     return ExitCode.DONE
 
 

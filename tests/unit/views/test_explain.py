@@ -1,27 +1,31 @@
-from rarms_iac.views.diagnostics.layout import columns
-from rarms_iac.views.explain import explain_finding, for_a_terminal, unknown_code
+from rarms_iac.storage.finding_pages import finding_page
+from rarms_iac.views.console import columns, render
+from rarms_iac.views.explain import page_text, unknown_code
 
 
-def test_a_finding_is_explained_by_its_page_whatever_the_case_of_its_id() -> None:
-    text = explain_finding("rarms042")
+def test_a_finding_is_explained_by_its_page() -> None:
+    page = finding_page("RARMS042")
 
-    assert text is not None
+    assert page is not None
+    text = render(page_text(page))
     assert text.startswith("RARMS042: A name that nothing has\n=================================\n\nSeverity: error.\n")
     assert "    apart: [video-straeming]" in text
     assert "```" not in text
 
 
 def test_an_unknown_id_has_no_page_and_the_answer_says_where_all_are() -> None:
-    assert explain_finding("RARMS000") is None
-    assert explain_finding("../RARMS042") is None
+    assert finding_page("RARMS000") is None
+    assert finding_page("../RARMS042") is None
     assert "Did you mean" not in unknown_code("RARMS999"), "a number that is near says nothing"
     assert "docs/diagnostics.md lists them all" in unknown_code("RARMS999")
 
 
 def test_a_page_becomes_text_of_eighty_columns_with_its_code_as_written() -> None:
-    text = for_a_terminal(
+    page = (
         "# T\n\n" + "word " * 40 + "\nmore [a link](x.md)\n\n- one\n- two\n  lines\n\n```\n# code\n```\nend\n"
     )
+
+    text = render(page_text(page))
 
     assert all(columns(line) <= 80 for line in text.splitlines())
     assert "more a link\n" in text
