@@ -80,6 +80,7 @@ def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, around
     recorded = settings = log.settings()
     around.reporter.experiment_started(experiment, settings)
     with ExitStack() as ends:
+        ends.callback(around.reporter.experiment_ended)
         bench: _Bench | None = None
         while isinstance(step := strategy.step(settings), Measure):
             if around.should_stop():
@@ -94,7 +95,6 @@ def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, around
             log.add(setting)
             settings = (*settings, setting)
             around.reporter.setting_ended(experiment, setting)
-    around.reporter.experiment_ended()
     return Ended(conclusion=step, settings=settings, new=len(settings) - len(recorded))
 
 

@@ -11,7 +11,7 @@ import re
 import unicodedata
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TextIO, TypeAlias, Union
+from typing import TYPE_CHECKING, TextIO, TypeAlias, Union, cast
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
@@ -198,7 +198,21 @@ def render(content: "RenderableType", width: int = WIDTH, *, colour: bool = Fals
 
 def live_console(stream: TextIO, width: int, *, colour: bool) -> "Console":
     """A console for what rich updates in place on a terminal (`rich.live`, `rich.progress`)."""
-    return _console(stream, width, terminal=True, colour=colour)
+    return _console(cast("TextIO", _Unglued(stream)), width, terminal=True, colour=colour)
+
+
+class _Unglued:
+    """A stream that writes spaces where no line is to be broken as spaces."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        """Write the text."""
+        return self._stream.write(text.replace(_GLUE, " "))
 
 
 def _console(stream: TextIO, width: int, *, terminal: bool, colour: bool) -> "Console":

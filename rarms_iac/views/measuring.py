@@ -1,82 +1,91 @@
-"""Progress while something is measured: a line a setting; on a terminal the running one moves."""
+"""Progress while something is measured: in place on a terminal, a line now and then in a pipe."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from rarms_iac.measuring.measured import Shown, shown, shown_of
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.telling import show_measured, show_value
 from rarms_iac.model.measurement import Series, Setting
 from rarms_iac.model.system import Elapsed, SampleCount
-from rarms_iac.views.diagnostics.layout import hanging, wrap
-from rarms_iac.views.diagnostics.text import counted
-from rarms_iac.views.progress import WRITE_OVER, fitting, seconds
+from rarms_iac.views.console import counted, paragraph
+from rarms_iac.views.live_table import LiveTable
+from rarms_iac.views.progress import seconds
 
-SHORT = {"mean_response_time": "mean", "maximum_response_time": "maximum", "minimum_response_time": "minimum"}
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+BETWEEN_LINES = 10.0
+"""Seconds from one line of progress to the next where nothing can be updated in place."""
 
 
 class MeasuringProgress:
     """A `MeasuringReporter` that writes to a person.
 
     Args:
-        write: takes a piece of text and shows it at once.
+        say: writes a line for good.
         clock: seconds, from any start.
-        lively: lines may be written over; otherwise every line is whole, and nothing is written twice.
-        width: columns of the terminal.
+        live: the table that is updated in place; None: lines are written, at most one in `BETWEEN_LINES`.
     """
 
-    def __init__(self, write: Callable[[str], None], clock: Callable[[], float], *, lively: bool, width: int) -> None:
-        self._write = write
+    def __init__(
+        self, say: Callable[["RenderableType"], None], clock: Callable[[], float], live: LiveTable | None = None
+    ) -> None:
+        self._say = say
         self._clock = clock
-        self._lively = lively
-        self._width = width
-        self._since = 0.0
+        self._live = live
+        self._began = 0.0
+        self._said = clock()
 
     def experiment_started(self, experiment: Experiment, recorded: tuple[Setting, ...]) -> None:
-        """Say what begins, and what is known of it already."""
-        known = f", {counted(len(recorded), 'setting')} recorded already" if recorded else ""
-        setup = experiment.setup
-        begins = f"{experiment.name} on {experiment.host.name} against {setup.interference}{known}"
-        self._write("".join(f"{line}\n" for line in wrap(begins, self._width, "")))
+        """Show nothing yet: the first setting names what is measured."""
 
-    def setting_started(self, experiment: Experiment, reserve: int, number: int) -> None:  # noqa: ARG002 - named above
-        """Show the running setting where it can be written over."""
-        self._since = self._clock()
-        if self._lively:
-            self._write(WRITE_OVER + fitting(f"  {reserve:>3} %  ...", self._width))
+    def setting_started(self, experiment: Experiment, reserve: int, number: int) -> None:  # noqa: ARG002 - a reserve says more
+        """Show the running setting where it can be updated."""
+        self._began = self._clock()
+        if self._live is not None:
+            self._live.show((experiment.name, f"{reserve} %", "..."))
 
     def looked(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:
-        """How many samples there are, what they come to, and how long it may yet take."""
-        if self._lively:
+        """Show how many samples there are, what they come to, and how long it may yet take."""
+        if self._live is not None:
             values = brief(shown_of(experiment.members, seen), several=len(experiment.members) > 1)
-            left = self._left(experiment, seen)
-            says = fitting(f"  {reserve:>3} %  {samples_of(seen)}, {values}", self._width - len(left))
-            self._write(WRITE_OVER + fitting(says + left, self._width))
+            progress = f"{samples_of(seen)}, {values}{self._time_left(experiment, seen)}"
+            self._live.show((experiment.name, f"{reserve} %", progress))
 
     def setting_ended(self, experiment: Experiment, setting: Setting) -> None:
-        """What was measured there."""
-        seen = {series.component: series for series in setting.series}
-        found = shown(setting, experiment)
+        """Say what was measured there, where the last line is long ago."""
+        now = self._clock()
+        if self._live is not None or now - self._said < BETWEEN_LINES:
+            return
+        self._said = now
+        series = {series.component: series for series in setting.series}
         several = len(experiment.members) > 1
-        told = "; ".join(f"{whose(one, several=several)}{show_measured(one)}" for one in found) or "measured"
-        took = seconds(self._clock() - self._since)
-        lines = hanging(f"  {setting.reserve:>3} %  ", f"{samples_of(seen)}, {told}, in {took}", self._width)
-        self._write((WRITE_OVER if self._lively else "") + "".join(f"{line}\n" for line in lines))
+        values = "; ".join(
+            f"{_owner(index, several=several)}{show_measured(index)}" for index in shown(setting, experiment)
+        )
+        took = seconds(now - self._began)
+        self._say(
+            paragraph(
+                f"{experiment.name} at {setting.reserve} %: {samples_of(series)}, {values or 'measured'}, in {took}"
+            )
+        )
 
     def experiment_ended(self) -> None:
         """Leave no half line behind; what came of it stands in the summary."""
-        if self._lively:
-            self._write(WRITE_OVER)
+        if self._live is not None:
+            self._live.hide()
 
-    def _left(self, experiment: Experiment, seen: Mapping[str, Series]) -> str:
-        done = done_of(experiment, seen)
-        took = self._clock() - self._since
+    def _time_left(self, experiment: Experiment, seen: Mapping[str, Series]) -> str:
+        done = share_done(experiment, seen)
+        took = self._clock() - self._began
         if not 0 < done < 1 or took < 1:
             return ""
         return f", at most {seconds(took * (1 - done) / done)} left"
 
 
-def done_of(experiment: Experiment, seen: Mapping[str, Series]) -> float:
-    """How much of the longest that a setting may take is done, 1 at its end."""
+def share_done(experiment: Experiment, seen: Mapping[str, Series]) -> float:
+    """Return how much of the longest that a setting may take is done, 1 at its end."""
     parts = []
     for name, run in experiment.runs.items():
         match run.until:
@@ -92,16 +101,15 @@ def samples_of(seen: Mapping[str, Series]) -> str:
     return counted(min((len(series.samples) for series in seen.values()), default=0), "sample")
 
 
-def whose(shown: Shown, *, several: bool) -> str:
-    """Whose index it is, where several components are measured together; with a space behind it."""
-    return f"{shown.component} " if several else ""
-
-
-def brief(found: tuple[Shown, ...], *, several: bool = False) -> str:
-    """The values alone: `mean 94.1 ms, success_rate 98 %`; of several components `vision mean 94.1 ms`."""
+def brief(indexes: Sequence[Shown], *, several: bool = False) -> str:
+    """The values alone: `mean_response_time 94.1 ms`; of several components `vision mean_response_time 94.1 ms`."""
     values = [
-        f"{whose(one, several=several)}{SHORT.get(one.index, one.index)} {show_value(one.index, one.estimate.value)}"
-        for one in found
-        if one.estimate is not None
+        f"{_owner(index, several=several)}{index.index} {show_value(index.index, index.estimate.value)}"
+        for index in indexes
+        if index.estimate is not None
     ]
     return ", ".join(values) or "nothing to tell yet"
+
+
+def _owner(index: Shown, *, several: bool) -> str:
+    return f"{index.component} " if several else ""

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from fractions import Fraction
 
-from rarms_iac.app.report_measurements import Logged, report_of
+from rarms_iac.app.report_measurements import LogBesideManifest, report_of
 from rarms_iac.app.report_model import Report
 from rarms_iac.model.system import Component, System
 from rarms_iac.statistics.curves import curves_of, least_reserve
@@ -43,7 +43,7 @@ def test_members_of_a_partition_are_shown_with_what_their_partition_gets() -> No
         a_setting(reserve, a_series("quick", [each] * 60), a_series("slow", [each] * 60))
         for reserve, each in ((20, 300.0), (60, 90.0))
     ]
-    logged = Logged(path="x", log=a_log(settings, a_subject(quick, slow)))
+    logged = LogBesideManifest(path="x", log=a_log(settings, a_subject(quick, slow)))
 
     rows = summary_of(report_of(system, [logged]))
 
@@ -96,7 +96,7 @@ def test_a_log_of_another_load_is_there_to_compare() -> None:
     other = replace(header, setup=replace(header.setup, interference="browsers"))
 
     report = report_of(
-        system, [Logged(path="browsers.jsonl", log=replace(logged.log, header=other), asked=False), logged]
+        system, [LogBesideManifest(path="browsers.jsonl", log=replace(logged.log, header=other), asked=False), logged]
     )
 
     assert [(measurement.interference, measurement.rests) for measurement in report.measurements] == [
@@ -124,7 +124,12 @@ def test_of_a_partition_that_was_measured_as_one_the_members_own_logs_do_not_cou
     )
 
     report = report_of(
-        system, [a_log_of(both[0], face_detection), a_log_of(both[1], path_planning), Logged(path="both", log=together)]
+        system,
+        [
+            a_log_of(both[0], face_detection),
+            a_log_of(both[1], path_planning),
+            LogBesideManifest(path="both", log=together),
+        ],
     )
 
     assert {measurement.name: measurement.rests for measurement in report.measurements} == {
@@ -147,7 +152,7 @@ def test_a_setting_without_an_answer_is_shown_and_gives_no_point() -> None:
     one = measured("vision")
     log = a_log([a_setting(10, a_series(responses=[None] * 5)), a_setting(50)], a_subject(one))
 
-    [shown] = report_of(a_system(components=[one]), [Logged(path="log", log=log)]).measurements[0].indexes
+    [shown] = report_of(a_system(components=[one]), [LogBesideManifest(path="log", log=log)]).measurements[0].indexes
 
     assert [(point.reserve, point.value is None, point.failed) for point in shown.points] == [
         (10, True, 5),

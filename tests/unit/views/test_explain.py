@@ -21,9 +21,7 @@ def test_an_unknown_id_has_no_page_and_the_answer_says_where_all_are() -> None:
 
 
 def test_a_page_becomes_text_of_eighty_columns_with_its_code_as_written() -> None:
-    page = (
-        "# T\n\n" + "word " * 40 + "\nmore [a link](x.md)\n\n- one\n- two\n  lines\n\n```\n# code\n```\nend\n"
-    )
+    page = "# T\n\n" + "word " * 40 + "\nmore [a link](x.md)\n\n- one\n- two\n  lines\n\n```\n# code\n```\nend\n"
 
     text = render(page_text(page))
 

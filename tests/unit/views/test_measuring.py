@@ -1,11 +1,13 @@
 from dataclasses import replace
 from fractions import Fraction
+from io import StringIO
 
-from rarms_iac.measuring.setup import experiment_of
+from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Sample, Series, Setting
 from rarms_iac.model.system import SampleCount
-from rarms_iac.views.measuring import MeasuringProgress, done_of
-from rarms_iac.views.progress import WRITE_OVER
+from rarms_iac.views.console import live_console, render
+from rarms_iac.views.live_table import LiveTable
+from rarms_iac.views.measuring import MeasuringProgress, share_done
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 
 SYSTEM = a_system(
@@ -26,40 +28,46 @@ def a_series(count: int) -> Series:
     return Series(component="vision", samples=samples, elapsed_ms=100.0 * count)
 
 
-def told(*, lively: bool, width: int = 100) -> str:
-    """What is written about one setting that is looked at once, four seconds after it began."""
-    written: list[str] = []
-    times = iter([0.0, 4.0, 8.0])
-    progress = MeasuringProgress(written.append, lambda: next(times), lively=lively, width=width)
-    progress.experiment_started(EXPERIMENT, ())
-    progress.setting_started(EXPERIMENT, 62, 1)
-    progress.looked(EXPERIMENT, 62, {"vision": a_series(50)})
-    if not lively:
-        next(times)
-    progress.setting_ended(EXPERIMENT, Setting(reserve=62, series=(a_series(100),), beside=38))
+SETTING = Setting(reserve=62, series=(a_series(100),), beside=38)
+
+
+def written(
+    *, seconds_since_start: float, experiment: Experiment = EXPERIMENT, setting: Setting = SETTING
+) -> list[str]:
+    """The lines of a pipe about a setting that ends so long after the command began."""
+    lines: list[str] = []
+    now = [0.0]
+    progress = MeasuringProgress(lambda line: lines.append(render(line, 200)), lambda: now[0])
+    progress.experiment_started(experiment, ())
+    progress.setting_started(experiment, 62, 1)
+    now[0] = seconds_since_start
+    progress.setting_ended(experiment, setting)
     progress.experiment_ended()
-    return "".join(written)
+    return lines
 
 
-def test_a_pipe_is_told_whole_lines_and_nothing_twice() -> None:
-    assert told(lively=False).splitlines() == [
-        "vision on onboard against busy-loop",
-        "   62 %  100 samples, mean_response_time 98 ms (97.8 to 98.2 ms), in 8.0 s",
+def test_a_pipe_is_told_of_a_setting_where_the_last_line_is_long_ago() -> None:
+    assert written(seconds_since_start=1.0) == []
+    assert written(seconds_since_start=12.0) == [
+        "vision at 62 %: 100 samples, mean_response_time 98 ms (97.8 to 98.2 ms), in 12 s\n"
     ]
 
 
 def test_a_terminal_sees_the_running_setting_and_how_long_it_may_take() -> None:
-    lines = told(lively=True).split(WRITE_OVER)
+    screen = StringIO()
+    times = iter([0.0, 0.0, 4.0])
+    live = LiveTable(live_console(screen, 100, colour=False))
+    progress = MeasuringProgress(lambda _: None, lambda: next(times), live)
 
-    assert lines[1] == "   62 %  ..."
-    assert lines[2] == "   62 %  50 samples, mean 98 ms, at most 12 s left"
-    assert lines[3].startswith("   62 %  100 samples")
+    progress.experiment_started(EXPERIMENT, ())
+    progress.setting_started(EXPERIMENT, 62, 1)
+    progress.looked(EXPERIMENT, 62, {"vision": a_series(50)})
+    shown = screen.getvalue()
+    progress.experiment_ended()
 
-
-def test_a_narrow_terminal_sees_the_time_left_before_the_rest() -> None:
-    line = told(lively=True, width=38).split(WRITE_OVER)[2]
-
-    assert line == "   62 %  50 sample, at most 12 s left"
+    assert "vision  62 %  ..." in shown
+    assert "vision  62 %  50 samples, mean_response_time 98 ms, at most 12 s left" in shown
+    assert screen.getvalue().endswith(("\x1b[?25h", "\x1b[1A\x1b[2K")), "the cursor is back, the table is gone"
 
 
 def test_of_several_components_each_value_says_whose_it_is() -> None:
@@ -70,15 +78,11 @@ def test_of_several_components_each_value_says_whose_it_is() -> None:
     )
     both = experiment_of(system, system.hosts["onboard"], ("speech", "vision"), "busy-loop")
     series = (replace(a_series(100), component="speech"), a_series(100))
-    written: list[str] = []
 
-    MeasuringProgress(written.append, lambda: 0.0, lively=False, width=100).setting_ended(
-        both, Setting(reserve=62, series=series, beside=38)
-    )
+    [line] = written(seconds_since_start=60, experiment=both, setting=Setting(reserve=62, series=series, beside=38))
 
-    said = " ".join("".join(written).split())
-    assert "speech mean_response_time 98 ms (97.8 to 98.2 ms); vision mean_response_time 98 ms" in said
+    assert "speech mean_response_time 98 ms (97.8 to 98.2 ms); vision mean_response_time 98 ms" in line
 
 
 def test_what_is_done_is_told_by_the_component_that_takes_longest() -> None:
-    assert done_of(EXPERIMENT, {"vision": a_series(50)}) == 0.25
+    assert share_done(EXPERIMENT, {"vision": a_series(50)}) == 0.25
