@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from rarms_iac.model.measurement import Series
 from rarms_iac.model.system import AtLeast, AtMost, Component, Run, Threshold
-from rarms_iac.running.record import Ending
+from rarms_iac.running.samples import Ending
 from rarms_iac.statistics.estimates import Estimate, NoEstimate, estimate
 
 

@@ -149,6 +149,7 @@ def _answer(
         curves=curves_in(log, {member.name: member for member in group.members}),
         remarks=tuple(_remarks(log, comparison, group, shown, again)),
         again=again,
+        cpu_ms=_cpu_ms_in(log),
     )
 
 
@@ -166,12 +167,13 @@ def _cpu_ms_in(log: DataLog) -> Callable[[str], float | None]:
     """The processor time that a job of a component took, over all settings that can tell."""
 
     @cache
-    def of(component: str) -> float | None:
-        told = [series for setting in log.settings for series in setting.series if series.component == component]
-        used = [(series.cpu_ms, len(series.samples)) for series in told if series.cpu_ms is not None and series.samples]
-        return sum(cpu for cpu, _ in used) / sum(jobs for _, jobs in used) if used else None
+    def cpu_ms_of(component: str) -> float | None:
+        recorded = [series for setting in log.settings for series in setting.series if series.component == component]
+        known = [series for series in recorded if series.cpu_ms is not None and series.samples]
+        jobs = sum(len(series.samples) for series in known)
+        return sum(series.cpu_ms or 0.0 for series in known) / jobs if jobs else None
 
-    return of
+    return cpu_ms_of
 
 
 def _no(group: Group, code: str, says: str, advice: str) -> NotMeasured:
