@@ -21,7 +21,7 @@ from rarms_iac.cli.telling import tell
 from rarms_iac.measuring.conclusions import Swept
 from rarms_iac.measuring.strategies import apts_of
 from rarms_iac.statistics.curves import curves_of, least_reserve
-from rarms_iac.views.measured import settings_text
+from rarms_iac.views.measure import settings_text
 from rarms_iac.views.plot import plot_text
 from rarms_iac.views.select import selection_text
 
@@ -42,7 +42,8 @@ def refuse_without_terminal(session: Session, source: ManifestOptions) -> None:
 def ask_levels(session: Session, hosts: Hosts, result: ExperimentResult) -> ExperimentResult:
     """Show what was measured, and take a level for each component until the answer is empty; what it comes to then."""
     source = hosts.source
-    session.terminal.talk("\n" + settings_text(result, session.terminal.width).rstrip("\n"))
+    session.terminal.talk("")
+    session.terminal.talk(settings_text(result))
     for measurement in reported(source, result.experiment.setup.members).measurements:
         if measurement.rests:
             _show_plots(session, measurement)

@@ -31,7 +31,7 @@ from rarms_iac.planner.groups import groups_of
 from rarms_iac.providers.measuring import Inside, MeasuringHost
 from rarms_iac.statistics.curves import curves_of, least_reserve
 from rarms_iac.views.live_table import LiveTable
-from rarms_iac.views.measuring import MeasuringProgress
+from rarms_iac.views.measuring_progress import MeasuringProgress
 
 PAPER = "paper"
 USUAL_SEED = 1

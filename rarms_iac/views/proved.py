@@ -12,7 +12,7 @@ from rarms_iac.model.measurement import Series
 from rarms_iac.statistics.steady_state import Unsteady
 from rarms_iac.statistics.verdicts import Met, Missed, TooFewSamples, TooManyFailures, Verdict, WithinTheNoise, share
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.measured import index_outputs, show_band
+from rarms_iac.views.measure import index_outputs, show_band
 from rarms_iac.views.output.measuring import ProvenIndexOutput, ProvenVerdict, ProveOutput
 from rarms_iac.views.progress import WRITE_OVER, fitting
 from rarms_iac.views.table import table

@@ -36,7 +36,7 @@ from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.storage.datalog.files import LogUnreadable
 from rarms_iac.storage.datalog.log import Remeasurement
-from rarms_iac.views.measured import measure_json, summary_text
+from rarms_iac.views.measure import measure_json, summary_text
 
 STRATEGIES = ("default", "bisection", "paper")
 USUAL_STEP = 10
@@ -121,7 +121,7 @@ def command(
     if as_json:
         session.terminal.data(measure_json(done.results, done.findings, done.waiting))
     else:
-        session.terminal.data(summary_text(done.results, session.terminal.width, done.waiting))
+        session.terminal.show(summary_text(done.results, done.waiting))
     return _ended(session, done)
 
 

@@ -7,8 +7,8 @@ from rarms_iac.measuring.conclusions import Stopped, Sufficient
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.system import System
-from rarms_iac.statistics.verdicts import ERRORS
-from rarms_iac.views.measured import measure_json, summary_text
+from rarms_iac.views.console import render
+from rarms_iac.views.measure import measure_json, summary_text
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.builders_measured import a_series, a_setting
 from tests.measured_robot import a_measured_setting
@@ -44,25 +44,27 @@ def found(mean_below: float) -> ExperimentResult:
     )
 
 
+def text(results: list[ExperimentResult], waiting: list[Experiment] | None = None) -> str:
+    return render(summary_text(results, waiting or []), 120)
+
+
 def test_a_setting_below_that_misses_is_not_enough() -> None:
-    assert "enough, 59 % is not" in summary_text([found(105.0)], 120)
+    assert "59 % too little" in text([found(105.0)])
     assert '"undecided": false' in measure_json([found(105.0)], ())
 
 
 def test_a_setting_below_that_the_samples_cannot_tell_is_within_the_noise() -> None:
-    text = summary_text([found(100.2)], 120)
+    summary = text([found(100.2)])
 
-    assert "enough, 59 % within the noise" in text
-    assert "is not" not in text
+    assert "59 % unresolved" in summary
+    assert "too little" not in summary
     assert '"undecided": true' in measure_json([found(100.2)], ())
 
 
 def test_a_setting_below_without_a_steady_state_is_called_so() -> None:
     drifting = a_setting(59, a_series("vision", [80.0 + at / 4 for at in range(200)]))
 
-    text = summary_text([replace(found(105.0), settings=(drifting, at(60, 95.0)))], 120)
-
-    assert "enough, 59 % without a steady state" in text
+    assert "59 % unsteady" in text([replace(found(105.0), settings=(drifting, at(60, 95.0)))])
 
 
 def test_settings_between_that_have_no_steady_state_are_told_beside_the_one_that_is_not_enough() -> None:
@@ -74,8 +76,8 @@ def test_settings_between_that_have_no_steady_state_are_told_beside_the_one_that
     )
     alone = replace(one, conclusion=Sufficient(reserve=60, failed=None, error=0.01, untold=(57,)))
 
-    assert "enough, 55 % is not, 56 and 57 % without a steady state" in summary_text([one], 140)
-    assert "enough, 57 % without a steady state" in summary_text([alone], 140)
+    assert "55 % too little, 56 and 57 % unsteady" in text([one])
+    assert "60 %  1.2  57 % unsteady" in text([alone])
     assert '"untold": [\n        56,\n        57\n' in measure_json([one], ())
     check(measure_json([one], ()))
 
@@ -85,8 +87,8 @@ def test_what_the_errors_mean_stands_below_a_verdict_and_nowhere_else() -> None:
         experiment=an_experiment("vision"), conclusion=Stopped(), settings=(), new=0, planned=None, log="x"
     )
 
-    assert ERRORS in " ".join(summary_text([found(105.0)], 80).split())
-    assert "Wrong in" not in summary_text([stopped], 80)
+    assert "A verdict is wrong in at most 1 % of cases" in text([found(105.0)])
+    assert "wrong in" not in text([stopped])
 
 
 def test_of_a_maximum_no_error_is_told_that_nobody_knows() -> None:
@@ -94,17 +96,17 @@ def test_of_a_maximum_no_error_is_told_that_nobody_knows() -> None:
     system = a_system(components=[a_component("vision", criticality=9, apt=longest, run=RUN, simulation=DEMAND)])
     one = replace(found(105.0), experiment=experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop"))
 
-    row = summary_text([one], 120).splitlines()[1]
+    summary = text([one])
 
-    assert "so far" in row
-    assert "1 %" not in row
+    assert "is met so far" in summary
+    assert "1 % of cases" not in summary
 
 
 def test_whose_turn_an_early_end_left_out_is_named() -> None:
-    text = summary_text([found(105.0)], 120, [an_experiment("speech")])
+    summary = text([found(105.0)], [an_experiment("speech")])
     document = measure_json([found(105.0)], (), [an_experiment("speech")])
 
-    assert [line.split()[0] for line in text.splitlines()[1:3]] == ["vision", "speech"]
-    assert "not begun" in text.splitlines()[2]
+    assert [line.split()[0] for line in summary.splitlines()[1:3]] == ["vision", "speech"]
+    assert "not begun" in summary.splitlines()[2]
     check(document)
     assert '"not_begun": [\n    [\n      "speech"' in document

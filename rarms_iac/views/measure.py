@@ -1,0 +1,247 @@
+"""What was measured: the summary of `rarms measure`, a row a component, and the same for programs."""
+
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from math import isfinite
+from typing import TYPE_CHECKING, Literal, assert_never
+
+from rarms_iac.app.measure import ExperimentResult
+from rarms_iac.measuring.conclusions import (
+    Conclusion,
+    NotAchievable,
+    NotResolved,
+    NoVerdict,
+    Stopped,
+    Sufficient,
+    Swept,
+)
+from rarms_iac.measuring.measured import Shown, shown, shown_at
+from rarms_iac.measuring.setup import Experiment
+from rarms_iac.measuring.telling import show_value
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.measurement import Setting
+from rarms_iac.model.phrases import in_a_row
+from rarms_iac.model.quantities import guaranteed, plain, show_processors
+from rarms_iac.model.system import AtLeast, AtMost, Threshold
+from rarms_iac.statistics.verdicts import share
+from rarms_iac.views.as_json import as_json
+from rarms_iac.views.console import counted, paragraph, stack, table
+from rarms_iac.views.output.measuring import ExperimentOutput, IndexOutput, MeasureOutput, SettingOutput
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+ExperimentEnding = Literal["found", "not_achievable", "not_resolved", "no_verdict", "swept", "stopped"]
+
+Row = tuple[str, str, str, str, str]
+
+HEADER = ("component", "threshold", "CR", "LP", "remark")
+
+
+def summary_text(results: Sequence[ExperimentResult], waiting: Sequence[Experiment] = ()) -> "RenderableType":
+    """A table, a row a threshold of a component; below it what the reservations add up to, and how sure they are.
+
+    The reservation stands in the first row of the components that were measured together.
+    """
+    rows = [row for result in results for row in _rows(result.experiment, *_outcome(result))]
+    rows += [row for experiment in waiting for row in _rows(experiment, "-", "", "not begun")]
+    return stack(table(rows, header=HEADER, wrap=(1, 4), right=(2, 3)), *map(paragraph, _totals(results)))
+
+
+def _rows(experiment: Experiment, reserve: str, processors: str, remark: str) -> Iterator[Row]:
+    for member in experiment.members:
+        name = member.name
+        for threshold in [show_bound(*pair) for pair in member.apt.items()] or ["none"]:
+            yield name, threshold, reserve, processors, remark
+            name = reserve = processors = remark = ""
+
+
+def show_bound(index: str, threshold: Threshold) -> str:
+    """`mean_response_time <= 100 ms`, which leaves room in a table."""
+    sign = "<=" if isinstance(threshold, AtMost) else ">="
+    return f"{index} {sign} {show_value(index, float(threshold.value))}"
+
+
+def _outcome(result: ExperimentResult) -> tuple[str, str, str]:
+    """The CR, its LPs, and what else is known; NOTE: a plan rests on the curve, so where it differs both are shown."""
+    match result.conclusion:
+        case Sufficient(reserve=reserve, failed=failed, untold=inconclusive):
+            remarks = [_below(result, failed), _inconclusive(inconclusive), _planned(result, reserve)]
+            return f"{reserve} %", _processors(result, reserve), ", ".join(filter(None, remarks))
+        case NotAchievable(reserve=reserve):
+            return "-", "", f"not achievable at {reserve} %"
+        case NotResolved():
+            remark = "not resolved"
+        case NoVerdict(reserve=reserve):
+            remark = f"too many failed samples at {reserve} %"
+        case Swept():
+            remark = "measured"
+        case Stopped():
+            return "-", "", "stopped"
+        case _:
+            assert_never(result.conclusion)
+    return "-", "", ", ".join(filter(None, [remark, _planned(result, None)]))
+
+
+def _processors(result: ExperimentResult, reserve: int) -> str:
+    return plain(guaranteed(reserve, result.experiment.setup.processors))
+
+
+def _below(result: ExperimentResult, failed: int | None) -> str:
+    """The highest lower setting that was not shown to be enough; NOTE: that is not yet shown to be too little."""
+    if not failed:
+        return ""
+    match shown_at(failed, result.settings, result.experiment):
+        case "missed":
+            return f"{failed} % too little"
+        case "within the noise":
+            return f"{failed} % unresolved"
+        case "no steady state":
+            return f"{failed} % unsteady"
+
+
+def _inconclusive(reserves: Sequence[int]) -> str:
+    """Those between, without a steady state: they are neither enough nor too little."""
+    return f"{in_a_row(reserves)} % unsteady" if reserves else ""
+
+
+def _planned(result: ExperimentResult, reserve: int | None) -> str:
+    planned = result.planned
+    if planned is None or planned.reserve == reserve:
+        return ""
+    return f"a plan reserves {planned.reserve} %{', interpolated' if planned.interpolated else ''}"
+
+
+def _totals(results: Sequence[ExperimentResult]) -> Iterator[str]:
+    for name, size in {result.experiment.host.name: result.experiment.host for result in results}.items():
+        here = [result for result in results if result.experiment.host.name == name]
+        amount = sum(map(_reserved, here), Fraction(0))
+        settings = counted(sum(len(result.settings) for result in here), "setting")
+        new = sum(result.new for result in here)
+        yield (
+            f"{name}: {show_processors(amount)} of {show_processors(size.logical_processors)} in all, "
+            f"by {settings}, {new} of them new."
+        )
+    judged = [result for result in results if isinstance(result.conclusion, Sufficient | NotAchievable)]
+    errors = [result.conclusion.error for result in judged if not _only_extremes(result)]
+    if errors:
+        yield f"A verdict is wrong in at most {share(max(errors))} of cases (docs/measuring.md)."
+    if any(map(_only_extremes, judged)):
+        yield "A maximum or minimum is met so far: nobody can say what the next job does."
+
+
+def _reserved(result: ExperimentResult) -> Fraction:
+    reserve = result.conclusion.reserve if isinstance(result.conclusion, Sufficient) else 0
+    reserve = result.planned.reserve if result.planned else reserve
+    return Fraction(guaranteed(reserve, result.experiment.setup.processors))
+
+
+def _only_extremes(result: ExperimentResult) -> bool:
+    """Whether the verdict rests on maxima and minima only; NOTE: nobody can say how often such a verdict is wrong."""
+    assert isinstance(result.conclusion, Sufficient | NotAchievable)
+    indexes = [
+        index
+        for setting in result.settings
+        if setting.reserve == result.conclusion.reserve
+        for index in shown(setting, result.experiment)
+    ]
+    return bool(indexes) and all(index.estimate is not None and index.estimate.beyond is not None for index in indexes)
+
+
+def settings_text(result: ExperimentResult) -> "RenderableType":
+    """A table, a row a setting in the order of their reservations: what a level is picked from."""
+    names = [(member.name, index) for member in result.experiment.members for index in member.apt]
+    heads = [f"{name} {index}" if len(result.experiment.members) > 1 else index for name, index in names]
+    rows = []
+    for setting in sorted(result.settings, key=lambda each: (each.reserve, each.seed)):
+        indexes = {(index.component, index.index): index for index in shown(setting, result.experiment)}
+        rows.append((f"{setting.reserve} %", *(show_band(indexes[name]) for name in names)))
+    return table(rows, header=("CR", *heads), wrap=range(1, len(heads) + 1))
+
+
+def show_band(index: Shown) -> str:
+    """`97.7 ms (97.1 to 98.2 ms)`; of an extreme, what was seen; without an estimate, why."""
+    if index.estimate is None:
+        return index.why
+    value, lower, upper = (
+        show_value(index.index, each) for each in (index.estimate.value, index.estimate.lower, index.estimate.upper)
+    )
+    return value if index.estimate.beyond is not None else f"{value} ({lower.rpartition(' ')[0]} to {upper})"
+
+
+def measure_json(
+    results: Sequence[ExperimentResult], findings: tuple[Diagnostic, ...], waiting: Sequence[Experiment] = ()
+) -> str:
+    """The same for programs, every setting with it."""
+    not_begun = tuple(experiment.setup.members for experiment in waiting)
+    return as_json(MeasureOutput(experiments=tuple(map(_output, results)), not_begun=not_begun, findings=findings))
+
+
+def _output(measured: ExperimentResult) -> ExperimentOutput:
+    conclusion, experiment = measured.conclusion, measured.experiment
+    return ExperimentOutput(
+        components=experiment.setup.members,
+        host=experiment.host.name,
+        platform=experiment.host.platform,
+        interference=experiment.setup.interference,
+        log=measured.log,
+        ending=_ending(conclusion),
+        reserve=conclusion.reserve if isinstance(conclusion, Sufficient) else None,
+        failed=conclusion.failed if isinstance(conclusion, Sufficient) else None,
+        undecided=isinstance(conclusion, Sufficient)
+        and conclusion.failed is not None
+        and shown_at(conclusion.failed, measured.settings, experiment) != "missed",
+        untold=conclusion.untold if isinstance(conclusion, Sufficient) else (),
+        error=conclusion.error if isinstance(conclusion, Sufficient | NotAchievable) else None,
+        planned=measured.planned.reserve if measured.planned else None,
+        interpolated=bool(measured.planned and measured.planned.interpolated),
+        settings=tuple(_setting(each, experiment) for each in measured.settings),
+        new_settings=measured.new,
+    )
+
+
+def _ending(conclusion: Conclusion) -> ExperimentEnding:
+    match conclusion:
+        case Sufficient():
+            return "found"
+        case NotAchievable():
+            return "not_achievable"
+        case NotResolved():
+            return "not_resolved"
+        case NoVerdict():
+            return "no_verdict"
+        case Swept():
+            return "swept"
+        case Stopped():
+            return "stopped"
+        case _:
+            assert_never(conclusion)
+
+
+def _setting(setting: Setting, experiment: Experiment) -> SettingOutput:
+    return SettingOutput(
+        reserve=setting.reserve,
+        beside=setting.beside,
+        seed=setting.seed,
+        indexes=index_outputs(shown(setting, experiment)),
+    )
+
+
+def index_outputs(indexes: Sequence[Shown]) -> tuple[IndexOutput, ...]:
+    """Indexes for programs; a bound that says nothing is null."""
+    return tuple(map(_index, indexes))
+
+
+def _index(shown: Shown) -> IndexOutput:
+    seen = shown.estimate
+    return IndexOutput(
+        component=shown.component,
+        index=shown.index,
+        at_most=float(shown.threshold.value) if isinstance(shown.threshold, AtMost) else None,
+        at_least=float(shown.threshold.value) if isinstance(shown.threshold, AtLeast) else None,
+        value=seen.value if seen else None,
+        lower=seen.lower if seen and isfinite(seen.lower) else None,
+        upper=seen.upper if seen and isfinite(seen.upper) else None,
+        error=seen.error if seen else None,
+        samples=seen.samples if seen else 0,
+    )
