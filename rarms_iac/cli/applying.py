@@ -6,15 +6,15 @@ from collections.abc import Mapping
 
 import click
 
+from rarms_iac.app.errors import Outcome, UseCaseError, declined
+from rarms_iac.app.files import write_file
+from rarms_iac.app.hosts import Hosts, holding, owner, refuse_unfinished
 from rarms_iac.apply.execute import apply_plan, finish_unfinished
 from rarms_iac.apply.reports import Ending, RunReport
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.files import write_file
-from rarms_iac.cli.hosts import Hosts, holding, owner, refuse_unfinished
 from rarms_iac.cli.interrupts import Interrupted
 from rarms_iac.cli.options import RunOptions
 from rarms_iac.cli.planning import Wish, make_plan
-from rarms_iac.cli.problems import Halted, declined
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.telling import tell
 from rarms_iac.model.plan import Plan, Purpose
@@ -44,7 +44,7 @@ def write_plan_file(session: Session, path: str, plan: Plan) -> None:
     """Write the sealed plan and say how to use it.
 
     Raises:
-        Halted: it cannot be written.
+        UseCaseError: it cannot be written.
     """
     write_file(path, write_plan(plan))
     session.terminal.talk(f"Wrote the plan to {path}. Apply it with: rarms apply {path}")
@@ -65,7 +65,7 @@ def plan_ask_apply(
     """Plan, then write the plan (`out`), or show it, ask, and do it."""
     if out is not None:
         refuse_unfinished(hosts)
-        return _only_written(session, make_plan(hosts, wish), out, hosts.opened.loaded.sources, as_json=as_json)
+        return _only_written(session, make_plan(hosts, wish), out, hosts.manifest.sources, as_json=as_json)
     finished = finish_first(session, tuple(hosts.open(name) for name in hosts.chosen), how)
     if finished is not None:
         return ended(session, finished, as_json=as_json)
@@ -76,7 +76,7 @@ def plan_ask_apply(
             click.get_current_context(),
         )
     plan = make_plan(hosts, wish)
-    text = shown_plan(session, plan, hosts.opened.loaded.sources)
+    text = shown_plan(session, plan, hosts.manifest.sources)
     if as_json:
         session.terminal.talk(text.rstrip("\n"))
     else:
@@ -103,19 +103,19 @@ def ask(session: Session, question: str) -> None:
     """Go on only after a yes.
 
     Raises:
-        Halted: the answer was another, or a signal.
+        UseCaseError: the answer was another, or a signal.
     """
     session.terminal.flush()
     session.terminal.status(f"\n{question} Only `yes` does it: ")
     try:
         answer = sys.stdin.readline()
-    except Interrupted as interrupt:
+    except Interrupted:
         session.terminal.talk("")
-        raise Halted(interrupt.code, [declined()]) from None
+        raise UseCaseError(Outcome.INTERRUPTED, [declined()]) from None
     if not answer.endswith("\n"):
         session.terminal.talk("")
     if answer.strip() != "yes":
-        raise Halted(ExitCode.REFUSED, [declined()])
+        raise UseCaseError(Outcome.REFUSED, [declined()])
 
 
 def ended(session: Session, report: RunReport, *, as_json: bool, quiet: bool = False) -> ExitCode:

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import click
 
+from rarms_iac.app.errors import UseCaseError
+from rarms_iac.app.files import STANDARD_INPUT, write_file
+from rarms_iac.app.hosts import Hosts
+from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.measure import ExperimentResult
 from rarms_iac.app.report_model import Measurement
+from rarms_iac.app.requests import ManifestSource
 from rarms_iac.cli.datalogs import measurements_of
-from rarms_iac.cli.files import STANDARD_INPUT, write_file
-from rarms_iac.cli.hosts import Hosts
-from rarms_iac.cli.manifests import system_of
-from rarms_iac.cli.options import ManifestOptions
-from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.reporting import reported, speaks_ascii_only
 from rarms_iac.cli.selecting import Unclear, choice_of, edit_of, select
 from rarms_iac.cli.session import Session
@@ -26,7 +26,7 @@ from rarms_iac.views.plot import plot_text
 from rarms_iac.views.select import selection_text
 
 
-def refuse_without_terminal(session: Session, source: ManifestOptions) -> None:
+def refuse_without_terminal(session: Session, source: ManifestSource) -> None:
     """Asking needs somebody to ask, and a file to write the answer into.
 
     Raises:
@@ -41,7 +41,7 @@ def refuse_without_terminal(session: Session, source: ManifestOptions) -> None:
 
 def ask_levels(session: Session, hosts: Hosts, result: ExperimentResult) -> ExperimentResult:
     """Show what was measured, and take a level for each component until the answer is empty; what it comes to then."""
-    source = hosts.source
+    source = hosts.manifest.source
     session.terminal.talk("")
     session.terminal.talk(settings_text(result))
     for measurement in reported(source, result.experiment.setup.members).measurements:
@@ -56,7 +56,7 @@ def ask_levels(session: Session, hosts: Hosts, result: ExperimentResult) -> Expe
 
 def _as_chosen(hosts: Hosts, result: ExperimentResult) -> ExperimentResult:
     """The same beside the thresholds that the manifest has by now; what was searched for others is not told."""
-    system, _ = system_of(hosts.source)
+    system = load_manifest(hosts.manifest.source).system
     before = result.experiment
     members = tuple(replace(member, apt=system.components[member.name].apt) for member in before.members)
     if members == before.members:
@@ -81,19 +81,20 @@ def _answer(session: Session, name: str) -> str:
     return sys.stdin.readline().strip()
 
 
-def _chosen(session: Session, source: ManifestOptions, name: str, at: str) -> bool:
+def _chosen(session: Session, source: ManifestSource, name: str, at: str) -> bool:
     """Write the level into the manifest, read anew each time; False where it cannot be had, which is told."""
-    system, opened = system_of(source)
+    manifest = load_manifest(source)
+    system = manifest.system
     try:
         choice = choice_of(system, name, at, None)
-        selected = select(choice, measurements_of(system, opened.loaded.folder, source), opened)
+        selected = select(choice, measurements_of(system, manifest.folder, source), manifest)
     except Unclear as problem:
         session.terminal.talk(str(problem))
         return False
-    except Halted as halted:
+    except UseCaseError as halted:
         tell(session.terminal, halted.diagnostics, halted.sources)
         return False
-    edit = edit_of(choice, opened)
+    edit = edit_of(choice, manifest)
     if edit.after != edit.before:
         write_file(edit.file, edit.after.encode("utf-8"))
     session.terminal.talk(selection_text(selected.selection).rstrip("\n"))

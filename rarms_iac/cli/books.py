@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rarms_iac import __version__
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.hosts import Hosts
 from rarms_iac.cli.configuration import now
 from rarms_iac.cli.datalogs import is_here, subject_of
-from rarms_iac.cli.hosts import Hosts
-from rarms_iac.cli.problems import Halted
 from rarms_iac.measuring.book import Book
 from rarms_iac.measuring.room import called
 from rarms_iac.measuring.setup import Experiment
@@ -42,13 +41,13 @@ def kept(hosts: Hosts, experiment: Experiment, bench: MeasuringHost) -> Kept:
     """The data log of this experiment, and what has changed since that was begun.
 
     Raises:
-        Halted: it is damaged (4): it may be all that there is of a measurement, so nobody replaces it unasked.
+        UseCaseError: it is damaged (4): it may be all that there is of a measurement, so nobody replaces it unasked.
     """
     path, header = path_for(hosts, experiment), header_for(hosts, experiment, bench)
     try:
         log = read_log(path)
     except LogUnreadable as problem:
-        raise Halted(ExitCode.NO, [unreadable(problem)]) from None
+        raise UseCaseError(Outcome.NEGATIVE, [unreadable(problem)]) from None
     changed = () if log is None else compare(log.header, header.identity, known(header.bench)).changed
     return Kept(path=path, header=header, log=log, changed=changed)
 

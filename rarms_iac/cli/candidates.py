@@ -3,10 +3,9 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.manifests import Manifest
 from rarms_iac.cli.datalogs import Measurements, measured_reservations
-from rarms_iac.cli.manifests import Opened
-from rarms_iac.cli.problems import Halted
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.state import State
@@ -30,23 +29,23 @@ class Drawn:
     predicted: Mapping[Mask, int]
 
 
-def candidates_in(measured: Measurements, opened: Opened) -> Drawn:
+def candidates_in(measured: Measurements, manifest: Manifest) -> Drawn:
     """Every compound of the partitions that rest on data logs, on the first host by name that all of them may run on.
 
     Raises:
-        Halted: a reservation is not known, or no host may have them all (4).
+        UseCaseError: a reservation is not known, or no host may have them all (4).
     """
-    known, guide = _known(measured, opened)
+    known, guide = _known(measured, manifest)
     return Drawn(candidates=known, predicted=_predicted(guide, known.by_mask))
 
 
-def unpredicted_nodes(measured: Measurements, opened: Opened) -> tuple[Node, ...]:
+def unpredicted_nodes(measured: Measurements, manifest: Manifest) -> tuple[Node, ...]:
     """Return the same graph as nodes without predictions, which take longer than everything else.
 
     Raises:
-        Halted: as `candidates_in`.
+        UseCaseError: as `candidates_in`.
     """
-    known, _ = _known(measured, opened)
+    known, _ = _known(measured, manifest)
     return nodes_of(known, {})
 
 
@@ -54,7 +53,7 @@ def _predicted(guide: Guide, masks: Iterable[Mask]) -> Mapping[Mask, int]:
     return {mask: told for mask in masks if (told := guide.predicted(mask)) is not None}
 
 
-def _known(measured: Measurements, opened: Opened) -> tuple[Candidates, Guide]:
+def _known(measured: Measurements, manifest: Manifest) -> tuple[Candidates, Guide]:
     system = measured.system
     reservations = measured_reservations(measured, {})
     problem = problem_of(system, reservations, {}, may_move=False)
@@ -63,9 +62,9 @@ def _known(measured: Measurements, opened: Opened) -> tuple[Candidates, Guide]:
     ]
     host = next((one for one in by_name(system.hosts) if all(one.name in problem.claims[g.name] for g in groups)), None)
     if host is None:
-        found = plan_layout(system, reservations, {}, opened.loaded.places).findings
-        raise Halted(
-            ExitCode.NO, [diagnostic for diagnostic in found if has_errors([diagnostic])], opened.loaded.sources
+        found = plan_layout(system, reservations, {}, manifest.places).findings
+        raise UseCaseError(
+            Outcome.NEGATIVE, [diagnostic for diagnostic in found if has_errors([diagnostic])], manifest.sources
         )
     cois = [coi_as_measured(group, problem.claims[group.name][host.name], reservations, host) for group in groups]
     candidates = candidates_of(cois, lambda names: _may_share(groups, names), most=WHOLE)

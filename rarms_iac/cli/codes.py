@@ -2,6 +2,8 @@
 
 from enum import IntEnum
 
+from rarms_iac.app.errors import Outcome
+
 
 class ExitCode(IntEnum):
     """How a command ended."""
@@ -15,3 +17,12 @@ class ExitCode(IntEnum):
     USAGE = 64
     INTERRUPTED = 130  # Ctrl-C; can be resumed
     TERMINATED = 143
+
+
+CODES = {
+    Outcome.FAILED: ExitCode.FAILED,
+    Outcome.REFUSED: ExitCode.REFUSED,
+    Outcome.NEGATIVE: ExitCode.NO,
+    Outcome.INTERRUPTED: ExitCode.INTERRUPTED,
+}
+"""How a command ends whose use case ended without an answer."""

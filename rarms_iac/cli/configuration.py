@@ -6,10 +6,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from rarms_iac import __version__
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, subject_of
 from rarms_iac.cli.locks import held_configurations
-from rarms_iac.cli.problems import Halted
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.system import Component, Host
@@ -28,7 +27,7 @@ def record_choices(measured: Measurements, components: Iterable[str] = ()) -> tu
     A component whose reservation cannot be told is left out: `rarms plan` tells why.
 
     Raises:
-        Halted: a configuration log is damaged (4), or held by another run (3).
+        UseCaseError: a configuration log is damaged (4), or held by another run (3).
         OSError: one cannot be written.
     """
     with held_configurations(measured.folder):
@@ -105,7 +104,7 @@ def _record(folder: Path, platform: str, chosen: Chosen) -> Path | None:
     except LogUnreadable as problem:
         says = f"{path.relative_to(folder).as_posix()}, line {problem.line}: {problem.says}."
         advice = "Bring it back from git, or remove it: what is chosen is then written anew."
-        raise Halted(ExitCode.NO, [UNREADABLE.at(None, says, advice)]) from None
+        raise UseCaseError(Outcome.NEGATIVE, [UNREADABLE.at(None, says, advice)]) from None
     same = last is not None and replace(last, when=chosen.when, rarms_version=chosen.rarms_version) == chosen
     if same:
         return None

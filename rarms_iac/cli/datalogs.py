@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
-from rarms_iac.cli.options import DEFAULT_MANIFEST, ManifestOptions
+from rarms_iac.app.requests import DEFAULT_MANIFEST, ManifestSource
 from rarms_iac.measuring.setup import experiment_of, interference_of
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.measurement import run_of
@@ -44,7 +44,7 @@ class Measurements:
     options: str = ""  # of a command that is about this manifest: ` -f robot.yaml`
 
 
-def measurements_of(system: System, folder: str, source: ManifestOptions) -> Measurements:
+def measurements_of(system: System, folder: str, source: ManifestSource) -> Measurements:
     """Those of the manifest that the options name."""
     named = [] if source.manifest == DEFAULT_MANIFEST else ["-f", source.manifest]
     laid = [word for overlay in source.overlays for word in ("--overlay", overlay)]

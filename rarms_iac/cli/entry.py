@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.app.errors import Outcome, UseCaseError, bug, misused, system_refused
+from rarms_iac.cli.codes import CODES, ExitCode
 from rarms_iac.cli.group import the_group
 from rarms_iac.cli.interrupts import Interrupted, Interrupts, say_heard
-from rarms_iac.cli.problems import Halted, bug, misused, system_refused
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.terminal import Terminal, this_terminal
 from rarms_iac.model.diagnostics import Diagnostic
@@ -45,9 +45,11 @@ def guarded(
         terminal.talk(usage_text(error, terminal.width))
         _tell_programs(session, [misused(_says(error), _path(error))])
         return ExitCode.USAGE
-    except Halted as halted:
+    except UseCaseError as problem:
         _trace(terminal)
-        return _tell(session, halted.code, halted.diagnostics, halted.sources, halted.certificate)
+        return _tell(
+            session, _code_of(session, problem.outcome), problem.diagnostics, problem.sources, problem.certificate
+        )
     except (Interrupted, KeyboardInterrupt) as interrupt:
         code = interrupt.code if isinstance(interrupt, Interrupted) else ExitCode.INTERRUPTED
         terminal.talk("\n" + _wrapped(f"rarms was {code.name.lower()}. {GO_ON}", terminal.width))
@@ -74,6 +76,12 @@ def usage_text(error: click.UsageError, width: int) -> str:
     """What was wrong with the words, and where the right ones are listed."""
     usage = f"{error.ctx.get_usage()}\n" if error.ctx else ""
     return f"{usage}{_wrapped(_says(error), width)}\n`{_path(error)} --help` lists what it takes."
+
+
+def _code_of(session: Session, outcome: Outcome) -> ExitCode:
+    """How the command ends; after a signal, as the signal asks."""
+    asked = session.interrupts.asked if outcome is Outcome.INTERRUPTED else None
+    return asked or CODES[outcome]
 
 
 def _says(error: click.UsageError) -> str:

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
+from rarms_iac.app.hosts import Hosts, observe, telling
+from rarms_iac.app.wiring import seen_by_script
 from rarms_iac.apply.doctor.examination import Examination
-from rarms_iac.cli.hosts import Hosts, observe, telling
-from rarms_iac.cli.wiring import seen_by_script
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.providers.interface import ExaminableHost, Looked
 
@@ -13,7 +13,7 @@ def examinations(hosts: Hosts) -> Iterator[Examination]:
     """Every chosen host, by name, each looked at once.
 
     Raises:
-        Halted: one of them cannot be reached or read.
+        UseCaseError: one of them cannot be reached or read.
     """
     for name in hosts.chosen:
         looked = _look(hosts, name)
@@ -21,7 +21,7 @@ def examinations(hosts: Hosts) -> Iterator[Examination]:
             state=looked.state,
             condition=looked.condition,
             told=looked.findings,
-            place=hosts.opened.loaded.places.key("hosts", name),
+            place=hosts.manifest.places.key("hosts", name),
         )
 
 

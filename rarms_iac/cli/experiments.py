@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 import click
 
-from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.hosts import Hosts
-from rarms_iac.cli.problems import Halted
-from rarms_iac.cli.wiring import open_bench
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.hosts import Hosts
+from rarms_iac.app.wiring import open_bench
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
 from rarms_iac.model.spelling import suggestion
@@ -40,7 +39,7 @@ def experiments_for(hosts: Hosts, options: MeasureOptions) -> tuple[Experiment, 
 
     Raises:
         click.UsageError: a name is not in the manifest.
-        Halted: no host of theirs can be measured on (1).
+        UseCaseError: no host of theirs can be measured on (1).
     """
     system = hosts.system
     refuse_unknown(options.components, system.components, "component")
@@ -58,13 +57,13 @@ def experiments_for(hosts: Hosts, options: MeasureOptions) -> tuple[Experiment, 
     return tuple(found)
 
 
-def _nothing_to_measure(hosts: Hosts) -> Halted:
+def _nothing_to_measure(hosts: Hosts) -> UseCaseError:
     advice = (
         "Say how well one must do: `apt: { mean_response_time: { at_most: 50 ms } }`; or name one with --from, --to."
     )
-    place = hosts.opened.loaded.places.key("components")
+    place = hosts.manifest.places.key("components")
     says = "No component has an `apt`, so there is nothing to measure for."
-    return Halted(ExitCode.NO, [findings.NO_THRESHOLD.at(place, says, advice)], hosts.opened.loaded.sources)
+    return UseCaseError(Outcome.NEGATIVE, [findings.NO_THRESHOLD.at(place, says, advice)], hosts.manifest.sources)
 
 
 def _members(hosts: Hosts, options: MeasureOptions) -> tuple[tuple[str, ...], ...]:
@@ -92,8 +91,8 @@ def _benches(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Host]:
     able = [host for host in allowed if open_bench(host, hosts.folder, hosts.state_path(host.name)) is not None]
     if not able:
         names = ", ".join(host.name for host in allowed) or "none"
-        raise Halted(
-            ExitCode.FAILED,
+        raise UseCaseError(
+            Outcome.FAILED,
             [
                 findings.CANNOT_MEASURE.at(
                     None,

@@ -5,11 +5,10 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from rarms_iac.app import explanation
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.hosts import Hosts, observed
 from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, subject_of
-from rarms_iac.cli.hosts import Hosts, observed
 from rarms_iac.cli.partners import partners
-from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.tuned_before import NOT_LOOKED_FOR, shared, tuned_before, why_together
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.capacity import capacity_of, load_of
@@ -101,7 +100,7 @@ def explained(measured: Measurements, hosts: Hosts, component: Component) -> Exp
     """The walk of a component, as `rarms plan` places it; hosts that cannot be looked at count by the manifest alone.
 
     Raises:
-        Halted: its partition has no host at all (4).
+        UseCaseError: its partition has no host at all (4).
     """
     system = measured.system
     group = next((one for one in groups_of(system) if component.name in names_of(one.members)), None)
@@ -112,7 +111,7 @@ def explained(measured: Measurements, hosts: Hosts, component: Component) -> Exp
     states = observed(hosts, needed=())
     reservations = measured_reservations(measured, states)
     views = {name: host_view(state, system.application.name) for name, state in states.items()}
-    planning = plan_layout(system, reservations, views, hosts.opened.loaded.places)
+    planning = plan_layout(system, reservations, views, hosts.manifest.places)
     asked = _Asked(
         measured=measured, hosts=hosts, states=states, reservations=reservations, planning=planning, group=group
     )
@@ -182,7 +181,7 @@ def _found(asked: _Asked) -> _Found:
         shape = size(_without_reserve(group), host, FixedReservations())
         if isinstance(shape, Sized) and isinstance(answer, Cause):
             return _Found(host=host, placed=shape.placed, cannot=answer.says.rstrip("."))
-    raise Halted(ExitCode.NO, asked.planning.findings, asked.hosts.opened.loaded.sources)
+    raise UseCaseError(Outcome.NEGATIVE, asked.planning.findings, asked.hosts.manifest.sources)
 
 
 def _without_reserve(group: Group) -> Group:
@@ -253,7 +252,7 @@ def _apart(asked: _Asked, found: _Found) -> str:
     told = [size.placed for size in sizes if isinstance(size, Sized)]
     if len(told) < len(sizes) or len(sizes) == 1:
         return ""
-    places = asked.hosts.opened.loaded.places
+    places = asked.hosts.manifest.places
     fits = isinstance(plan_layout(alone.system, reservations, asked.views, places).answer, Layout)
     parts = " and ".join(f"{partition.name} {show_processors(partition.reserved)}" for partition in told)
     total = show_processors(sum((partition.reserved for partition in told), Fraction(0)))

@@ -4,12 +4,11 @@ import shlex
 from collections.abc import Iterable
 from dataclasses import replace
 
+from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.guide import GuideFacts
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.app.manifests import Manifest
 from rarms_iac.cli.configuration import apt_in_words
 from rarms_iac.cli.datalogs import Measurements, measured_reservations
-from rarms_iac.cli.manifests import Opened
-from rarms_iac.cli.problems import Halted
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.quantities import Unit
 from rarms_iac.model.system import Command, Component, Host, RunsOn
@@ -20,11 +19,11 @@ from rarms_iac.planner.sizes import Sized, size
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
 
 
-def guide_facts(measured: Measurements, opened: Opened, name: str) -> GuideFacts:
+def guide_facts(measured: Measurements, manifest: Manifest, name: str) -> GuideFacts:
     """What is to be set for a component, on the first host (by name) that can have it.
 
     Raises:
-        Halted: nothing says how much it needs (4).
+        UseCaseError: nothing says how much it needs (4).
     """
     system = measured.system
     reservations = measured_reservations(measured, {})
@@ -36,11 +35,11 @@ def guide_facts(measured: Measurements, opened: Opened, name: str) -> GuideFacts
         ):
             facts = _facts(group, host, sized, reservations, system.components[name])
             classes = classes_of(
-                group.members, system.tasks, group.name, opened.loaded.places, processors=sized.placed.processors
+                group.members, system.tasks, group.name, manifest.places, processors=sized.placed.processors
             ).classes
             return replace(facts, task_values=_task_values(facts.task, classes))
-    planning = plan_layout(system, reservations, {}, opened.loaded.places)
-    raise Halted(ExitCode.NO, planning.findings, opened.loaded.sources)
+    planning = plan_layout(system, reservations, {}, manifest.places)
+    raise UseCaseError(Outcome.NEGATIVE, planning.findings, manifest.sources)
 
 
 def _task_values(task: str | None, classes: Iterable[ClassValues]) -> tuple[str, ...]:

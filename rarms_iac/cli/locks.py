@@ -4,9 +4,8 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.hosts import owner
-from rarms_iac.cli.problems import Halted
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.hosts import owner
 from rarms_iac.measuring.findings import MEASURED_ELSEWHERE
 from rarms_iac.storage.datalog.files import FOLDER
 from rarms_iac.storage.disk import PRIVATE, make_room
@@ -24,7 +23,7 @@ def held_log(folder: Path, path: Path, timeout_ms: int) -> Iterator[None]:
     """Have a data log below the manifest's folder for oneself, without what killed writers left beside it.
 
     Raises:
-        Halted: another run measures the same (3).
+        UseCaseError: another run measures the same (3).
     """
     with _held(folder, path.relative_to(folder / FOLDER).as_posix(), timeout_ms):
         remove_leftovers(path)
@@ -36,7 +35,7 @@ def held_configurations(folder: Path) -> Iterator[None]:
     """Have the configuration logs for oneself, as long as it takes to add to them.
 
     Raises:
-        Halted: another run does not let go of them (3).
+        UseCaseError: another run does not let go of them (3).
     """
     with _held(folder, CHOICES, MOMENT_MS):
         yield
@@ -52,5 +51,5 @@ def _held(folder: Path, name: str, timeout_ms: int) -> Iterator[None]:
         except Locked as problem:
             says = f"{FOLDER}/{name} is written to by {problem.owner}."
             advice = "Wait for that run to end, or let rarms wait: `--lock-timeout 60s`. What is recorded stays."
-            raise Halted(ExitCode.REFUSED, [MEASURED_ELSEWHERE.at(None, says, advice)]) from None
+            raise UseCaseError(Outcome.REFUSED, [MEASURED_ELSEWHERE.at(None, says, advice)]) from None
         yield

@@ -6,16 +6,15 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.hosts import Hosts, owner, refuse_unfinished, telling
 from rarms_iac.app.measure import ExperimentResult
+from rarms_iac.app.wiring import open_bench
 from rarms_iac.cli.books import Kept, book_of, kept, path_for
-from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.experiments import MeasureOptions
-from rarms_iac.cli.hosts import Hosts, owner, refuse_unfinished, telling
 from rarms_iac.cli.locks import held_log
-from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.telling import tell
-from rarms_iac.cli.wiring import open_bench
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.book import highest_seed
 from rarms_iac.measuring.measuring import Strategy, Surroundings, measure
@@ -44,7 +43,7 @@ def held_benches(
     """These hosts, held, without unfinished runs and without what a killed measurement left there.
 
     Raises:
-        Halted: one is held by another run, or has an unfinished one (3).
+        UseCaseError: one is held by another run, or has an unfinished one (3).
     """
     refuse_unfinished(hosts)
     benches: dict[str, MeasuringHost] = {}
@@ -71,8 +70,8 @@ def run_experiment(
     """Measure it as far as its data log does not say it already; `strategy`: None, as the options ask.
 
     Raises:
-        Halted: the host is busy or has other reservations (3); it has no room, there is nothing to run or to search
-            for, or the log is damaged (4).
+        UseCaseError: the host is busy or has other reservations (3); it has no room, there is nothing to run or to
+            search for, or the log is damaged (4).
         HostError: the host did not do what was asked.
     """
     with held_log(Path(hosts.folder), path_for(hosts, experiment), options.lock_timeout_ms):
@@ -140,7 +139,7 @@ def refuse_what_cannot_run(hosts: Hosts, experiment: Experiment, bench: Measurin
     """Asked before anything is run.
 
     Raises:
-        Halted: the host is busy or has other reservations (3); there is no room, or nothing to run (4).
+        UseCaseError: the host is busy or has other reservations (3); there is no room, or nothing to run (4).
     """
     _refuse(hosts, experiment, options, _look(experiment, bench))
 
@@ -149,19 +148,19 @@ def _strategy(hosts: Hosts, experiment: Experiment, options: MeasureOptions, see
     """What the options ask for.
 
     Raises:
-        Halted: a search, and no threshold (4).
+        UseCaseError: a search, and no threshold (4).
     """
     if options.reserves:
         return Sweeping(reserves=options.reserves)
     for member in experiment.members:
         if not member.apt:
-            place = hosts.opened.loaded.places.key("components", member.name)
+            place = hosts.manifest.places.key("components", member.name)
             says = f"{member.name} has no `apt`."
             advice = f"Give it one, or measure chosen settings: rarms measure {member.name} --from 10% --to 100%."
-            raise Halted(
-                ExitCode.NO,
+            raise UseCaseError(
+                Outcome.NEGATIVE,
                 [findings.NO_THRESHOLD.at(place, says, advice, address=f"component/{member.name}")],
-                hosts.opened.loaded.sources,
+                hosts.manifest.sources,
             )
     goal = goal_of(experiment)
     # Where something is in the way it is refused, by name, before anything runs: that says more than a lack of room.
@@ -178,9 +177,9 @@ def _refuse_what_has_no_demand(hosts: Hosts, experiment: Experiment) -> None:
     """NOTE: the host would refuse it, too; here the line of the manifest is told.
 
     Raises:
-        Halted: a member or the load is nothing that this host can run (4).
+        UseCaseError: a member or the load is nothing that this host can run (4).
     """
-    places, host = hosts.opened.loaded.places, experiment.host
+    places, host = hosts.manifest.places, experiment.host
     for member in experiment.members:
         if host.provider is ProviderKind.SIMULATED and member.simulation is None:
             says = f"{host.name} is simulated, and {member.name} does not say what it demands there."
@@ -188,15 +187,15 @@ def _refuse_what_has_no_demand(hosts: Hosts, experiment: Experiment) -> None:
             found = findings.NOTHING_TO_RUN.at(
                 places.key("components", member.name), says, advice, address=f"component/{member.name}"
             )
-            raise Halted(ExitCode.NO, [found], hosts.opened.loaded.sources)
+            raise UseCaseError(Outcome.NEGATIVE, [found], hosts.manifest.sources)
 
 
 def _refuse(hosts: Hosts, experiment: Experiment, options: MeasureOptions, seen: _Seen) -> None:
     """Asked once something must really be run.
 
     Raises:
-        Halted: something runs on the host, or has reservations that the paper does not know (3); there is nothing to
-            run, or no room (4).
+        UseCaseError: something runs on the host, or has reservations that the paper does not know (3); there is nothing
+            to run, or no room (4).
     """
     _refuse_what_has_no_demand(hosts, experiment)
     host = experiment.host.name
@@ -207,18 +206,18 @@ def _refuse(hosts: Hosts, experiment: Experiment, options: MeasureOptions, seen:
             "Stop them: of the application's own, `rarms undo` takes the last apply back, and `rarms destroy` all of "
             "them. Or give --on-busy-host: the log says so."
         )
-        raise Halted(ExitCode.REFUSED, [findings.BUSY_HOST.at(None, says, advice, address=f"host/{host}")])
+        raise UseCaseError(Outcome.REFUSED, [findings.BUSY_HOST.at(None, says, advice, address=f"host/{host}")])
     if options.strategy == PAPER and not options.reserves and not seen.room.unreserved:
         says = f"On {host} a part of the processors is kept for the host or reserved by other machines."
         advice = "Use the default strategy, or free the host: `keep_for_host: { processor: 0 % }`."
-        raise Halted(ExitCode.REFUSED, [findings.RESERVED_HOST.at(None, says, advice, address=f"host/{host}")])
+        raise UseCaseError(Outcome.REFUSED, [findings.RESERVED_HOST.at(None, says, advice, address=f"host/{host}")])
     if seen.top == 0 or (options.reserves and max(options.reserves) > seen.top):
         says = (
             f"{host} can give P1 at most {seen.top} % of each of its {experiment.setup.processors} processors, and P2 "
             "some memory beside it."
         )
         advice = "Stop other machines, lower keep_for_host, give the component less memory, or ask for lower settings."
-        raise Halted(ExitCode.NO, [findings.NO_ROOM.at(None, says, advice, address=f"host/{host}")])
+        raise UseCaseError(Outcome.NEGATIVE, [findings.NO_ROOM.at(None, says, advice, address=f"host/{host}")])
 
 
 def _going_on(hosts: Hosts, running: Sequence[Partition]) -> Iterator[Inside]:

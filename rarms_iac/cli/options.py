@@ -2,12 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import UTC, date, datetime
+from datetime import date
 from functools import wraps
 from typing import TYPE_CHECKING, TypeVar, cast
 
 import click
 
+from rarms_iac.app.requests import DEFAULT_MANIFEST, HostSelection, ManifestSource, PlanLimits, SnapshotFile, today_utc
 from rarms_iac.cli.session import Session
 from rarms_iac.model.names import is_name
 from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
@@ -15,49 +16,11 @@ from rarms_iac.model.system import Disruption
 from rarms_iac.views.diagnostics import BadOutput, OutputFormat, parse_outputs
 
 SILENCE_MS = 600_000
-DEFAULT_MANIFEST = "rarms.yaml"
 
 if TYPE_CHECKING:
     from rarms_iac.providers.interface import Waits
 
 F = TypeVar("F", bound=Callable[..., object])
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ManifestOptions:
-    """Which manifest, and the day by which its acceptances are judged."""
-
-    manifest: str = DEFAULT_MANIFEST  # file, folder, or `-`; as given
-    overlays: tuple[str, ...] = ()
-    today: date
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SnapshotOption:
-    """A file that stands for a host, or for the guest of one of its partitions.
-
-    An empty host: the only one there is, or the one the file names.
-    """
-
-    host: str
-    file: str
-    guest: str = ""  # a partition
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HostOptions:
-    """Which hosts, live or written down."""
-
-    hosts: tuple[str, ...] = ()  # none: all
-    snapshots: tuple[SnapshotOption, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChangeOptions:
-    """How far a plan may go."""
-
-    targets: tuple[str, ...] = ()  # addresses: partition/vision
-    max_disruption: Disruption | None = None  # None: as the policy says
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,10 +53,10 @@ def manifest_option(function: F) -> F:
 
 
 def manifest_options(function: F) -> F:
-    """`--manifest`, `--overlay`, `--today` as one `source: ManifestOptions`."""
+    """`--manifest`, `--overlay`, `--today` as one `source: ManifestSource`."""
 
     def gathered(*args: object, manifest: str, overlay: tuple[str, ...], today: date | None, **rest: object) -> object:
-        source = ManifestOptions(manifest=manifest, overlays=overlay, today=today or today_utc())
+        source = ManifestSource(manifest=manifest, overlays=overlay, today=today or today_utc())
         return function(*args, source=source, **rest)
 
     return _with(
@@ -113,19 +76,19 @@ def manifest_options(function: F) -> F:
 
 
 def host_options(function: F) -> F:
-    """`--host` as `where: HostOptions`, without snapshots."""
+    """`--host` as `where: HostSelection`, without snapshots."""
 
     def gathered(*args: object, host: tuple[str, ...], **rest: object) -> object:
-        return function(*args, where=HostOptions(hosts=host), **rest)
+        return function(*args, where=HostSelection(hosts=host), **rest)
 
     return _with(function, gathered, _host_option())
 
 
 def host_or_snapshot_options(function: F) -> F:
-    """`--host` and `--snapshot` as one `where: HostOptions`."""
+    """`--host` and `--snapshot` as one `where: HostSelection`."""
 
-    def gathered(*args: object, host: tuple[str, ...], snapshot: tuple[SnapshotOption, ...], **rest: object) -> object:
-        return function(*args, where=HostOptions(hosts=host, snapshots=snapshot), **rest)
+    def gathered(*args: object, host: tuple[str, ...], snapshot: tuple[SnapshotFile, ...], **rest: object) -> object:
+        return function(*args, where=HostSelection(hosts=host, snapshots=snapshot), **rest)
 
     return _with(
         function,
@@ -152,11 +115,11 @@ def target_option(function: F) -> F:
 
 
 def change_options(function: F) -> F:
-    """`--target`, `--max-disruption` as one `limits: ChangeOptions`."""
+    """`--target`, `--max-disruption` as one `limits: PlanLimits`."""
 
     def gathered(*args: object, target: tuple[str, ...], max_disruption: str | None, **rest: object) -> object:
         limit = None if max_disruption is None else Disruption(max_disruption)
-        return function(*args, limits=ChangeOptions(targets=target, max_disruption=limit), **rest)
+        return function(*args, limits=PlanLimits(targets=target, max_disruption=limit), **rest)
 
     return _with(
         function,
@@ -235,11 +198,6 @@ def json_option(function: F) -> F:
     )(function)
 
 
-def today_utc() -> date:
-    """The day it is now: asked here and nowhere below."""
-    return datetime.now(UTC).date()
-
-
 def _with(function: F, gathered: Callable[..., object], *options: Callable[[F], F]) -> F:
     wrapped = cast(F, wraps(function)(gathered))
     for option in reversed(options):
@@ -275,7 +233,7 @@ def _hosts(_context: click.Context, _parameter: click.Parameter, value: tuple[st
 
 def _snapshots(
     _context: click.Context, _parameter: click.Parameter, value: tuple[str, ...]
-) -> tuple[SnapshotOption, ...]:
+) -> tuple[SnapshotFile, ...]:
     found = tuple(_snapshot(one) for one in value)
     named = [f"{option.host}{option.guest and '.guest.'}{option.guest}" for option in found if option.host]
     for name in named:
@@ -284,14 +242,14 @@ def _snapshots(
     return found
 
 
-def _snapshot(text: str) -> SnapshotOption:
+def _snapshot(text: str) -> SnapshotFile:
     host, equals, file = text.partition("=")
     name, _, guest = host.partition(".guest.")
     if equals and is_name(name) and (not guest or is_name(guest)):
         if not file:
             raise click.BadParameter(f"{text!r} names no file: write {host}=FILE.")
-        return SnapshotOption(host=name, file=file, guest=guest)
-    return SnapshotOption(host="", file=text)
+        return SnapshotFile(host=name, file=file, guest=guest)
+    return SnapshotFile(host="", file=text)
 
 
 def _day(_context: click.Context, _parameter: click.Parameter, value: str | None) -> date | None:

@@ -5,9 +5,9 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+from rarms_iac.app.hosts import Hosts
 from rarms_iac.cli.books import Kept, kept
 from rarms_iac.cli.experiments import MeasureOptions
-from rarms_iac.cli.hosts import Hosts
 from rarms_iac.cli.locks import held_log
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.providers.measuring import MeasuringHost
@@ -28,7 +28,7 @@ def passes_for(
     experiment cannot be run; nothing is written then.
 
     Raises:
-        Halted: a log is damaged (4), or held by another run (3).
+        UseCaseError: a log is damaged (4), or held by another run (3).
     """
     known = [kept(hosts, one, benches[one.host.name]) for one in experiments]
     asked = asked_for(options)
@@ -46,7 +46,7 @@ def end_passes(hosts: Hosts, complete: Mapping[Path, Remeasurement], options: Me
     """Record in each log that all of its pass is measured.
 
     Raises:
-        Halted: a log is held by another run (3).
+        UseCaseError: a log is held by another run (3).
     """
     for path, one in complete.items():
         if not one.ended:

@@ -3,15 +3,14 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.hosts import Hosts, observed
+from rarms_iac.app.requests import PlanLimits
 from rarms_iac.apply.doctor.checks import ASKED_BY_THE_DOCTOR
 from rarms_iac.apply.prepare import Judge, Request, prepare
 from rarms_iac.apply.void import NO_RIGHTS
 from rarms_iac.apply.wanted import FIXED
-from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.datalogs import measured_reservations, measurements_of
-from rarms_iac.cli.hosts import Hosts, observed
-from rarms_iac.cli.options import ChangeOptions
-from rarms_iac.cli.problems import Halted
 from rarms_iac.diff.findings import NOT_AT_REST
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import LOOKED_FOR
@@ -30,7 +29,7 @@ class Wish:
     """What a plan is wanted for."""
 
     purpose: Purpose = Purpose.APPLY
-    limits: ChangeOptions = ChangeOptions()
+    limits: PlanLimits = PlanLimits()
     partition: str = ""
     machine: str = ""
     remove_disks: bool = False
@@ -40,13 +39,13 @@ def make_plan(hosts: Hosts, wish: Wish) -> Plan:
     """The plan that brings the chosen hosts where they are wanted.
 
     Raises:
-        Halted: a host cannot be read (1), is busy (3), or the manifest's wish cannot be met (4).
+        UseCaseError: a host cannot be read (1), is busy (3), or the manifest's wish cannot be met (4).
     """
     states = observed(hosts)
     prepared = prepare(request_of(hosts, wish, states), states)
     if prepared.plan is None:
-        code, sources = code_of_errors(prepared.findings), hosts.opened.loaded.sources
-        raise Halted(code, prepared.findings, sources, certificate=prepared.certificate)
+        outcome, sources = outcome_of(prepared.findings), hosts.manifest.sources
+        raise UseCaseError(outcome, prepared.findings, sources, certificate=prepared.certificate)
     return prepared.plan
 
 
@@ -54,10 +53,10 @@ def request_of(hosts: Hosts, wish: Wish, states: Mapping[str, State]) -> Request
     """The same as the planner wants to hear it."""
     return Request(
         system=hosts.system,
-        places=hosts.opened.loaded.places,
-        manifest=hosts.source.manifest,
-        manifest_digest=hosts.opened.loaded.digest,
-        today=hosts.source.today,
+        places=hosts.manifest.places,
+        manifest=hosts.manifest.source.manifest,
+        manifest_digest=hosts.manifest.loaded.digest,
+        today=hosts.manifest.source.today,
         purpose=wish.purpose,
         max_disruption=wish.limits.max_disruption,
         hosts=hosts.chosen,
@@ -75,7 +74,7 @@ def _reservations(hosts: Hosts, wish: Wish, states: Mapping[str, State]) -> Rese
     """What data logs say, for who wants a layout."""
     if wish.purpose is not Purpose.APPLY:
         return FIXED
-    return measured_reservations(measurements_of(hosts.system, hosts.folder, hosts.source), states)
+    return measured_reservations(measurements_of(hosts.system, hosts.folder, hosts.manifest.source), states)
 
 
 def judge_of(hosts: Hosts, wish: Wish) -> Judge:
@@ -83,22 +82,22 @@ def judge_of(hosts: Hosts, wish: Wish) -> Judge:
 
     An acceptance that silenced nothing is only told of where everything was looked at.
     """
-    whole = wish.purpose is Purpose.APPLY and not (hosts.where.hosts or wish.limits.targets)
+    whole = wish.purpose is Purpose.APPLY and not (hosts.selection.hosts or wish.limits.targets)
     looked_for = _PLANNED_FOR if whole else LOOKED_FOR
 
     def judge(found: Sequence[Diagnostic]) -> tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]:
         everything = in_order(
-            tuple(dict.fromkeys((*hosts.opened.loaded.diagnostics, *hosts.snapshots.findings, *found)))
+            tuple(dict.fromkeys((*hosts.manifest.loaded.diagnostics, *hosts.snapshots.findings, *found)))
         )
-        policy, places = hosts.system.policy, hosts.opened.loaded.places
-        return apply_acceptances(everything, policy, places, hosts.source.today, looked_for=looked_for)
+        policy, places = hosts.system.policy, hosts.manifest.places
+        return apply_acceptances(everything, policy, places, hosts.manifest.source.today, looked_for=looked_for)
 
     return judge
 
 
-def code_of_errors(findings: Sequence[Diagnostic]) -> ExitCode:
+def outcome_of(findings: Sequence[Diagnostic]) -> Outcome:
     """A host that is merely busy may be asked again; everything else is a no, or the host's failure."""
     codes = {finding.code for finding in findings if finding.severity is Severity.ERROR}
     if NO_RIGHTS.code in codes:
-        return ExitCode.FAILED
-    return ExitCode.REFUSED if codes == {NOT_AT_REST.code} else ExitCode.NO
+        return Outcome.FAILED
+    return Outcome.REFUSED if codes == {NOT_AT_REST.code} else Outcome.NEGATIVE

@@ -8,19 +8,19 @@ from pathlib import Path
 from typing import assert_never
 
 from rarms_iac import __version__
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.hosts import Hosts, observe
+from rarms_iac.app.requests import PlanLimits
+from rarms_iac.app.wiring import open_bench
 from rarms_iac.apply.prepare import prepare
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.configuration import now
 from rarms_iac.cli.experiments import refuse_unknown
-from rarms_iac.cli.hosts import Hosts, observe
 from rarms_iac.cli.locks import held_configurations
 from rarms_iac.cli.measuring import held_benches
-from rarms_iac.cli.options import ChangeOptions
-from rarms_iac.cli.planning import Wish, code_of_errors, request_of
-from rarms_iac.cli.problems import Halted
+from rarms_iac.cli.planning import Wish, outcome_of, request_of
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.telling import tell
-from rarms_iac.cli.wiring import open_bench
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.proving import AppliedLayout, Proof, Tried, has_room, prove, with_samples
 from rarms_iac.measuring.room import room_of
@@ -55,7 +55,7 @@ def prove_layout(session: Session, hosts: Hosts, options: ProveOptions, *, as_js
     """Run all components where they are applied and tell every PI beside its APT; 4 where one is not shown to be met.
 
     Raises:
-        Halted: the manifest asks for what is not on the hosts, or a host is held (3); it cannot be planned (4); a
+        UseCaseError: the manifest asks for what is not on the hosts, or a host is held (3); it cannot be planned (4); a
             host cannot run components (1).
     """
     if options.interference:
@@ -76,7 +76,7 @@ def prove_layout(session: Session, hosts: Hosts, options: ProveOptions, *, as_js
     with held_configurations(Path(hosts.folder)):
         _record(hosts, proofs, states)
     found = tuple(_not_met(hosts, proofs))
-    tell(session.terminal, found, hosts.opened.loaded.sources)
+    tell(session.terminal, found, hosts.manifest.sources)
     against = options.interference
     session.terminal.data(
         prove_json(proofs, against, found) if as_json else proof_text(proofs, against, session.terminal.width)
@@ -130,7 +130,7 @@ def _seen_elsewhere(hosts: Hosts, able: tuple[str, ...]) -> dict[str, State]:
     """What the other hosts look like, as far as they can be reached: partitions that are there are not missing here."""
     found: dict[str, State] = {}
     for name in sorted(set(hosts.system.hosts) - set(able)):
-        with suppress(Halted):
+        with suppress(UseCaseError):
             found[name] = observe(hosts.open(name))
     return found
 
@@ -146,7 +146,7 @@ def applied_layouts(
     """By host what of the manifest runs there.
 
     Raises:
-        Halted: a partition is nowhere, or does not run (3).
+        UseCaseError: a partition is nowhere, or does not run (3).
     """
     system = hosts.system
     application = system.application.name
@@ -159,7 +159,7 @@ def applied_layouts(
     groups = groups_of(system)
     if absent := [group.name for group in groups if group.name not in running]:
         says = f"These partitions are on no host, or do not run: {', '.join(absent)}."
-        raise Halted(ExitCode.REFUSED, [_not_applied(says, f"partition/{absent[0]}")])
+        raise UseCaseError(Outcome.REFUSED, [_not_applied(says, f"partition/{absent[0]}")])
     found: dict[str, AppliedLayout] = {}
     for name in sorted(states):
         partitions = {group.name: group.members for group in groups if running[group.name] == name}
@@ -173,17 +173,17 @@ def _refuse_what_is_not_applied(hosts: Hosts, states: Mapping[str, State], every
     """What is proven is what is applied: members, reservations and classes as the manifest and the logs have them now.
 
     Raises:
-        Halted: a plan would change something (3), or the manifest cannot be planned (4).
+        UseCaseError: a plan would change something (3), or the manifest cannot be planned (4).
     """
-    limits = ChangeOptions(max_disruption=Disruption.REMOVAL)  # nothing is held back: all that differs is seen
+    limits = PlanLimits(max_disruption=Disruption.REMOVAL)  # nothing is held back: all that differs is seen
     asked = request_of(hosts, Wish(limits=limits), everywhere)
     prepared = prepare(replace(asked, hosts=tuple(sorted(states))), everywhere)
     if prepared.plan is None:
-        raise Halted(code_of_errors(prepared.findings), prepared.findings, hosts.opened.loaded.sources)
+        raise UseCaseError(outcome_of(prepared.findings), prepared.findings, hosts.manifest.sources)
     waiting = [f"{change.address} on {part.host.name}" for part in prepared.plan.hosts for change in part.changes]
     if waiting:
         says = f"The manifest asks for something that is not applied yet: {', '.join(waiting)}."
-        raise Halted(ExitCode.REFUSED, [_not_applied(says, str(waiting[0]).partition(" ")[0])])
+        raise UseCaseError(Outcome.REFUSED, [_not_applied(says, str(waiting[0]).partition(" ")[0])])
 
 
 def _on_host(hosts: Hosts, name: str, able: tuple[str, ...]) -> Iterator[Component]:
@@ -203,7 +203,7 @@ def _able(hosts: Hosts) -> tuple[str, ...]:
     if not able:
         says = f"None of these is a simulated host: {', '.join(hosts.chosen) or 'there are none'}."
         advice = "Run the components there by hand, and compare what they show with their thresholds."
-        raise Halted(ExitCode.FAILED, [findings.CANNOT_MEASURE.at(None, says, advice)])
+        raise UseCaseError(Outcome.FAILED, [findings.CANNOT_MEASURE.at(None, says, advice)])
     return able
 
 
@@ -226,7 +226,7 @@ def _prove(
     load = hosts.system.interference[options.interference] if options.interference else None
     if load is not None and not has_room(room):
         says = f"{bench.name} has no memory left for a partition that holds {options.interference}."
-        raise Halted(ExitCode.NO, [findings.NO_ROOM.at(None, says, "Prove without --interference.")])
+        raise UseCaseError(Outcome.NEGATIVE, [findings.NO_ROOM.at(None, says, "Prove without --interference.")])
     terminal = session.terminal
 
     def looked(seen: Mapping[str, Series]) -> None:
@@ -241,9 +241,9 @@ def _prove(
     if isinstance(answer, TooManyFailed):
         name = answer.component
         says = f"{name} in the layout: {len(answer.failures)} samples failed: {answer.failures[0]}."
-        place = hosts.opened.loaded.places.key("components", name)
+        place = hosts.manifest.places.key("components", name)
         advice = "Run it alone and mend what fails, or allow it: `run: { failures: 5 }`."
-        raise Halted(ExitCode.NO, [findings.FAILED_SAMPLES.at(place, says, advice)], hosts.opened.loaded.sources)
+        raise UseCaseError(Outcome.NEGATIVE, [findings.FAILED_SAMPLES.at(place, says, advice)], hosts.manifest.sources)
     return answer
 
 
@@ -253,7 +253,7 @@ def _not_met(hosts: Hosts, proofs: list[Proof]) -> Iterator[Diagnostic]:
             name, index = one.shown.component, one.shown.index
             finding, advice = _told_as(one)
             yield finding.at(
-                hosts.opened.loaded.places.value("components", name, "apt", index),
+                hosts.manifest.places.value("components", name, "apt", index),
                 f"{name} on {proof.host}: {show_measured(one.shown)}, and its threshold is "
                 f"{show_threshold(index, one.shown.threshold)}.",
                 advice,

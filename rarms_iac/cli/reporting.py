@@ -4,10 +4,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.report_measurements import LogBesideManifest, report_of
 from rarms_iac.app.report_model import ComponentProof, Report
+from rarms_iac.app.requests import ManifestSource
 from rarms_iac.cli.candidates import unpredicted_nodes
-from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.datalogs import (
     bench_now,
     compared,
@@ -17,9 +19,6 @@ from rarms_iac.cli.datalogs import (
     subject_of,
 )
 from rarms_iac.cli.experiments import refuse_unknown
-from rarms_iac.cli.manifests import system_of
-from rarms_iac.cli.options import ManifestOptions
-from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.standing import standings_of
 from rarms_iac.cli.terminal import Terminal
 from rarms_iac.cli.tuning_log import tunings_of
@@ -37,34 +36,36 @@ from rarms_iac.storage.datalog.log import DataLog
 NOTHING_MEASURED = Finding(code="RARMS290", severity=Severity.ERROR, summary="There is nothing to report")
 
 
-def reported(source: ManifestOptions, components: tuple[str, ...] = ()) -> Report:
+def reported(source: ManifestSource, components: tuple[str, ...] = ()) -> Report:
     """What the data logs beside the manifest show, of these components only or of all.
 
     Raises:
         click.UsageError: a name is not in the manifest.
-        Halted: the manifest has errors, a log cannot be read, or there is none (4).
+        UseCaseError: the manifest has errors, a log cannot be read, or there is none (4).
     """
-    system, opened = system_of(source)
+    manifest = load_manifest(source)
+    system = manifest.system
     refuse_unknown(components, system.components, "component")
-    folder = Path(opened.loaded.folder)
+    folder = Path(manifest.folder)
     logs = tuple(_logged(system, folder))
     if components:
         logs = tuple(log for log in logs if set(log.log.header.setup.members) & set(components))
     report = replace(
-        report_of(system, logs, tuple(_proofs(system, folder, components)), standings_of(system, opened, source)),
+        report_of(system, logs, tuple(_proofs(system, folder, components)), standings_of(manifest)),
         tunings=tuple(tunings_of(system, folder)),
     )
     if not report.measurements:
-        raise Halted(ExitCode.NO, [_nothing(components)])
+        raise UseCaseError(Outcome.NEGATIVE, [_nothing(components)])
     return report
 
 
-def candidates_for(source: ManifestOptions) -> tuple[Node, ...]:
+def candidates_for(source: ManifestSource) -> tuple[Node, ...]:
     """Return the candidate graph for the page; nothing where a reservation is not known yet."""
-    system, opened = system_of(source)
+    manifest = load_manifest(source)
+    system = manifest.system
     try:
-        return unpredicted_nodes(measurements_of(system, opened.loaded.folder, source), opened)
-    except Halted:
+        return unpredicted_nodes(measurements_of(system, manifest.folder, source), manifest)
+    except UseCaseError:
         return ()
 
 
@@ -144,10 +145,10 @@ def _read(path: Path) -> DataLog | None:
         raise _unreadable(path, problem) from None
 
 
-def _unreadable(path: Path, problem: LogUnreadable) -> Halted:
+def _unreadable(path: Path, problem: LogUnreadable) -> UseCaseError:
     says = f"{path.as_posix()}, line {problem.line}: {problem.says}."
     advice = "Bring it back from git, or remove it and measure again."
-    return Halted(ExitCode.NO, [UNREADABLE.at(None, says, advice)])
+    return UseCaseError(Outcome.NEGATIVE, [UNREADABLE.at(None, says, advice)])
 
 
 def speaks_ascii_only(terminal: Terminal) -> bool:

@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.run_component import ComponentRunResult
-from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.experiments import refuse_unknown
-from rarms_iac.cli.manifests import Opened
-from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.quantities import Milliseconds
@@ -47,16 +46,16 @@ class RunWish:
 
 
 def run_components(
-    session: Session, system: System, opened: Opened, wish: RunWish
+    session: Session, system: System, manifest: Manifest, wish: RunWish
 ) -> tuple[list[ComponentRunResult], list[Diagnostic]]:
     """Run them, and tell what each showed and what is wrong with it.
 
     Raises:
-        Halted: one cannot be started (exit 1), or does not say how (exit 4).
+        UseCaseError: one cannot be started (exit 1), or does not say how (exit 4).
         click.UsageError: nothing has a name that was given.
     """
-    chosen = _chosen(system, opened, wish)
-    base = Path(opened.loaded.folder).resolve()
+    chosen = _chosen(system, manifest, wish)
+    base = Path(manifest.folder).resolve()
     ran: list[ComponentRunResult] = []
     try:
         with _load(system, wish, base) as load:
@@ -65,17 +64,17 @@ def run_components(
     except (LoadEnded, CannotStart) as problem:
         name = problem.load if isinstance(problem, LoadEnded) else problem.component
         of_load = isinstance(problem, LoadEnded) or name not in system.components
-        told = _load_problem(name, problem.message) if of_load else _cannot_start(opened, name, problem.message)
-        raise Halted(ExitCode.FAILED, [told], opened.loaded.sources) from problem
+        told = _load_problem(name, problem.message) if of_load else _cannot_start(manifest, name, problem.message)
+        raise UseCaseError(Outcome.FAILED, [told], manifest.sources) from problem
     except RunningError as problem:
         told = CANNOT_START.at(None, f"{problem}.", "Somebody ended it from outside: run it again.")
-        raise Halted(ExitCode.FAILED, [told], opened.loaded.sources) from problem
-    return ran, [finding for one in ran for finding in findings_of(one, opened)]
+        raise UseCaseError(Outcome.FAILED, [told], manifest.sources) from problem
+    return ran, [finding for one in ran for finding in findings_of(one, manifest)]
 
 
-def findings_of(ran: ComponentRunResult, opened: Opened) -> Iterator[Diagnostic]:
+def findings_of(ran: ComponentRunResult, manifest: Manifest) -> Iterator[Diagnostic]:
     """What is wrong with a run."""
-    name, places = ran.component.name, opened.loaded.places
+    name, places = ran.component.name, manifest.places
     address = f"component/{name}"
     if ran.ending is Ending.FAILURES:
         reasons = list(dict.fromkeys(sample.failure for sample in ran.series.samples if sample.failure))
@@ -98,7 +97,7 @@ def findings_of(ran: ComponentRunResult, opened: Opened) -> Iterator[Diagnostic]
         )
 
 
-def _chosen(system: System, opened: Opened, wish: RunWish) -> list[tuple[Component, Run]]:
+def _chosen(system: System, manifest: Manifest, wish: RunWish) -> list[tuple[Component, Run]]:
     refuse_unknown(wish.components, system.components, "component")
     names = tuple(dict.fromkeys(wish.components)) or tuple(
         component.name for component in system.components.values() if component.run
@@ -106,7 +105,7 @@ def _chosen(system: System, opened: Opened, wish: RunWish) -> list[tuple[Compone
     found = [(system.components[name], system.components[name].run) for name in names]
     lacking = [component.name for component, run in found if run is None] or ([] if found else list(system.components))
     if lacking or not found:
-        raise Halted(ExitCode.NO, [_nothing_to_run(opened, name) for name in lacking], opened.loaded.sources)
+        raise UseCaseError(Outcome.NEGATIVE, [_nothing_to_run(manifest, name) for name in lacking], manifest.sources)
     return [(component, _until(run, wish)) for component, run in found if run is not None]
 
 
@@ -162,9 +161,9 @@ def _tail(process: ComponentRun) -> str:
     return "\n".join(f"  {visible(line, keep='')}" for line in process.tail.strip().splitlines()[-10:])
 
 
-def _cannot_start(opened: Opened, name: str, says: str) -> Diagnostic:
+def _cannot_start(manifest: Manifest, name: str, says: str) -> Diagnostic:
     return CANNOT_START.at(
-        opened.loaded.places.key("components", name, "run"),
+        manifest.places.key("components", name, "run"),
         f'"{name}" cannot be started: {says}.',
         "Words of `run.command` that name files, and `run.folder`, are relative to the manifest; a program is looked "
         "for on the PATH. A module of `run.call` is found from the manifest's folder.",
@@ -181,9 +180,9 @@ def _load_problem(name: str, says: str) -> Diagnostic:
     )
 
 
-def _nothing_to_run(opened: Opened, name: str) -> Diagnostic:
+def _nothing_to_run(manifest: Manifest, name: str) -> Diagnostic:
     return NOTHING_TO_RUN.at(
-        opened.loaded.places.key("components", name),
+        manifest.places.key("components", name),
         f'"{name}" has no `run`.',
         "Add `run` with a `command` or a `call`.",
         address=f"component/{name}",

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import click
 
+from rarms_iac.app.errors import Outcome, UseCaseError, not_written
+from rarms_iac.app.files import read_file, write_file
 from rarms_iac.apply.scripts import scripts_of
-from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.files import read_file, write_file
-from rarms_iac.cli.problems import Halted, not_written
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.spelling import suggestion
@@ -65,12 +64,12 @@ def plan_scripts(plan: Plan) -> tuple[PlanScript, ...]:
     """Every script of the plan, by host, then name; for other hosts, what a Hyper-V host would get of the same steps.
 
     Raises:
-        Halted: one of them does not pass the inspection; it is not shown.
+        UseCaseError: one of them does not pass the inspection; it is not shown.
     """
     found = [script for part in plan.hosts for script in _of_host(part, _texts(part, plan))]
     wrong = [problem for script in found for problem in inspect(script.text.encode("ascii"), script.kind, script.name)]
     if wrong:
-        raise Halted(ExitCode.FAILED, wrong)
+        raise UseCaseError(Outcome.FAILED, wrong)
     return tuple(found)
 
 
@@ -96,12 +95,12 @@ def write_scripts(scripts: Sequence[PlanScript], folder: str) -> tuple[str, ...]
     """The exact bytes as files in that folder, which is made; their paths.
 
     Raises:
-        Halted: the system does not let us.
+        UseCaseError: the system does not let us.
     """
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise Halted(ExitCode.FAILED, [not_written(folder, error)]) from error
+        raise UseCaseError(Outcome.FAILED, [not_written(folder, error)]) from error
     paths = []
     for script in scripts:
         paths.append((Path(folder) / script.name).as_posix())
@@ -113,7 +112,7 @@ def check_file(path: str) -> tuple[str, tuple[Diagnostic, ...]]:
     """The text of a script that somebody edited, and what is wrong with it.
 
     Raises:
-        Halted: it cannot be read.
+        UseCaseError: it cannot be read.
     """
     data = read_file(path, MAX_BYTES, SCRIPT_ORIGIN)
     text = data.decode("ascii", "replace")
@@ -138,15 +137,15 @@ def outline_in(path: str, like: PlanScript) -> Outline:
     """What the script of this file does, or that of the same name in the plan that it is.
 
     Raises:
-        Halted: it is neither, or does not pass the inspection.
+        UseCaseError: it is neither, or does not pass the inspection.
     """
     data = read_file(path, MAX_BYTES, SCRIPT_ORIGIN)
     if data.lstrip().startswith((b"{", b"\xef\xbb\xbf{")):
         try:
             scripts = {script.name: script for script in plan_scripts(read_plan(data))}
         except PlanFileError as error:
-            raise Halted(
-                ExitCode.REFUSED, [error.finding.at(None, f"{path}: {error.says}.", f"{error.advice}.")]
+            raise UseCaseError(
+                Outcome.REFUSED, [error.finding.at(None, f"{path}: {error.says}.", f"{error.advice}.")]
             ) from error
         if like.name not in scripts:
             raise _usage(f"{path} is a plan without a script {like.name}. It has: {', '.join(scripts) or 'none'}.")
@@ -154,7 +153,7 @@ def outline_in(path: str, like: PlanScript) -> Outline:
     kind = kind_of(data.decode("ascii", "replace"))
     wrong = inspect(data, kind, path) if kind in {ScriptKind.APPLY, ScriptKind.UNDO} else (_no_script(path),)
     if wrong:
-        raise Halted(ExitCode.FAILED, wrong)
+        raise UseCaseError(Outcome.FAILED, wrong)
     return outline(data)
 
 

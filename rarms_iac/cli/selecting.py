@@ -5,12 +5,11 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.select import HostHeadroom, SelectedLevel, Selection
-from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.datalogs import Measurements, measured_reservations
 from rarms_iac.cli.levels import advice_beyond, far_from
-from rarms_iac.cli.manifests import Opened
-from rarms_iac.cli.problems import Halted
 from rarms_iac.manifest.edit import set_value
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
@@ -99,12 +98,12 @@ def _fits(index: PerformanceIndex, at: str) -> bool:
     return True
 
 
-def select(choice: Choice, measured: Measurements, opened: Opened) -> Selected:
+def select(choice: Choice, measured: Measurements, manifest: Manifest) -> Selected:
     """What follows from the choice; nothing is written.
 
     Raises:
         Unclear: the level is so far from what was measured that it must be a slip.
-        Halted: no measured reservation meets it, or there is no data log that holds (exit 4).
+        UseCaseError: no measured reservation meets it, or there is no data log that holds (exit 4).
     """
     system = _with(measured.system, choice)
     changed = replace(measured, system=system)
@@ -112,13 +111,13 @@ def select(choice: Choice, measured: Measurements, opened: Opened) -> Selected:
     group = next((one for one in groups_of(system) if choice.component.name in {m.name for m in one.members}), None)
     logs = () if group is None else tuple(_logs(group, system, reservations))
     _refuse_far(choice, logs)
-    planning = plan_layout(system, reservations, {}, opened.loaded.places)
+    planning = plan_layout(system, reservations, {}, manifest.places)
     levels = () if group is None else tuple(_levels(group, system, reservations, choice))
     if group is not None and rests_on_a_log(group) and not levels:
         address = {f"component/{member.name}" for member in group.members} | {f"partition/{group.name}"}
         why = [finding for finding in planning.findings if finding.address in address]
         told = [_leading_on(finding, logs, choice) for finding in why or planning.findings]
-        raise Halted(ExitCode.NO, told, opened.loaded.sources)
+        raise UseCaseError(Outcome.NEGATIVE, told, manifest.sources)
     return Selected(
         selection=Selection(
             component=choice.component.name,
@@ -164,7 +163,7 @@ def _refuse_far(choice: Choice, logs: Sequence[tuple[Host, MeasuredTogether]]) -
         raise Unclear(f"{choice.component.name}: {says}")
 
 
-def edit_of(choice: Choice, opened: Opened) -> Edit:
+def edit_of(choice: Choice, manifest: Manifest) -> Edit:
     """The file that says the level, or is to say it, with the new one; comments stay.
 
     Raises:
@@ -173,7 +172,7 @@ def edit_of(choice: Choice, opened: Opened) -> Edit:
     name, index, word = choice.component.name, choice.index.name, choice.index.direction
     is_said = index in choice.component.apt
     path = ("components", name, "apt", index, word)
-    file = opened.loaded.places.value(*path).file if is_said else opened.loaded.places.key(*path[:3]).file
+    file = manifest.places.value(*path).file if is_said else manifest.places.key(*path[:3]).file
     with Path(file).open(encoding="utf-8", newline="") as source:
         before = source.read()
     after = set_value(before, path, choice.text) if is_said else set_value(before, path[:4], {word: choice.text})

@@ -7,6 +7,7 @@ from typing import Concatenate, ParamSpec
 
 import click
 
+from rarms_iac.app.errors import RequestError
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.interrupts import Interrupts
 from rarms_iac.cli.table import COMMANDS
@@ -73,7 +74,11 @@ def rarms_command(
     def make(function: Callable[Concatenate[Session, P], ExitCode]) -> click.Command:
         @wraps(function)
         def given_the_session(*args: P.args, **kwargs: P.kwargs) -> ExitCode:
-            return function(click.get_current_context().ensure_object(Session), *args, **kwargs)
+            context = click.get_current_context()
+            try:
+                return function(context.ensure_object(Session), *args, **kwargs)
+            except RequestError as error:
+                raise click.UsageError(str(error), context) from error
 
         return click.command(name, cls=Command, short_help=COMMANDS[name], epilog=epilog)(given_the_session)
 

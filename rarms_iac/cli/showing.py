@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import click
 
+from rarms_iac.app.wiring import bootstrap_script
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.scripts import (
     Choice,
@@ -16,7 +17,6 @@ from rarms_iac.cli.scripts import (
     write_scripts,
 )
 from rarms_iac.cli.session import Session
-from rarms_iac.cli.wiring import bootstrap_script
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.plan import Plan
 from rarms_iac.powershell.difference import difference

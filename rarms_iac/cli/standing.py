@@ -2,17 +2,17 @@
 
 from collections.abc import Iterator
 
+from rarms_iac.app.errors import UseCaseError
+from rarms_iac.app.hosts import Hosts, last_runs, observe, select_hosts
+from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.report_model import HostStatus
+from rarms_iac.app.requests import HostSelection
 from rarms_iac.apply.look import look
 from rarms_iac.cli.datalogs import measured_reservations, measurements_of
-from rarms_iac.cli.hosts import Hosts, hosts_of, last_runs, observe
-from rarms_iac.cli.manifests import Opened
-from rarms_iac.cli.options import HostOptions, ManifestOptions
-from rarms_iac.cli.problems import Halted
 from rarms_iac.diff.drift import DriftKind
 from rarms_iac.diff.left import left_by
 from rarms_iac.model.diagnostics import has_errors
-from rarms_iac.model.system import ProviderKind, System
+from rarms_iac.model.system import ProviderKind
 
 SAYS = {
     DriftKind.HOST_CHANGED: "changed on the host",
@@ -23,14 +23,15 @@ SAYS = {
 }
 
 
-def standings_of(system: System, opened: Opened, source: ManifestOptions) -> tuple[HostStatus, ...]:
+def standings_of(manifest: Manifest) -> tuple[HostStatus, ...]:
     """One a simulated host, by name. NOTE: a report needs no host, and waits for none: others are not asked."""
-    names = tuple(sorted(name for name, host in system.hosts.items() if host.provider is ProviderKind.SIMULATED))
+    hosts = manifest.system.hosts
+    names = tuple(sorted(name for name, host in hosts.items() if host.provider is ProviderKind.SIMULATED))
     if not names:
         return ()
     try:
-        return tuple(_looked(hosts_of(system, opened, source, HostOptions(hosts=names))))
-    except Halted:  # a host's file is damaged, or held: every command that is about hosts says so
+        return tuple(_looked(select_hosts(manifest, HostSelection(hosts=names))))
+    except UseCaseError:  # a host's file is damaged, or held: every command that is about hosts says so
         return ()
 
 
@@ -38,8 +39,8 @@ def _looked(hosts: Hosts) -> Iterator[HostStatus]:
     system, application = hosts.system, hosts.system.application.name
     states = {name: observe(hosts.open(name)) for name in hosts.chosen}
     left = {name: left_by(journal, application) for name, journal in last_runs(hosts)}
-    reservations = measured_reservations(measurements_of(system, hosts.folder, hosts.source), states)
-    found, problems = look(system, states, hosts.opened.loaded.places, system.policy.max_disruption, left, reservations)
+    reservations = measured_reservations(measurements_of(system, hosts.folder, hosts.manifest.source), states)
+    found, problems = look(system, states, hosts.manifest.places, system.policy.max_disruption, left, reservations)
     if has_errors(problems):
         yield from (HostStatus(host=name, is_planned=False) for name in hosts.chosen)
         return

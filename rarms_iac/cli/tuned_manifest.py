@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rarms_iac.cli.files import write_file
-from rarms_iac.cli.manifests import Opened
+from rarms_iac.app.files import write_file
+from rarms_iac.app.manifests import Manifest
 from rarms_iac.manifest.edit import remove_value, set_value
 from rarms_iac.model.system import System
 from rarms_iac.planner.combining.oracle import Coi
@@ -20,7 +20,7 @@ class Written:
     removed: tuple[str, ...]  # entries of partitions whose members are elsewhere now
 
 
-def write_partitions(system: System, opened: Opened, compounds: Sequence[Coi]) -> Written:
+def write_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> Written:
     """Each compound as a partition of its name; entries of partitions that are left without members go.
 
     What comments said of these stands above the entry of the compound that has their members.
@@ -31,13 +31,14 @@ def write_partitions(system: System, opened: Opened, compounds: Sequence[Coi]) -
     """
     texts: dict[str, str] = {}
     before: dict[str, str] = {}
+    system = manifest.system
     gone = _emptied(system, compounds)
     for compound in compounds:
-        file = _file(system, opened, compound.name)
+        file = _file(manifest, compound.name)
         members = [each.name for each in most_critical_first(system.components[name] for name in compound.members)]
         texts[file] = set_value(_text(texts, before, file), ("partitions", compound.name, "components"), members)
     for name, heir in gone.items():
-        file = opened.loaded.places.key("partitions", name).file
+        file = manifest.places.key("partitions", name).file
         texts[file] = remove_value(_text(texts, before, file), ("partitions", name), ("partitions", heir))
     changed = [file for file in sorted(texts) if texts[file] != before[file]]
     for file in changed:
@@ -56,9 +57,9 @@ def _emptied(system: System, compounds: Sequence[Coi]) -> Mapping[str, str]:
     return found
 
 
-def _file(system: System, opened: Opened, name: str) -> str:
+def _file(manifest: Manifest, name: str) -> str:
     """The file that says what is to be changed, or that has the components."""
-    places = opened.loaded.places
+    system, places = manifest.system, manifest.places
     if name in system.partitions:
         return places.key("partitions", name).file
     return places.key("partitions").file if system.partitions else places.key("components").file

@@ -3,14 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from rarms_iac.cli.codes import ExitCode
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.hosts import Hosts
+from rarms_iac.app.wiring import open_bench
 from rarms_iac.cli.datalogs import measured_reservations, measurements_of
 from rarms_iac.cli.experiments import MeasureOptions
-from rarms_iac.cli.hosts import Hosts
 from rarms_iac.cli.measuring import run_experiment
-from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session
-from rarms_iac.cli.wiring import open_bench
 from rarms_iac.measuring.conclusions import NoVerdict, Stopped
 from rarms_iac.measuring.findings import CANNOT_MEASURE
 from rarms_iac.measuring.room import most, room_of
@@ -117,13 +116,13 @@ def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) ->
     """What there is to tune.
 
     Raises:
-        Halted: a reservation is not measured, or there are hosts of several platforms (4).
+        UseCaseError: a reservation is not measured, or there are hosts of several platforms (4).
     """
     platforms = sorted({hosts.system.hosts[name].platform for name in hosts.chosen})
     if len(platforms) > 1:
         says = f"The hosts are of the platforms {', '.join(platforms)}, and measurements hold for one."
-        raise Halted(
-            ExitCode.NO,
+        raise UseCaseError(
+            Outcome.NEGATIVE,
             [
                 findings.PLATFORMS.at(
                     None,
@@ -132,14 +131,16 @@ def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) ->
                 )
             ],
         )
-    system, places = hosts.system, hosts.opened.loaded.places
-    reservations = measured_reservations(measurements_of(system, hosts.folder, hosts.source), states)
+    system, places = hosts.system, hosts.manifest.places
+    reservations = measured_reservations(measurements_of(system, hosts.folder, hosts.manifest.source), states)
     views = {name: host_view(state, system.application.name) for name, state in states.items()}
     problem = problem_of(system, reservations, views, may_move=False)
     if any(not problem.claims[group.name] for group in problem.groups) or problem.contradictions:
         found = plan_layout(system, reservations, views, places).findings
-        raise Halted(
-            ExitCode.NO, [diagnostic for diagnostic in found if has_errors([diagnostic])], hosts.opened.loaded.sources
+        raise UseCaseError(
+            Outcome.NEGATIVE,
+            [diagnostic for diagnostic in found if has_errors([diagnostic])],
+            hosts.manifest.sources,
         )
     groups = [group for group in problem.groups if _can_be_tuned(group, problem, bench)]
     cois = tuple(
@@ -164,14 +165,14 @@ def bench_of(hosts: Hosts) -> Host:
     """The first of the chosen hosts that can be measured on.
 
     Raises:
-        Halted: there is none (1).
+        UseCaseError: there is none (1).
     """
     for name in hosts.chosen:
         if open_bench(hosts.system.hosts[name], hosts.folder, hosts.state_path(name)) is not None:
             return hosts.system.hosts[name]
     says = f"None of {', '.join(hosts.chosen)} is a simulated host."
-    raise Halted(
-        ExitCode.FAILED, [CANNOT_MEASURE.at(None, says, "Tune on a simulated host of the same platform: --host.")]
+    raise UseCaseError(
+        Outcome.FAILED, [CANNOT_MEASURE.at(None, says, "Tune on a simulated host of the same platform: --host.")]
     )
 
 
@@ -200,7 +201,7 @@ class Experiments:
         Raises:
             Unanswered: too many samples failed.
             TuningStopped: somebody asked for an end.
-            Halted: the host is busy, or there is nothing to run.
+            UseCaseError: the host is busy, or there is nothing to run.
         """
         if (members, reserve) not in self._known:
             self._known[members, reserve] = self._measured(members, reserve)

@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
 
+from rarms_iac.app.hosts import Hosts, observed
+from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.tune import TuningEnding, TuningResult
 from rarms_iac.cli.candidates import recorded_answers
 from rarms_iac.cli.datalogs import measured_reservations, measurements_of
-from rarms_iac.cli.hosts import Hosts, observed
-from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.tuning import Room, Subject, TuningStopped
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.layout import Layout
@@ -109,7 +109,7 @@ def _by_the_graph(before: End, asking: Asking, probability: float | None) -> End
         predictor=subject.predictor,
         probability=probability,
     )
-    measured = measurements_of(subject.system, subject.hosts.folder, subject.hosts.source)
+    measured = measurements_of(subject.system, subject.hosts.folder, subject.hosts.manifest.source)
     recorded = recorded_answers(measured, subject.bench, tuning.candidates, {subject.bench.name: subject.state})
     found, trail = search(tuning, asking, recorded=recorded)
     if not isinstance(found, Best):
@@ -136,7 +136,7 @@ def _parts(subject: Subject, coi: Coi) -> Sequence[Coi]:
 
 def findings_of(end: End, hosts: Hosts) -> Iterator[Diagnostic]:
     """What is to be said of the end itself."""
-    places = hosts.opened.loaded.places
+    places = hosts.manifest.places
     if end.unanswered:
         advice = "Mend the component's `run`, allow more `run.failures`, or keep it `apart`; then the command goes on."
         yield findings.NO_ANSWER.at(None, end.unanswered, advice)
@@ -171,13 +171,14 @@ def still_too_much(hosts: Hosts, end: End) -> Iterator[Diagnostic]:
     """Whether what the manifest says now can be planned.
 
     Raises:
-        Halted: the manifest cannot be read any more (4).
+        UseCaseError: the manifest cannot be read any more (4).
     """
-    system, opened = system_of(hosts.source)
+    manifest = load_manifest(hosts.manifest.source)
+    system = manifest.system
     states = observed(hosts)
-    reservations = measured_reservations(measurements_of(system, hosts.folder, hosts.source), states)
+    reservations = measured_reservations(measurements_of(system, hosts.folder, hosts.manifest.source), states)
     views = {name: host_view(state, system.application.name) for name, state in states.items()}
-    if isinstance(plan_layout(system, reservations, views, opened.loaded.places).answer, Layout):
+    if isinstance(plan_layout(system, reservations, views, manifest.places).answer, Layout):
         return
     now, capacity = _shown(total(end.cois)), _shown(end.subject.capacity)
     yield findings.STILL_TOO_MUCH.at(

@@ -4,14 +4,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from rarms_iac import __version__
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.app.tune import TuningResult
 from rarms_iac.cli.books import unreadable
-from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.configuration import now
-from rarms_iac.cli.hosts import Hosts
 from rarms_iac.cli.locks import held_configurations
-from rarms_iac.cli.problems import Halted
 from rarms_iac.model.system import System
 from rarms_iac.storage.datalog.files import LogUnreadable
 from rarms_iac.storage.datalog.tuning import TrailSetting, TuningRun, append_run, read_runs, tuning_path
@@ -46,7 +45,7 @@ def record_tuning(hosts: Hosts, platform: str, run: TuningRun) -> None:
     """Write it into the platform's log of tuning; one that asked for nothing says nothing that the manifest does not.
 
     Raises:
-        Halted: the log is damaged (4), or another run does not let go of it (3).
+        UseCaseError: the log is damaged (4), or another run does not let go of it (3).
         OSError: it cannot be written.
     """
     if not run.trail:
@@ -55,19 +54,19 @@ def record_tuning(hosts: Hosts, platform: str, run: TuningRun) -> None:
         try:
             append_run(tuning_path(Path(hosts.folder), platform), run)
         except LogUnreadable as problem:
-            raise Halted(ExitCode.NO, [unreadable(problem)]) from None
+            raise UseCaseError(Outcome.NEGATIVE, [unreadable(problem)]) from None
 
 
 def tunings_of(system: System, folder: Path) -> Iterator[PlatformTuning]:
     """The last run of every platform of the manifest that has one.
 
     Raises:
-        Halted: a log is damaged (4).
+        UseCaseError: a log is damaged (4).
     """
     for platform in sorted({host.platform for host in system.hosts.values()}):
         try:
             runs = read_runs(tuning_path(folder, platform))
         except LogUnreadable as problem:
-            raise Halted(ExitCode.NO, [unreadable(problem)]) from None
+            raise UseCaseError(Outcome.NEGATIVE, [unreadable(problem)]) from None
         if runs:
             yield PlatformTuning(platform=platform, run=runs[-1])

@@ -1,5 +1,6 @@
 """Findings: what a user can cause, told once and rendered anywhere (DESIGN section 9)."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
@@ -116,3 +117,7 @@ class Places(Protocol):
     def key(self, *path: str | int) -> Place:
         """The place of the key at this path, likewise."""
         ...
+
+
+Sources = Mapping[str, str | Sequence[str]]
+"""The text of each file, or its lines, by the name that places use."""

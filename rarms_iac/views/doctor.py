@@ -4,12 +4,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from rarms_iac.model.condition import HostCondition
-from rarms_iac.model.diagnostics import Diagnostic, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Severity, Sources
 from rarms_iac.model.quantities import show_bytes, show_processors
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import columns, visible
-from rarms_iac.views.diagnostics.source import Sources
 from rarms_iac.views.diagnostics.text import as_text
 from rarms_iac.views.output.hosts import DoctorOutput, ExaminedOutput
 

@@ -4,14 +4,13 @@ from collections.abc import Iterator, Sequence
 from typing import assert_never
 
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Update
-from rarms_iac.model.diagnostics import Diagnostic, Place
+from rarms_iac.model.diagnostics import Diagnostic, Place, Sources
 from rarms_iac.model.operations import RemoveDisk
 from rarms_iac.model.plan import HostPlan, Plan, Purpose, Step, UndoLevel
 from rarms_iac.model.quantities import show_bytes, show_processors
 from rarms_iac.model.system import Disruption
 from rarms_iac.views.attributes import Attribute, attributes_of
 from rarms_iac.views.diagnostics.layout import columns, visible, wrap
-from rarms_iac.views.diagnostics.source import Sources
 from rarms_iac.views.diagnostics.text import as_text, counted
 from rarms_iac.views.placement import placement_says
 from rarms_iac.views.threads import threads_lines

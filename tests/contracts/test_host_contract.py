@@ -798,11 +798,11 @@ def test_a_damaged_file_is_said_to_be_damaged_and_stays(tmp_path: Path, old: byt
     damage(tmp_path / ".rarms/hosts/onboard.json", old, new)
     before = files(tmp_path)
 
-    for opened in (host, simulated(tmp_path)):
+    for manifest in (host, simulated(tmp_path)):
         with pytest.raises(HostDamaged, match=says) as damaged:
-            opened.observe()
+            manifest.observe()
         with pytest.raises(HostDamaged):
-            do(opened, start())
+            do(manifest, start())
         assert "restore" in damaged.value.advice
 
     assert files(tmp_path) == before

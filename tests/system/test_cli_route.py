@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.cli.hosts import Hosts, hosts_of
-from rarms_iac.cli.manifests import system_of
-from rarms_iac.cli.options import HostOptions, ManifestOptions
+from rarms_iac.app.hosts import Hosts, select_hosts
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.model.journal import RunClosed
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.storage.shipped import shipped
@@ -48,8 +48,8 @@ class Robot:
 
     def hosts(self) -> Hosts:
         """The hosts as the commands see them."""
-        source = ManifestOptions(manifest=str(self.manifest), today=date(2026, 11, 21))
-        return hosts_of(*system_of(source), source, HostOptions())
+        source = ManifestSource(manifest=str(self.manifest), today=date(2026, 11, 21))
+        return select_hosts(load_manifest(source), HostSelection())
 
     def host(self) -> SimulatedHostProvider:
         """The live host."""

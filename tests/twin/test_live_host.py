@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from rarms_iac.cli.wiring import seen_by_script
+from rarms_iac.app.wiring import seen_by_script
 from rarms_iac.model.state import Rights
 from rarms_iac.providers.hyperv.findings import findings_of
 from rarms_iac.providers.hyperv.observation import read_observation

@@ -6,29 +6,19 @@ from pathlib import Path
 import click
 from click.core import ParameterSource
 
+from rarms_iac.app.errors import UseCaseError
+from rarms_iac.app.files import STANDARD_INPUT, folder_of, read_plan_file
+from rarms_iac.app.hosts import Hosts, holding, select_hosts
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits
+from rarms_iac.app.wiring import open_host, unfinished_beside
 from rarms_iac.apply.reports import Ending, RunReport
 from rarms_iac.apply.undo import abandon
 from rarms_iac.cli.applying import ended, finish_first, plan_ask_apply, run
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.files import STANDARD_INPUT
-from rarms_iac.cli.hosts import Hosts, holding, hosts_of
-from rarms_iac.cli.manifests import system_of
-from rarms_iac.cli.options import (
-    ChangeOptions,
-    HostOptions,
-    ManifestOptions,
-    RunOptions,
-    change_options,
-    host_options,
-    json_option,
-    manifest_options,
-    run_options,
-)
+from rarms_iac.cli.options import RunOptions, change_options, host_options, json_option, manifest_options, run_options
 from rarms_iac.cli.planning import Wish
-from rarms_iac.cli.plans import folder_of, read_plan_file
-from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.cli.wiring import open_host, unfinished_beside
 from rarms_iac.manifest.load import manifest_path
 from rarms_iac.model.plan import Plan
 from rarms_iac.providers.interface import LiveHost
@@ -47,9 +37,9 @@ def command(
     session: Session,
     *,
     plan_file: str | None,
-    source: ManifestOptions,
-    where: HostOptions,
-    limits: ChangeOptions,
+    source: ManifestSource,
+    where: HostSelection,
+    limits: PlanLimits,
     how: RunOptions,
     proving: bool,
     abandoning: bool,
@@ -68,12 +58,12 @@ def command(
         code = _apply_plan(session, plan, source, how, as_json=as_json)
         if not proving:
             return code
-        planned = HostOptions(hosts=tuple(part.host.name for part in plan.hosts))
+        planned = HostSelection(hosts=tuple(part.host.name for part in plan.hosts))
         return _then_prove(session, _manifest_of(plan, source), planned, how, code, as_json=as_json)
     if proving and abandoning:
         raise click.UsageError("--abandon applies nothing that could be proven.", click.get_current_context())
     hosts = _hosts(source, where)
-    if isinstance(hosts, Halted):
+    if isinstance(hosts, UseCaseError):
         return _finish_without_manifest(session, hosts, source, how, abandoning=abandoning, as_json=as_json)
     if not abandoning:
         code = plan_ask_apply(session, hosts, Wish(limits=limits), how, as_json=as_json)
@@ -83,16 +73,16 @@ def command(
 
 
 def _then_prove(
-    session: Session, source: ManifestOptions, where: HostOptions, how: RunOptions, code: ExitCode, *, as_json: bool
+    session: Session, source: ManifestSource, where: HostSelection, how: RunOptions, code: ExitCode, *, as_json: bool
 ) -> ExitCode:
     """Prove what was applied; refused where the manifest asks for more by now. The answer in JSON is the proof."""
     if code is not ExitCode.DONE:
         return code
     from rarms_iac.cli.proving import ProveOptions, prove_layout
 
-    system, opened = system_of(source)
+    manifest = load_manifest(source)
     options = ProveOptions(lock_timeout_ms=how.lock_timeout_ms)
-    return prove_layout(session, hosts_of(system, opened, source, where), options, as_json=as_json)
+    return prove_layout(session, select_hosts(manifest, where), options, as_json=as_json)
 
 
 def _refuse_beside_a_plan(given: object) -> None:
@@ -103,13 +93,13 @@ def _refuse_beside_a_plan(given: object) -> None:
         )
 
 
-def _hosts(source: ManifestOptions, where: HostOptions) -> Hosts | Halted:
+def _hosts(source: ManifestSource, where: HostSelection) -> Hosts | UseCaseError:
     """The hosts of the manifest, or why it does not tell them."""
     try:
-        system, opened = system_of(source)
-    except Halted as halted:
+        manifest = load_manifest(source)
+    except UseCaseError as halted:
         return halted
-    return hosts_of(system, opened, source, where)
+    return select_hosts(manifest, where)
 
 
 def _abandon(session: Session, live: tuple[LiveHost, ...], how: RunOptions, *, as_json: bool) -> ExitCode:
@@ -122,12 +112,12 @@ def _abandon(session: Session, live: tuple[LiveHost, ...], how: RunOptions, *, a
 
 
 def _finish_without_manifest(
-    session: Session, halted: Halted, source: ManifestOptions, how: RunOptions, *, abandoning: bool, as_json: bool
+    session: Session, halted: UseCaseError, source: ManifestSource, how: RunOptions, *, abandoning: bool, as_json: bool
 ) -> ExitCode:
     """What was begun is finished from its journal, also when the manifest has errors by now.
 
     Raises:
-        Halted: nothing was begun; the manifest's errors are told.
+        UseCaseError: nothing was begun; the manifest's errors are told.
     """
     live = unfinished_beside(str(Path(manifest_path(source.manifest)).parent))
     if not live:
@@ -140,13 +130,13 @@ def _finish_without_manifest(
     return ended(session, report, as_json=as_json)
 
 
-def _apply_plan(session: Session, plan: Plan, source: ManifestOptions, how: RunOptions, *, as_json: bool) -> ExitCode:
+def _apply_plan(session: Session, plan: Plan, source: ManifestSource, how: RunOptions, *, as_json: bool) -> ExitCode:
     folder = str(Path(manifest_path(source.manifest)).parent) if _is_named() else folder_of(plan)
     live = {part.host.name: open_host(part.host, folder, part.state_path) for part in plan.hosts}
     return ended(session, run(session, plan, live, how), as_json=as_json)
 
 
-def _manifest_of(plan: Plan, source: ManifestOptions) -> ManifestOptions:
+def _manifest_of(plan: Plan, source: ManifestSource) -> ManifestSource:
     """What the plan was made of, unless another is named."""
     return source if _is_named() or plan.manifest == STANDARD_INPUT else replace(source, manifest=plan.manifest)
 

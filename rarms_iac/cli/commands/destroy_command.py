@@ -2,21 +2,12 @@
 
 import click
 
+from rarms_iac.app.hosts import select_hosts
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits
 from rarms_iac.cli.applying import plan_ask_apply
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.hosts import hosts_of
-from rarms_iac.cli.manifests import system_of
-from rarms_iac.cli.options import (
-    ChangeOptions,
-    HostOptions,
-    ManifestOptions,
-    RunOptions,
-    host_options,
-    json_option,
-    manifest_options,
-    run_options,
-    target_option,
-)
+from rarms_iac.cli.options import RunOptions, host_options, json_option, manifest_options, run_options, target_option
 from rarms_iac.cli.planning import Wish
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.plan import Purpose
@@ -35,8 +26,8 @@ from rarms_iac.model.plan import Purpose
 def command(
     session: Session,
     *,
-    source: ManifestOptions,
-    where: HostOptions,
+    source: ManifestSource,
+    where: HostSelection,
     target: tuple[str, ...],
     remove_disks: bool,
     how: RunOptions,
@@ -51,7 +42,7 @@ def command(
     Disks are kept. With --remove-disks those go that rarms made: they grow out of an image, lie where rarms puts
     them, and no other machine, disk or checkpoint needs them. What was on them is lost.
     """
-    system, opened = system_of(source)
-    hosts = hosts_of(system, opened, source, where)
-    wish = Wish(purpose=Purpose.DESTROY, limits=ChangeOptions(targets=target), remove_disks=remove_disks)
+    manifest = load_manifest(source)
+    hosts = select_hosts(manifest, where)
+    wish = Wish(purpose=Purpose.DESTROY, limits=PlanLimits(targets=target), remove_disks=remove_disks)
     return plan_ask_apply(session, hosts, wish, how, as_json=as_json, out=out)

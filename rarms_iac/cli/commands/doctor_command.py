@@ -1,18 +1,13 @@
 """`rarms doctor`: what makes a plan void or unsafe on the hosts."""
 
+from rarms_iac.app.files import write_file
+from rarms_iac.app.hosts import Hosts, select_hosts
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.apply.doctor.examine import examine
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.examining import examinations
-from rarms_iac.cli.files import write_file
-from rarms_iac.cli.hosts import Hosts, hosts_of
-from rarms_iac.cli.manifests import system_of
-from rarms_iac.cli.options import (
-    HostOptions,
-    ManifestOptions,
-    host_or_snapshot_options,
-    manifest_options,
-    output_option,
-)
+from rarms_iac.cli.options import host_or_snapshot_options, manifest_options, output_option
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.model.diagnostics import Diagnostic, has_errors, in_order
@@ -24,16 +19,17 @@ from rarms_iac.views.doctor import Examined, doctor_json, doctor_text
 @manifest_options
 @host_or_snapshot_options
 @output_option
-def command(session: Session, *, source: ManifestOptions, where: HostOptions, outputs: tuple[Output, ...]) -> ExitCode:
+def command(session: Session, *, source: ManifestSource, where: HostSelection, outputs: tuple[Output, ...]) -> ExitCode:
     """Look at the hosts and tell what makes a plan void or unsafe there, with what to do. Only reads.
 
     A host is looked at live, or as `rarms snapshot` or the observe script wrote it down (--snapshot). Errors end with
     exit code 2; warnings and notes do not.
     """
-    system, opened = system_of(source)
-    hosts = hosts_of(system, opened, source, where)
+    manifest = load_manifest(source)
+    system = manifest.system
+    hosts = select_hosts(manifest, where)
     examined, accepted = examined_hosts(hosts)
-    sources = opened.loaded.sources
+    sources = manifest.sources
     found = in_order([finding for one in examined for finding in one.findings])
     for output in outputs:
         match output.format:
@@ -58,7 +54,7 @@ def examined_hosts(hosts: Hosts) -> tuple[tuple[Examined, ...], tuple[Diagnostic
     """Every chosen host with what was found there, and what the policy accepts of it.
 
     Raises:
-        Halted: a host cannot be read.
+        UseCaseError: a host cannot be read.
     """
     examined: list[Examined] = []
     accepted: list[Diagnostic] = []
@@ -66,8 +62,8 @@ def examined_hosts(hosts: Hosts) -> tuple[tuple[Examined, ...], tuple[Diagnostic
         kept, silenced = apply_acceptances(
             examine(host),
             hosts.system.policy,
-            hosts.opened.loaded.places,
-            hosts.source.today,
+            hosts.manifest.places,
+            hosts.manifest.source.today,
             looked_for=(),  # an acceptance that silences nothing here may be needed by a plan
         )
         examined.append(Examined(state=host.state, condition=host.condition, findings=kept))

@@ -1,20 +1,14 @@
 """`rarms drift`: who moved, the host or the manifest?"""
 
+from rarms_iac.app.errors import UseCaseError
+from rarms_iac.app.hosts import last_runs, observed, select_hosts
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits
 from rarms_iac.apply.look import look
 from rarms_iac.apply.prepare import prepare
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.hosts import hosts_of, last_runs, observed
-from rarms_iac.cli.manifests import system_of
-from rarms_iac.cli.options import (
-    ChangeOptions,
-    HostOptions,
-    ManifestOptions,
-    host_or_snapshot_options,
-    json_option,
-    manifest_options,
-)
-from rarms_iac.cli.planning import Wish, code_of_errors, request_of
-from rarms_iac.cli.problems import Halted
+from rarms_iac.cli.options import host_or_snapshot_options, json_option, manifest_options
+from rarms_iac.cli.planning import Wish, outcome_of, request_of
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.diff.drift import DriftKind
 from rarms_iac.diff.left import left_by
@@ -28,21 +22,22 @@ from rarms_iac.views.drift import HostDrift, drift_json, drift_text
 @manifest_options
 @host_or_snapshot_options
 @json_option
-def command(session: Session, *, source: ManifestOptions, where: HostOptions, as_json: bool) -> ExitCode:
+def command(session: Session, *, source: ManifestSource, where: HostSelection, as_json: bool) -> ExitCode:
     """Tell what somebody changed on the hosts, and what is not applied yet. Only reads.
 
     Exit code 2 where a host was changed, 5 where something is only not applied yet, 0 where there is neither.
     """
-    system, opened = system_of(source)
-    hosts = hosts_of(system, opened, source, where)
+    manifest = load_manifest(source)
+    system = manifest.system
+    hosts = select_hosts(manifest, where)
     states = observed(hosts)
     limit = system.policy.max_disruption
     journals = dict(last_runs(hosts))
     left = {name: left_by(journal, system.application.name) for name, journal in journals.items()}
-    request = request_of(hosts, Wish(limits=ChangeOptions(max_disruption=Disruption.REMOVAL)), states)
-    found, problems = look(system, states, opened.loaded.places, limit, left, request.reservations)
+    request = request_of(hosts, Wish(limits=PlanLimits(max_disruption=Disruption.REMOVAL)), states)
+    found, problems = look(system, states, manifest.places, limit, left, request.reservations)
     if not found and has_errors(problems):
-        raise Halted(code_of_errors(problems), problems, opened.loaded.sources)
+        raise UseCaseError(outcome_of(problems), problems, manifest.sources)
     # The changes say what differs, attribute by attribute; nothing is held back, so that all of them are there.
     plan = prepare(request, states).plan
     changes = {

@@ -4,8 +4,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.options import HostOptions, ManifestOptions, json_option, manifest_options
+from rarms_iac.cli.options import json_option, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.spelling import suggestion
 from rarms_iac.storage.finding_pages import finding_page, known_codes
@@ -14,8 +15,8 @@ from rarms_iac.views.explain import page_text, unknown_code
 from rarms_iac.views.output.told import ExplanationOutput
 
 if TYPE_CHECKING:
+    from rarms_iac.app.manifests import Manifest
     from rarms_iac.cli.datalogs import Measurements
-    from rarms_iac.cli.manifests import Opened
     from rarms_iac.model.system import Component
 
 
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 @click.option("--guide", is_flag=True, help="Show how to set COMPONENT up by hand: Hyper-V, MMCSS, Linux, in order.")
 @manifest_options
 @json_option
-def command(session: Session, *, subject: str, guide: bool, source: ManifestOptions, as_json: bool) -> ExitCode:
+def command(session: Session, *, subject: str, guide: bool, source: ManifestSource, as_json: bool) -> ExitCode:
     """Say what a finding means and how to mend it, or how a component comes to what it gets.
 
     FINDING is the id that stands before it, such as RARMS014; its number alone is enough. COMPONENT is one of the
@@ -42,47 +43,48 @@ def command(session: Session, *, subject: str, guide: bool, source: ManifestOpti
     return _component(session, source, subject, as_json=as_json)
 
 
-def _component(session: Session, source: ManifestOptions, name: str, *, as_json: bool) -> ExitCode:
+def _component(session: Session, source: ManifestSource, name: str, *, as_json: bool) -> ExitCode:
+    from rarms_iac.app.hosts import select_hosts
     from rarms_iac.cli.explaining import explained
-    from rarms_iac.cli.hosts import hosts_of
     from rarms_iac.cli.telling import tell
     from rarms_iac.views.walk_output import walk_json, walk_text
 
-    measured, opened, component = _asked_for(source, name)
-    hosts = hosts_of(measured.system, opened, source, HostOptions())
+    measured, manifest, component = _asked_for(source, name)
+    hosts = select_hosts(manifest, HostSelection())
     found = explained(measured, hosts, component)
-    tell(session.terminal, found.errors, opened.loaded.sources)
+    tell(session.terminal, found.errors, manifest.sources)
     session.terminal.data(walk_json(found.walk) if as_json else walk_text(found.walk, session.terminal.text_width))
     return ExitCode.DONE if found.fits else ExitCode.NO
 
 
-def _guide(source: ManifestOptions, name: str) -> str:
+def _guide(source: ManifestSource, name: str) -> str:
     from rarms_iac.cli.guiding import guide_facts, has_a_partition
     from rarms_iac.views.guide import guide
 
-    measured, opened, component = _asked_for(source, name)
+    measured, manifest, component = _asked_for(source, name)
     if not has_a_partition(component):
         says = f"{name} runs on the host itself: it has no partition, and no share of the processors to set up."
         raise click.UsageError(says, click.get_current_context())
-    return guide(guide_facts(measured, opened, name))
+    return guide(guide_facts(measured, manifest, name))
 
 
-def _asked_for(source: ManifestOptions, name: str) -> "tuple[Measurements, Opened, Component]":
+def _asked_for(source: ManifestSource, name: str) -> "tuple[Measurements, Manifest, Component]":
     """The manifest with its measurements, and the component of that name.
 
     Raises:
         UsageError: there is none.
     """
+    from rarms_iac.app.manifests import load_manifest
     from rarms_iac.cli.datalogs import measurements_of
-    from rarms_iac.cli.manifests import system_of
 
-    system, opened = system_of(source)
+    manifest = load_manifest(source)
+    system = manifest.system
     component = system.components.get(name)
     if component is None:
         meant = suggestion(name, (*system.components, *known_codes()))
         says = f'The manifest has no component "{name}", and no finding is called so.{meant}'
         raise click.UsageError(says, click.get_current_context())
-    return measurements_of(system, opened.loaded.folder, source), opened, component
+    return measurements_of(system, manifest.folder, source), manifest, component
 
 
 def _finding(session: Session, finding: str, *, as_json: bool) -> ExitCode:

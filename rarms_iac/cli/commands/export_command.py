@@ -4,10 +4,11 @@ from pathlib import Path
 
 import click
 
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.files import write_file
+from rarms_iac.app.requests import ManifestSource
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.files import write_file
-from rarms_iac.cli.options import ManifestOptions, manifest_options
-from rarms_iac.cli.problems import Halted
+from rarms_iac.cli.options import manifest_options
 from rarms_iac.cli.reporting import reported
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import Finding, Severity
@@ -22,7 +23,7 @@ TOO_LONG = Finding(code="RARMS292", severity=Severity.ERROR, summary="A sheet ca
 @click.option("--samples", is_flag=True, help="Every sample too: a row each.")
 @click.option("--trail", is_flag=True, help="Only what the last `rarms tune` asked for, in order, as CSV.")
 def command(
-    session: Session, *, file: str, components: tuple[str, ...], source: ManifestOptions, samples: bool, trail: bool
+    session: Session, *, file: str, components: tuple[str, ...], source: ManifestSource, samples: bool, trail: bool
 ) -> ExitCode:
     """Write what was measured of the COMPONENTs (default: all) to FILE: name.csv or name.xlsx.
 
@@ -48,8 +49,8 @@ def command(
             data = workbook(report, samples=samples)
         except TooManyRows as problem:
             says = f"{problem.rows} samples are more than the {problem.limit} rows of a sheet."
-            raise Halted(
-                ExitCode.NO, [TOO_LONG.at(None, says, "Export them to a .csv file, or name fewer components.")]
+            raise UseCaseError(
+                Outcome.NEGATIVE, [TOO_LONG.at(None, says, "Export them to a .csv file, or name fewer components.")]
             ) from None
     write_file(file, data)
     session.terminal.talk(f"Wrote {file}.")

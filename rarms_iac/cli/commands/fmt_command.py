@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import click
 
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.files import write_file
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.files import write_file
 from rarms_iac.cli.options import json_option, manifest_option
-from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.manifest.characters import BYTE_ORDER_MARK
 from rarms_iac.manifest.fmt import CannotFormat, diff_text, format_tree
@@ -70,7 +70,7 @@ def _all_formatted(paths: tuple[str, ...]) -> list[Formatted]:
     """All of them; nothing is written before every one can be.
 
     Raises:
-        Halted: one of them is no manifest.
+        UseCaseError: one of them is no manifest.
     """
     done: list[Formatted] = []
     problems: list[Diagnostic] = []
@@ -85,7 +85,7 @@ def _all_formatted(paths: tuple[str, ...]) -> list[Formatted]:
             continue
         done.append(Formatted(path=path, file=tree.source.file, before=_as_stored(tree), after=after))
     if problems:
-        raise Halted(ExitCode.NO, problems, sources)
+        raise UseCaseError(Outcome.NEGATIVE, problems, sources)
     return done
 
 

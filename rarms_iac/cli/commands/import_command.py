@@ -4,19 +4,12 @@ from dataclasses import replace
 
 import click
 
+from rarms_iac.app.hosts import Hosts, observed, select_hosts
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.applying import plan_ask_apply
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.hosts import Hosts, hosts_of, observed
-from rarms_iac.cli.manifests import system_of
-from rarms_iac.cli.options import (
-    HostOptions,
-    ManifestOptions,
-    RunOptions,
-    host_options,
-    json_option,
-    manifest_options,
-    run_options,
-)
+from rarms_iac.cli.options import RunOptions, host_options, json_option, manifest_options, run_options
 from rarms_iac.cli.planning import Wish
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.plan import Purpose
@@ -35,8 +28,8 @@ def command(
     *,
     partition: str,
     machine: str,
-    source: ManifestOptions,
-    where: HostOptions,
+    source: ManifestSource,
+    where: HostSelection,
     how: RunOptions,
     out: str | None,
     as_json: bool,
@@ -45,8 +38,8 @@ def command(
 
     The next plan then shows what the manifest wants to be different about it.
     """
-    system, opened = system_of(source)
-    hosts = on_its_host(hosts_of(system, opened, source, where), machine)
+    manifest = load_manifest(source)
+    hosts = on_its_host(select_hosts(manifest, where), machine)
     wish = Wish(purpose=Purpose.IMPORT, partition=partition, machine=machine)
     return plan_ask_apply(session, hosts, wish, how, as_json=as_json, out=out)
 
@@ -71,4 +64,4 @@ def on_its_host(hosts: Hosts, machine: str) -> Hosts:
             "--host.",
             click.get_current_context(),
         )
-    return replace(hosts, where=HostOptions(hosts=tuple(having)))
+    return replace(hosts, selection=HostSelection(hosts=tuple(having)))

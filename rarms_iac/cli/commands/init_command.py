@@ -4,10 +4,10 @@ from pathlib import Path
 
 import click
 
+from rarms_iac.app.errors import Outcome, UseCaseError, in_the_way
+from rarms_iac.app.files import make_folder, write_file
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.files import make_folder, write_file
 from rarms_iac.cli.options import json_option
-from rarms_iac.cli.problems import Halted, in_the_way
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.manifest.init import initial_manifest, name_from
 from rarms_iac.manifest.load import DEFAULT_NAME
@@ -33,7 +33,7 @@ def command(session: Session, *, folder: str, name: str | None, as_json: bool) -
         )
     path = Path(folder) / DEFAULT_NAME
     if path.exists() or path.is_symlink():
-        raise Halted(ExitCode.FAILED, [in_the_way(path.as_posix())])
+        raise UseCaseError(Outcome.FAILED, [in_the_way(path.as_posix())])
     text = initial_manifest(name or name_from(path.resolve().parent.name))
     make_folder(path.parent.as_posix())
     write_file(str(path), text.encode())

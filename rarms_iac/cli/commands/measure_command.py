@@ -6,26 +6,20 @@ from pathlib import Path
 
 import click
 
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.hosts import Hosts, select_hosts
+from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.measure import ExperimentResult
+from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.asking import ask_levels, refuse_without_terminal
 from rarms_iac.cli.books import path_for, unreadable
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.configuration import record_choices
 from rarms_iac.cli.datalogs import measurements_of
 from rarms_iac.cli.experiments import MeasureOptions, experiments_for
-from rarms_iac.cli.hosts import Hosts, hosts_of
-from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.measuring import held_benches, refuse_what_cannot_run, run_experiment
-from rarms_iac.cli.options import (
-    HostOptions,
-    ManifestOptions,
-    host_options,
-    json_option,
-    manifest_options,
-    time_option,
-)
+from rarms_iac.cli.options import host_options, json_option, manifest_options, time_option
 from rarms_iac.cli.passes import end_passes, passes_for
-from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.telling import tell
 from rarms_iac.measuring.conclusions import NoVerdict, Stopped
@@ -73,8 +67,8 @@ def command(
     session: Session,
     *,
     components: tuple[str, ...],
-    source: ManifestOptions,
-    where: HostOptions,
+    source: ManifestSource,
+    where: HostSelection,
     together: bool,
     strategy: str,
     first: int | None,
@@ -111,13 +105,13 @@ def command(
     _refuse_contradictions(options)
     if interactive:
         refuse_without_terminal(session, source)
-    system, opened = system_of(source)
-    hosts = hosts_of(system, opened, source, where)
+    manifest = load_manifest(source)
+    hosts = select_hosts(manifest, where)
     done = measured(session, hosts, options, interactive=interactive)
     record_what_follows(hosts)
     if not done.stopped:
         end_passes(hosts, done.complete, options)  # last of all: until then the same command goes on
-    tell(session.terminal, done.findings, opened.loaded.sources)
+    tell(session.terminal, done.findings, manifest.sources)
     if as_json:
         session.terminal.data(measure_json(done.results, done.findings, done.waiting))
     else:
@@ -139,13 +133,13 @@ def record_what_follows(hosts: Hosts) -> None:
     """Write the reservations that follow from the data logs now into the configuration logs.
 
     Raises:
-        Halted: one of them is damaged (4).
+        UseCaseError: one of them is damaged (4).
     """
-    system, _ = system_of(hosts.source)  # a level may have been chosen meanwhile
+    system = load_manifest(hosts.manifest.source).system  # a level may have been chosen meanwhile
     try:
-        record_choices(measurements_of(system, hosts.folder, hosts.source))
+        record_choices(measurements_of(system, hosts.folder, hosts.manifest.source))
     except LogUnreadable as problem:
-        raise Halted(ExitCode.NO, [unreadable(problem)]) from None
+        raise UseCaseError(Outcome.NEGATIVE, [unreadable(problem)]) from None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,7 +168,7 @@ def measured(session: Session, hosts: Hosts, options: MeasureOptions, *, interac
     """Run all experiments, one after the other, until one is stopped; a component's failure does not end the others'.
 
     Raises:
-        Halted: see `run_experiment`.
+        UseCaseError: see `run_experiment`.
     """
     experiments = experiments_for(hosts, options)
     results: list[ExperimentResult] = []
@@ -192,7 +186,7 @@ def measured(session: Session, hosts: Hosts, options: MeasureOptions, *, interac
                 complete[path_for(hosts, experiment)] = mine
             if interactive and not isinstance(result.conclusion, Stopped):
                 result = ask_levels(session, hosts, result)
-            found += findings_of(experiment, result.conclusion, result.settings, hosts.opened.loaded.places)
+            found += findings_of(experiment, result.conclusion, result.settings, hosts.manifest.places)
             results.append(result)
             if isinstance(result.conclusion, Stopped):
                 break

@@ -2,19 +2,12 @@
 
 import click
 
+from rarms_iac.app.hosts import refuse_unfinished, select_hosts
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits
 from rarms_iac.cli.applying import shown_plan, write_plan_file
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.hosts import hosts_of, refuse_unfinished
-from rarms_iac.cli.manifests import system_of
-from rarms_iac.cli.options import (
-    ChangeOptions,
-    HostOptions,
-    ManifestOptions,
-    change_options,
-    host_or_snapshot_options,
-    json_option,
-    manifest_options,
-)
+from rarms_iac.cli.options import change_options, host_or_snapshot_options, json_option, manifest_options
 from rarms_iac.cli.planning import Wish, make_plan
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.views.plan_json import plan_json
@@ -30,9 +23,9 @@ from rarms_iac.views.plan_json import plan_json
 def command(
     session: Session,
     *,
-    source: ManifestOptions,
-    where: HostOptions,
-    limits: ChangeOptions,
+    source: ManifestSource,
+    where: HostSelection,
+    limits: PlanLimits,
     out: str | None,
     steps: bool,
     as_json: bool,
@@ -41,11 +34,11 @@ def command(
 
     Exit code 2 where there are changes, 0 where the hosts are as the manifest wants them.
     """
-    system, opened = system_of(source)
-    hosts = hosts_of(system, opened, source, where)
+    manifest = load_manifest(source)
+    hosts = select_hosts(manifest, where)
     refuse_unfinished(hosts)
     plan = make_plan(hosts, Wish(limits=limits))
-    shown = plan_json(plan) if as_json else shown_plan(session, plan, opened.loaded.sources, steps=steps)
+    shown = plan_json(plan) if as_json else shown_plan(session, plan, manifest.sources, steps=steps)
     session.terminal.data(shown)
     if out is not None:
         write_plan_file(session, out, plan)

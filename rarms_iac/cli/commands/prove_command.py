@@ -2,17 +2,11 @@
 
 import click
 
+from rarms_iac.app.hosts import select_hosts
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.hosts import hosts_of
-from rarms_iac.cli.manifests import system_of
-from rarms_iac.cli.options import (
-    HostOptions,
-    ManifestOptions,
-    host_options,
-    json_option,
-    manifest_options,
-    time_option,
-)
+from rarms_iac.cli.options import host_options, json_option, manifest_options, time_option
 from rarms_iac.cli.proving import USUAL_SEED, ProveOptions, prove_layout
 from rarms_iac.cli.session import Session, rarms_command
 
@@ -28,8 +22,8 @@ from rarms_iac.cli.session import Session, rarms_command
 def command(
     session: Session,
     *,
-    source: ManifestOptions,
-    where: HostOptions,
+    source: ManifestSource,
+    where: HostSelection,
     interference: str | None,
     samples: int | None,
     seed: int,
@@ -41,7 +35,7 @@ def command(
     What they show is written into the configuration logs. Exit code 4 where a threshold is missed or the samples cannot
     tell; 3 where the manifest asks for something that is not applied yet.
     """
-    system, opened = system_of(source)
-    hosts = hosts_of(system, opened, source, where)
+    manifest = load_manifest(source)
+    hosts = select_hosts(manifest, where)
     options = ProveOptions(interference=interference, samples=samples, seed=seed, lock_timeout_ms=lock_timeout)
     return prove_layout(session, hosts, options, as_json=as_json)

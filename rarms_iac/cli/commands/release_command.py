@@ -4,19 +4,12 @@ from dataclasses import replace
 
 import click
 
+from rarms_iac.app.hosts import Hosts, observed, select_hosts
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.applying import plan_ask_apply
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.hosts import Hosts, hosts_of, observed
-from rarms_iac.cli.manifests import system_of
-from rarms_iac.cli.options import (
-    HostOptions,
-    ManifestOptions,
-    RunOptions,
-    host_options,
-    json_option,
-    manifest_options,
-    run_options,
-)
+from rarms_iac.cli.options import RunOptions, host_options, json_option, manifest_options, run_options
 from rarms_iac.cli.planning import Wish
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.plan import Purpose
@@ -33,15 +26,15 @@ def command(
     session: Session,
     *,
     partition: str,
-    source: ManifestOptions,
-    where: HostOptions,
+    source: ManifestSource,
+    where: HostSelection,
     how: RunOptions,
     out: str | None,
     as_json: bool,
 ) -> ExitCode:
     """Take rarms' mark off PARTITION: the machine stays as it is, and rarms no longer touches it."""
-    system, opened = system_of(source)
-    hosts = where_it_is_ours(hosts_of(system, opened, source, where), partition)
+    manifest = load_manifest(source)
+    hosts = where_it_is_ours(select_hosts(manifest, where), partition)
     wish = Wish(purpose=Purpose.RELEASE, partition=partition)
     return plan_ask_apply(session, hosts, wish, how, as_json=as_json, out=out)
 
@@ -61,4 +54,4 @@ def where_it_is_ours(hosts: Hosts, partition: str) -> Hosts:
         raise click.UsageError(
             f"{partition} is on {', '.join(having)}: name one of them with --host.", click.get_current_context()
         )
-    return replace(hosts, where=HostOptions(hosts=tuple(having))) if having else hosts
+    return replace(hosts, selection=HostSelection(hosts=tuple(having))) if having else hosts

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import click
 
+from rarms_iac.app.files import write_file
+from rarms_iac.app.requests import ManifestSource
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.files import write_file
-from rarms_iac.cli.options import ManifestOptions, json_option, manifest_options
+from rarms_iac.cli.options import json_option, manifest_options
 from rarms_iac.cli.reporting import candidates_for, reported, speaks_ascii_only
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.telling import tell
@@ -32,7 +33,7 @@ def command(
     session: Session,
     *,
     components: tuple[str, ...],
-    source: ManifestOptions,
+    source: ManifestSource,
     out: str | None,
     as_text: bool,
     as_json: bool,

@@ -2,9 +2,10 @@
 
 import click
 
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import ManifestSource
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.manifests import system_of
-from rarms_iac.cli.options import ManifestOptions, json_option, manifest_options
+from rarms_iac.cli.options import json_option, manifest_options
 from rarms_iac.cli.running import RunWish, run_components
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.telling import tell
@@ -37,7 +38,7 @@ def command(
     session: Session,
     *,
     components: tuple[str, ...],
-    source: ManifestOptions,
+    source: ManifestSource,
     for_ms: int | None,
     samples: int | None,
     interference: str | None,
@@ -53,7 +54,8 @@ def command(
     """
     if for_ms is not None and samples is not None:
         raise click.UsageError("Give --for or --samples, not both.", click.get_current_context())
-    system, opened = system_of(source)
+    manifest = load_manifest(source)
+    system = manifest.system
     wish = RunWish(
         components=components,
         for_ms=for_ms,
@@ -62,8 +64,8 @@ def command(
         together=together,
         live=not as_json,
     )
-    ran, found = run_components(session, system, opened, wish)
+    ran, found = run_components(session, system, manifest, wish)
     if as_json:
         session.terminal.data(ran_json(ran, found))
-    tell(session.terminal, found, opened.loaded.sources)
+    tell(session.terminal, found, manifest.sources)
     return ExitCode.NO if has_errors(found) else ExitCode.DONE

@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import click
 
+from rarms_iac.app.files import STANDARD_INPUT, write_file
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import ManifestSource
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.configuration import record_choices
 from rarms_iac.cli.datalogs import measurements_of
-from rarms_iac.cli.files import STANDARD_INPUT, write_file
-from rarms_iac.cli.manifests import system_of
-from rarms_iac.cli.options import ManifestOptions, json_option, manifest_options
+from rarms_iac.cli.options import json_option, manifest_options
 from rarms_iac.cli.selecting import Unclear, choice_of, edit_of, select
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.telling import tell
@@ -30,7 +31,7 @@ def command(
     at: str,
     index: str | None,
     dry_run: bool,
-    source: ManifestOptions,
+    source: ManifestSource,
     as_json: bool,
 ) -> ExitCode:
     """Choose the performance that is good enough for COMPONENT, and write it into the manifest as its APT.
@@ -41,16 +42,17 @@ def command(
     """
     if source.manifest == STANDARD_INPUT and not dry_run:
         raise click.UsageError("Standard input cannot be changed: name a file.", click.get_current_context())
-    system, opened = system_of(source)
+    manifest = load_manifest(source)
+    system = manifest.system
     try:
         choice = choice_of(system, component, at, index)
-        measured = measurements_of(system, opened.loaded.folder, source)
-        selected = select(choice, measured, opened)
+        measured = measurements_of(system, manifest.folder, source)
+        selected = select(choice, measured, manifest)
     except Unclear as problem:
         raise click.UsageError(str(problem), click.get_current_context()) from None
     file = ""
     if not dry_run:
-        edit = edit_of(choice, opened)
+        edit = edit_of(choice, manifest)
         file = edit.file
         if edit.after != edit.before:
             write_file(edit.file, edit.after.encode("utf-8"))
@@ -59,6 +61,6 @@ def command(
         session.terminal.data(selection_json(selected.selection, file, written=not dry_run))
     else:
         session.terminal.data(selection_text(selected.selection))
-        tell(session.terminal, selected.findings, opened.loaded.sources)
+        tell(session.terminal, selected.findings, manifest.sources)
         session.terminal.talk("Nothing was written." if dry_run else f"Written to {file}.")
     return ExitCode.DONE

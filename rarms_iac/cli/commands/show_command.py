@@ -2,19 +2,14 @@
 
 import click
 
+from rarms_iac.app.files import read_plan_file
+from rarms_iac.app.hosts import refuse_unfinished, select_hosts
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.applying import shown_plan
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.hosts import hosts_of, refuse_unfinished
-from rarms_iac.cli.manifests import system_of
-from rarms_iac.cli.options import (
-    HostOptions,
-    ManifestOptions,
-    host_or_snapshot_options,
-    json_option,
-    manifest_options,
-)
+from rarms_iac.cli.options import host_or_snapshot_options, json_option, manifest_options
 from rarms_iac.cli.planning import Wish, make_plan
-from rarms_iac.cli.plans import read_plan_file
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.showing import ScriptOptions, show_check, show_scripts, show_transport
 from rarms_iac.model.plan import Plan
@@ -50,8 +45,8 @@ def command(
     against: str | None,
     check: str | None,
     transport: bool,
-    source: ManifestOptions,
-    where: HostOptions,
+    source: ManifestSource,
+    where: HostSelection,
     as_json: bool,
 ) -> ExitCode:
     """Show a plan that `rarms plan --out` wrote, or with --script what runs on its hosts.
@@ -77,18 +72,18 @@ def command(
     return show_scripts(session, _plan(plan_file, source, where), options)
 
 
-def _plan(plan_file: str | None, source: ManifestOptions, where: HostOptions) -> Plan:
+def _plan(plan_file: str | None, source: ManifestSource, where: HostSelection) -> Plan:
     if plan_file is not None:
         if where.snapshots:
             raise click.UsageError("A PLAN takes no --snapshot: it was made already.", click.get_current_context())
         return read_plan_file(plan_file)
-    system, opened = system_of(source)
-    hosts = hosts_of(system, opened, source, where)
+    manifest = load_manifest(source)
+    hosts = select_hosts(manifest, where)
     refuse_unfinished(hosts)
     return make_plan(hosts, Wish())
 
 
-def _refuse_without_script(options: ScriptOptions, where: HostOptions) -> None:
+def _refuse_without_script(options: ScriptOptions, where: HostSelection) -> None:
     given = (options.guest, options.undo, options.whole, options.raw, options.out, options.against)
     if any(given) or where.hosts or where.snapshots:
         raise click.UsageError("That is asked of scripts: add --script.", click.get_current_context())

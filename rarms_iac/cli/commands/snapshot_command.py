@@ -4,12 +4,13 @@ from pathlib import Path
 
 import click
 
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.files import make_folder, write_file
+from rarms_iac.app.hosts import recorded, select_hosts
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.files import make_folder, write_file
-from rarms_iac.cli.hosts import hosts_of, recorded
-from rarms_iac.cli.manifests import system_of
-from rarms_iac.cli.options import HostOptions, ManifestOptions, host_options, manifest_options
-from rarms_iac.cli.problems import Halted
+from rarms_iac.cli.options import host_options, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
 
 OBSERVE = "observe.ps1"
@@ -21,7 +22,7 @@ OBSERVE = "observe.ps1"
 @click.option("--out", metavar="PATH", help="A file for one host; a folder, which gets HOST.json, for any number.")
 @click.option("--script", is_flag=True, help="Write the script that looks, to be run on a Hyper-V host or in a guest.")
 def command(
-    session: Session, *, source: ManifestOptions, where: HostOptions, out: str | None, script: bool
+    session: Session, *, source: ManifestSource, where: HostSelection, out: str | None, script: bool
 ) -> ExitCode:
     """Write down what the hosts look like, in JSON. Only reads.
 
@@ -30,8 +31,8 @@ def command(
     """
     if script:
         return _script(session, out)
-    system, opened = system_of(source)
-    hosts = hosts_of(system, opened, source, where)
+    manifest = load_manifest(source)
+    hosts = select_hosts(manifest, where)
     several = len(hosts.chosen) != 1
     if several and (out is None or Path(out).is_file()):
         raise click.UsageError(
@@ -60,7 +61,7 @@ def _script(session: Session, out: str | None) -> ExitCode:
 
     data = render_observe()
     if wrong := inspect(data, ScriptKind.OBSERVE, OBSERVE):
-        raise Halted(ExitCode.FAILED, wrong)
+        raise UseCaseError(Outcome.FAILED, wrong)
     if out is None:
         session.terminal.exactly(data.decode("ascii"))
         return ExitCode.DONE

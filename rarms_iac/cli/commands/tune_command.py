@@ -4,24 +4,18 @@ from typing import Literal, cast
 
 import click
 
+from rarms_iac.app.files import STANDARD_INPUT, write_file
+from rarms_iac.app.hosts import Hosts, observed, select_hosts
+from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.report_model import PlatformTuning
+from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.tune import TuningResult
 from rarms_iac.cli.asking import refuse_without_terminal
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.commands.measure_command import record_what_follows
 from rarms_iac.cli.experiments import MeasureOptions
-from rarms_iac.cli.files import STANDARD_INPUT, write_file
-from rarms_iac.cli.hosts import Hosts, hosts_of, observed
-from rarms_iac.cli.manifests import system_of
 from rarms_iac.cli.measuring import held_benches
-from rarms_iac.cli.options import (
-    HostOptions,
-    ManifestOptions,
-    host_options,
-    json_option,
-    manifest_options,
-    time_option,
-)
+from rarms_iac.cli.options import host_options, json_option, manifest_options, time_option
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.telling import tell
 from rarms_iac.cli.tuned_manifest import write_partitions
@@ -65,8 +59,8 @@ STRATEGIES = ("default", "paper")
 def command(
     session: Session,
     *,
-    source: ManifestOptions,
-    where: HostOptions,
+    source: ManifestSource,
+    where: HostSelection,
     strategy: str,
     repeat: bool,
     probability: float | None,
@@ -92,7 +86,7 @@ def command(
         raise click.UsageError("Standard input cannot be changed: name a file.", click.get_current_context())
     if interactive:
         refuse_without_terminal(session, source)
-    hosts = hosts_of(*system_of(source), source, where)
+    hosts = select_hosts(load_manifest(source), where)
     options = MeasureOptions(
         together=True, strategy=strategy, samples=samples, on_busy_host=on_busy_host, lock_timeout_ms=lock_timeout
     )
@@ -101,7 +95,7 @@ def command(
     told = (*findings_of(end, hosts), *(still_too_much(hosts, end) if written else ()))
     tuned = tuned_of(end, cast(Literal["default", "paper"], strategy), hosts.system, ", ".join(written))
     _keep_trail(session, hosts, end, tuned, trail)
-    tell(session.terminal, told, hosts.opened.loaded.sources)
+    tell(session.terminal, told, hosts.manifest.sources)
     session.terminal.data(tuned_json(tuned, told) if as_json else tuned_text(tuned, session.terminal.width))
     if end.ending == "stopped":
         session.terminal.talk("Stopped. What is recorded stays: the same command goes on.")
@@ -121,7 +115,7 @@ def _tuned(
     """Ask until there is an answer, with the bench held.
 
     Raises:
-        Halted: as `subject_of_tuning` and `run_experiment` say.
+        UseCaseError: as `subject_of_tuning` and `run_experiment` say.
     """
     bench = bench_of(hosts)
     with held_benches(session, hosts, [bench.name], options.lock_timeout_ms) as benches:
@@ -149,7 +143,7 @@ def _keep_trail(session: Session, hosts: Hosts, end: End, tuned: TuningResult, f
 def _written(session: Session, hosts: Hosts, end: End) -> tuple[str, ...]:
     if not end.compounds:
         return ()
-    done = write_partitions(hosts.system, hosts.opened, end.compounds)
+    done = write_partitions(hosts.manifest, end.compounds)
     for name in done.removed:
         session.terminal.talk(f"The entry of partition {name} is gone: its components are elsewhere now.")
     for file in done.files:

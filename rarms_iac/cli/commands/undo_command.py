@@ -4,21 +4,14 @@ from collections.abc import Sequence
 
 import click
 
+from rarms_iac.app.hosts import holding, owner, select_hosts, telling
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.apply.undo import can_be_undone, not_taken_back, told_to_undo, undo
 from rarms_iac.cli.applying import ask, ended, reporter_of
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.commands.apply_command import worst
-from rarms_iac.cli.hosts import holding, hosts_of, owner, telling
-from rarms_iac.cli.manifests import system_of
-from rarms_iac.cli.options import (
-    HostOptions,
-    ManifestOptions,
-    RunOptions,
-    host_options,
-    json_option,
-    manifest_options,
-    run_options,
-)
+from rarms_iac.cli.options import RunOptions, host_options, json_option, manifest_options, run_options
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.telling import tell
 from rarms_iac.model.journal import Journal, ScriptRun
@@ -32,14 +25,14 @@ from rarms_iac.views.undo import undo_text
 @run_options
 @json_option
 def command(
-    session: Session, *, source: ManifestOptions, where: HostOptions, how: RunOptions, as_json: bool
+    session: Session, *, source: ManifestSource, where: HostSelection, how: RunOptions, as_json: bool
 ) -> ExitCode:
     """Take the last apply back, finished or not: its steps' undos, the last one first.
 
     Shows what comes back and what cannot, and asks. Where hosts have different last applies, --host says which.
     """
-    system, opened = system_of(source)
-    hosts = hosts_of(system, opened, source, where)
+    manifest = load_manifest(source)
+    hosts = select_hosts(manifest, where)
     live = [hosts.open(name) for name in hosts.chosen]
     with telling():
         journals = [(host, host.journal()) for host in live]

@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 from typing import assert_never
 
-from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.diagnostics import Diagnostic, Sources
 from rarms_iac.views.diagnostics.outputs import BadOutput, Output, OutputFormat, parse_outputs
-from rarms_iac.views.diagnostics.source import Sources
 
 __all__ = ["BadOutput", "Output", "OutputFormat", "Sources", "parse_outputs", "render"]
 

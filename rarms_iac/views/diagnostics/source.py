@@ -1,7 +1,7 @@
 """The line of a file that a finding points at, with a caret under the spot."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rarms_iac.model.diagnostics import Place
@@ -24,10 +24,6 @@ class Excerpt:
 
 REACH = 400
 """Characters looked at on either side of the spot: a file of one line of megabytes is no reason to be slow."""
-
-
-Sources = Mapping[str, str | Sequence[str]]
-"""The text of each file, or its lines, by the name that places use."""
 
 
 def source_lines(text: str | Sequence[str]) -> Sequence[str]:

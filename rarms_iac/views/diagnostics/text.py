@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from rarms_iac.model.diagnostics import Diagnostic, Place, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Place, Severity, Sources
 from rarms_iac.views.diagnostics.layout import columns, hanging, visible, wrap
-from rarms_iac.views.diagnostics.source import Sources, excerpt, line_at, source_lines
+from rarms_iac.views.diagnostics.source import excerpt, line_at, source_lines
 
 WIDTH = 80
 INDENT = "  "

@@ -3,11 +3,11 @@ import sys
 
 import pytest
 
+from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.apply.reports import Ending
 from rarms_iac.cli.applying import ask, code_of
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.interrupts import Interrupted
-from rarms_iac.cli.problems import Halted
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.terminal import Terminal
 
@@ -47,21 +47,21 @@ class Interrupting(io.RawIOBase):
 def test_an_interrupted_question_says_that_nothing_was_changed() -> None:
     before, sys.stdin = sys.stdin, io.TextIOWrapper(io.BufferedReader(Interrupting()), encoding="utf-8")
     try:
-        with pytest.raises(Halted) as interrupted:
+        with pytest.raises(UseCaseError) as interrupted:
             ask(a_session(), "Do this?")
     finally:
         sys.stdin = before
 
-    assert interrupted.value.code is ExitCode.INTERRUPTED
+    assert interrupted.value.outcome is Outcome.INTERRUPTED
     assert [diagnostic.summary for diagnostic in interrupted.value.diagnostics] == ["Nothing was changed"]
 
 
 @pytest.mark.parametrize("text", ["no\n", "y\n", "", "YES\n"])
 def test_every_other_answer_is_a_no(text: str) -> None:
-    with pytest.raises(Halted) as refused:
+    with pytest.raises(UseCaseError) as refused:
         answered(text)
 
-    assert refused.value.code is ExitCode.REFUSED
+    assert refused.value.outcome is Outcome.REFUSED
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import click
 import pytest
 
+from rarms_iac.app.errors import BUG, Outcome, UseCaseError, system_refused
 from rarms_iac.cli import entry
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.interrupts import Interrupted, Interrupts
-from rarms_iac.cli.problems import BUG, Halted, system_refused
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.terminal import Terminal
 
@@ -35,7 +35,7 @@ def run_with(error: BaseException, *, debug: bool = False) -> tuple[ExitCode, st
         (KeyboardInterrupt(), ExitCode.INTERRUPTED),
         (Interrupted(ExitCode.TERMINATED), ExitCode.TERMINATED),
         (PermissionError(13, "Permission denied", "rarms.yaml"), ExitCode.FAILED),
-        (Halted(ExitCode.NO, [BUG.at(None, "what", "do")]), ExitCode.NO),
+        (UseCaseError(Outcome.NEGATIVE, [BUG.at(None, "what", "do")]), ExitCode.NO),
         (ZeroDivisionError("division by zero"), ExitCode.FAILED),
         (RecursionError(), ExitCode.FAILED),
         (MemoryError(), ExitCode.FAILED),

@@ -4,6 +4,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
+from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits, SnapshotFile
 from rarms_iac.cli import options
 from rarms_iac.model.system import Disruption
 
@@ -30,9 +31,9 @@ def test_the_manifest_is_the_one_here_unless_an_option_or_the_environment_says_o
     _, environment, _ = read_by(options.manifest_options, today, env={"RARMS_MANIFEST": "robots"})
 
     day = date(2026, 1, 31)
-    assert default["source"] == options.ManifestOptions(today=day)
-    assert given["source"] == options.ManifestOptions(manifest="a.yaml", overlays=("b.yaml", "c"), today=day)
-    assert environment["source"] == options.ManifestOptions(manifest="robots", today=day)
+    assert default["source"] == ManifestSource(today=day)
+    assert given["source"] == ManifestSource(manifest="a.yaml", overlays=("b.yaml", "c"), today=day)
+    assert environment["source"] == ManifestSource(manifest="robots", today=day)
 
 
 def test_hosts_and_snapshots() -> None:
@@ -40,11 +41,11 @@ def test_hosts_and_snapshots() -> None:
 
     _, called, _ = read_by(options.host_or_snapshot_options, words)
 
-    assert called["where"] == options.HostOptions(
+    assert called["where"] == HostSelection(
         hosts=("b", "a"),
         snapshots=(
-            options.SnapshotOption(host="a", file="x.json"),
-            options.SnapshotOption(host="", file="./y=z.json"),
+            SnapshotFile(host="a", file="x.json"),
+            SnapshotFile(host="", file="./y=z.json"),
         ),
     )
 
@@ -53,7 +54,7 @@ def test_how_far_and_how_long() -> None:
     _, limits, _ = read_by(options.change_options, ["--target", "partition/a", "--max-disruption", "live"])
     _, how, _ = read_by(options.run_options, ["--auto-approve", "--lock-timeout", "1.5s"])
 
-    assert limits["limits"] == options.ChangeOptions(targets=("partition/a",), max_disruption=Disruption.LIVE)
+    assert limits["limits"] == PlanLimits(targets=("partition/a",), max_disruption=Disruption.LIVE)
     assert how["how"] == options.RunOptions(auto_approve=True, lock_timeout_ms=1500)
 
 

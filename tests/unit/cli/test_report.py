@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import ManifestSource, today_utc
 from rarms_iac.cli.datalogs import path_of, subject_of
-from rarms_iac.cli.manifests import open_manifest
-from rarms_iac.cli.options import today_utc
 from rarms_iac.storage.datalog.configuration import Proven, ProvenIndex, append_entry
 from rarms_iac.storage.datalog.files import append_setting, begin_log, configuration_path
 from rarms_iac.storage.datalog.identity import Files, header_of, identity_of
@@ -53,8 +53,7 @@ def robot(tmp_path: Path) -> Path:
     """A manifest with the data log of its component, as it is now."""
     manifest = tmp_path / "rarms.yaml"
     manifest.write_text(MANIFEST, encoding="utf-8")
-    system = open_manifest(str(manifest), (), today_utc()).loaded.system
-    assert system is not None
+    system = load_manifest(ManifestSource(manifest=str(manifest), today=today_utc())).system
     subject = subject_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
     path = path_of(tmp_path, subject)
     begin_log(path, header_of(subject, identity_of(subject, Files(tmp_path).of(subject), {}), a_bench()))

@@ -3,9 +3,9 @@
 from datetime import date
 from pathlib import Path
 
-from rarms_iac.cli.manifests import Opened, open_manifest
+from rarms_iac.app.manifests import Manifest, load_manifest
+from rarms_iac.app.requests import ManifestSource
 from rarms_iac.cli.tuned_manifest import Written, write_partitions
-from rarms_iac.model.system import System
 from rarms_iac.planner.combining.oracle import Coi
 
 MANIFEST = """\
@@ -32,12 +32,13 @@ partitions: # by hand
 """
 
 
-def opened(folder: Path, *overlays: str) -> tuple[System, Opened]:
-    found = open_manifest(
-        str(folder / "rarms.yaml"), [str(folder / overlay) for overlay in overlays], date(2026, 11, 21)
+def manifest(folder: Path, *overlays: str) -> Manifest:
+    source = ManifestSource(
+        manifest=str(folder / "rarms.yaml"),
+        overlays=tuple(str(folder / overlay) for overlay in overlays),
+        today=date(2026, 11, 21),
     )
-    assert found.loaded.system is not None, found.findings
-    return found.loaded.system, found
+    return load_manifest(source)
 
 
 def compound(name: str, *members: str) -> Coi:
@@ -50,17 +51,17 @@ def write(folder: Path, text: str, name: str = "rarms.yaml") -> None:
 
 def test_a_section_is_made_where_there_is_none(tmp_path: Path) -> None:
     write(tmp_path, MANIFEST)
-    done = write_partitions(*opened(tmp_path), [compound("paths", "video", "paths")])
+    done = write_partitions(manifest(tmp_path), [compound("paths", "video", "paths")])
 
     assert done.removed == ()
     text = (tmp_path / "rarms.yaml").read_text(encoding="utf-8")
     assert text == MANIFEST + "\npartitions:\n  paths:\n    components: [paths, video]\n"
-    assert opened(tmp_path)[0].partitions["paths"].components == ("paths", "video")
+    assert manifest(tmp_path).system.partitions["paths"].components == ("paths", "video")
 
 
 def test_a_partition_that_is_there_is_extended_and_an_emptied_one_goes(tmp_path: Path) -> None:
     write(tmp_path, MANIFEST + PARTITIONS)
-    done = write_partitions(*opened(tmp_path), [compound("front", "video", "vision")])
+    done = write_partitions(manifest(tmp_path), [compound("front", "video", "vision")])
 
     assert done == Written(files=(done.files[0],), removed=("video",))
     text = (tmp_path / "rarms.yaml").read_text(encoding="utf-8")
@@ -74,7 +75,7 @@ def test_what_comments_said_of_an_entry_that_goes_stands_above_the_compounds(tmp
         "\n# by hand\npartitions: # top\n  # plays films\n  video: # of the kiosk\n    start: manual # not at night\n"
     )
     write(tmp_path, text)
-    done = write_partitions(*opened(tmp_path), [compound("paths", "video", "paths")])
+    done = write_partitions(manifest(tmp_path), [compound("paths", "video", "paths")])
 
     assert done.removed == ("video",)
     assert (tmp_path / "rarms.yaml").read_text(encoding="utf-8") == MANIFEST + (
@@ -86,23 +87,23 @@ def test_what_comments_said_of_an_entry_that_goes_stands_above_the_compounds(tmp
 def test_comments_of_a_partition_that_was_alone_in_an_overlay_stay_there(tmp_path: Path) -> None:
     write(tmp_path, MANIFEST + "\npartitions:\n  vision: { start: manual }\n")
     write(tmp_path, "schema: rarms/v1\npartitions:\n  # films\n  video: { start: manual } # nights\n", "night.yaml")
-    write_partitions(*opened(tmp_path, "night.yaml"), [compound("vision", "video", "vision")])
+    write_partitions(manifest(tmp_path, "night.yaml"), [compound("vision", "video", "vision")])
 
     night = (tmp_path / "night.yaml").read_text(encoding="utf-8")
     assert (night.count("# films"), night.count("# nights"), "video" in night) == (1, 1, False)
-    assert opened(tmp_path, "night.yaml")[0].partitions["vision"].components == ("vision", "video")
+    assert manifest(tmp_path, "night.yaml").system.partitions["vision"].components == ("vision", "video")
 
 
 def test_what_an_overlay_says_is_changed_there(tmp_path: Path) -> None:
     write(tmp_path, MANIFEST)
     write(tmp_path, "schema: rarms/v1\npartitions:\n  front:\n    components: [vision]\n", "robot-7.yaml")
-    write_partitions(*opened(tmp_path, "robot-7.yaml"), [compound("front", "paths", "vision")])
+    write_partitions(manifest(tmp_path, "robot-7.yaml"), [compound("front", "paths", "vision")])
 
     assert (tmp_path / "rarms.yaml").read_text(encoding="utf-8") == MANIFEST
     assert "components: [vision, paths]" in (tmp_path / "robot-7.yaml").read_text(encoding="utf-8")
-    assert opened(tmp_path, "robot-7.yaml")[0].partitions["front"].components == ("vision", "paths")
+    assert manifest(tmp_path, "robot-7.yaml").system.partitions["front"].components == ("vision", "paths")
 
 
 def test_nothing_new_writes_nothing(tmp_path: Path) -> None:
     write(tmp_path, MANIFEST + PARTITIONS)
-    assert write_partitions(*opened(tmp_path), []) == Written(files=(), removed=())
+    assert write_partitions(manifest(tmp_path), []) == Written(files=(), removed=())

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.cli.hosts import hosts_of, observed
-from rarms_iac.cli.manifests import system_of
-from rarms_iac.cli.options import HostOptions, ManifestOptions
+from rarms_iac.app.hosts import observed, select_hosts
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.tuning import Room, Subject, TuningStopped, bench_of, subject_of_tuning
 from rarms_iac.cli.tuning_end import End, findings_of
 from rarms_iac.planner.combining.oracle import Coi, Members
@@ -56,8 +56,8 @@ def write(text: str) -> None:
 
 
 def subject_of(*hosts: str) -> Subject:
-    source = ManifestOptions(today=date(2026, 11, 22))
-    found = hosts_of(*system_of(source), source, HostOptions(hosts=hosts))
+    source = ManifestSource(today=date(2026, 11, 22))
+    found = select_hosts(load_manifest(source), HostSelection(hosts=hosts))
     return subject_of_tuning(found, bench_of(found), observed(found))
 
 

@@ -1,4 +1,4 @@
-"""The hosts that a command is about: chosen, opened, and looked at, live or in a snapshot."""
+"""The hosts that a command is about: chosen, manifest, and looked at, live or in a snapshot."""
 
 import getpass
 import os
@@ -7,16 +7,13 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-import click
-
+from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
+from rarms_iac.app.manifests import Manifest
+from rarms_iac.app.requests import HostSelection
+from rarms_iac.app.snapshots import Snapshots, read_snapshots, with_guests
+from rarms_iac.app.wiring import open_host, state_path
 from rarms_iac.apply import refusals
 from rarms_iac.apply.walk import held
-from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.manifests import Opened
-from rarms_iac.cli.options import HostOptions, ManifestOptions
-from rarms_iac.cli.problems import Halted
-from rarms_iac.cli.snapshots import Snapshots, read_snapshots, with_guests
-from rarms_iac.cli.wiring import open_host, state_path
 from rarms_iac.model.journal import Journal, ScriptRun
 from rarms_iac.model.spelling import suggestion
 from rarms_iac.model.state import Rights, State
@@ -27,54 +24,57 @@ from rarms_iac.storage.snapshot_file import write_snapshot
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hosts:
-    """What the manifest says, and which of its hosts are meant."""
+    """A manifest, and which of its hosts are meant: live, or as snapshots show them."""
 
-    system: System
-    opened: Opened
-    source: ManifestOptions
-    where: HostOptions
+    manifest: Manifest
+    selection: HostSelection
     snapshots: Snapshots
+
+    @property
+    def system(self) -> System:
+        """What the manifest says."""
+        return self.manifest.system
 
     @property
     def chosen(self) -> tuple[str, ...]:
         """The names of the hosts that are meant, sorted."""
-        return tuple(sorted(self.where.hosts or self.system.hosts))
+        return tuple(sorted(self.selection.hosts or self.system.hosts))
 
     @property
     def folder(self) -> str:
         """The manifest's folder."""
-        return self.opened.loaded.folder
+        return self.manifest.folder
 
     def state_path(self, host: str) -> str:
         """Where a simulated host's file lies, relative to the folder."""
-        return state_path(host, self.folder, self.source.overlays)
+        return state_path(host, self.folder, self.manifest.source.overlays)
 
     def open(self, host: str) -> LiveHost:
         """The live host.
 
         Raises:
-            Halted: this version cannot reach it.
+            UseCaseError: this version cannot reach it (failed).
         """
         return open_host(self.system.hosts[host], self.folder, self.state_path(host))
 
 
-def hosts_of(system: System, opened: Opened, source: ManifestOptions, where: HostOptions) -> Hosts:
-    """The hosts that the options choose.
+def select_hosts(manifest: Manifest, selection: HostSelection) -> Hosts:
+    """Choose hosts of a manifest, and read the snapshots that stand for some of them.
 
     Raises:
-        click.UsageError: one of them is not in the manifest.
-        Halted: a snapshot cannot be read.
+        RequestError: a name is not in the manifest.
+        UseCaseError: a snapshot cannot be read (failed).
     """
-    snapshots = {snapshot.host for snapshot in where.snapshots if snapshot.host}
-    for name in (*where.hosts, *sorted(snapshots)):
+    system = manifest.system
+    named = {snapshot.host for snapshot in selection.snapshots if snapshot.host}
+    for name in (*selection.hosts, *sorted(named)):
         if name not in system.hosts:
-            raise click.UsageError(
+            raise RequestError(
                 f"The manifest has no host {name!r}.{suggestion(name, tuple(system.hosts))} "
-                f"It has: {', '.join(sorted(system.hosts)) or 'none'}.",
-                click.get_current_context(),
+                f"It has: {', '.join(sorted(system.hosts)) or 'none'}."
             )
-    read = read_snapshots(where.snapshots, sorted(system.hosts), sorted(where.hosts or system.hosts))
-    return Hosts(system=system, opened=opened, source=source, where=where, snapshots=read)
+    snapshots = read_snapshots(selection.snapshots, sorted(system.hosts), sorted(selection.hosts or system.hosts))
+    return Hosts(manifest=manifest, selection=selection, snapshots=snapshots)
 
 
 def observed(hosts: Hosts, *, needed: Collection[str] | None = None) -> Mapping[str, State]:
@@ -85,7 +85,7 @@ def observed(hosts: Hosts, *, needed: Collection[str] | None = None) -> Mapping[
         needed: names of hosts that there is no answer without; None: the chosen ones.
 
     Raises:
-        Halted: such a host cannot be reached or read, or does not have a guest of which there is a snapshot.
+        UseCaseError: such a host cannot be reached or read, or does not have a guest of which there is a snapshot.
     """
     must = hosts.chosen if needed is None else needed
     snapshots, application = hosts.snapshots, hosts.system.application.name
@@ -94,7 +94,7 @@ def observed(hosts: Hosts, *, needed: Collection[str] | None = None) -> Mapping[
         try:
             written = snapshots.hosts.get(name)
             state = written.state if written else observe(hosts.open(name))
-        except Halted:
+        except UseCaseError:
             if name in must:
                 raise
             continue
@@ -107,7 +107,7 @@ def observe(host: LiveHost) -> State:
     """What a live host looks like.
 
     Raises:
-        Halted: it cannot be read.
+        UseCaseError: it cannot be read.
     """
     with telling():
         return host.observe()
@@ -117,7 +117,7 @@ def recorded(host: LiveHost) -> bytes:
     """What a live host looks like, as a file that `--snapshot` reads: its own words where it has such.
 
     Raises:
-        Halted: it cannot be read.
+        UseCaseError: it cannot be read.
     """
     if not isinstance(host, RecordableHost):
         return write_snapshot(observe(host))
@@ -129,20 +129,20 @@ def refuse_unfinished(hosts: Hosts) -> None:
     """A plan that is made while a run is unfinished could never be applied.
 
     Raises:
-        Halted: a chosen live host has an unfinished run (exit 3).
+        UseCaseError: a chosen live host has an unfinished run (exit 3).
     """
     for name, snapshot in sorted(hosts.snapshots.hosts.items()):
         if name in hosts.chosen and snapshot.unfinished is not None:
-            raise Halted(ExitCode.REFUSED, [refusals.unfinished(name, snapshot.unfinished)])
+            raise UseCaseError(Outcome.REFUSED, [refusals.unfinished(name, snapshot.unfinished)])
     for name, journal in unfinished_runs(hosts):
-        raise Halted(ExitCode.REFUSED, [refusals.unfinished(name, journal)])
+        raise UseCaseError(Outcome.REFUSED, [refusals.unfinished(name, journal)])
 
 
 def unfinished_runs(hosts: Hosts) -> Iterator[tuple[str, Journal | ScriptRun]]:
     """The chosen live hosts with an unfinished run, and its journal; none where snapshots are looked at.
 
     Raises:
-        Halted: a journal cannot be read.
+        UseCaseError: a journal cannot be read.
     """
     for name in hosts.chosen:
         if name not in hosts.snapshots.hosts:
@@ -156,7 +156,7 @@ def last_runs(hosts: Hosts) -> Iterator[tuple[str, Journal | ScriptRun | None]]:
     """The chosen live hosts with the journal of the last run there; none where snapshots are looked at.
 
     Raises:
-        Halted: a journal cannot be read.
+        UseCaseError: a journal cannot be read.
     """
     for name in hosts.chosen:
         if name not in hosts.snapshots.hosts:
@@ -170,9 +170,9 @@ def telling() -> Iterator[None]:
     try:
         yield
     except HostLocked as error:
-        raise Halted(ExitCode.REFUSED, [refusals.locked(error)]) from error
+        raise UseCaseError(Outcome.REFUSED, [refusals.locked(error)]) from error
     except HostError as error:
-        raise Halted(ExitCode.FAILED, [refusals.host_failed(error)]) from error
+        raise UseCaseError(Outcome.FAILED, [refusals.host_failed(error)]) from error
 
 
 @contextmanager
@@ -180,7 +180,7 @@ def holding(hosts: tuple[LiveHost, ...], timeout_ms: int) -> Iterator[None]:
     """Hold all these hosts.
 
     Raises:
-        Halted: another run holds one of them (exit 3).
+        UseCaseError: another run holds one of them (exit 3).
     """
     with telling(), held(hosts, owner(), timeout_ms):
         yield

@@ -4,8 +4,10 @@ import stat
 import sys
 from pathlib import Path
 
-from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.problems import Halted, not_read, not_written
+from rarms_iac.app.errors import Outcome, UseCaseError, not_read, not_written
+from rarms_iac.manifest.load import manifest_path
+from rarms_iac.model.plan import Plan
+from rarms_iac.storage.plan_file import MAX_BYTES, PlanFileError, read_plan
 from rarms_iac.storage.replace import replace
 
 STANDARD_INPUT = "-"
@@ -20,26 +22,26 @@ def read_file(path: str, limit: int, origin: str) -> bytes:
         origin: the command that makes such a file, for who named one that cannot be read.
 
     Raises:
-        Halted: it cannot be read.
+        UseCaseError: it cannot be read.
     """
     advice = f"Look at the path and its rights; `{origin}` writes such a file."
     if path == STANDARD_INPUT:
         return sys.stdin.buffer.read(limit + 1)
     try:
         if not stat.S_ISREG(Path(path).stat().st_mode):
-            raise Halted(ExitCode.FAILED, [not_read(path, "it is not a regular file", advice)])
+            raise UseCaseError(Outcome.FAILED, [not_read(path, "it is not a regular file", advice)])
         with Path(path).open("rb") as file:
             return file.read(limit + 1)
     except (OSError, ValueError) as error:
         says = (error.strerror if isinstance(error, OSError) else "") or str(error)
-        raise Halted(ExitCode.FAILED, [not_read(path, says, advice)]) from error
+        raise UseCaseError(Outcome.FAILED, [not_read(path, says, advice)]) from error
 
 
 def write_file(path: str, data: bytes) -> None:
     """Have exactly these bytes in the file; its rights stay, and a link goes on pointing to it.
 
     Raises:
-        Halted: the system does not let us; what was there before still is.
+        UseCaseError: the system does not let us; what was there before still is.
     """
     try:
         target = Path(path).resolve()
@@ -52,17 +54,36 @@ def write_file(path: str, data: bytes) -> None:
             target.chmod(stat.S_IMODE(before.st_mode))
     except (OSError, ValueError) as error:
         problem = error if isinstance(error, OSError) else OSError(0, "no file can have this name")
-        raise Halted(ExitCode.FAILED, [not_written(path, problem)]) from error
+        raise UseCaseError(Outcome.FAILED, [not_written(path, problem)]) from error
 
 
 def make_folder(path: str) -> None:
     """Have this folder, and those above it.
 
     Raises:
-        Halted: the system does not let us, or a file has its name.
+        UseCaseError: the system does not let us, or a file has its name.
     """
     try:
         Path(path).mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
         problem = error if isinstance(error, OSError) else OSError(0, "no folder can have this name")
-        raise Halted(ExitCode.FAILED, [not_written(path, problem)]) from error
+        raise UseCaseError(Outcome.FAILED, [not_written(path, problem)]) from error
+
+
+def read_plan_file(path: str) -> Plan:
+    """The plan of this file.
+
+    Raises:
+        UseCaseError: the file cannot be read (1), is no plan or was edited (3).
+    """
+    try:
+        return read_plan(read_file(path, MAX_BYTES, "rarms plan --out FILE"))
+    except PlanFileError as error:
+        raise UseCaseError(
+            Outcome.REFUSED, [error.finding.at(None, f"{path}: {error.says}.", f"{error.advice}.")]
+        ) from error
+
+
+def folder_of(plan: Plan) -> str:
+    """Where simulated hosts lie for who applies the plan: beside its manifest, as seen from here."""
+    return "." if plan.manifest == "-" else str(Path(manifest_path(plan.manifest)).parent)

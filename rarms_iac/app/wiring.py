@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.problems import Halted, out_of_reach
+from rarms_iac.app.errors import Outcome, UseCaseError, out_of_reach
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import ScriptRun
@@ -31,7 +30,7 @@ def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
         state_path: where a simulated host's file lies below it (`state_path`).
 
     Raises:
-        Halted: this version cannot reach hosts of its provider.
+        UseCaseError: this version cannot reach hosts of its provider.
     """
     match host.provider:
         case ProviderKind.SIMULATED:
@@ -43,7 +42,7 @@ def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
 
             return open_hyperv(host)
         case ProviderKind.LINUX:
-            raise Halted(ExitCode.FAILED, [out_of_reach(host.name, host.provider.value)])
+            raise UseCaseError(Outcome.FAILED, [out_of_reach(host.name, host.provider.value)])
 
 
 def open_bench(host: Host, folder: str, state_path: str) -> MeasuringHost | None:

@@ -1,10 +1,9 @@
-"""What goes wrong at the rim of the command, as findings; and how a command ends early."""
+"""What ends a use case without an answer, and the findings that say why."""
 
 from collections.abc import Sequence
+from enum import Enum
 
-from rarms_iac.cli.codes import ExitCode
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
-from rarms_iac.views.diagnostics import Sources
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity, Sources
 
 IN_THE_WAY = Finding(code="RARMS176", severity=Severity.ERROR, summary="A file is in the way")
 DECLINED = Finding(code="RARMS174", severity=Severity.NOTE, summary="Nothing was changed")
@@ -16,22 +15,45 @@ OUT_OF_REACH = Finding(code="RARMS198", severity=Severity.ERROR, summary="This h
 BUG = Finding(code="RARMS199", severity=Severity.ERROR, summary="This is a bug in rarms")
 
 
-class Halted(Exception):
-    """The command ends here, for these reasons and with this exit code."""
+class Outcome(Enum):
+    """Why there is no answer."""
+
+    FAILED = "failed"  # rarms or a host failed
+    REFUSED = "refused"  # a host moved, is busy or held; a plan is stale, edited or used; a run is unfinished
+    NEGATIVE = "negative"  # the answer is no: errors in the manifest, nothing fits, a threshold is out of reach
+    INTERRUPTED = "interrupted"  # a person or the system asked for an end
+
+
+class UseCaseError(Exception):
+    """A use case ended without its answer.
+
+    Attributes:
+        outcome: what kind of end it is; the command line makes an exit code of it.
+        diagnostics: the reasons, at least one.
+        sources: the manifest's files that the reasons point into, by the names that places use.
+        certificate: the proof that no layout exists, for programs; empty where there is none.
+    """
 
     def __init__(
         self,
-        code: ExitCode,
+        outcome: Outcome,
         diagnostics: Sequence[Diagnostic],
         sources: Sources | None = None,
         *,
         certificate: str = "",
     ) -> None:
         super().__init__("; ".join(diagnostic.summary for diagnostic in diagnostics))
-        self.code = code
+        self.outcome = outcome
         self.diagnostics = tuple(diagnostics)
         self.sources = sources or {}
-        self.certificate = certificate  # that no layout exists, for programs
+        self.certificate = certificate
+
+
+class RequestError(ValueError):
+    """What was asked cannot be done as it was asked: an unknown name, or values that contradict each other.
+
+    Its text is a whole sentence for people. Nothing was done.
+    """
 
 
 def bug(error: BaseException) -> Diagnostic:

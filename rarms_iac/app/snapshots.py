@@ -3,11 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.files import read_file
-from rarms_iac.cli.options import SnapshotOption
-from rarms_iac.cli.problems import Halted
-from rarms_iac.cli.wiring import Seen, seen_by_script
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.files import read_file
+from rarms_iac.app.requests import SnapshotFile
+from rarms_iac.app.wiring import Seen, seen_by_script
 from rarms_iac.diff.readings import is_marked
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import ScriptRun
@@ -50,7 +49,7 @@ class Snapshots:
         return tuple(finding for _, snapshot in sorted(self.hosts.items()) for finding in snapshot.findings)
 
 
-def read_snapshots(options: Sequence[SnapshotOption], hosts: Sequence[str], chosen: Sequence[str]) -> Snapshots:
+def read_snapshots(options: Sequence[SnapshotFile], hosts: Sequence[str], chosen: Sequence[str]) -> Snapshots:
     """The files that the options name, as rarms or observe.ps1 wrote them.
 
     Args:
@@ -59,7 +58,7 @@ def read_snapshots(options: Sequence[SnapshotOption], hosts: Sequence[str], chos
         chosen: names of those that are meant.
 
     Raises:
-        Halted: one cannot be read, is none, or it is not known which host it stands for.
+        UseCaseError: one cannot be read, is none, or it is not known which host it stands for.
     """
     found: dict[str, Snapshot] = {}
     guests: list[GuestSnapshot] = []
@@ -84,7 +83,7 @@ def with_guests(state: State, guests: Sequence[GuestSnapshot], application: str)
     """The host's state with what was seen inside its partitions.
 
     Raises:
-        Halted: the host has no such partition, or the file was taken on the host itself.
+        UseCaseError: the host has no such partition, or the file was taken on the host itself.
     """
     for guest in guests:
         if guest.host == state.facts.name:
@@ -103,7 +102,7 @@ def _with_guest(state: State, guest: GuestSnapshot, application: str) -> State:
     return replace(state, tasks=tuple(tasks))
 
 
-def _guest(option: SnapshotOption, seen: Seen | None) -> GuestSnapshot:
+def _guest(option: SnapshotFile, seen: Seen | None) -> GuestSnapshot:
     if seen is None:
         raise SnapshotUnreadable("it is not what observe.ps1 prints, and nothing else looks into a guest")
     if not seen.tasks:
@@ -111,7 +110,7 @@ def _guest(option: SnapshotOption, seen: Seen | None) -> GuestSnapshot:
     return GuestSnapshot(file=option.file, host=option.host, partition=option.guest, seen=seen)
 
 
-def _snapshot(option: SnapshotOption, data: bytes, seen: Seen | None) -> Snapshot:
+def _snapshot(option: SnapshotFile, data: bytes, seen: Seen | None) -> Snapshot:
     if seen is None:
         return Snapshot(file=option.file, data=data, state=read_snapshot(data))
     return Snapshot(file=option.file, data=data, state=seen.state, findings=seen.findings, unfinished=seen.unfinished)
@@ -134,7 +133,7 @@ def _host_of(snapshot: Snapshot, seen: Seen | None, hosts: Sequence[str], chosen
     raise no_snapshot(snapshot.file, f"it was taken of {taken_of!r}, which the manifest does not have")
 
 
-def no_snapshot(file: str, says: str) -> Halted:
+def no_snapshot(file: str, says: str) -> UseCaseError:
     """Why a file does not stand for a host."""
     finding = SnapshotUnreadable.finding.at(
         None,
@@ -142,4 +141,4 @@ def no_snapshot(file: str, says: str) -> Halted:
         "Make one with `rarms snapshot --host NAME --out FILE`, or run the script of `rarms snapshot --script` there, "
         "and name its host where there are several: `--snapshot NAME=FILE`.",
     )
-    return Halted(ExitCode.FAILED, [finding])
+    return UseCaseError(Outcome.FAILED, [finding])

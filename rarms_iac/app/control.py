@@ -1,0 +1,78 @@
+"""What a long use case tells while it works, and what ends it early. Both are silent unless a caller wants more."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from typing import Protocol
+
+from rarms_iac.apply.reports import RunReporter, SilentReporter
+from rarms_iac.measuring.reporter import MeasuringReporter, Silent
+from rarms_iac.model.diagnostics import Diagnostic, Sources
+
+
+class StopSignal(Protocol):
+    """Says whether somebody wants the work to end."""
+
+    def should_stop(self) -> bool:
+        """Whether the work ends at the next safe place; asked between steps and settings, so it must be quick."""
+        ...
+
+    def gently(self) -> AbstractContextManager[None]:
+        """Inside, a host is being changed: a request to stop must wait for `should_stop` to be asked."""
+        ...
+
+
+class NeverStop:
+    """Nobody asks for an end."""
+
+    def should_stop(self) -> bool:
+        """Never."""
+        return False
+
+    @contextmanager
+    def gently(self) -> Iterator[None]:
+        """Nothing is there to be held back."""
+        yield
+
+
+class Reporter(Protocol):
+    """Hears what goes on. It must not raise, and nothing waits for an answer of it."""
+
+    @property
+    def steps(self) -> RunReporter:
+        """Hears of each step of an apply, an undo, or a run that is finished."""
+        ...
+
+    @property
+    def settings(self) -> MeasuringReporter:
+        """Hears of each setting that is measured."""
+        ...
+
+    def message(self, text: str) -> None:
+        """One or more whole sentences about what was done, without a line end."""
+        ...
+
+    def findings(self, diagnostics: Sequence[Diagnostic], sources: Sources | None = None) -> None:
+        """Findings that do not end the work.
+
+        Args:
+            diagnostics: in any order; may be empty.
+            sources: the files that they point into.
+        """
+        ...
+
+
+class SilentListener:
+    """A `Reporter` that keeps everything to itself."""
+
+    steps: RunReporter = SilentReporter()
+    settings: MeasuringReporter = Silent()
+
+    def message(self, text: str) -> None:
+        """Drop it."""
+
+    def findings(self, diagnostics: Sequence[Diagnostic], sources: Sources | None = None) -> None:
+        """Drop them."""
+
+
+NEVER_STOP: StopSignal = NeverStop()
+SILENT: Reporter = SilentListener()

@@ -1,0 +1,50 @@
+"""What every use case is asked: which manifest, which hosts, how far a plan may go, how long a run may wait."""
+
+from dataclasses import dataclass
+from datetime import UTC, date, datetime
+
+from rarms_iac.model.system import Disruption
+
+DEFAULT_MANIFEST = "rarms.yaml"
+
+
+def today_utc() -> date:
+    """The day it is now in UTC: asked here and nowhere below."""
+    return datetime.now(UTC).date()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ManifestSource:
+    """Which manifest, and the day by which its acceptances are judged."""
+
+    manifest: str = DEFAULT_MANIFEST  # file, folder, or `-`; as given
+    overlays: tuple[str, ...] = ()
+    today: date
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SnapshotFile:
+    """A file that stands for a host, or for the guest of one of its partitions.
+
+    An empty host: the only one there is, or the one the file names.
+    """
+
+    host: str
+    file: str
+    guest: str = ""  # a partition
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostSelection:
+    """Which hosts, live or written down."""
+
+    hosts: tuple[str, ...] = ()  # none: all
+    snapshots: tuple[SnapshotFile, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanLimits:
+    """How far a plan may go."""
+
+    targets: tuple[str, ...] = ()  # addresses: partition/vision
+    max_disruption: Disruption | None = None  # None: as the policy says
