@@ -7,7 +7,7 @@ from pathlib import Path
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.manifest.acceptance import apply_acceptances
-from rarms_iac.manifest.checks import LOOKED_FOR, checks_beside, run_checks
+from rarms_iac.manifest.checks import CODES, checks_beside, run_checks
 from rarms_iac.manifest.load import Loaded, load, manifest_path
 from rarms_iac.model.diagnostics import Diagnostic, Places, has_errors
 from rarms_iac.model.system import System
@@ -65,7 +65,7 @@ def check_manifest(source: ManifestSource, *, planning: bool = True) -> CheckedM
     if loaded.system is None:
         return CheckedManifest(loaded=loaded, findings=loaded.diagnostics, accepted=())
     remaining, accepted = apply_acceptances(
-        loaded.diagnostics, loaded.system.policy, loaded.places, source.today, looked_for=LOOKED_FOR
+        loaded.diagnostics, loaded.system.policy, loaded.places, source.today, codes=CODES
     )
     return CheckedManifest(loaded=loaded, findings=remaining, accepted=accepted)
 

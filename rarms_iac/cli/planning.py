@@ -13,7 +13,7 @@ from rarms_iac.apply.wanted import FIXED
 from rarms_iac.cli.datalogs import measured_reservations, measurements_of
 from rarms_iac.diff.findings import NOT_AT_REST
 from rarms_iac.manifest.acceptance import apply_acceptances
-from rarms_iac.manifest.checks import LOOKED_FOR
+from rarms_iac.manifest.checks import CODES
 from rarms_iac.model.diagnostics import Diagnostic, Severity, in_order
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.state import State
@@ -83,14 +83,14 @@ def judge_of(hosts: Hosts, wish: Wish) -> Judge:
     An acceptance that silenced nothing is only told of where everything was looked at.
     """
     whole = wish.purpose is Purpose.APPLY and not (hosts.selection.hosts or wish.limits.targets)
-    looked_for = _PLANNED_FOR if whole else LOOKED_FOR
+    codes = _PLANNED_FOR if whole else CODES
 
     def judge(found: Sequence[Diagnostic]) -> tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]:
         everything = in_order(
             tuple(dict.fromkeys((*hosts.manifest.loaded.diagnostics, *hosts.snapshots.findings, *found)))
         )
         policy, places = hosts.system.policy, hosts.manifest.places
-        return apply_acceptances(everything, policy, places, hosts.manifest.source.today, looked_for=looked_for)
+        return apply_acceptances(everything, policy, places, hosts.manifest.source.today, codes=codes)
 
     return judge
 

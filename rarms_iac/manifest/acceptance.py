@@ -49,7 +49,7 @@ def apply_acceptances(
     places: Places,
     today: date,
     *,
-    looked_for: Collection[str] | None = None,
+    codes: Collection[str] | None = None,
 ) -> tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]:
     """What is kept, with a finding for every acceptance that silenced nothing; and what is accepted.
 
@@ -58,7 +58,7 @@ def apply_acceptances(
         policy: the manifest's.
         places: where the manifest says so.
         today: a day in UTC.
-        looked_for: the codes that this run could have found. An acceptance of another code is not called unused: it
+        codes: the codes that this run could have found. An acceptance of another code is not called unused: it
             may be meant for another command. None: every code.
     """
     valid = {acceptance.code: acceptance for acceptance in policy.accept.values() if silences(acceptance, today)}
@@ -66,7 +66,7 @@ def apply_acceptances(
     kept = [diagnostic for diagnostic in diagnostics if not _covers(valid.get(diagnostic.code), diagnostic)]
     used = {(diagnostic.code, diagnostic.address) for diagnostic in accepted}
     for acceptance in valid.values():
-        if looked_for is None or acceptance.code in looked_for:
+        if codes is None or acceptance.code in codes:
             kept += _unused(acceptance, used, places)
     return in_order(kept), accepted
 

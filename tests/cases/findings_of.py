@@ -8,7 +8,7 @@ from datetime import date
 from pathlib import Path
 
 from rarms_iac.manifest.acceptance import apply_acceptances
-from rarms_iac.manifest.checks import LOOKED_FOR, checks_beside
+from rarms_iac.manifest.checks import CODES, checks_beside
 from rarms_iac.manifest.load import load
 from rarms_iac.views.diagnostics import OutputFormat, render
 
@@ -27,9 +27,7 @@ def findings_of(folder: Path) -> str:
         loaded = load("rarms.yaml", overlays, today=TODAY, checks=checks_beside(Path()))
     if loaded.system is None:
         return render(OutputFormat.TEXT, loaded.diagnostics, loaded.sources)
-    kept, accepted = apply_acceptances(
-        loaded.diagnostics, loaded.system.policy, loaded.places, TODAY, looked_for=LOOKED_FOR
-    )
+    kept, accepted = apply_acceptances(loaded.diagnostics, loaded.system.policy, loaded.places, TODAY, codes=CODES)
     return render(OutputFormat.TEXT, kept, loaded.sources, accepted=accepted)
 
 

@@ -23,4 +23,4 @@ def test_a_case_says_why_it_is_there(folder: Path) -> None:
 def test_every_check_has_a_case() -> None:
     told = "".join((folder / "expected.txt").read_text(encoding="utf-8") for folder in case_folders())
 
-    assert [check.FINDING.code for check in CHECKS if f"[{check.FINDING.code}]" not in told] == []
+    assert [finding.code for finding in CHECKS if f"[{finding.code}]" not in told] == []

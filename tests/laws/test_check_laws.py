@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rarms_iac.manifest.acceptance import apply_acceptances
-from rarms_iac.manifest.checks import LOOKED_FOR, run_checks
+from rarms_iac.manifest.checks import CODES, run_checks
 from rarms_iac.model.diagnostics import Severity, in_order
 from rarms_iac.model.system import Acceptance, Policy, RunsOn, System, TaskCategory
 from tests.builders import (
@@ -73,7 +73,7 @@ def test_the_checks_answer_whatever_is_asked_and_always_the_same(system: System)
     told = run_checks(system, PathPlaces(), TODAY)
 
     assert told == in_order(told) == run_checks(system, PathPlaces(), TODAY)
-    assert set(codes(told)) <= LOOKED_FOR
+    assert set(codes(told)) <= CODES
     assert all(diagnostic.place is not None and diagnostic.detail and diagnostic.advice for diagnostic in told)
     assert [
         diagnostic.address for diagnostic in told if diagnostic.address and not ADDRESS.fullmatch(diagnostic.address)
@@ -95,7 +95,7 @@ def test_every_warning_can_be_accepted_at_its_own_address_and_no_error_can(syste
         }
     )
 
-    kept, accepted = apply_acceptances(told, policy, PathPlaces(), TODAY, looked_for=LOOKED_FOR)
+    kept, accepted = apply_acceptances(told, policy, PathPlaces(), TODAY, codes=CODES)
 
     assert {diagnostic.severity for diagnostic in kept} <= {Severity.ERROR, Severity.NOTE}
     assert {diagnostic.severity for diagnostic in accepted} <= {Severity.WARNING}

@@ -64,7 +64,7 @@ def examined_hosts(hosts: Hosts) -> tuple[tuple[Examined, ...], tuple[Diagnostic
             hosts.system.policy,
             hosts.manifest.places,
             hosts.manifest.source.today,
-            looked_for=(),  # an acceptance that silences nothing here may be needed by a plan
+            codes=(),  # an acceptance that silences nothing here may be needed by a plan
         )
         examined.append(Examined(state=host.state, condition=host.condition, findings=kept))
         accepted += silenced

@@ -1,149 +1,101 @@
-"""What can be told from the manifest alone: one check a file, each with its finding (DESIGN section 9)."""
+"""Everything that can be judged from the manifest alone (DESIGN section 9): one module a topic, one function a check.
 
-from collections.abc import Callable, Iterator
+A checked `System` comes in, ordered findings go out. `CHECKS` lists every check with its finding; a check yields a
+`Violation` for each case, and `run_checks` makes findings with places of them. Begin with `common.Violation` and any
+topic: `names`, `partitions`, `hosts`, `processors`, `memory`, `tasks`, `measurement`, `secrets`.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
 from datetime import date
 from functools import partial
 from pathlib import Path
 
 from rarms_iac.manifest.acceptance import FINDINGS as ABOUT_ACCEPTANCES
 from rarms_iac.manifest.acceptance import check_acceptances
-from rarms_iac.manifest.checks import (
-    apart_in_one_partition,
-    connect_to_simulated,
-    dedicated_shares,
-    device_name,
-    host_component_in_partition,
-    host_component_with_cpu,
-    index_without_field,
-    measured_without_apt,
-    measured_without_log,
-    memory_not_whole_mebibytes,
-    memory_over_host,
-    miss_rate_without_deadline,
-    more_processors_than_host,
-    moved_from_existing,
-    moved_in_a_circle,
-    no_common_host,
-    no_components,
-    no_sample_in_time,
-    nothing_kept_for_host,
-    nothing_to_run,
-    order_not_expressed,
-    partition_like_host,
-    partition_memory_below_members,
-    partition_of_another_name,
-    path_on_windows,
-    pattern_is_not_re2,
-    pattern_without_group,
-    platform_of_different_hosts,
-    promised_less,
-    reserve_beyond_parallelism,
-    reserve_over_host,
-    reserve_over_limit,
-    reserve_over_processors,
-    responsiveness_not_as_is,
-    secret_in_clear,
-    secret_in_environment,
-    several_partitions,
-    shared_task,
-    shipped_task,
-    task_differs_in_case,
-    task_like_a_value,
-    test_partition_name,
-    timeout_before_threshold,
-    together_and_apart,
-    together_is_separated,
-    too_few_samples,
-    two_wishes_for_cpu,
-    unknown_name,
-    unknown_task,
-    unused_interference,
-    unused_task,
-)
-from rarms_iac.manifest.checks.measured_without_log import DataLogs, LogsInFolder
-from rarms_iac.model.diagnostics import Diagnostic, Places, in_order
+from rarms_iac.manifest.checks import hosts, measurement, memory, names, partitions, processors, secrets, tasks
+from rarms_iac.manifest.checks.common import Check
+from rarms_iac.manifest.checks.measurement import DataLogs, LogsInFolder
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, in_order
 from rarms_iac.model.system import System
 
-__all__ = ["CHECKS", "LOOKED_FOR", "DataLogs", "LogsInFolder", "checks_beside", "run_checks"]
+CHECKS: Mapping[Finding, Check] = {
+    names.UNKNOWN_NAME: names.unknown_name,
+    names.DEVICE_NAME: names.device_name,
+    names.PARTITION_LIKE_HOST: names.partition_like_host,
+    names.TEST_PARTITION_NAME: names.test_partition_name,
+    names.MOVED_IN_A_CIRCLE: names.moved_in_a_circle,
+    names.MOVED_FROM_EXISTING: names.moved_from_existing,
+    names.NO_COMPONENTS: names.no_components,
+    names.UNUSED_INTERFERENCE: names.unused_interference,
+    partitions.SEVERAL_PARTITIONS: partitions.several_partitions,
+    partitions.HOST_COMPONENT_IN_PARTITION: partitions.host_component_in_partition,
+    partitions.HOST_COMPONENT_WITH_CPU: partitions.host_component_with_cpu,
+    partitions.PARTITION_OF_ANOTHER_NAME: partitions.partition_of_another_name,
+    partitions.TOGETHER_AND_APART: partitions.together_and_apart,
+    partitions.DEDICATED_SHARES: partitions.dedicated_shares,
+    partitions.APART_IN_ONE_PARTITION: partitions.apart_in_one_partition,
+    partitions.TOGETHER_IS_SEPARATED: partitions.together_is_separated,
+    partitions.NO_COMMON_HOST: partitions.no_common_host,
+    hosts.NOTHING_KEPT_FOR_HOST: hosts.nothing_kept_for_host,
+    hosts.CONNECT_TO_SIMULATED: hosts.connect_to_simulated,
+    hosts.PLATFORM_OF_DIFFERENT_HOSTS: hosts.platform_of_different_hosts,
+    hosts.PATH_ON_WINDOWS: hosts.path_on_windows,
+    hosts.RESPONSIVENESS_NOT_AS_IS: hosts.responsiveness_not_as_is,
+    processors.RESERVE_OVER_LIMIT: processors.reserve_over_limit,
+    processors.RESERVE_OVER_HOST: processors.reserve_over_host,
+    processors.RESERVE_BEYOND_PARALLELISM: processors.reserve_beyond_parallelism,
+    processors.RESERVE_OVER_PROCESSORS: processors.reserve_over_processors,
+    processors.MORE_PROCESSORS_THAN_HOST: processors.more_processors_than_host,
+    processors.DIFFERENT_CPU: processors.different_cpu,
+    processors.HELD_BACK: processors.held_back,
+    memory.BELOW_MEMBERS: memory.partition_memory_below_members,
+    memory.MEMORY_OVER_HOST: memory.memory_over_host,
+    memory.NOT_WHOLE_MEBIBYTES: memory.memory_not_whole_mebibytes,
+    tasks.SHIPPED_TASK: tasks.shipped_task,
+    tasks.UNKNOWN_TASK: tasks.unknown_task,
+    tasks.TASK_DIFFERS_IN_CASE: tasks.task_differs_in_case,
+    tasks.ORDER_NOT_EXPRESSED: tasks.order_not_expressed,
+    tasks.SHARED_TASK: tasks.shared_task,
+    tasks.UNUSED_TASK: tasks.unused_task,
+    tasks.TASK_LIKE_A_VALUE: tasks.task_like_a_value,
+    measurement.NO_SAMPLE_IN_TIME: measurement.no_sample_in_time,
+    measurement.TIMEOUT_BEFORE_THRESHOLD: measurement.timeout_before_threshold,
+    measurement.INDEX_WITHOUT_FIELD: measurement.index_without_field,
+    measurement.MISS_RATE_WITHOUT_DEADLINE: measurement.miss_rate_without_deadline,
+    measurement.PATTERN_IS_NOT_RE2: measurement.pattern_is_not_re2,
+    measurement.PATTERN_WITHOUT_GROUP: measurement.pattern_without_group,
+    measurement.TOO_FEW_SAMPLES: measurement.too_few_samples,
+    measurement.MEASURED_WITHOUT_APT: measurement.measured_without_apt,
+    measurement.NOTHING_TO_RUN: measurement.nothing_to_run,
+    secrets.SECRET_IN_CLEAR: secrets.secret_in_clear,
+    secrets.SECRET_IN_ENVIRONMENT: secrets.secret_in_environment,
+}
+"""Every check that asks the manifest alone, by its finding."""
 
-CHECKS = (
-    apart_in_one_partition,
-    connect_to_simulated,
-    dedicated_shares,
-    device_name,
-    host_component_in_partition,
-    host_component_with_cpu,
-    index_without_field,
-    measured_without_apt,
-    memory_not_whole_mebibytes,
-    memory_over_host,
-    miss_rate_without_deadline,
-    more_processors_than_host,
-    moved_from_existing,
-    moved_in_a_circle,
-    no_common_host,
-    no_components,
-    no_sample_in_time,
-    nothing_kept_for_host,
-    nothing_to_run,
-    order_not_expressed,
-    partition_like_host,
-    partition_memory_below_members,
-    partition_of_another_name,
-    path_on_windows,
-    pattern_is_not_re2,
-    pattern_without_group,
-    platform_of_different_hosts,
-    promised_less,
-    reserve_beyond_parallelism,
-    reserve_over_host,
-    reserve_over_limit,
-    reserve_over_processors,
-    responsiveness_not_as_is,
-    secret_in_clear,
-    secret_in_environment,
-    several_partitions,
-    shared_task,
-    shipped_task,
-    task_differs_in_case,
-    task_like_a_value,
-    test_partition_name,
-    timeout_before_threshold,
-    together_and_apart,
-    together_is_separated,
-    too_few_samples,
-    two_wishes_for_cpu,
-    unknown_name,
-    unknown_task,
-    unused_interference,
-    unused_task,
-)
-"""Every check that asks the manifest alone."""
-
-LOOKED_FOR = frozenset(
-    one.code for one in (*(check.FINDING for check in (*CHECKS, measured_without_log)), *ABOUT_ACCEPTANCES)
-)
+CODES = frozenset(finding.code for finding in (*CHECKS, measurement.MEASURED_WITHOUT_LOG, *ABOUT_ACCEPTANCES))
 """The codes that `run_checks` can give: an acceptance of another code may yet be needed by another command."""
 
 
 def run_checks(system: System, places: Places, today: date, *, logs: DataLogs | None = None) -> tuple[Diagnostic, ...]:
-    """Everything wrong or odd about what the manifest means, in order.
+    """Report everything that is wrong or odd about what the manifest means, in order.
 
     Args:
         system: what the manifest says, its structure checked.
         places: where it says so.
         today: the day in UTC that acceptances expire against.
-        logs: the data logs, where nobody plans yet; without, it is for the planner to miss one.
+        logs: the data logs, where nobody plans yet; without, the planner reports a missing one.
     """
 
-    def told() -> Iterator[Diagnostic]:
-        for check in CHECKS:
-            yield from check.check(system, places)
+    def findings() -> Iterator[Diagnostic]:
+        for finding, check in CHECKS.items():
+            for violation in check(system):
+                yield violation.as_diagnostic(finding, places)
         if logs is not None:
-            yield from measured_without_log.check(system, places, logs)
+            for violation in measurement.measured_without_log(system, logs):
+                yield violation.as_diagnostic(measurement.MEASURED_WITHOUT_LOG, places)
         yield from check_acceptances(system.policy, places, today)
 
-    return in_order(tuple(told()))
+    return in_order(tuple(findings()))
 
 
 def checks_beside(folder: Path) -> Callable[[System, Places, date], tuple[Diagnostic, ...]]:

@@ -1,8 +1,11 @@
-"""What several checks ask of a System; nothing here tells anything."""
+"""What a check reports, and what several checks ask of a `System`."""
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Places, Related
 from rarms_iac.model.names import ROBOTIC_TASKS
+from rarms_iac.model.phrases import in_a_row
 from rarms_iac.model.quantities import LogicalProcessors, in_processors
 from rarms_iac.model.system import (
     Component,
@@ -16,15 +19,59 @@ from rarms_iac.model.system import (
     TaskWish,
 )
 
-SHOWN = 4
+MOST_NAMES = 4
+"""Names that a message lists before it says how many more there are."""
+
+Path = tuple[str | int, ...]
+
+_ADDRESSED = ("hosts", "components", "partitions", "interference", "tasks")
+_NOTHING_FIXED = CpuWish()
 
 
-def some(names: Iterable[str]) -> str:
-    """`a`, `a and b`, `a, b and c`; of many the first few and how many more."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Violation:
+    """One case of a check's finding: where in the manifest, what is wrong, and what to do."""
+
+    path: Path
+    detail: str
+    advice: str
+    at_key: bool = False  # it points at the key of the path, not at its value
+    address: str | None = None  # as `policy.accept` names it; None: the host, component, ... that the path leads into
+    related: tuple[tuple[Path, bool, str], ...] = ()  # other paths, whether their key is meant, and a label
+
+    def as_diagnostic(self, finding: Finding, places: Places) -> Diagnostic:
+        """The violation as a case of this finding, with its places in the manifest's text."""
+        related = tuple(Related(place=_place(places, path, key), says=label) for path, key, label in self.related)
+        return finding.at(
+            _place(places, self.path, self.at_key),
+            self.detail,
+            self.advice,
+            address=_address(self.path) if self.address is None else self.address,
+            related=related,
+        )
+
+
+Check = Callable[[System], Iterator[Violation]]
+"""A check yields every violation that it finds; it judges only what no other check judges."""
+
+
+def _place(places: Places, path: Path, at_key: bool) -> Place:
+    return places.key(*path) if at_key else places.value(*path)
+
+
+def _address(path: Path) -> str:
+    """`components, vision, cpu` -> `component/vision`, as `policy.accept` names it."""
+    if len(path) < 2 or path[0] not in _ADDRESSED:
+        return ""
+    return f"{str(path[0]).removesuffix('s')}/{path[1]}"
+
+
+def list_names(names: Iterable[str]) -> str:
+    """`a`, `a and b`, `a, b and c`; of more than five the first four and how many more."""
     known = list(names)
-    if len(known) > SHOWN + 1:
-        return f"{', '.join(known[:SHOWN])} and {len(known) - SHOWN} more"
-    return " and ".join([", ".join(known[:-1]), known[-1]]) if len(known) > 1 else "".join(known)
+    if len(known) > MOST_NAMES + 1:
+        return f"{', '.join(known[:MOST_NAMES])} and {len(known) - MOST_NAMES} more"
+    return in_a_row(known) if known else ""
 
 
 def may_run_on(system: System, component: Component) -> list[Host]:
@@ -45,24 +92,29 @@ def hosts_for(system: System, components: Iterable[Component]) -> list[Host]:
     return [host for host in system.hosts.values() if all(host.name in names for names in allowed)]
 
 
-def entry_of(system: System) -> dict[str, str]:
-    """Component -> the first partition whose entry lists it."""
-    entries: dict[str, str] = {}
+def partition_of_component(system: System) -> dict[str, str]:
+    """Component -> the first partition whose entry lists it; components without an entry are not in it."""
+    partitions: dict[str, str] = {}
     for partition in system.partitions.values():
         for name in partition.components:
-            entries.setdefault(name, partition.name)
-    return entries
+            partitions.setdefault(name, partition.name)
+    return partitions
 
 
 def partition_names(system: System) -> set[str]:
     """Every partition that the manifest wants: those with an entry, and one each for the components without."""
-    listed = entry_of(system)
+    listed = partition_of_component(system)
     own = {
         component.name
         for component in system.components.values()
         if component.runs_on is RunsOn.PARTITION and component.name not in listed
     }
     return own | set(system.partitions)
+
+
+def section_of_partition(system: System, name: str) -> str:
+    """Where the manifest names this partition: its own entry, or the component that it is called after."""
+    return "partitions" if name in system.partitions else "components"
 
 
 def companions(system: System) -> dict[str, str]:
@@ -83,22 +135,27 @@ def companions(system: System) -> dict[str, str]:
     return {name: find(name) for name in system.components}
 
 
+def bound_groups(system: System) -> list[list[Component]]:
+    """Components without a partition's entry that `together` binds to others, each group sorted by name."""
+    listed = partition_of_component(system)
+    groups: dict[str, list[Component]] = {}
+    for name, group in sorted(companions(system).items()):
+        if name not in listed:
+            groups.setdefault(group, []).append(system.components[name])
+    return [group for group in groups.values() if len(group) > 1]
+
+
 def operating_systems(system: System) -> Iterator[list[Component]]:
     """The components that are sure to share one operating system: of one partition, or on one host itself."""
     for partition in system.partitions.values():
         yield members(system, partition)
-    listed = entry_of(system)
-    bound: dict[str, list[Component]] = {}
-    for name, group in companions(system).items():
-        if name not in listed:
-            bound.setdefault(group, []).append(system.components[name])
-    yield from (group for group in bound.values() if len(group) > 1)
+    yield from bound_groups(system)
     if len(system.hosts) == 1:
         yield [component for component in system.components.values() if component.runs_on is RunsOn.HOST]
 
 
-def task_wish(system: System, name: str) -> TaskWish | None:
-    """The entry of a task class; classes are compared without case."""
+def task_entry(system: System, name: str) -> TaskWish | None:
+    """The entry of a task class in `tasks`; classes are compared without case."""
     return system.tasks.get(name) or next(
         (task for key, task in system.tasks.items() if key.lower() == name.lower()), None
     )
@@ -116,29 +173,21 @@ def fixed_reserve(cpu: CpuWish, host: Host) -> LogicalProcessors | None:
     return in_processors(cpu.reserve, host.logical_processors)
 
 
-def wishes(system: System) -> Iterator[tuple[str, str, CpuWish, list[Host]]]:
-    """Section, name, CPU and possible hosts of every component and partition whose CPU the manifest speaks of."""
+def cpu_settings(system: System) -> Iterator[tuple[str, str, CpuWish, list[Host]]]:
+    """Section, name, CPU and possible hosts of every component and partition for which the manifest fixes CPU."""
     for component in system.components.values():
-        if component.cpu != _NOTHING:
+        if component.cpu != _NOTHING_FIXED:
             yield "components", component.name, component.cpu, may_run_on(system, component)
     for partition in system.partitions.values():
-        if partition.cpu != _NOTHING:
+        if partition.cpu != _NOTHING_FIXED:
             yield "partitions", partition.name, partition.cpu, hosts_for(system, members(system, partition))
 
 
 def on_every(hosts: list[Host], holds: Callable[[Host], bool]) -> bool:
-    """Whether there is a host at all and it holds on all of them: then no other host saves the wish."""
+    """Whether there is a host at all and it holds on all of them: then no other host avoids the problem."""
     return bool(hosts) and all(map(holds, hosts))
 
 
-def address(section: str, name: str) -> str:
-    """`components`, `vision` -> `component/vision`, as `policy.accept` names it."""
-    return f"{section.removesuffix('s')}/{name}"
-
-
 def behaves_like_hyperv(host: Host) -> bool:
-    """Whether the host takes what Hyper-V takes: the simulated one refuses what Hyper-V refuses."""
+    """Whether the host takes what Hyper-V takes: the simulated host refuses what Hyper-V refuses."""
     return host.provider in {ProviderKind.HYPERV, ProviderKind.SIMULATED}
-
-
-_NOTHING = CpuWish()

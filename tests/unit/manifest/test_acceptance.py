@@ -3,7 +3,7 @@ from datetime import date
 import pytest
 
 from rarms_iac.manifest.acceptance import apply_acceptances, check_acceptances
-from rarms_iac.manifest.checks import LOOKED_FOR, run_checks
+from rarms_iac.manifest.checks import CODES, run_checks
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
 from rarms_iac.model.system import Acceptance, Policy
 from tests.builders import PathPlaces, a_component, a_partition, a_system, codes
@@ -60,8 +60,8 @@ def test_each_address_that_silences_nothing_is_told() -> None:
 def test_what_a_command_does_not_look_for_is_not_unused() -> None:
     accepting = policy("RARMS065", "partition/vision")
 
-    assert apply_acceptances([], accepting, PLACES, LAST_DAY, looked_for={"RARMS041"}) == ((), ())
-    assert codes(apply_acceptances([], accepting, PLACES, LAST_DAY, looked_for=LOOKED_FOR)[0]) == ["RARMS096"]
+    assert apply_acceptances([], accepting, PLACES, LAST_DAY, codes={"RARMS041"}) == ((), ())
+    assert codes(apply_acceptances([], accepting, PLACES, LAST_DAY, codes=CODES)[0]) == ["RARMS096"]
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ def test_the_checks_look_at_the_acceptances_and_their_addresses_are_those_of_the
     )
 
     told = run_checks(system, PLACES, date(2026, 2, 1))
-    kept, accepted = apply_acceptances(told, system.policy, PLACES, LAST_DAY, looked_for=LOOKED_FOR)
+    kept, accepted = apply_acceptances(told, system.policy, PLACES, LAST_DAY, codes=CODES)
 
     assert codes(told) == ["RARMS065", "RARMS095"]
     assert codes(kept) == ["RARMS095"]

@@ -8,7 +8,7 @@ def test_a_finding_is_explained_by_its_page() -> None:
 
     assert page is not None
     text = render(page_text(page))
-    assert text.startswith("RARMS042: A name that nothing has\n=================================\n\nSeverity: error.\n")
+    assert text.startswith("RARMS042: Unknown name\n======================\n\nSeverity: error.\n")
     assert "    apart: [video-straeming]" in text
     assert "```" not in text
 

@@ -48,7 +48,7 @@ def test_the_detail_says_what_the_largest_host_can_promise() -> None:
     system = a_system(hosts=[a_host(keep_processor="10 %"), BIG], components=[a_component(reserve="9 LP")])
 
     assert details(system) == (
-        '"vision" reserves 9 LP, and "big" can promise 8 LP of its 8 LPs, more than any other host it may run on.'
+        '"vision" reserves 9 LP, but "big" has 8 LP of its 8 LP for partitions, more than any other host it may run on.'
     )
 
 

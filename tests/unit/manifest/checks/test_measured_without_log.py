@@ -3,7 +3,7 @@ from datetime import date
 from pathlib import Path
 
 from rarms_iac.manifest.checks import run_checks
-from rarms_iac.manifest.checks.measured_without_log import LogsInFolder
+from rarms_iac.manifest.checks.measurement import LogsInFolder
 from rarms_iac.model.diagnostics import Severity
 from rarms_iac.model.system import System
 from tests.builders import PathPlaces, a_component, a_host, a_run, a_system, at_most, codes

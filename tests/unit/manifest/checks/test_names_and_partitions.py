@@ -199,7 +199,7 @@ def test_a_contradiction_through_others_names_them() -> None:
         components=[a_component("a", together=["b"]), a_component("b", together=["c"]), a_component("c", apart=["a"])]
     )
 
-    assert details(system) == '"c" wants to be apart from "a", and `together` binds the two through b.'
+    assert details(system) == '"c" must be apart from "a", but `together` binds the two through b.'
 
 
 @pytest.mark.parametrize(
@@ -252,11 +252,11 @@ def test_what_is_not_used_is_noted() -> None:
 @pytest.mark.parametrize(
     ("percent", "says"),
     [
-        (25, "Windows would take 25 for 20: it rounds down to tens."),
-        (99, "Windows would take 99 for 90: it rounds down to tens."),
-        (0, "Windows would take 0 for 20: it does so below 10 and above 100."),
-        (101, "Windows would take 101 for 20: it does so below 10 and above 100."),
-        (100, "100 switches MMCSS off: no task class would have any effect."),
+        (25, "Windows would use 20 instead of 25: it rounds down to tens."),
+        (99, "Windows would use 90 instead of 99: it rounds down to tens."),
+        (0, "Windows would use 20 instead of 0: it uses this default below 10 and above 100."),
+        (101, "Windows would use 20 instead of 101: it uses this default below 10 and above 100."),
+        (100, "100 switches MMCSS off: no task class would have an effect."),
     ],
 )
 def test_a_responsiveness_that_windows_takes_for_another_one(percent: int, says: str) -> None:
@@ -275,7 +275,7 @@ def test_a_linux_host_has_no_responsiveness() -> None:
     system = a_system(hosts=[a_host(provider=ProviderKind.LINUX, system_responsiveness=20)])
 
     assert found(system) == [("RARMS227", "hosts.onboard.system_responsiveness")]
-    assert details(system) == '"onboard" is a Linux host, and MMCSS is of Windows.'
+    assert details(system) == '"onboard" is a Linux host. MMCSS exists on Windows only.'
 
 
 def test_no_task_class_is_called_like_the_value() -> None:

@@ -3,9 +3,8 @@ from fractions import Fraction
 
 import pytest
 
-from rarms_iac.manifest.checks.pattern_is_not_re2 import why_not_re2
-from rarms_iac.manifest.checks.secret_in_clear import is_reference
-from rarms_iac.manifest.checks.too_few_samples import samples_needed
+from rarms_iac.manifest.checks.measurement import pattern_groups, samples_needed
+from rarms_iac.manifest.checks.secrets import is_reference
 from rarms_iac.model.system import (
     Call,
     Connect,
@@ -238,8 +237,8 @@ def test_patterns_that_are_not_re2_or_too_large(pattern: str) -> None:
 
 
 def test_a_pattern_that_is_catastrophic_elsewhere_is_harmless_in_re2() -> None:
-    assert why_not_re2(r"^(a+)+$") is None
-    assert why_not_re2(r"^heard .* ok=(?P<success>[01]) ms=(?P<response>[0-9.]+)") is None
+    assert pattern_groups(r"^(a+)+$") == {}
+    assert pattern_groups(r"^heard .* ok=(?P<success>[01]) ms=(?P<response>[0-9.]+)") == {"success": 1, "response": 2}
 
 
 def test_a_field_names_a_group_of_the_pattern() -> None:

@@ -1,0 +1,135 @@
+"""Checks of hosts: their platform, how they are reached, their paths, and what they keep for themselves."""
+
+import re
+from collections.abc import Iterator
+
+from rarms_iac.manifest.checks.common import Violation, list_names, may_run_on
+from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.quantities import in_processors, show_bytes
+from rarms_iac.model.responsiveness import OFF, is_taken_as_is, taken_for
+from rarms_iac.model.system import Host, HypervHost, ProviderKind, RunsOn, System
+
+NOTHING_KEPT_FOR_HOST = Finding(
+    code="RARMS058", severity=Severity.WARNING, summary="A host keeps too little for the components that run on it"
+)
+CONNECT_TO_SIMULATED = Finding(
+    code="RARMS084", severity=Severity.WARNING, summary="`connect` has no effect on a simulated host"
+)
+PLATFORM_OF_DIFFERENT_HOSTS = Finding(code="RARMS085", severity=Severity.ERROR, summary="Hosts of one platform differ")
+PATH_ON_WINDOWS = Finding(code="RARMS099", severity=Severity.ERROR, summary="A Windows host cannot use this path")
+RESPONSIVENESS_NOT_AS_IS = Finding(
+    code="RARMS227", severity=Severity.ERROR, summary="The host cannot have this system_responsiveness"
+)
+
+_ABSOLUTE = re.compile(r"[A-Za-z]:[\\/]|[\\/]{2}[^\\/]")
+_NOT_IN_A_PATH = re.compile(r'[<>"|?*\x00-\x1f]')
+_WILDCARD = re.compile(r"[\[\]`]")  # PowerShell reads them as a pattern where a cmdlet takes -Path
+
+
+def nothing_kept_for_host(system: System) -> Iterator[Violation]:
+    """Hosts that keep no processor time, or too little memory, for the components that may run on them."""
+    on_host = [component for component in system.components.values() if component.runs_on is RunsOn.HOST]
+    for host in system.hosts.values():
+        here = [component for component in on_host if host in may_run_on(system, component)]
+        memory = sum(component.memory for component in here)
+        kept = []
+        if here and in_processors(host.keep_for_host.processor, host.logical_processors) == 0:
+            kept.append("no processor time")
+        if here and host.keep_for_host.memory < memory:
+            kept.append(f"{show_bytes(host.keep_for_host.memory)} of the {show_bytes(memory)} that they need")
+        if kept:
+            yield Violation(
+                path=("hosts", host.name, "keep_for_host"),
+                detail=f'{list_names(component.name for component in here)} may run on "{host.name}" itself, but '
+                f"`keep_for_host` keeps {' and '.join(kept)}. Partitions may get all the rest.",
+                advice=f"Write `keep_for_host: {{ processor: ..., memory: {show_bytes(memory)} }}` with what they "
+                "need.",
+            )
+
+
+def connect_to_simulated(system: System) -> Iterator[Violation]:
+    """`connect` on a simulated host."""
+    for host in system.hosts.values():
+        if host.provider is ProviderKind.SIMULATED and host.connect is not None:
+            yield Violation(
+                path=("hosts", host.name, "connect"),
+                at_key=True,
+                detail=f'"{host.name}" is simulated. It is a file on this machine, so `connect` has no effect.',
+                advice="Remove `connect`, or write the provider of the real host.",
+            )
+
+
+def platform_of_different_hosts(system: System) -> Iterator[Violation]:
+    """Hosts whose provider or LPs differ from the first host of their platform."""
+    first: dict[str, Host] = {}
+    for host in system.hosts.values():
+        other = first.setdefault(host.platform, host)
+        difference = _difference(other, host)
+        if difference:
+            yield Violation(
+                path=("hosts", host.name, "platform"),
+                detail=f'"{host.name}" and "{other.name}" have the platform "{host.platform}" and share measurements, '
+                f"but {difference}. A measurement on one host is not valid on the other.",
+                advice="Give them different platforms.",
+                related=((("hosts", other.name), True, "the other host"),),
+            )
+
+
+def _difference(host: Host, other: Host) -> str:
+    if host.provider is not other.provider:
+        return f"their providers are {host.provider.value} and {other.provider.value}"
+    if host.logical_processors != other.logical_processors:
+        return f"they have {host.logical_processors} and {other.logical_processors} logical processors"
+    return ""
+
+
+def path_on_windows(system: System) -> Iterator[Violation]:
+    """Paths that are not absolute, that no Windows has, and that a cmdlet would read as a pattern."""
+    hosts = {name: host.settings for name, host in system.hosts.items() if isinstance(host.settings, HypervHost)}
+    for name, host in hosts.items():
+        yield from _path_violations("hosts", name, {"image": host.image, "vm_path": host.vm_path})
+    if hosts:
+        for name, partition in system.partitions.items():
+            paths = {"image": partition.hyperv.image, "vm_path": partition.hyperv.vm_path}
+            yield from _path_violations("partitions", name, paths)
+
+
+def _path_violations(section: str, name: str, paths: dict[str, str | None]) -> Iterator[Violation]:
+    for key, path in paths.items():
+        problem = _path_problem(path) if path is not None else ""
+        if problem:
+            yield Violation(
+                path=(section, name, "hyperv", key),
+                detail=f'"{path}" {problem}.',
+                advice=r"Write a full path of the host, for example D:\machines or \\server\share\machines.",
+            )
+
+
+def _path_problem(path: str) -> str:
+    if not _ABSOLUTE.match(path):
+        return "does not begin with a drive or a share. It would depend on the folder where a script starts"
+    if found := _NOT_IN_A_PATH.search(path):
+        return f"contains {found.group()!r}, which Windows allows in no path"
+    if found := _WILDCARD.search(path):
+        return f"contains {found.group()!r}, which PowerShell reads as a pattern"
+    return ""
+
+
+def responsiveness_not_as_is(system: System) -> Iterator[Violation]:
+    """Values that Windows takes for another one or as the end of MMCSS, and hosts without MMCSS."""
+    for host in system.hosts.values():
+        percent = host.system_responsiveness
+        if percent is None:
+            continue
+        advice = "Write 10, 20, ... or 90. The default of Windows is 20."
+        if host.provider is ProviderKind.LINUX:
+            detail = f'"{host.name}" is a Linux host. MMCSS exists on Windows only.'
+            advice = "Remove `system_responsiveness`."
+        elif is_taken_as_is(percent):
+            continue
+        elif percent == OFF:
+            detail = f"{percent} switches MMCSS off: no task class would have an effect."
+        else:
+            reason = "rounds down to tens" if 10 <= percent <= OFF else "uses this default below 10 and above 100"
+            detail = f"Windows would use {taken_for(percent)} instead of {percent}: it {reason}."
+        yield Violation(path=("hosts", host.name, "system_responsiveness"), detail=detail, advice=advice)

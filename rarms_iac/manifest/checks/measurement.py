@@ -1,0 +1,283 @@
+"""Checks of what is measured: thresholds (`apt`), data logs, and how a component is run and its samples are read."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from math import ceil
+from pathlib import Path
+from typing import Protocol
+
+from rarms_iac.manifest.checks.common import Violation, list_names, may_run_on
+from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.indexes import SampleValue, find_index, percentile_of
+from rarms_iac.model.quantities import show_milliseconds
+from rarms_iac.model.spelling import suggestion
+from rarms_iac.model.system import (
+    AtMost,
+    Call,
+    Component,
+    Elapsed,
+    Measured,
+    Periodic,
+    Run,
+    SampleCount,
+    Samples,
+    System,
+)
+
+NO_SAMPLE_IN_TIME = Finding(
+    code="RARMS068", severity=Severity.ERROR, summary="The measurement is shorter than one period"
+)
+TIMEOUT_BEFORE_THRESHOLD = Finding(
+    code="RARMS069", severity=Severity.WARNING, summary="The time-out comes before the threshold"
+)
+INDEX_WITHOUT_FIELD = Finding(
+    code="RARMS070", severity=Severity.ERROR, summary="The samples lack a field that a performance index needs"
+)
+MISS_RATE_WITHOUT_DEADLINE = Finding(
+    code="RARMS071", severity=Severity.ERROR, summary="A deadline-miss rate needs a deadline"
+)
+PATTERN_IS_NOT_RE2 = Finding(code="RARMS072", severity=Severity.ERROR, summary="The pattern is not a valid RE2 pattern")
+PATTERN_WITHOUT_GROUP = Finding(
+    code="RARMS073", severity=Severity.ERROR, summary="The pattern lacks a group that a field names"
+)
+TOO_FEW_SAMPLES = Finding(code="RARMS074", severity=Severity.WARNING, summary="Too few samples for the percentile")
+MEASURED_WITHOUT_APT = Finding(code="RARMS077", severity=Severity.ERROR, summary="A measured reserve needs an APT")
+NOTHING_TO_RUN = Finding(code="RARMS079", severity=Severity.ERROR, summary="A measured reserve needs something to run")
+MEASURED_WITHOUT_LOG = Finding(
+    code="RARMS101", severity=Severity.WARNING, summary="The reserve has not been measured yet"
+)
+
+PATTERN_MEMORY = 2**20
+"""Bytes that a compiled pattern may take."""
+
+
+class DataLogs(Protocol):
+    """What `measured_without_log` asks of the folder `measurements/`."""
+
+    def exists(self, platform: str, component: str, interference: str) -> bool:
+        """Whether that component was measured on that platform against that interference; reads no content."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class LogsInFolder:
+    """The data logs of a `measurements` folder, by the names of their files."""
+
+    folder: Path
+
+    def exists(self, platform: str, component: str, interference: str) -> bool:
+        """Whether the log's file is there."""
+        return (self.folder / platform / component / f"{interference}.jsonl").is_file()
+
+
+def measured_without_log(system: System, logs: DataLogs) -> Iterator[Violation]:
+    """Measured reserves without a log on any platform that the component may run on.
+
+    NOTE: a warning, because the manifest is right as it stands and measuring comes after writing it. Whoever plans
+    cannot go on without the log: there the planner reports it, as the error RARMS100.
+    """
+    for component in system.components.values():
+        load = component.interference or system.policy.interference
+        platforms = list(dict.fromkeys(host.platform for host in may_run_on(system, component)))
+        has_log = any(logs.exists(platform, component.name, load) for platform in platforms)
+        if platforms and not has_log and _can_be_measured(component):
+            yield Violation(
+                path=("components", component.name, "cpu", "reserve"),
+                detail=f'The reserve of "{component.name}" is `measured`, but there is no data log of it on '
+                f"{list_names(platforms)} against {load} (measurements/{platforms[0]}/{component.name}/{load}.jsonl).",
+                advice=f"Measure it before you plan: `rarms measure {component.name}`. Or fix the reserve for now: "
+                "`cpu: { reserve: 20 % }`.",
+            )
+
+
+def _can_be_measured(component: Component) -> bool:
+    """Whether the reserve is to be measured and can be; else RARMS077 or RARMS079 reports it."""
+    can_be = bool(component.apt) and (component.run is not None or component.simulation is not None)
+    return component.cpu.reserve is Measured.MEASURED and can_be
+
+
+def measured_without_apt(system: System) -> Iterator[Violation]:
+    """`reserve: measured` on a component without `apt`."""
+    for component in system.components.values():
+        if component.cpu.reserve is Measured.MEASURED and not component.apt:
+            yield Violation(
+                path=("components", component.name, "cpu", "reserve"),
+                detail=f'The reserve of "{component.name}" is the least that meets its APT, but it has no APT.',
+                advice="Add `apt`, or fix the reserve: `reserve: 20 %`.",
+            )
+
+
+def nothing_to_run(system: System) -> Iterator[Violation]:
+    """Components whose reserve is to be measured and that have neither `run` nor `simulation`."""
+    for component in system.components.values():
+        if component.cpu.reserve is Measured.MEASURED and component.run is None and component.simulation is None:
+            yield Violation(
+                path=("components", component.name),
+                at_key=True,
+                detail=f'The reserve of "{component.name}" is to be measured, but the manifest does not say how it is '
+                "started.",
+                advice="Add `run` with a command, or `simulation` with its demand on a simulated host.",
+            )
+
+
+def no_sample_in_time(system: System) -> Iterator[Violation]:
+    """Periodic components that are measured for less than one period."""
+    for component in system.components.values():
+        match component.run:
+            case Run(until=Elapsed(time=time), arrival=Periodic(period=period)) if time < period:
+                here = ("components", component.name, "run")
+                yield Violation(
+                    path=(*here, "until"),
+                    detail=f'"{component.name}" is measured for {show_milliseconds(time)}, but a job starts every '
+                    f"{show_milliseconds(period)}.",
+                    advice="Measure for many periods: `until: { samples: 200 }`, or a longer `elapsed`.",
+                    related=(((*here, "arrival"), False, "the period"),),
+                )
+
+
+def timeout_before_threshold(system: System) -> Iterator[Violation]:
+    """Time-outs at or below a deadline or a response time that would still be good enough."""
+    for component in system.components.values():
+        if component.run is None:
+            continue
+        for name, allowed in _allowed_times(component, component.run):
+            if component.run.timeout <= allowed:
+                yield Violation(
+                    path=("components", component.name, "run", "timeout"),
+                    detail=f'rarms stops "{component.name}" after {show_milliseconds(component.run.timeout)}, but its '
+                    f"{name} allows {show_milliseconds(allowed)}. A late job would count as failed.",
+                    advice=f"Raise the time-out well above {show_milliseconds(allowed)}.",
+                )
+
+
+def _allowed_times(component: Component, run: Run) -> Iterator[tuple[str, Fraction]]:
+    if run.deadline is not None:
+        yield "deadline", run.deadline
+    for index, threshold in component.apt.items():
+        if index.endswith("response_time") and isinstance(threshold, AtMost):
+            yield index, threshold.value
+
+
+def index_without_field(system: System) -> Iterator[Violation]:
+    """Indexes whose values no field of `run.samples` gives."""
+    for component in system.components.values():
+        if component.run is None or component.run.samples.source == "per_run" or isinstance(component.run.start, Call):
+            continue  # there the runner itself sees when a job starts, ends and fails
+        for name in component.apt:
+            missing = _missing_field(name, component.run.samples)
+            if missing is not None:
+                yield Violation(
+                    path=("components", component.name, "apt", name),
+                    at_key=True,
+                    detail=f'The {name} of "{component.name}" is computed from {_FIELD_MEANING[missing]}, but '
+                    "`run.samples` does not say where a sample has it.",
+                    advice=f"Add `{missing.value}: {{ field: ... }}` to `run.samples`.",
+                )
+
+
+_FIELD_MEANING = {
+    SampleValue.RESPONSE_TIME: "the response time of each job",
+    SampleValue.SUCCESS: "the success of each job",
+    SampleValue.COUNT: "the amount of work of each job",
+}
+
+
+def _missing_field(name: str, samples: Samples) -> SampleValue | None:
+    """The field that this index needs and the samples lack, or None."""
+    index = find_index(name)
+    if index is None:
+        return None
+    has_no_field = samples.count is samples.success is samples.response_time is None
+    is_missing = {
+        SampleValue.RESPONSE_TIME: samples.response_time is None,
+        SampleValue.SUCCESS: samples.success is None,
+        SampleValue.COUNT: has_no_field,
+    }
+    return index.made_of if is_missing[index.made_of] else None
+
+
+def miss_rate_without_deadline(system: System) -> Iterator[Violation]:
+    """`deadline_miss_rate` of a component without deadline and period."""
+    for component in system.components.values():
+        if "deadline_miss_rate" in component.apt and component.run is not None and component.run.deadline is None:
+            yield Violation(
+                path=("components", component.name, "apt", "deadline_miss_rate"),
+                at_key=True,
+                detail=f'"{component.name}" has a deadline_miss_rate but no deadline.',
+                advice="Write `run.deadline`, or `run.arrival: { every: ... }`: the period is then the deadline.",
+            )
+
+
+def too_few_samples(system: System) -> Iterator[Violation]:
+    """Percentiles above which not one of the samples asked for would lie."""
+    for component in system.components.values():
+        if component.run is None or not isinstance(component.run.until, SampleCount):
+            continue
+        for index in component.apt:
+            needed = samples_needed(index)
+            if needed is not None and component.run.until.samples < needed:
+                yield Violation(
+                    path=("components", component.name, "run", "until"),
+                    detail=f'"{component.name}" is measured with {component.run.until.samples} samples. Its {index} '
+                    "would only be the largest of them.",
+                    advice=f"Take at least {needed} samples, better ten times as many.",
+                    related=((("components", component.name, "apt", index), True, "the percentile"),),
+                )
+
+
+def samples_needed(index: str) -> int | None:
+    """How many samples it takes for one to lie above the percentile; None where the index is none."""
+    percentile = percentile_of(index)
+    return None if percentile is None else ceil(100 / (100 - percentile))
+
+
+def pattern_is_not_re2(system: System) -> Iterator[Violation]:
+    """Patterns that google-re2 refuses, or that would take too much memory."""
+    for component, samples in _with_pattern(system):
+        groups = pattern_groups(samples.pattern)
+        if isinstance(groups, str):
+            yield Violation(
+                path=("components", component.name, "run", "samples", "pattern"),
+                detail=f'The pattern of "{component.name}" cannot be used: {groups}. Patterns are RE2, which always '
+                "matches in short time and has no back-references and no look-around.",
+                advice="Write the pattern without them. Named groups are `(?P<name>...)`.",
+            )
+
+
+def pattern_without_group(system: System) -> Iterator[Violation]:
+    """Fields in `run.samples` that no named group of the pattern gives."""
+    for component, samples in _with_pattern(system):
+        groups = pattern_groups(samples.pattern)
+        fields = {"response_time": samples.response_time, "success": samples.success, "count": samples.count}
+        for key, field in fields.items():
+            if field is not None and not isinstance(groups, str) and field.name not in groups:
+                yield Violation(
+                    path=("components", component.name, "run", "samples", key, "field"),
+                    detail=f'The pattern of "{component.name}" has no group '
+                    f'"{field.name}".{suggestion(field.name, list(groups))}',
+                    advice=f"Add `(?P<{field.name}>...)` to the pattern, or correct the name.",
+                )
+
+
+def _with_pattern(system: System) -> Iterator[tuple[Component, Samples]]:
+    for component in system.components.values():
+        if component.run is not None and component.run.samples.source == "pattern":
+            yield component, component.run.samples
+
+
+def pattern_groups(pattern: str) -> Mapping[str, int] | str:
+    """The named groups of an RE2 pattern with their numbers, or what is wrong with it."""
+    import re2
+
+    options = re2.Options()
+    options.max_mem = PATTERN_MEMORY
+    options.log_errors = False
+    try:
+        groups: Mapping[str, int] = re2.compile(pattern, options=options).groupindex
+    except re2.error as refused:
+        reason = refused.args[0] if refused.args else "it is refused"
+        return reason.decode("utf-8", "replace") if isinstance(reason, bytes) else str(reason)
+    except UnicodeEncodeError:
+        return "it contains half a character"
+    return groups

@@ -1,0 +1,82 @@
+"""Checks of the memory of partitions."""
+
+from collections.abc import Iterator
+
+from rarms_iac.manifest.checks.common import (
+    Violation,
+    behaves_like_hyperv,
+    hosts_for,
+    list_names,
+    may_run_on,
+    members,
+    partition_of_component,
+)
+from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.quantities import show_bytes
+from rarms_iac.model.system import Host, RunsOn, System
+
+BELOW_MEMBERS = Finding(
+    code="RARMS065", severity=Severity.WARNING, summary="A partition has less memory than its components"
+)
+MEMORY_OVER_HOST = Finding(code="RARMS066", severity=Severity.ERROR, summary="More memory than any host has")
+NOT_WHOLE_MEBIBYTES = Finding(
+    code="RARMS067", severity=Severity.ERROR, summary="The memory is not a whole number of MiB"
+)
+
+MEBIBYTE = 2**20
+
+
+def partition_memory_below_members(system: System) -> Iterator[Violation]:
+    """Partitions whose own memory is less than the sum of their components'."""
+    for partition in system.partitions.values():
+        inside = members(system, partition)
+        needed = sum(component.memory for component in inside)
+        if partition.memory is not None and partition.memory < needed:
+            each = list_names(f"{component.name} {show_bytes(component.memory)}" for component in inside)
+            yield Violation(
+                path=("partitions", partition.name, "memory"),
+                detail=f'"{partition.name}" has {show_bytes(partition.memory)}, but its components need '
+                f"{show_bytes(needed)} ({each}).",
+                advice="Raise the memory, or remove it: the partition then gets the sum.",
+            )
+
+
+def memory_over_host(system: System) -> Iterator[Violation]:
+    """Partitions whose memory is above that of every possible host less what is kept for it."""
+    for section, name, memory, hosts in _memory_of_partitions(system):
+        if hosts and all(memory > _memory_for_partitions(host) for host in hosts):
+            largest = max(hosts, key=lambda host: (_memory_for_partitions(host), host.name))
+            yield Violation(
+                path=(section, name, "memory"),
+                detail=f'"{name}" needs {show_bytes(memory)}, but "{largest.name}" has '
+                f"{show_bytes(max(0, _memory_for_partitions(largest)))} for partitions.",
+                advice="Lower the memory, keep less for the host, or allow a larger host.",
+            )
+
+
+def memory_not_whole_mebibytes(system: System) -> Iterator[Violation]:
+    """Memory on a host like Hyper-V that is no whole number of MiB (FACTS 1.3)."""
+    for section, name, memory, hosts in _memory_of_partitions(system):
+        if memory % MEBIBYTE and any(map(behaves_like_hyperv, hosts)):
+            down = memory // MEBIBYTE
+            yield Violation(
+                path=(section, name, "memory"),
+                detail=f'"{name}" has {show_bytes(memory)}, but Hyper-V counts memory in whole MiB.',
+                advice=f"Write {down + 1} MiB{f' or {down} MiB' if down else ''}.",
+            )
+
+
+def _memory_for_partitions(host: Host) -> int:
+    return host.memory - host.keep_for_host.memory
+
+
+def _memory_of_partitions(system: System) -> Iterator[tuple[str, str, int, list[Host]]]:
+    """Section, name, bytes and possible hosts of every partition."""
+    listed = partition_of_component(system)
+    for component in system.components.values():
+        if component.name not in listed and component.runs_on is RunsOn.PARTITION:
+            yield "components", component.name, component.memory, may_run_on(system, component)
+    for partition in system.partitions.values():
+        inside = members(system, partition)
+        memory = sum(component.memory for component in inside) if partition.memory is None else partition.memory
+        yield "partitions", partition.name, memory, hosts_for(system, inside)

@@ -1,0 +1,188 @@
+"""Checks of names: what they refer to, which ones Windows or rarms keeps for itself, and renamed partitions."""
+
+from collections.abc import Collection, Iterable, Iterator
+
+from rarms_iac.manifest.checks.common import Path, Violation, partition_names, section_of_partition
+from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.measurement import TEST_PARTITIONS
+from rarms_iac.model.names import WINDOWS_DEVICES
+from rarms_iac.model.phrases import in_a_row
+from rarms_iac.model.spelling import suggestion
+from rarms_iac.model.system import System
+
+UNKNOWN_NAME = Finding(code="RARMS042", severity=Severity.ERROR, summary="Unknown name")
+DEVICE_NAME = Finding(code="RARMS043", severity=Severity.ERROR, summary="Windows keeps this name for a device")
+PARTITION_LIKE_HOST = Finding(code="RARMS044", severity=Severity.ERROR, summary="A partition has the name of a host")
+TEST_PARTITION_NAME = Finding(
+    code="RARMS260", severity=Severity.ERROR, summary="A partition has the name of a test partition"
+)
+MOVED_IN_A_CIRCLE = Finding(code="RARMS080", severity=Severity.ERROR, summary="Entries of `moved` form a circle")
+MOVED_FROM_EXISTING = Finding(
+    code="RARMS081", severity=Severity.ERROR, summary="A renamed partition is still in the manifest"
+)
+NO_COMPONENTS = Finding(code="RARMS089", severity=Severity.WARNING, summary="The manifest has no component")
+UNUSED_INTERFERENCE = Finding(code="RARMS086", severity=Severity.NOTE, summary="An interference is not used")
+
+MOST_SUGGESTIONS = 20
+"""Unknown names for which a similar one is looked for: a file full of wrong names is refused at once all the same."""
+
+BUILT_IN_INTERFERENCE = "busy-loop"  # always there, whether or not the manifest describes it
+
+
+def unknown_name(system: System) -> Iterator[Violation]:
+    """Every host, component, partition or interference that is named and does not exist."""
+    number = 0
+    for path, name, kind, known in _references(system):
+        if name not in known:
+            number += 1
+            meant = suggestion(name, known) if number <= MOST_SUGGESTIONS else ""
+            yield Violation(
+                path=path,
+                detail=f'There is no {kind} "{name}".{meant}',
+                advice=f"Correct the name, or add the {kind}.",
+                address="" if path[0] in {"policy", "moved"} else None,
+            )
+
+
+def _references(system: System) -> Iterator[tuple[Path, str, str, Collection[str]]]:
+    """Path, name, kind and the names that exist, of everything that the manifest refers to by name."""
+    for component in system.components.values():
+        here = ("components", component.name)
+        yield from _each((*here, "together"), component.together, "component", system.components)
+        yield from _each((*here, "apart"), component.apart, "component", system.components)
+        yield from _each((*here, "hosts"), component.hosts or (), "host", system.hosts)
+        if component.interference is not None:
+            yield (*here, "interference"), component.interference, "interference", system.interference
+    for partition in system.partitions.values():
+        path = ("partitions", partition.name, "components")
+        yield from _each(path, partition.components, "component", system.components)
+    yield ("policy", "interference"), system.policy.interference, "interference", system.interference
+    if system.moved:
+        partitions = partition_names(system)
+        for old, new in system.moved.items():
+            if new != old and system.moved.get(new) != old:  # else RARMS080 reports it
+                yield ("moved", old), new, "partition", partitions
+
+
+def _each(
+    path: tuple[str, ...], names: Iterable[str], kind: str, known: Collection[str]
+) -> Iterator[tuple[Path, str, str, Collection[str]]]:
+    for number, name in enumerate(names):
+        yield (*path, number), name, kind, known
+
+
+def device_name(system: System) -> Iterator[Violation]:
+    """Hosts, components, partitions and interference that no Windows folder can be called after."""
+    sections = {
+        "hosts": system.hosts,
+        "components": system.components,
+        "partitions": system.partitions,
+        "interference": system.interference,
+    }
+    if system.application.name in WINDOWS_DEVICES:
+        yield _device_violation(("application", "name"), system.application.name, at_key=False)
+    for section, names in sections.items():
+        for name in names:
+            if name in WINDOWS_DEVICES:
+                yield _device_violation((section, name), name, at_key=True)
+
+
+def _device_violation(path: Path, name: str, *, at_key: bool) -> Violation:
+    return Violation(
+        path=path,
+        at_key=at_key,
+        detail=f'Windows keeps the name "{name}" for a device. No folder can have this name, so no virtual machine '
+        "and no data log can have it.",
+        advice=f'Choose another name, for example "{name}-1".',
+    )
+
+
+def partition_like_host(system: System) -> Iterator[Violation]:
+    """Partitions, with an entry or without, that have a host's name."""
+    hosts = {name.lower() for name in system.hosts}
+    for name in sorted(partition_names(system)):
+        if name.lower() in hosts:
+            yield _partition_name_violation(
+                system,
+                name,
+                f'"{name}" is also the name of a host. Hyper-V lists the host computer among its machines, so that a '
+                "search for the partition may find the host.",
+                "Rename the host or the partition (the component, if the partition has no entry).",
+            )
+
+
+def test_partition_name(system: System) -> Iterator[Violation]:
+    """Partitions, with an entry or without, that measuring would remove."""
+    for name in sorted({*partition_names(system)} & {*TEST_PARTITIONS}):
+        yield _partition_name_violation(
+            system,
+            name,
+            f"`rarms measure` creates and removes partitions with the names {in_a_row(TEST_PARTITIONS)}.",
+            "Rename the partition (the component, if the partition has no entry).",
+        )
+
+
+def _partition_name_violation(system: System, name: str, detail: str, advice: str) -> Violation:
+    path = (section_of_partition(system, name), name)
+    return Violation(path=path, at_key=True, detail=detail, advice=advice, address=f"partition/{name}")
+
+
+def moved_in_a_circle(system: System) -> Iterator[Violation]:
+    """Entries of `moved` that lead back to where they start."""
+    for old in system.moved:
+        circle = _circle(system, old)
+        if circle:
+            reason = "the name would not change" if len(circle) == 1 else "every plan would rename them again"
+            yield Violation(
+                path=("moved", old),
+                at_key=True,
+                detail=f"{' -> '.join([*circle, old])}: {reason}.",
+                advice="Let each entry lead from a name that the manifest no longer has to a name that it has.",
+                address=f"partition/{old}",
+            )
+
+
+def moved_from_existing(system: System) -> Iterator[Violation]:
+    """Entries of `moved` whose old name a partition of the manifest still has."""
+    names = partition_names(system) if system.moved else set()
+    for old, new in system.moved.items():
+        if old in names and not _circle(system, old):  # else RARMS080 reports it
+            yield Violation(
+                path=("moved", old),
+                at_key=True,
+                detail=f'`moved` renames "{old}" to "{new}", but the manifest still has a partition "{old}".',
+                advice="Remove the entry, or rename the partition.",
+                address=f"partition/{old}",
+            )
+
+
+def _circle(system: System, start: str) -> list[str]:
+    """The names that lead from this one back to it; empty where they do not."""
+    names = [start]
+    while (following := system.moved.get(names[-1])) is not None and following not in names:
+        names.append(following)
+    return names if following == start else []
+
+
+def no_components(system: System) -> Iterator[Violation]:
+    """A manifest without components."""
+    if not system.components:
+        yield Violation(
+            path=("components",),
+            detail="The manifest describes no component. A plan would stop every partition that rarms created before.",
+            advice="Add a component. To remove everything, use `rarms destroy`.",
+            address=f"application/{system.application.name}",
+        )
+
+
+def unused_interference(system: System) -> Iterator[Violation]:
+    """Interference that neither the policy nor a component names."""
+    used = {system.policy.interference, *(component.interference for component in system.components.values())}
+    for name in system.interference:
+        if name not in used and name != BUILT_IN_INTERFERENCE:
+            yield Violation(
+                path=("interference", name),
+                at_key=True,
+                detail=f'Neither `policy.interference` nor a component names "{name}".',
+                advice="Name it, or remove it. Leave it if you only measure with it by hand.",
+            )

@@ -1,0 +1,233 @@
+"""Checks of which components share a partition: `partitions`, `together`, `apart`, `dedicated`, `runs_on`, `hosts`."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+
+from rarms_iac.manifest.checks.common import (
+    Path,
+    Violation,
+    bound_groups,
+    companions,
+    hosts_for,
+    list_names,
+    may_run_on,
+    members,
+    partition_of_component,
+)
+from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.system import Component, RunsOn, System
+
+SEVERAL_PARTITIONS = Finding(code="RARMS045", severity=Severity.ERROR, summary="A component is in several partitions")
+HOST_COMPONENT_IN_PARTITION = Finding(
+    code="RARMS046", severity=Severity.ERROR, summary="A component that runs on the host is in a partition"
+)
+PARTITION_OF_ANOTHER_NAME = Finding(
+    code="RARMS047", severity=Severity.ERROR, summary="A partition has the name of a component that is not in it"
+)
+TOGETHER_AND_APART = Finding(
+    code="RARMS049", severity=Severity.ERROR, summary="`together` and `apart` contradict each other"
+)
+DEDICATED_SHARES = Finding(
+    code="RARMS050", severity=Severity.ERROR, summary="A dedicated component shares its partition"
+)
+APART_IN_ONE_PARTITION = Finding(
+    code="RARMS051", severity=Severity.ERROR, summary="Components that must be apart share a partition"
+)
+TOGETHER_IS_SEPARATED = Finding(
+    code="RARMS052", severity=Severity.ERROR, summary="Components that must be together are in different partitions"
+)
+HOST_COMPONENT_WITH_CPU = Finding(
+    code="RARMS059", severity=Severity.ERROR, summary="A component that runs on the host has settings of a partition"
+)
+NO_COMMON_HOST = Finding(
+    code="RARMS093", severity=Severity.ERROR, summary="Components of one partition have no host in common"
+)
+
+
+def several_partitions(system: System) -> Iterator[Violation]:
+    """Every partition but the first that lists a component."""
+    first = partition_of_component(system)
+    for partition in system.partitions.values():
+        for number, name in enumerate(partition.components):
+            is_repeated = partition.components.index(name) < number
+            if name in system.components and (first[name] != partition.name or is_repeated):
+                other = system.partitions[first[name]]
+                listed = ("partitions", other.name, "components", other.components.index(name))
+                yield Violation(
+                    path=("partitions", partition.name, "components", number),
+                    detail=f'"{name}" is already in the partition "{other.name}". A component runs once.',
+                    advice="Leave it in one of them.",
+                    related=((listed, False, "listed here first"),),
+                )
+
+
+def host_component_in_partition(system: System) -> Iterator[Violation]:
+    """Partitions, and `together`, that name a component with `runs_on: host`."""
+    on_host = {component.name for component in system.components.values() if component.runs_on is RunsOn.HOST}
+    for partition in system.partitions.values():
+        for number, name in enumerate(partition.components):
+            if name in on_host:
+                yield _host_component_violation(("partitions", partition.name, "components", number), name)
+    for component in system.components.values():
+        for number, name in enumerate(component.together):
+            if name in on_host and component.runs_on is RunsOn.PARTITION:
+                yield _host_component_violation(("components", component.name, "together", number), name)
+
+
+def _host_component_violation(path: Path, name: str) -> Violation:
+    return Violation(
+        path=path,
+        detail=f'"{name}" has `runs_on: host`: it runs in the operating system of the host, not in a partition.',
+        advice=f'Remove "{name}" here, or remove its `runs_on`.',
+    )
+
+
+def host_component_with_cpu(system: System) -> Iterator[Violation]:
+    """`runs_on: host` beside a reserve, limit, weight, `processors`, `dedicated` or `together`."""
+    for component in system.components.values():
+        if component.runs_on is RunsOn.HOST:
+            for path, is_set in _partition_settings(component):
+                if is_set:
+                    yield Violation(
+                        path=("components", component.name, *path),
+                        detail=f'"{component.name}" runs on the host itself. It has no partition, so '
+                        f"`{'.'.join(path)}` has no effect.",
+                        advice=f"Remove `{'.'.join(path)}`, or remove `runs_on: host`.",
+                    )
+
+
+def _partition_settings(component: Component) -> Iterator[tuple[tuple[str, ...], bool]]:
+    """Path of each setting that only a partition has, and whether the component has it."""
+    yield ("cpu", "reserve"), component.cpu.reserve is not None
+    yield ("cpu", "limit"), component.cpu.limit is not None
+    yield ("cpu", "weight"), component.cpu.weight is not None
+    yield ("processors",), component.processors is not None
+    yield ("dedicated",), component.dedicated
+    yield ("together",), bool(component.together)
+
+
+def partition_of_another_name(system: System) -> Iterator[Violation]:
+    """Partitions that are called like a component which is no member."""
+    for partition in system.partitions.values():
+        name = partition.name
+        if name in system.components and name not in partition.components:
+            yield Violation(
+                path=("partitions", name),
+                at_key=True,
+                detail=f'The partition "{name}" does not contain the component "{name}". A reader would look for the '
+                "component there.",
+                advice=f'Add "{name}" to its components, or name the partition after its most critical member.',
+            )
+
+
+def together_and_apart(system: System) -> Iterator[Violation]:
+    """Components that are apart from one which `together` binds to them, however many steps away."""
+    group = companions(system)
+    for component in system.components.values():
+        for number, other in enumerate(component.apart):
+            if other in group and group[other] == group[component.name]:
+                yield Violation(
+                    path=("components", component.name, "apart", number),
+                    detail=_contradiction(system, component.name, other, group),
+                    advice="Remove `together` or `apart`.",
+                )
+
+
+def _contradiction(system: System, name: str, other: str, group: Mapping[str, str]) -> str:
+    if name == other:
+        return f'"{name}" cannot be apart from itself.'
+    is_direct = other in system.components[name].together or name in system.components[other].together
+    between = sorted(member for member in group if group[member] == group[name] and member not in {name, other})
+    chain = "" if is_direct else f" through {list_names(between)}"
+    return f'"{name}" must be apart from "{other}", but `together` binds the two{chain}.'
+
+
+def dedicated_shares(system: System) -> Iterator[Violation]:
+    """Dedicated components that `together` or a partition's entry puts beside others."""
+    group = companions(system)
+    sizes = Counter(group.values())
+    for component in system.components.values():
+        if component.dedicated and sizes[group[component.name]] > 1:
+            others = [name for name in group if group[name] == group[component.name] and name != component.name]
+            yield _dedicated_violation(component.name, f"`together` binds it to {list_names(sorted(others))}")
+    for partition in system.partitions.values():
+        inside = members(system, partition)
+        for component in inside:
+            if component.dedicated and len(inside) > 1:
+                others = [other.name for other in inside if other is not component]
+                yield _dedicated_violation(
+                    component.name, f'the partition "{partition.name}" also contains {list_names(others)}'
+                )
+
+
+def _dedicated_violation(name: str, reason: str) -> Violation:
+    return Violation(
+        path=("components", name, "dedicated"),
+        detail=f'"{name}" is dedicated: it must be alone in its partition, but {reason}.',
+        advice="Remove `dedicated`, or leave the component alone in its partition.",
+    )
+
+
+def apart_in_one_partition(system: System) -> Iterator[Violation]:
+    """Members of one partition that are apart from each other."""
+    for partition in system.partitions.values():
+        inside = members(system, partition)
+        names = {component.name for component in inside}
+        for component in inside:
+            for number, other in enumerate(component.apart):
+                if other in names and other != component.name:
+                    yield Violation(
+                        path=("components", component.name, "apart", number),
+                        detail=f'"{component.name}" must be apart from "{other}", but the partition '
+                        f'"{partition.name}" contains both.',
+                        advice="Move one of the two to another partition, or remove `apart`.",
+                        related=((("partitions", partition.name, "components"), False, "contains both"),),
+                    )
+
+
+def together_is_separated(system: System) -> Iterator[Violation]:
+    """Components bound by `together` of which one has an entry and the other is elsewhere."""
+    listed = partition_of_component(system)
+    for component in system.components.values():
+        for number, name in enumerate(component.together):
+            other = system.components.get(name)
+            if other is None or not component.runs_on is other.runs_on is RunsOn.PARTITION:
+                continue  # RARMS042 and RARMS046 report these
+            if listed.get(component.name) != listed.get(name):
+                yield Violation(
+                    path=("components", component.name, "together", number),
+                    detail=f'"{component.name}" must be together with "{name}", but '
+                    f"{_location(component.name, listed)}, and {_location(name, listed)}.",
+                    advice="List both in one partition, or remove `together`.",
+                )
+
+
+def _location(name: str, listed: Mapping[str, str]) -> str:
+    return f'"{name}" is in the partition "{listed[name]}"' if name in listed else f'no partition lists "{name}"'
+
+
+def no_common_host(system: System) -> Iterator[Violation]:
+    """Partitions, and `together`, whose components allow no common host."""
+    for partition in system.partitions.values():
+        inside = members(system, partition)
+        if inside and _have_no_common_host(system, inside):
+            yield _no_common_host_violation(system, ("partitions", partition.name, "components"), inside)
+    for group in bound_groups(system):
+        inside = sorted(group, key=lambda component: (not component.together, component.name))
+        if _have_no_common_host(system, inside):
+            yield _no_common_host_violation(system, ("components", inside[0].name, "together"), inside)
+
+
+def _have_no_common_host(system: System, inside: list[Component]) -> bool:
+    return all(may_run_on(system, component) for component in inside) and not hosts_for(system, inside)
+
+
+def _no_common_host_violation(system: System, path: Path, inside: list[Component]) -> Violation:
+    each = list_names(
+        f"{component.name} on {list_names(host.name for host in may_run_on(system, component))}" for component in inside
+    )
+    return Violation(
+        path=path,
+        detail=f"These components share a partition, but no host is allowed for all of them: {each}.",
+        advice="Allow a common host in `hosts` of each, or put them into different partitions.",
+    )

@@ -1,0 +1,232 @@
+"""Checks of the CPU that the manifest fixes: reserve, limit, weight and virtual processors."""
+
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from math import ceil
+from typing import assert_never
+
+from rarms_iac.manifest.checks.common import (
+    Violation,
+    cpu_settings,
+    fixed_reserve,
+    hosts_for,
+    may_run_on,
+    members,
+    on_every,
+)
+from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.quantities import (
+    CpuAmount,
+    ProcessorTime,
+    ShareOfHost,
+    in_processors,
+    show_amount,
+    show_processors,
+)
+from rarms_iac.model.system import Component, Host, Measured, RunsOn, System
+
+RESERVE_OVER_LIMIT = Finding(code="RARMS060", severity=Severity.ERROR, summary="The reserve is above the limit")
+RESERVE_OVER_HOST = Finding(
+    code="RARMS061", severity=Severity.ERROR, summary="The reserve is larger than any host can give"
+)
+RESERVE_BEYOND_PARALLELISM = Finding(
+    code="RARMS063", severity=Severity.WARNING, summary="The reserve is larger than the component can use"
+)
+MORE_PROCESSORS_THAN_HOST = Finding(
+    code="RARMS064", severity=Severity.ERROR, summary="More virtual processors than any host can run"
+)
+RESERVE_OVER_PROCESSORS = Finding(
+    code="RARMS078", severity=Severity.ERROR, summary="The reserve is larger than its virtual processors can use"
+)
+DIFFERENT_CPU = Finding(
+    code="RARMS094", severity=Severity.ERROR, summary="A partition and its only component have different CPU settings"
+)
+HELD_BACK = Finding(
+    code="RARMS130", severity=Severity.NOTE, summary="A fixed limit or weight slows a component with an APT"
+)
+
+USUAL_WEIGHT = 100
+
+
+def reserve_over_limit(system: System) -> Iterator[Violation]:
+    """Components and partitions whose limit is below what they reserve, on every host they may run on."""
+    for section, name, cpu, hosts in cpu_settings(system):
+        reserve, limit = cpu.reserve, cpu.limit
+        if reserve is None or limit is None or isinstance(reserve, Measured):
+            continue
+        if _is_above(reserve, limit, hosts):
+            yield Violation(
+                path=(section, name, "cpu", "limit"),
+                detail=f'"{name}" reserves {show_amount(reserve)} but may use at most {show_amount(limit)}. It could '
+                "never use its whole reserve.",
+                advice="Raise the limit, lower the reserve, or remove the limit.",
+                related=(((section, name, "cpu", "reserve"), False, "the reserve"),),
+            )
+
+
+def _is_above(reserve: CpuAmount, limit: CpuAmount, hosts: list[Host]) -> bool:
+    if isinstance(reserve, ShareOfHost) and isinstance(limit, ShareOfHost):
+        return reserve.percent > limit.percent
+    if isinstance(reserve, ProcessorTime) and isinstance(limit, ProcessorTime):
+        return reserve.processors > limit.processors
+    return on_every(
+        hosts,
+        lambda host: in_processors(reserve, host.logical_processors) > in_processors(limit, host.logical_processors),
+    )
+
+
+def reserve_over_host(system: System) -> Iterator[Violation]:
+    """Fixed reserves above what every possible host has less `keep_for_host`."""
+    capacity = {host.name: _capacity(host) for host in system.hosts.values()}
+    for section, name, cpu, hosts in cpu_settings(system):
+        reserve = cpu.reserve
+        if reserve is None or isinstance(reserve, Measured):
+            continue
+        if hosts and all(_exceeds(reserve, capacity[host.name], host) for host in hosts):
+            largest = max(hosts, key=lambda host: (capacity[host.name], host.name))
+            yield Violation(
+                path=(section, name, "cpu", "reserve"),
+                detail=f'"{name}" reserves {show_amount(reserve)}, but "{largest.name}" has '
+                f"{show_processors(capacity[largest.name])} of its {largest.logical_processors} LP for partitions"
+                f"{', more than any other host it may run on' if len(hosts) > 1 else ''}.",
+                advice="Lower the reserve, keep less for the host, or allow a larger host.",
+            )
+
+
+def _capacity(host: Host) -> Fraction:
+    """The LPs that partitions may reserve."""
+    return host.logical_processors - in_processors(host.keep_for_host.processor, host.logical_processors)
+
+
+def _exceeds(reserve: CpuAmount, capacity: Fraction, host: Host) -> bool:
+    match reserve:
+        case ShareOfHost(percent=share):
+            return share * host.logical_processors > 100 * capacity
+        case ProcessorTime(processors=time):
+            return time > capacity
+        case _:
+            assert_never(reserve)
+
+
+def reserve_beyond_parallelism(system: System) -> Iterator[Violation]:
+    """Fixed reserves that are more LPs than the component has threads."""
+    for component in system.components.values():
+        threads = None if component.simulation is None else component.simulation.threads
+        if threads is None or component.runs_on is RunsOn.HOST or (component.processors or threads + 1) <= threads:
+            continue
+        reserves = [
+            reserve
+            for host in may_run_on(system, component)
+            if (reserve := fixed_reserve(component.cpu, host)) is not None
+        ]
+        if reserves and min(reserves) > threads:
+            yield Violation(
+                path=("components", component.name, "cpu", "reserve"),
+                detail=f'"{component.name}" reserves {show_processors(min(reserves))}, but '
+                f"{_count(threads, 'thread')} can use at most {show_processors(threads)}. Nobody can use the rest.",
+                advice=f"Write `processors: {threads}`, with a reserve of at most {show_processors(threads)}.",
+            )
+
+
+def reserve_over_processors(system: System) -> Iterator[Violation]:
+    """Fixed reserves that are more LPs than `processors` allows, a whole LP each."""
+    for section, name, cpu, hosts in cpu_settings(system):
+        owner = system.components[name] if section == "components" else system.partitions[name]
+        count = owner.processors
+        # A share of fewer logical processors is less: the smallest host decides.
+        smallest = min(hosts, key=lambda host: host.logical_processors, default=None)
+        reserve = fixed_reserve(cpu, smallest) if smallest else None
+        if count is not None and reserve is not None and reserve > count:
+            yield Violation(
+                path=(section, name, "cpu", "reserve"),
+                detail=f'"{name}" reserves {show_processors(reserve)}, but '
+                f"{_count(count, 'virtual processor')} can use at most {show_processors(count)}.",
+                advice=f"Write `processors: {ceil(reserve)}`, or reserve at most {show_processors(count)}.",
+            )
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' if number != 1 else ''}"
+
+
+def more_processors_than_host(system: System) -> Iterator[Violation]:
+    """`processors` above the LPs of every possible host."""
+    for section, name, processors, hosts in _virtual_processors(system):
+        most = max((host.logical_processors for host in hosts), default=processors)
+        if processors > most:
+            yield Violation(
+                path=(section, name, "processors"),
+                detail=f'"{name}" has {processors} virtual processors, but no host that it may run on has more than '
+                f"{most} LP. Its reservation would not be guaranteed.",
+                advice=f"Write `processors: {most}` or fewer, or allow a larger host.",
+            )
+
+
+def _virtual_processors(system: System) -> Iterator[tuple[str, str, int, list[Host]]]:
+    """Section, name, `processors` and possible hosts of every component and partition that fixes it."""
+    for component in system.components.values():
+        if component.processors is not None:
+            yield "components", component.name, component.processors, may_run_on(system, component)
+    for partition in system.partitions.values():
+        if partition.processors is not None:
+            hosts = hosts_for(system, members(system, partition))
+            yield "partitions", partition.name, partition.processors, hosts
+
+
+def different_cpu(system: System) -> Iterator[Violation]:
+    """A reserve, limit or weight that a partition and its only component fix differently."""
+    for partition in system.partitions.values():
+        inside = members(system, partition)
+        if len(inside) != 1:
+            continue
+        component = inside[0]
+        for key in ("reserve", "limit", "weight"):
+            wanted, other = getattr(partition.cpu, key), getattr(component.cpu, key)
+            if wanted is not None and other is not None and wanted != other:
+                yield Violation(
+                    path=("partitions", partition.name, "cpu", key),
+                    detail=f'The partition "{partition.name}" and its only component "{component.name}" have a '
+                    f"different {key}.",
+                    advice="Remove one of the two.",
+                    related=((("components", component.name, "cpu", key), False, "the component's"),),
+                )
+
+
+def held_back(system: System) -> Iterator[Violation]:
+    """Components with an APT, and their partitions, that are capped or weigh less than the usual 100."""
+    for section, name, cpu, hosts in cpu_settings(system):
+        inside, processors = _users(system, section, name)
+        with_apt = [component.name for component in inside if component.apt]
+        if not with_apt:
+            continue
+        subject = f'"{name}" has an APT' if section == "components" else f'"{name}" contains {with_apt[0]} with an APT'
+        if cpu.limit is not None and _caps(cpu.limit, processors, inside, hosts):
+            yield Violation(
+                path=(section, name, "cpu", "limit"),
+                detail=f"{subject} and a limit of {show_amount(cpu.limit)}, less than its virtual processors could "
+                "use. It answers later than without the limit, and measurements without the limit are not valid.",
+                advice="rarms keeps this limit. Remove it if you do not need it.",
+            )
+        if cpu.weight is not None and cpu.weight < USUAL_WEIGHT:
+            yield Violation(
+                path=(section, name, "cpu", "weight"),
+                detail=f"{subject} and the weight {cpu.weight}, less than the usual {USUAL_WEIGHT}. Beyond its reserve "
+                "it waits for others, and no measurement shows this.",
+                advice="rarms keeps this weight. Remove it if you do not need it.",
+            )
+
+
+def _users(system: System, section: str, name: str) -> tuple[Sequence[Component], int | None]:
+    """The components that the setting holds for, and the virtual processors that the manifest fixes for all of them."""
+    if section == "components":
+        return [system.components[name]], None
+    partition = system.partitions[name]
+    return members(system, partition), partition.processors
+
+
+def _caps(limit: CpuAmount, processors: int | None, inside: Sequence[Component], hosts: list[Host]) -> bool:
+    def is_below(host: Host) -> bool:
+        usable = processors or max(component.processors or host.logical_processors for component in inside)
+        return in_processors(limit, host.logical_processors) < usable
+
+    return on_every(hosts, is_below)

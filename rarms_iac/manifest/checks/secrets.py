@@ -1,0 +1,49 @@
+"""Checks of secrets: the manifest lies in git, so it holds references to secrets only."""
+
+import re
+from collections.abc import Iterator
+
+from rarms_iac.manifest.checks.common import Violation
+from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.system import System
+
+SECRET_IN_CLEAR = Finding(code="RARMS090", severity=Severity.ERROR, summary="The manifest contains a secret")
+SECRET_IN_ENVIRONMENT = Finding(
+    code="RARMS091", severity=Severity.WARNING, summary="The manifest contains a variable that looks like a secret"
+)
+
+_REFERENCE = re.compile(r"[A-Za-z0-9][A-Za-z0-9._/-]{0,127}")
+_KEY = re.compile(r"(?=.*[a-z])(?=.*[A-Z])(?=.*[0-9])[A-Za-z0-9_-]{16,}")
+_SECRET = re.compile(r"(?i)(password|passwd|passphrase|secret|api_?key|access_?key|private_?key|(^|_)token$|(^|_)pw$)")
+
+
+def secret_in_clear(system: System) -> Iterator[Violation]:
+    """Credentials that do not look like the name of one."""
+    for partition in system.partitions.values():
+        credential = partition.guest.credential
+        if credential is not None and not is_reference(credential):
+            yield Violation(
+                path=("partitions", partition.name, "guest", "credential"),
+                detail=f'The credential of "{partition.name}" looks like the secret itself. The manifest lies in git, '
+                "where others can read it and nothing is deleted.",
+                advice="Write the name under which the credential is stored: letters, digits and . _ / - only, for "
+                "example `robot/guest`. Change the secret if it was committed.",
+            )
+
+
+def is_reference(text: str) -> bool:
+    """Whether it may be the name of a credential: no sign that only passwords have, and not as mixed as a key."""
+    return _REFERENCE.fullmatch(text) is not None and _KEY.fullmatch(text) is None
+
+
+def secret_in_environment(system: System) -> Iterator[Violation]:
+    """Variables with a secret's name whose value stands in the manifest."""
+    for component in system.components.values():
+        for name, value in (component.run.environment if component.run is not None else {}).items():
+            if isinstance(value, str) and value and _SECRET.search(name):
+                yield Violation(
+                    path=("components", component.name, "run", "environment", name),
+                    detail=f'The manifest contains the value of {name} for "{component.name}". The manifest lies in '
+                    "git, where others can read it.",
+                    advice=f"Write `{name}: {{ from_env: {name} }}`. Change the secret if it was committed.",
+                )

@@ -1,0 +1,184 @@
+"""Checks of task classes (RC SS): their names, their users, and whether priorities follow criticality."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import permutations
+
+from rarms_iac.manifest.checks.common import Path, Violation, known_tasks, operating_systems, task_entry
+from rarms_iac.model.class_values import values_within
+from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.names import ROBOTIC_TASKS, is_shipped_task
+from rarms_iac.model.responsiveness import SYSTEM_RESPONSIVENESS
+from rarms_iac.model.spelling import suggestion
+from rarms_iac.model.system import Component, System, TaskCategory, TaskWish
+
+SHIPPED_TASK = Finding(code="RARMS053", severity=Severity.ERROR, summary="A task class of Windows would be changed")
+UNKNOWN_TASK = Finding(code="RARMS054", severity=Severity.ERROR, summary="Unknown task class")
+TASK_DIFFERS_IN_CASE = Finding(
+    code="RARMS055", severity=Severity.ERROR, summary="Two task classes differ only in upper and lower case"
+)
+ORDER_NOT_EXPRESSED = Finding(
+    code="RARMS056", severity=Severity.WARNING, summary="Fixed priorities contradict the criticalities"
+)
+SHARED_TASK = Finding(
+    code="RARMS057", severity=Severity.WARNING, summary="Components of different criticality share a task class"
+)
+UNUSED_TASK = Finding(code="RARMS087", severity=Severity.NOTE, summary="A task class is not used")
+TASK_LIKE_A_VALUE = Finding(
+    code="RARMS229", severity=Severity.ERROR, summary="rarms keeps this name of a task class for itself"
+)
+
+
+def shipped_task(system: System) -> Iterator[Violation]:
+    """Classes that come with Windows and would be changed without `replace_shipped`."""
+    for task in system.tasks.values():
+        if is_shipped_task(task.name) and not task.replace_shipped:
+            yield _shipped_task_violation(("tasks", task.name), task.name)
+    for component in system.components.values():
+        name = component.task
+        if name is not None and is_shipped_task(name) and task_entry(system, name) is None:
+            yield _shipped_task_violation(("components", component.name, "task"), name)
+
+
+def _shipped_task_violation(path: Path, name: str) -> Violation:
+    return Violation(
+        path=path,
+        at_key=path[0] == "tasks",
+        detail=f'The class "{name}" comes with Windows, and other programs use it. rarms would change its values.',
+        advice=f"Use a robotic class such as {ROBOTIC_TASKS[1]}, or write `replace_shipped: true` in `tasks.{name}`.",
+        address=f"task/{name}",
+    )
+
+
+def unknown_task(system: System) -> Iterator[Violation]:
+    """Components whose class is neither robotic, nor of Windows, nor in `tasks`."""
+    known = known_tasks(system)
+    folded = {name.lower() for name in known}
+    for component in system.components.values():
+        task = component.task
+        if task is not None and task.lower() not in folded and not is_shipped_task(task):
+            yield Violation(
+                path=("components", component.name, "task"),
+                detail=f'There is no task class "{task}".{suggestion(task, known)}',
+                advice=f"Use one of {', '.join(ROBOTIC_TASKS)}, or add `{task}: {{}}` to `tasks`.",
+            )
+
+
+def task_differs_in_case(system: System) -> Iterator[Violation]:
+    """The later of two entries that the registry would take for one."""
+    first: dict[str, str] = {}
+    for name in system.tasks:
+        before = first.setdefault(name.lower(), name)
+        if before != name:
+            yield Violation(
+                path=("tasks", name),
+                at_key=True,
+                detail=f'"{name}" and "{before}" are the same registry key: Windows ignores case in these names.',
+                advice="Keep one of the two.",
+                related=((("tasks", before), True, "the other one"),),
+            )
+
+
+def order_not_expressed(system: System) -> Iterator[Violation]:
+    """Two classes in one operating system whose fixed values put the less critical one level or above."""
+    reported: set[tuple[str, str]] = set()
+    for group in operating_systems(system):
+        for higher, lower in permutations(_fixed_classes(system, group), 2):
+            pair = (higher.entry.name, lower.entry.name)
+            if higher.criticality > lower.criticality and higher.best <= lower.worst and pair not in reported:
+                reported.add(pair)
+                yield _order_violation(higher, lower)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _FixedClass:
+    """A class in one operating system, with the thread priorities that its fixed values leave possible."""
+
+    entry: TaskWish
+    component: str  # its most critical user
+    criticality: int
+    worst: int
+    best: int
+
+
+def _fixed_classes(system: System, group: list[Component]) -> list[_FixedClass]:
+    classes: dict[str, _FixedClass] = {}
+    for component in sorted(group, key=lambda component: (-component.criticality, component.name)):
+        entry = None if component.task is None else task_entry(system, component.task)
+        if entry is not None and entry.name not in classes:
+            possible = values_within(entry)  # the highest threads first
+            classes[entry.name] = _FixedClass(
+                entry=entry,
+                component=component.name,
+                criticality=component.criticality,
+                worst=possible[-1].thread_priority,
+                best=possible[0].thread_priority,
+            )
+    return list(classes.values())
+
+
+def _order_violation(higher: _FixedClass, lower: _FixedClass) -> Violation:
+    comparison = "the same thread priority as" if higher.best == lower.worst else "a lower thread priority than"
+    both_high = higher.entry.category is lower.entry.category is TaskCategory.HIGH
+    reason = " In category High, Windows ignores the priority." if both_high else ""
+    return Violation(
+        path=("tasks", higher.entry.name),
+        at_key=True,
+        detail=f'"{higher.component}" (criticality {higher.criticality}) is more critical than "{lower.component}" '
+        f"({lower.criticality}), but {higher.entry.name} gives it {comparison} {lower.entry.name}.{reason}",
+        advice="Remove category and priority, so that rarms chooses them, or put both classes into Medium in the right "
+        "order.",
+        related=((("tasks", lower.entry.name), True, "the less critical class"),),
+    )
+
+
+def shared_task(system: System) -> Iterator[Violation]:
+    """The less critical users of a class, whose threads get the priority of the most critical one."""
+    for group in operating_systems(system):
+        most_critical: dict[str, Component] = {}
+        for component in sorted(group, key=lambda component: (-component.criticality, component.name)):
+            if component.task is None:
+                continue
+            leader = most_critical.setdefault(component.task.lower(), component)
+            if leader.criticality > component.criticality:
+                yield Violation(
+                    path=("components", component.name, "task"),
+                    detail=f'"{component.name}" (criticality {component.criticality}) and "{leader.name}" '
+                    f"({leader.criticality}) share the class {component.task} in one operating system. The threads of "
+                    "both get the same priority.",
+                    advice="Give the less critical component a class of its own.",
+                )
+
+
+def unused_task(system: System) -> Iterator[Violation]:
+    """Entries of `tasks` that no component names."""
+    used = {component.task.lower() for component in system.components.values() if component.task is not None}
+    for name in system.tasks:
+        if name.lower() not in used:
+            yield Violation(
+                path=("tasks", name),
+                at_key=True,
+                detail=f"No component has `task: {name}`. Nothing would run in this class.",
+                advice="Write it at a component, or remove the class.",
+            )
+
+
+def task_like_a_value(system: System) -> Iterator[Violation]:
+    """Classes that have the name of the value whose record lies among the records of task classes."""
+    for name in system.tasks:
+        if name.lower() == SYSTEM_RESPONSIVENESS.lower():
+            yield _reserved_name_violation(("tasks", name), name)
+    for component in system.components.values():
+        if component.task is not None and component.task.lower() == SYSTEM_RESPONSIVENESS.lower():
+            yield _reserved_name_violation(("components", component.name, "task"), component.task)
+
+
+def _reserved_name_violation(path: Path, name: str) -> Violation:
+    return Violation(
+        path=path,
+        at_key=path[0] == "tasks",
+        detail=f'rarms stores the value of `system_responsiveness` under the name "{name}". A task class cannot have '
+        "this name.",
+        advice="Rename the class. To set the value itself, write `system_responsiveness` at the host.",
+        address=f"task/{name}",
+    )
