@@ -15,9 +15,9 @@ from rarms_iac.app.wiring import open_host, state_path
 from rarms_iac.apply import refusals
 from rarms_iac.apply.walk import held
 from rarms_iac.model.journal import Journal, ScriptRun
-from rarms_iac.model.spelling import suggestion
 from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import System
+from rarms_iac.model.wording import suggestion
 from rarms_iac.providers.interface import HostError, HostLocked, LiveHost, RecordableHost
 from rarms_iac.storage.snapshot_file import write_snapshot
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 from rarms_iac.model.changes import Address, Adopt, Reason, Release
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
-from rarms_iac.model.spelling import suggestion
 from rarms_iac.model.state import Mark, Partition, State
+from rarms_iac.model.wording import suggestion
 from rarms_iac.storage.digest import set_of_settings
 
 NO_SUCH_MACHINE = Finding(code="RARMS195", severity=Severity.ERROR, summary="No machine on the host has this id")

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from rarms_iac.model.changes import Change
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
-from rarms_iac.model.spelling import suggestion
+from rarms_iac.model.wording import suggestion
 
 NO_SUCH_TARGET = Finding(code="RARMS194", severity=Severity.ERROR, summary="Nothing changes at this target")
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 
-from rarms_iac.model.class_values import thread_priority
+from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import ThreadClass
 from rarms_iac.model.state import RegistryValue, State, TaskClass, ValueKind
 from rarms_iac.model.system import System, TaskCategory

@@ -10,9 +10,8 @@ from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, subject_of
 from rarms_iac.cli.locks import held_configurations
 from rarms_iac.measuring.setup import interference_of
-from rarms_iac.model.indexes import find_index
+from rarms_iac.model.indexes import find_index, show_threshold
 from rarms_iac.model.system import Component, Host
-from rarms_iac.model.thresholds import show_threshold
 from rarms_iac.planner.findings import UNREADABLE
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.reservations import names_of, rests_on_a_log

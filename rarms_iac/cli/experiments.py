@@ -10,8 +10,8 @@ from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.wiring import open_bench
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
-from rarms_iac.model.spelling import suggestion
 from rarms_iac.model.system import Host, RunsOn
+from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.groups import groups_of
 
 

@@ -48,7 +48,7 @@ class LazyGroup(click.Group):
             click.UsageError: there is none; the message offers the nearest.
         """
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            from rarms_iac.model.spelling import suggestion
+            from rarms_iac.model.wording import suggestion
 
             raise click.UsageError(f'There is no command "{args[0]}".{suggestion(args[0], COMMANDS)}', ctx)
         return super().resolve_command(ctx, args)

@@ -5,10 +5,9 @@ from fractions import Fraction
 from math import ceil, floor, isfinite
 
 from rarms_iac.model.capacity import capacity_of
-from rarms_iac.model.indexes import PerformanceIndex
+from rarms_iac.model.indexes import PerformanceIndex, show_value
 from rarms_iac.model.quantities import UNITS, Unit, plain
 from rarms_iac.model.system import Host, Threshold
-from rarms_iac.model.thresholds import show_value
 from rarms_iac.planner.reservations import MeasuredTogether
 from rarms_iac.statistics.curves import Curve
 

@@ -12,7 +12,7 @@ from rarms_iac.app.files import read_file, write_file
 from rarms_iac.apply.scripts import scripts_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.plan import HostPlan, Plan
-from rarms_iac.model.spelling import suggestion
+from rarms_iac.model.wording import suggestion
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.inspection.lists import ScriptKind
 from rarms_iac.powershell.outline import Outline, outline

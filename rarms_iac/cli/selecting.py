@@ -13,12 +13,11 @@ from rarms_iac.cli.levels import advice_beyond, far_from
 from rarms_iac.manifest.edit import set_value
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
-from rarms_iac.model.indexes import PerformanceIndex, find_index
+from rarms_iac.model.indexes import PerformanceIndex, find_index, threshold_of
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.quantities import NotAQuantity
-from rarms_iac.model.spelling import suggestion
 from rarms_iac.model.system import Component, Host, System, Threshold
-from rarms_iac.model.thresholds import threshold_of
+from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.findings import NOT_MET
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout

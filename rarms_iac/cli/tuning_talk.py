@@ -5,8 +5,8 @@ from fractions import Fraction
 
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.terminal import Terminal
-from rarms_iac.model.phrases import in_a_row
 from rarms_iac.model.quantities import show_processors
+from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.combining.oracle import Asked, Coi, Members, Silent
 from rarms_iac.views.diagnostics.layout import wrap
 

@@ -4,8 +4,8 @@ from collections.abc import Collection, Iterator, Sequence
 from datetime import date
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity, in_order
-from rarms_iac.model.spelling import suggestion
 from rarms_iac.model.system import Acceptance, Policy
+from rarms_iac.model.wording import suggestion
 from rarms_iac.storage.finding_pages import finding_page, known_codes, may_be_accepted, severity_line
 
 EXPIRED = Finding(code="RARMS095", severity=Severity.WARNING, summary="An acceptance has expired", acceptable=False)

@@ -12,8 +12,7 @@ from rarms_iac.manifest.usual_units import nearest_unit
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
 from rarms_iac.model.indexes import INDEXES
 from rarms_iac.model.names import NAME_PATTERN, TASK_PATTERN
-from rarms_iac.model.phrases import in_a_row
-from rarms_iac.model.spelling import did_you_mean, question
+from rarms_iac.model.wording import did_you_mean, in_a_row, question
 
 UNKNOWN_KEY = Finding(code="RARMS015", severity=Severity.ERROR, summary="Unknown key")
 MISSING_KEY = Finding(code="RARMS016", severity=Severity.ERROR, summary="A key is missing")

@@ -23,13 +23,13 @@ from rarms_iac.measuring.findings import (
 from rarms_iac.measuring.measured import Shown, shown, steady
 from rarms_iac.measuring.search.tree import WIDTH
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.model import thresholds
+from rarms_iac.model import indexes
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import Setting
-from rarms_iac.model.phrases import in_a_row
 from rarms_iac.model.quantities import Unit, show_amount
 from rarms_iac.model.system import Measured, Threshold
+from rarms_iac.model.wording import in_a_row
 
 UNITS = {Unit.TIME: " ms", Unit.SHARE: " %", Unit.RATE: " /s"}
 
@@ -75,7 +75,7 @@ def show_threshold(index: str, threshold: Threshold) -> str:
     """`at most 100 ms`."""
     found = find_index(index)
     assert found is not None, "a manifest names no other index"
-    return thresholds.show_threshold(found, threshold)
+    return indexes.show_threshold(found, threshold)
 
 
 def show_measured(shown: Shown) -> str:

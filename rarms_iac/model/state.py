@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
-from rarms_iac.model.responsiveness import SYSTEM_RESPONSIVENESS
+from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.system import ProviderKind, SchedulerType
 
 

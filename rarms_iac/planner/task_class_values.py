@@ -10,7 +10,7 @@ from itertools import groupby
 from operator import add
 from typing import NamedTuple
 
-from rarms_iac.model.class_values import LevelValues, values_within
+from rarms_iac.model.mmcss import LevelValues, values_within
 from rarms_iac.model.system import Component, TaskCategory, TaskWish
 
 REAL_TIME = 16

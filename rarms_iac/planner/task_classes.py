@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 
-from rarms_iac.model.class_values import LevelValues, thread_priority, values_within
 from rarms_iac.model.diagnostics import Diagnostic, Places
+from rarms_iac.model.mmcss import LevelValues, thread_priority, values_within
 from rarms_iac.model.state import RegistryValue, ValueKind
 from rarms_iac.model.system import Component, TaskCategory, TaskWish
 from rarms_iac.planner import findings

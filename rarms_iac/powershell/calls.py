@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import assert_never
 
+from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.operations import (
     CreatePartition,
     EraseMark,
@@ -36,7 +37,6 @@ from rarms_iac.model.operations import (
 )
 from rarms_iac.model.plan import Reading, Readings, Scope, Step
 from rarms_iac.model.quantities import show_bytes
-from rarms_iac.model.responsiveness import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.state import RegistryValue, StartAction, StopAction, TaskRecord, ValueKind
 from rarms_iac.powershell.literals import Literal, literal
 from rarms_iac.storage.codec import encode

@@ -20,9 +20,9 @@ from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.telling import show_value
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Setting
-from rarms_iac.model.phrases import in_a_row
 from rarms_iac.model.quantities import guaranteed, plain, show_processors
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
+from rarms_iac.model.wording import in_a_row
 from rarms_iac.statistics.verdicts import share
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import counted, paragraph, stack, table

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from rarms_iac.app.report_model import IndexCurve
-from rarms_iac.model.thresholds import show_threshold
+from rarms_iac.model.indexes import show_threshold
 from rarms_iac.views.reports.scale import UNIT_TEXT, Scale, digits, scale_of
 
 HEIGHT = 14

@@ -4,9 +4,8 @@ from collections.abc import Iterator
 from fractions import Fraction
 
 from rarms_iac.app.select import SelectedLevel, Selection
-from rarms_iac.model.indexes import PerformanceIndex, find_index
+from rarms_iac.model.indexes import PerformanceIndex, find_index, show_threshold, show_value
 from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
-from rarms_iac.model.thresholds import show_threshold, show_value
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.output.measuring import HeadroomOutput, LevelOutput, SelectionOutput
 

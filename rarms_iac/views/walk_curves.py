@@ -4,10 +4,9 @@ from collections.abc import Iterator
 from fractions import Fraction
 
 from rarms_iac.app.explanation import Explanation, MemberCurve
-from rarms_iac.model.indexes import find_index
+from rarms_iac.model.indexes import find_index, show_threshold, show_value
 from rarms_iac.model.quantities import show_percent
 from rarms_iac.model.system import AtMost, Threshold
-from rarms_iac.model.thresholds import show_threshold, show_value
 from rarms_iac.statistics.curves import Point, holds
 from rarms_iac.statistics.verdicts import wrong
 

@@ -11,9 +11,9 @@ from rarms_iac.diff.drift import DriftKind, drift
 from rarms_iac.diff.stepping.order import Ordered, Room
 from rarms_iac.model.capacity import foreign_claims, load_of, packs
 from rarms_iac.model.layout import Layout
+from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.plan import Step, UndoLevel
 from rarms_iac.model.quantities import Bytes
-from rarms_iac.model.responsiveness import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.state import RegistryValue, Responsiveness, State
 from rarms_iac.model.system import System
 from tests.planning import Route, layout_of, route

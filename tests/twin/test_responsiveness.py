@@ -2,7 +2,7 @@
 
 import pytest
 
-from rarms_iac.model.responsiveness import SYSTEM_RESPONSIVENESS
+from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.state import RegistryValue, ValueKind
 from tests.builders import a_component
 from tests.twin.cell import Cell, apply, undo

@@ -6,7 +6,7 @@ from rarms_iac.apply.review.reviewed import Reviewed
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.operations import CreatePartition
 from rarms_iac.model.plan import Step
-from rarms_iac.model.spelling import suggestion
+from rarms_iac.model.wording import suggestion
 
 VHD = Finding(code="RARMS257", severity=Severity.ERROR, summary="A machine of generation 2 takes no .vhd disk")
 SWITCH = Finding(code="RARMS258", severity=Severity.ERROR, summary="The host has no virtual switch of this name")

@@ -8,7 +8,7 @@ from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import json_option, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.model.spelling import suggestion
+from rarms_iac.model.wording import suggestion
 from rarms_iac.storage.finding_pages import finding_page, known_codes
 from rarms_iac.views.as_json import as_json as to_json
 from rarms_iac.views.explain import page_text, unknown_code

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from rarms_iac.diff.readings import record_readings, values_readings
 from rarms_iac.diff.stepping.tasks import registry_step
 from rarms_iac.model.changes import RESPONSIVENESS, Reason
+from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.operations import (
     EraseResponsiveness,
     EraseResponsivenessRecord,
@@ -13,7 +14,6 @@ from rarms_iac.model.operations import (
     WriteResponsivenessRecord,
 )
 from rarms_iac.model.plan import Step
-from rarms_iac.model.responsiveness import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.state import RegistryValue, Responsiveness, TaskRecord
 
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Places, Related
 from rarms_iac.model.names import ROBOTIC_TASKS
-from rarms_iac.model.phrases import in_a_row
 from rarms_iac.model.quantities import LogicalProcessors, in_processors
 from rarms_iac.model.system import (
     Component,
@@ -18,6 +17,7 @@ from rarms_iac.model.system import (
     System,
     TaskWish,
 )
+from rarms_iac.model.wording import in_a_row
 
 MOST_NAMES = 4
 """Names that a message lists before it says how many more there are."""

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 
 from rarms_iac.manifest.checks.common import Violation, list_names, may_run_on
 from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.mmcss import OFF, is_taken_as_is, taken_for
 from rarms_iac.model.quantities import in_processors, show_bytes
-from rarms_iac.model.responsiveness import OFF, is_taken_as_is, taken_for
 from rarms_iac.model.system import Host, HypervHost, ProviderKind, RunsOn, System
 
 NOTHING_KEPT_FOR_HOST = Finding(

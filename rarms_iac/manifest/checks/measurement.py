@@ -11,7 +11,6 @@ from rarms_iac.manifest.checks.common import Violation, list_names, may_run_on
 from rarms_iac.model.diagnostics import Finding, Severity
 from rarms_iac.model.indexes import SampleValue, find_index, percentile_of
 from rarms_iac.model.quantities import show_milliseconds
-from rarms_iac.model.spelling import suggestion
 from rarms_iac.model.system import (
     AtMost,
     Call,
@@ -24,6 +23,7 @@ from rarms_iac.model.system import (
     Samples,
     System,
 )
+from rarms_iac.model.wording import suggestion
 
 NO_SAMPLE_IN_TIME = Finding(
     code="RARMS068", severity=Severity.ERROR, summary="The measurement is shorter than one period"

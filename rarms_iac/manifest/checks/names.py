@@ -6,9 +6,8 @@ from rarms_iac.manifest.checks.common import Path, Violation, partition_names, s
 from rarms_iac.model.diagnostics import Finding, Severity
 from rarms_iac.model.measurement import TEST_PARTITIONS
 from rarms_iac.model.names import WINDOWS_DEVICES
-from rarms_iac.model.phrases import in_a_row
-from rarms_iac.model.spelling import suggestion
 from rarms_iac.model.system import System
+from rarms_iac.model.wording import in_a_row, suggestion
 
 UNKNOWN_NAME = Finding(code="RARMS042", severity=Severity.ERROR, summary="Unknown name")
 DEVICE_NAME = Finding(code="RARMS043", severity=Severity.ERROR, summary="Windows keeps this name for a device")

@@ -5,12 +5,11 @@ from dataclasses import dataclass
 from itertools import permutations
 
 from rarms_iac.manifest.checks.common import Path, Violation, known_tasks, operating_systems, task_entry
-from rarms_iac.model.class_values import values_within
 from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS, values_within
 from rarms_iac.model.names import ROBOTIC_TASKS, is_shipped_task
-from rarms_iac.model.responsiveness import SYSTEM_RESPONSIVENESS
-from rarms_iac.model.spelling import suggestion
 from rarms_iac.model.system import Component, System, TaskCategory, TaskWish
+from rarms_iac.model.wording import suggestion
 
 SHIPPED_TASK = Finding(code="RARMS053", severity=Severity.ERROR, summary="A task class of Windows would be changed")
 UNKNOWN_TASK = Finding(code="RARMS054", severity=Severity.ERROR, summary="Unknown task class")

@@ -8,9 +8,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from rarms_iac.model.phrases import in_a_row
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, ProcessorTime, show_bytes
 from rarms_iac.model.system import CpuWish, Host
+from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.does_not_fit.levers import largest
 from rarms_iac.planner.does_not_fit.variants import (
     Edit,

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import combinations
 
-from rarms_iac.model.phrases import in_a_row, number
 from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime, show_percent
 from rarms_iac.model.system import CpuWish, Host
+from rarms_iac.model.wording import in_a_row, number
 from rarms_iac.planner.combining.candidates import Candidate, Candidates, candidates_of, compound_of
 from rarms_iac.planner.combining.layouts import Layouts, Objective
 from rarms_iac.planner.combining.oracle import WHOLE, Coi, coi_as_measured

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 
-from rarms_iac.model.phrases import in_a_row, number
 from rarms_iac.model.quantities import show_bytes, show_percent, show_processors
+from rarms_iac.model.wording import in_a_row, number
 from rarms_iac.planner.placing.first_fit import Bin, Item, cost, free_in
 
 LISTED_UP_TO = 12

@@ -5,10 +5,9 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import reduce
 
-from rarms_iac.model.indexes import find_index
+from rarms_iac.model.indexes import find_index, show_threshold, show_value
 from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, Percent, ProcessorTime, ShareOfHost, show_amount
 from rarms_iac.model.system import Component, Host, Measured, System, Threshold
-from rarms_iac.model.thresholds import show_threshold, show_value
 from rarms_iac.planner.problem import HostView
 from rarms_iac.planner.reservations import MeasuredReservations, NotMeasured, ReservationSource
 

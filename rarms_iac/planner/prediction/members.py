@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import ceil
 
-from rarms_iac.model.indexes.percentile_response_time import percentile_of
+from rarms_iac.model.indexes import percentile_of
 from rarms_iac.model.system import AtMost, Component, Host, Periodic
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.prediction.belief import SELDOM, Outlook, at_least, belief_of, slack_on

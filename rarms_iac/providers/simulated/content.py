@@ -8,7 +8,7 @@ import uuid
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from rarms_iac.model.responsiveness import USUAL
+from rarms_iac.model.mmcss import USUAL
 from rarms_iac.model.state import (
     Disk,
     PartitionSettings,

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import assert_never
 
 from rarms_iac.diff.readings import resolve
-from rarms_iac.model.class_values import thread_priority
 from rarms_iac.model.measurement import Bench, Sample, run_of
+from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import RegistryValue, State, ValueKind
 from rarms_iac.model.system import (

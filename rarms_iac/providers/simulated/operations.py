@@ -6,6 +6,7 @@ from typing import assert_never
 
 from rarms_iac.diff.readings import disk_readings
 from rarms_iac.model.changes import SLASH, Address
+from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.operations import (
     CreatePartition,
     EraseMark,
@@ -34,7 +35,6 @@ from rarms_iac.model.operations import (
     disk_file,
 )
 from rarms_iac.model.plan import Scope
-from rarms_iac.model.responsiveness import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.state import (
     Checkpoints,
     Disk,

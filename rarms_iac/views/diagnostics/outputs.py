@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from rarms_iac.model.spelling import suggestion
+from rarms_iac.model.wording import suggestion
 
 
 class OutputFormat(StrEnum):

@@ -13,8 +13,8 @@ from rarms_iac.app.report_model import (
     PlatformTuning,
     Report,
 )
+from rarms_iac.model.indexes import show_threshold
 from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
-from rarms_iac.model.thresholds import show_threshold
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.planner.prediction.belief import ASSUMED
 from rarms_iac.statistics.verdicts import wrong

@@ -6,7 +6,7 @@ from itertools import combinations, pairwise, product
 
 import pytest
 
-from rarms_iac.model.class_values import LevelValues, values_within
+from rarms_iac.model.mmcss import LevelValues, values_within
 from rarms_iac.model.system import Component, TaskCategory, TaskWish
 from rarms_iac.planner.task_class_values import ALL, chosen_values, masks_of
 from rarms_iac.planner.task_classes import classes_of, registry_values

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from rarms_iac.apply.doctor.examination import Examination
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
-from rarms_iac.model.responsiveness import OFF, USUAL, taken_for
+from rarms_iac.model.mmcss import OFF, USUAL, taken_for
 from rarms_iac.model.state import RegistryValue, ValueKind
 
 FINDING = Finding(

@@ -1,6 +1,20 @@
-"""What somebody probably meant who wrote a name that does not exist."""
+"""Wording of messages: words in a row, small numbers, and what somebody probably meant who misspelt a name."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+
+_NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
+
+
+def in_a_row(words: Sequence[object], last: str = "and") -> str:
+    """`a`, `a and b`, `a, b and c`; or with another word before the last."""
+    *others, end = map(str, words)
+    return f"{', '.join(others)} {last} {end}" if others else end
+
+
+def number(many: int) -> str:
+    """A small number as a word."""
+    return _NUMBERS[many] if many < len(_NUMBERS) else str(many)
+
 
 MOST_CANDIDATES = 400
 """Names that are compared: more would make a file full of wrong names slow to refuse."""

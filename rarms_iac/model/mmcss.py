@@ -1,4 +1,4 @@
-"""Values of a task class that order threads, and what its threads then run at (FACTS 6.2, measured).
+"""MMCSS: what a task class's values make of its threads (FACTS 6.2), and SystemResponsiveness (FACTS 6.1).
 
 While threads of a class have their share, they run at 26 in High, at Priority + 16 in Medium, and at
 BackgroundPriority + 7 in Low. In Medium some were seen one higher and none above 23, so 8 counts as 7 does.
@@ -71,3 +71,22 @@ def _in_category(category: TaskCategory, wish: TaskWish) -> Iterator[LevelValues
 
 def _values(category: TaskCategory, priority: int, background_priority: int) -> LevelValues:
     return LevelValues(category=category, priority=priority, background_priority=background_priority)
+
+
+SYSTEM_RESPONSIVENESS = "SystemResponsiveness"
+"""The registry value's name; rarms' record of it has the same, so no task class of the manifest may have it."""
+
+USUAL = 20
+"""What Windows takes for a value that is out of range, missing or of another type; per cent."""
+OFF = 100
+"""Switches MMCSS off."""
+
+
+def taken_for(percent: int) -> int:
+    """What Windows makes of the number: out of range it is 20, otherwise rounded down to tens (page of May 2025)."""
+    return percent // 10 * 10 if 10 <= percent <= OFF else USUAL
+
+
+def is_taken_as_is(percent: int) -> bool:
+    """Whether it is 10, 20, ... 90: every version of Microsoft's page means the same by these."""
+    return percent != OFF and taken_for(percent) == percent

@@ -1,0 +1,140 @@
+"""Performance indexes (PI): what can be measured of a component; a new one is one more entry here.
+
+How an index follows from samples is in `statistics/estimates.py`; its threshold is the component's APT.
+"""
+
+import re
+from dataclasses import dataclass
+from enum import StrEnum
+from fractions import Fraction
+
+from rarms_iac.model.quantities import Unit, parse_quantity, plain, show_milliseconds, show_percent
+from rarms_iac.model.system import AtLeast, AtMost, Threshold
+
+PERCENTILE_PATTERN = r"^p([1-9][0-9]?)(\.[0-9]?[1-9])?_response_time$"
+"""The family `p50_response_time`, `p99.9_response_time`; one spelling for each: no leading and no trailing zero."""
+
+_PERCENTILE = re.compile(PERCENTILE_PATTERN.removesuffix("$") + r"\Z")
+
+
+class SampleValue(StrEnum):
+    """What an index needs of each sample, by the key of `run.samples` that says where it stands."""
+
+    RESPONSE_TIME = "response_time"
+    SUCCESS = "success"
+    COUNT = "count"  # or, where nothing is counted, that there was a sample at all
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PerformanceIndex:
+    """A component-specific measure (PI); its threshold (APT) says which side of a value is good enough."""
+
+    name: str
+    unit: Unit
+    smaller_is_better: bool
+    description: str
+    made_of: SampleValue = SampleValue.RESPONSE_TIME
+
+    @property
+    def direction(self) -> str:
+        """The word of a threshold that makes sense: `at_most` or `at_least`."""
+        return "at_most" if self.smaller_is_better else "at_least"
+
+
+_NAMED = (
+    PerformanceIndex(
+        name="mean_response_time",
+        unit=Unit.TIME,
+        smaller_is_better=True,
+        description="The mean response time of all jobs that answered.",
+    ),
+    PerformanceIndex(
+        name="minimum_response_time",
+        unit=Unit.TIME,
+        smaller_is_better=True,
+        description="The shortest response time of all jobs that answered.",
+    ),
+    PerformanceIndex(
+        name="maximum_response_time",
+        unit=Unit.TIME,
+        smaller_is_better=True,
+        description="The longest response time of all jobs that answered.",
+    ),
+    PerformanceIndex(
+        name="jitter",
+        unit=Unit.TIME,
+        smaller_is_better=True,
+        description="The standard deviation of the response times of all jobs that answered.",
+    ),
+    PerformanceIndex(
+        name="success_rate",
+        unit=Unit.SHARE,
+        smaller_is_better=False,
+        description="The share of jobs that succeeded.",
+        made_of=SampleValue.SUCCESS,
+    ),
+    PerformanceIndex(
+        name="throughput",
+        unit=Unit.RATE,
+        smaller_is_better=False,
+        description="Successful jobs (or what they count) over the elapsed time.",
+        made_of=SampleValue.COUNT,
+    ),
+    PerformanceIndex(
+        name="deadline_miss_rate",
+        unit=Unit.SHARE,
+        smaller_is_better=True,
+        description="The share of jobs that answered after their deadline, or not at all.",
+    ),
+)
+
+INDEXES: dict[str, PerformanceIndex] = {index.name: index for index in _NAMED}
+"""Those with a name of their own; percentiles are a family besides."""
+
+
+def find_index(name: str) -> PerformanceIndex | None:
+    """The index of this name, None if there is none."""
+    return INDEXES.get(name) or percentile_index(name)
+
+
+def percentile_of(name: str) -> Fraction | None:
+    """The per cent in the name, None if it is no percentile's name."""
+    return Fraction(name[1 : name.index("_")]) if _PERCENTILE.match(name) else None
+
+
+def percentile_index(name: str) -> PerformanceIndex | None:
+    """The percentile of this name, None if it is no percentile's name."""
+    if _PERCENTILE.match(name) is None:
+        return None
+    return PerformanceIndex(
+        name=name,
+        unit=Unit.TIME,
+        smaller_is_better=True,
+        description=f"The response time that {name[1 : name.index('_')]} % of the jobs that answered do not exceed.",
+    )
+
+
+def threshold_of(index: PerformanceIndex, text: str) -> Threshold:
+    """`100 ms` as what the index must not exceed, or must reach.
+
+    Raises:
+        NotAQuantity: it is no number with a unit of the index.
+    """
+    _, value = parse_quantity(text, index.unit)
+    return AtMost(value=value) if index.smaller_is_better else AtLeast(value=value)
+
+
+def show_value(index: PerformanceIndex, value: Fraction) -> str:
+    """A value of the index with its unit: `97.3 ms`, `95 %`, `24 /s`."""
+    match index.unit:
+        case Unit.TIME:
+            return show_milliseconds(value)
+        case Unit.SHARE:
+            return show_percent(value)
+        case _:
+            return f"{plain(value)} /s"
+
+
+def show_threshold(index: PerformanceIndex, threshold: Threshold) -> str:
+    """`at most 100 ms`."""
+    return f"{index.direction.replace('_', ' ')} {show_value(index, threshold.value)}"
