@@ -13,6 +13,7 @@ TuningEnding = Literal["nothing_to_do", "successful", "unable", "stopped"]
 class TuningResult:
     """How `rarms tune` ended; amounts in per cent of one logical processor."""
 
+    platform: str  # of the hosts that share `capacity`
     strategy: Literal["default", "paper"]
     ending: TuningEnding
     message: str

@@ -29,7 +29,6 @@ from rarms_iac.model.system import ProviderKind
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.providers.measuring import Inside, MeasuringHost
 from rarms_iac.statistics.curves import curves_of, least_reserve
-from rarms_iac.views.live_table import LiveTable
 from rarms_iac.views.measuring_progress import MeasuringProgress
 
 PAPER = "paper"
@@ -101,9 +100,7 @@ def _measured(
         host=bench,
         room=checked,
         seed=options.seed or highest_seed(book.settings()) or USUAL_SEED,
-        reporter=MeasuringProgress(
-            terminal.talk, time.monotonic, LiveTable(terminal.live()) if terminal.lively else None
-        ),
+        reporter=MeasuringProgress(terminal.talk, time.monotonic, terminal.live_table()),
         should_stop=session.interrupts.should_stop,
         others=tuple(_going_on(hosts, seen.running)),
     )

@@ -36,7 +36,7 @@ from rarms_iac.statistics.steady_state import Unsteady
 from rarms_iac.statistics.verdicts import Met, Missed, TooFewSamples, TooManyFailures, WithinTheNoise
 from rarms_iac.storage.datalog.configuration import Proven, ProvenIndex, append_entry
 from rarms_iac.storage.datalog.files import configuration_path
-from rarms_iac.views.proved import proof_text, prove_json, sampled, verdict_of
+from rarms_iac.views.prove import proof_text, prove_json, sampled, verdict_of
 
 USUAL_SEED = 1
 
@@ -78,9 +78,10 @@ def prove_layout(session: Session, hosts: Hosts, options: ProveOptions, *, as_js
     found = tuple(_not_met(hosts, proofs))
     tell(session.terminal, found, hosts.manifest.sources)
     against = options.interference
-    session.terminal.data(
-        prove_json(proofs, against, found) if as_json else proof_text(proofs, against, session.terminal.width)
-    )
+    if as_json:
+        session.terminal.data(prove_json(proofs, against, found))
+    else:
+        session.terminal.show(proof_text(proofs, against))
     if left_out := _left_out(hosts, layouts):
         session.terminal.talk(f"Not proven, since they are on other hosts: {', '.join(left_out)}.")
     return ExitCode.NO if found else ExitCode.DONE
@@ -227,17 +228,19 @@ def _prove(
     if load is not None and not has_room(room):
         says = f"{bench.name} has no memory left for a partition that holds {options.interference}."
         raise UseCaseError(Outcome.NEGATIVE, [findings.NO_ROOM.at(None, says, "Prove without --interference.")])
-    terminal = session.terminal
+    live = session.terminal.live_table()
 
     def looked(seen: Mapping[str, Series]) -> None:
-        if terminal.lively:
-            terminal.status(sampled(bench.name, seen, terminal.width))
+        if live is not None:
+            live.show(sampled(bench.name, seen))
 
-    answer = prove(
-        bench, layout, load, room, seed=options.seed, should_stop=session.interrupts.should_stop, looked=looked
-    )
-    if terminal.lively:
-        terminal.status(sampled("", {}, terminal.width))
+    try:
+        answer = prove(
+            bench, layout, load, room, seed=options.seed, should_stop=session.interrupts.should_stop, looked=looked
+        )
+    finally:
+        if live is not None:
+            live.hide()
     if isinstance(answer, TooManyFailed):
         name = answer.component
         says = f"{name} in the layout: {len(answer.failures)} samples failed: {answer.failures[0]}."

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, TextIO
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
+    from rarms_iac.views.live_table import LiveTable
+
 NARROWEST = 40
 WIDEST = 120
 DEFAULT_WIDTH = 80
@@ -33,6 +35,7 @@ class Terminal:
     talk_piped: bool = False  # the same of standard error
     debug: bool = False
     answered: bool = False  # data was written
+    _live_table: "LiveTable | None" = None
 
     @property
     def text_width(self) -> int:
@@ -76,6 +79,14 @@ class Terminal:
         from rarms_iac.views.console import live_console
 
         return live_console(self.err, self.width, colour=self.talk_colour)
+
+    def live_table(self) -> "LiveTable | None":
+        """Return the command's one table that is updated in place; None where standard error is no terminal."""
+        if self.lively and self._live_table is None:
+            from rarms_iac.views.live_table import LiveTable
+
+            self._live_table = LiveTable(self.live())
+        return self._live_table
 
     def status(self, text: str) -> None:
         """Write a piece of progress as it is, and show it now."""

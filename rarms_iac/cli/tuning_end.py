@@ -193,6 +193,7 @@ def tuned_of(end: End, strategy: Literal["default", "paper"], system: System, wr
     """The same for the reader."""
     message = {"successful": SUCCESSFUL, "unable": UNABLE, "nothing_to_do": "", "stopped": ""}[end.ending]
     return TuningResult(
+        platform=end.subject.bench.platform,
         strategy=strategy,
         ending=end.ending,
         message=message,

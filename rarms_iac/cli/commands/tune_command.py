@@ -22,12 +22,12 @@ from rarms_iac.cli.tuned_manifest import write_partitions
 from rarms_iac.cli.tuning import Experiments, bench_of, subject_of_tuning
 from rarms_iac.cli.tuning_end import End, findings_of, still_too_much, tuned_of
 from rarms_iac.cli.tuning_log import record_tuning, run_of
-from rarms_iac.cli.tuning_talk import AskingConsent, Telling
+from rarms_iac.cli.tuning_talk import AskingConsent
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.planner.combining.oracle import Always
 from rarms_iac.planner.combining.paper import Asking
 from rarms_iac.views.reports.spreadsheet import csv_text, trail_rows
-from rarms_iac.views.tuned import tuned_json, tuned_text
+from rarms_iac.views.tune import TuningProgress, tuned_json, tuned_text
 
 STRATEGIES = ("default", "paper")
 
@@ -96,7 +96,10 @@ def command(
     tuned = tuned_of(end, cast(Literal["default", "paper"], strategy), hosts.system, ", ".join(written))
     _keep_trail(session, hosts, end, tuned, trail)
     tell(session.terminal, told, hosts.manifest.sources)
-    session.terminal.data(tuned_json(tuned, told) if as_json else tuned_text(tuned, session.terminal.width))
+    if as_json:
+        session.terminal.data(tuned_json(tuned, told))
+    else:
+        session.terminal.show(tuned_text(tuned))
     if end.ending == "stopped":
         session.terminal.talk("Stopped. What is recorded stays: the same command goes on.")
         return session.interrupts.asked or ExitCode.INTERRUPTED
@@ -120,13 +123,16 @@ def _tuned(
     bench = bench_of(hosts)
     with held_benches(session, hosts, [bench.name], options.lock_timeout_ms) as benches:
         subject = subject_of_tuning(hosts, bench, observed(hosts))
+        progress = TuningProgress(session.terminal.talk, session.terminal.live_table())
         asking = Asking(
             oracle=Experiments(session=session, subject=subject, bench=benches[bench.name], options=options),
-            reporter=Telling(session.terminal),
+            reporter=progress,
             consent=AskingConsent(session) if interactive else Always(),
             may_share=subject.may_share,
         )
-        return End.of(subject, asking, options.strategy, repeat=repeat, probability=probability)
+        end = End.of(subject, asking, options.strategy, repeat=repeat, probability=probability)
+        progress.ended()
+        return end
 
 
 def _keep_trail(session: Session, hosts: Hosts, end: End, tuned: TuningResult, file: str | None) -> None:

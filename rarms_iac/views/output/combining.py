@@ -39,6 +39,7 @@ class TuneOutput:
 
     format_version: Format = FORMAT_VERSION
     kind: Literal["tune"] = "tune"
+    platform: str  # of the hosts that share the capacity
     strategy: Literal["default", "paper"]
     ending: Literal["nothing_to_do", "successful", "unable", "stopped"]
     message: str

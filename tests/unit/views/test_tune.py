@@ -1,7 +1,7 @@
 """What tuning claims of other layouts: in the text, in JSON and in the trail."""
 
 import json
-from dataclasses import replace
+from io import StringIO
 
 import pytest
 
@@ -9,13 +9,16 @@ from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.app.tune import TuningResult
 from rarms_iac.cli.tuning_log import run_of
 from rarms_iac.planner.combining.oracle import Asked
+from rarms_iac.views.console import live_console, render
+from rarms_iac.views.live_table import LiveTable
 from rarms_iac.views.reports.spreadsheet import trail_rows
-from rarms_iac.views.tuned import tuned_json, tuned_text
+from rarms_iac.views.tune import TuningProgress, tuned_json, tuned_text
 from tests.unit.views.test_json import check
 
 
 def tuned(*, proved: bool, probability: float | None) -> TuningResult:
     return TuningResult(
+        platform="two-core",
         strategy="default",
         ending="successful",
         message="successful",
@@ -46,20 +49,27 @@ def test_the_claim_is_the_same_everywhere(proved: bool, probability: float | Non
 
     assert json.loads(told)["claim"] == claim
     assert [row[-2:] for row in rows] == [(44, ""), (44, claim)]
-    text = tuned_text(ended, 80)
+    text = render(tuned_text(ended))
     assert ("No other layout is better, if" in text) is proved
     assert ("Not proved, at least 95 %" in text) is (probability is not None)
 
 
-def test_where_nothing_was_predicted_there_is_no_column_of_it() -> None:
-    ended = tuned(proved=False, probability=None)
-    nothing = tuple(replace(one, predicted=None) for one in ended.trail)
+def test_every_answer_is_a_line_in_a_pipe_and_a_row_of_the_table_on_a_terminal() -> None:
+    pipe: list[str] = []
+    terminal: list[str] = []
+    live = LiveTable(live_console(StringIO(), 80, colour=False))
+    for progress in (
+        TuningProgress(lambda text: pipe.append(render(text))),
+        TuningProgress(lambda text: terminal.append(render(text)), live),
+    ):
+        for answer in tuned(proved=True, probability=None).trail:
+            progress.setting_answered(answer)
+        progress.ended()
 
-    assert tuned_text(ended, 80).splitlines()[:2] == [
-        "setting  CR    predicted  verdict",
-        "a+b      40 %  44 %       not met for sure by a",
+    assert pipe == [
+        "a+b at 40 %: too little for a (predicted 44 %)\n",
+        "a+b at 45 %: all thresholds met (predicted 44 %)\n",
     ]
-    assert tuned_text(replace(ended, trail=nothing), 80).splitlines()[:2] == [
-        "setting  CR    verdict",
-        "a+b      40 %  not met for sure by a",
+    assert terminal == [
+        "a+b  40 %  too little for a (predicted 44 %)\na+b  45 %  all thresholds met (predicted 44 %)\n"
     ]

@@ -1,0 +1,150 @@
+"""What tuning does and comes to: a table of the settings it asks for, updated in place, and the partitions it found."""
+
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+from rarms_iac.app.tune import TuningResult
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.quantities import plain, show_processors
+from rarms_iac.model.wording import in_a_row
+from rarms_iac.planner.combining.oracle import Asked, Coi, Members, Silent
+from rarms_iac.planner.prediction.belief import ASSUMED
+from rarms_iac.views.as_json import as_json
+from rarms_iac.views.console import paragraph, stack, table
+from rarms_iac.views.live_table import LiveTable
+from rarms_iac.views.output.combining import AskedOutput, CombinedOutput, TuneOutput
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+
+class TuningProgress(Silent):
+    """A `PlannerReporter` that writes to a person: rows of a table on a terminal, lines in a pipe.
+
+    Args:
+        say: writes something for good.
+        live: the table in which measuring shows its running setting; None: there is no terminal.
+    """
+
+    def __init__(self, say: Callable[["RenderableType"], None], live: LiveTable | None = None) -> None:
+        self._say = say
+        self._live = live
+
+    def setting_answered(self, answer: Asked) -> None:
+        """Show the answer."""
+        predicted = "" if answer.predicted is None else f" (predicted {answer.predicted} %)"
+        row = "+".join(answer.members), f"{answer.reserve} %", f"{answer_text(answer.worse)}{predicted}"
+        if self._live is None:
+            self._say(paragraph(f"{row[0]} at {row[1]}: {row[2]}"))
+        else:
+            self._live.rows.append(row)
+
+    def declined(self, members: Members) -> None:
+        """Say that it is left out."""
+        self._say(paragraph(f"Not combined: {in_a_row(members)}."))
+
+    def combined(self, compound: Coi, before: int) -> None:
+        """Say what it brought."""
+        names = in_a_row(compound.members)
+        self._say(paragraph(f"Combined: {names}, {_lps(before)} apart and {_lps(compound.cost)} together."))
+
+    def ended(self) -> None:
+        """Leave the table on the terminal."""
+        if self._live is not None and self._live.rows:
+            self._say(table(self._live.rows, wrap=(0, 2), right=(1,)))
+
+
+def answer_text(worse: Sequence[str]) -> str:
+    """Whether a setting is enough for the components together; `worse`: those of whom that is not sure."""
+    return f"too little for {', '.join(worse)}" if worse else "all thresholds met"
+
+
+def tuned_text(tuned: TuningResult) -> "RenderableType":
+    """The partitions, and what all of it came to."""
+    rows = [
+        (
+            partition.name,
+            ", ".join(partition.components),
+            f"{partition.reserve} %",
+            _number(partition.reserved),
+            _number(partition.parts) if len(partition.components) > 1 else "",
+        )
+        for partition in tuned.partitions
+    ]
+    header = ("partition", "components", "CR", "LP", "LP apart")
+    return stack(table(rows, header=header, wrap=(1,), right=(2, 3, 4)), *map(paragraph, _sentences(tuned)))
+
+
+def _sentences(tuned: TuningResult) -> Sequence[str]:
+    before, after, capacity = map(_lps, (tuned.before, tuned.after, tuned.capacity))
+    match tuned.ending:
+        case "nothing_to_do":
+            return [f"{tuned.platform}: nothing to do, {before} of {capacity} are reserved."]
+        case "stopped":
+            return [f"{tuned.platform}: stopped, {before} are reserved, and there are {capacity}."]
+        case "unable":
+            return [f"{tuned.platform}: {before} are reserved, and there are {capacity}. {tuned.message}."]
+        case "successful":
+            return [f"{tuned.platform}: {tuned.message}, {before} became {after} of {capacity}.", *_claims(tuned)]
+
+
+def _claims(tuned: TuningResult) -> Sequence[str]:
+    if tuned.proved:
+        return [f"No other layout is better, if {ASSUMED}."]
+    if tuned.probability is None:
+        return []
+    return [
+        f"{tuned.claim.capitalize()}: so likely no other layout is better, as far as predictions have erred here. "
+        "Without --probability the search goes on to the proof."
+    ]
+
+
+def _number(percent: int) -> str:
+    return plain(Fraction(percent, 100))
+
+
+def _lps(percent: int) -> str:
+    return show_processors(Fraction(percent, 100))
+
+
+def tuned_json(tuned: TuningResult, findings: Sequence[Diagnostic]) -> str:
+    """The same for programs."""
+    return as_json(
+        TuneOutput(
+            platform=tuned.platform,
+            strategy=tuned.strategy,
+            ending=tuned.ending,
+            message=tuned.message,
+            capacity=tuned.capacity,
+            before=tuned.before,
+            after=tuned.after,
+            proved=tuned.proved,
+            probability=tuned.probability,
+            claim=tuned.claim,
+            contradictions=tuned.contradictions,
+            partitions=tuple(
+                CombinedOutput(
+                    name=partition.name,
+                    components=partition.components,
+                    processors=partition.processors,
+                    reserve=partition.reserve,
+                    reserved=partition.reserved,
+                    parts_reserved=partition.parts,
+                )
+                for partition in tuned.partitions
+            ),
+            trail=tuple(
+                AskedOutput(
+                    components=asked.members,
+                    reserve=asked.reserve,
+                    met=asked.passed,
+                    worse=asked.worse,
+                    predicted=asked.predicted,
+                )
+                for asked in tuned.trail
+            ),
+            written=tuned.written,
+            findings=tuple(findings),
+        )
+    )
