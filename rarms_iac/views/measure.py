@@ -122,11 +122,14 @@ def _totals(results: Sequence[ExperimentResult]) -> Iterator[str]:
             f"{name}: {show_processors(amount)} of {show_processors(size.logical_processors)} in all, "
             f"by {settings}, {new} of them new."
         )
-    judged = [result for result in results if isinstance(result.conclusion, Sufficient | NotAchievable)]
-    errors = [result.conclusion.error for result in judged if not _only_extremes(result)]
+    errors = [
+        result.conclusion.error
+        for result in results
+        if isinstance(result.conclusion, Sufficient | NotAchievable) and not _only_extremes(result)
+    ]
     if errors:
         yield f"A verdict is wrong in at most {share(max(errors))} of cases (docs/measuring.md)."
-    if any(map(_only_extremes, judged)):
+    if any(map(_only_extremes, results)):
         yield "A maximum or minimum is met so far: nobody can say what the next job does."
 
 
@@ -138,7 +141,8 @@ def _reserved(result: ExperimentResult) -> Fraction:
 
 def _only_extremes(result: ExperimentResult) -> bool:
     """Whether the verdict rests on maxima and minima only; NOTE: nobody can say how often such a verdict is wrong."""
-    assert isinstance(result.conclusion, Sufficient | NotAchievable)
+    if not isinstance(result.conclusion, Sufficient | NotAchievable):
+        return False
     indexes = [
         index
         for setting in result.settings
