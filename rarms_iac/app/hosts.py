@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.requests import HostSelection
-from rarms_iac.app.snapshots import Snapshots, read_snapshots, with_guests
+from rarms_iac.app.snapshots import Snapshots, add_guest_tasks, read_snapshots
 from rarms_iac.app.wiring import open_host, state_path
 from rarms_iac.apply import refusals
 from rarms_iac.apply.walk import held
@@ -77,7 +77,7 @@ def select_hosts(manifest: Manifest, selection: HostSelection) -> Hosts:
     return Hosts(manifest=manifest, selection=selection, snapshots=snapshots)
 
 
-def observed(hosts: Hosts, *, needed: Collection[str] | None = None) -> Mapping[str, State]:
+def observe_hosts(hosts: Hosts, *, needed: Collection[str] | None = None) -> Mapping[str, State]:
     """What every host looks like; those that are not needed help the planner where they can be reached.
 
     Args:
@@ -93,35 +93,35 @@ def observed(hosts: Hosts, *, needed: Collection[str] | None = None) -> Mapping[
     for name in sorted(hosts.system.hosts):
         try:
             written = snapshots.hosts.get(name)
-            state = written.state if written else observe(hosts.open(name))
+            state = written.state if written else observe_host(hosts.open(name))
         except UseCaseError:
             if name in must:
                 raise
             continue
         if name in must or state.facts.rights is Rights.PROVEN:
-            states[name] = with_guests(state, snapshots.guests, application)
+            states[name] = add_guest_tasks(state, snapshots.guests, application)
     return states
 
 
-def observe(host: LiveHost) -> State:
+def observe_host(host: LiveHost) -> State:
     """What a live host looks like.
 
     Raises:
         UseCaseError: it cannot be read.
     """
-    with telling():
+    with host_errors():
         return host.observe()
 
 
-def recorded(host: LiveHost) -> bytes:
+def record_host(host: LiveHost) -> bytes:
     """What a live host looks like, as a file that `--snapshot` reads: its own words where it has such.
 
     Raises:
         UseCaseError: it cannot be read.
     """
     if not isinstance(host, RecordableHost):
-        return write_snapshot(observe(host))
-    with telling():
+        return write_snapshot(observe_host(host))
+    with host_errors():
         return host.recorded()
 
 
@@ -146,7 +146,7 @@ def unfinished_runs(hosts: Hosts) -> Iterator[tuple[str, Journal | ScriptRun]]:
     """
     for name in hosts.chosen:
         if name not in hosts.snapshots.hosts:
-            with telling():
+            with host_errors():
                 journal = hosts.open(name).unfinished()
             if journal is not None:
                 yield name, journal
@@ -160,12 +160,12 @@ def last_runs(hosts: Hosts) -> Iterator[tuple[str, Journal | ScriptRun | None]]:
     """
     for name in hosts.chosen:
         if name not in hosts.snapshots.hosts:
-            with telling():
+            with host_errors():
                 yield name, hosts.open(name).journal()
 
 
 @contextmanager
-def telling() -> Iterator[None]:
+def host_errors() -> Iterator[None]:
     """Inside, what goes wrong at a host ends the command with a finding."""
     try:
         yield
@@ -176,13 +176,13 @@ def telling() -> Iterator[None]:
 
 
 @contextmanager
-def holding(hosts: tuple[LiveHost, ...], timeout_ms: int) -> Iterator[None]:
+def hold_hosts(hosts: tuple[LiveHost, ...], timeout_ms: int) -> Iterator[None]:
     """Hold all these hosts.
 
     Raises:
         UseCaseError: another run holds one of them (exit 3).
     """
-    with telling(), held(hosts, owner(), timeout_ms):
+    with host_errors(), held(hosts, owner(), timeout_ms):
         yield
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.files import read_file
 from rarms_iac.app.requests import SnapshotFile
-from rarms_iac.app.wiring import Seen, seen_by_script
+from rarms_iac.app.wiring import ScriptObservation, read_script_output
 from rarms_iac.diff.readings import is_marked
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import ScriptRun
@@ -33,7 +33,7 @@ class GuestSnapshot:
     file: str
     host: str
     partition: str
-    seen: Seen
+    seen: ScriptObservation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,21 +65,21 @@ def read_snapshots(options: Sequence[SnapshotFile], hosts: Sequence[str], chosen
     for option in options:
         data = read_file(option.file, MAX_BYTES, "rarms snapshot --out FILE")
         try:
-            seen = seen_by_script(data, option.host)
+            seen = read_script_output(data, option.host)
             if option.guest:
                 guests.append(_guest(option, seen))
                 continue
             snapshot = _snapshot(option, data, seen)
         except (SnapshotUnreadable, NotDecodable) as error:
-            raise no_snapshot(option.file, str(error)) from error
+            raise snapshot_error(option.file, str(error)) from error
         name = option.host or _host_of(snapshot, seen, hosts, chosen)
         if name in found:
-            raise no_snapshot(option.file, f"{name} has another one already")
+            raise snapshot_error(option.file, f"{name} has another one already")
         found[name] = _named(snapshot, data, name)
     return Snapshots(hosts=found, guests=tuple(guests))
 
 
-def with_guests(state: State, guests: Sequence[GuestSnapshot], application: str) -> State:
+def add_guest_tasks(state: State, guests: Sequence[GuestSnapshot], application: str) -> State:
     """The host's state with what was seen inside its partitions.
 
     Raises:
@@ -94,15 +94,15 @@ def with_guests(state: State, guests: Sequence[GuestSnapshot], application: str)
 def _with_guest(state: State, guest: GuestSnapshot, application: str) -> State:
     machines = [partition for partition in state.partitions if is_marked(partition, application, guest.partition)]
     if len(machines) != 1:
-        raise no_snapshot(guest.file, f"{guest.host} has no partition {guest.partition} of {application}")
+        raise snapshot_error(guest.file, f"{guest.host} has no partition {guest.partition} of {application}")
     if guest.seen.computer.lower() == state.facts.computer_name.lower():
-        raise no_snapshot(guest.file, f"it was taken on {guest.seen.computer}, the host itself, not in a guest")
+        raise snapshot_error(guest.file, f"it was taken on {guest.seen.computer}, the host itself, not in a guest")
     inside = tuple(replace(task, inside=guest.partition, machine=machines[0].id) for task in guest.seen.tasks)
     tasks = sorted((*state.tasks, *inside), key=lambda task: (task.inside, task.name.lower()))
     return replace(state, tasks=tuple(tasks))
 
 
-def _guest(option: SnapshotFile, seen: Seen | None) -> GuestSnapshot:
+def _guest(option: SnapshotFile, seen: ScriptObservation | None) -> GuestSnapshot:
     if seen is None:
         raise SnapshotUnreadable("it is not what observe.ps1 prints, and nothing else looks into a guest")
     if not seen.tasks:
@@ -110,7 +110,7 @@ def _guest(option: SnapshotFile, seen: Seen | None) -> GuestSnapshot:
     return GuestSnapshot(file=option.file, host=option.host, partition=option.guest, seen=seen)
 
 
-def _snapshot(option: SnapshotFile, data: bytes, seen: Seen | None) -> Snapshot:
+def _snapshot(option: SnapshotFile, data: bytes, seen: ScriptObservation | None) -> Snapshot:
     if seen is None:
         return Snapshot(file=option.file, data=data, state=read_snapshot(data))
     return Snapshot(file=option.file, data=data, state=seen.state, findings=seen.findings, unfinished=seen.unfinished)
@@ -118,22 +118,22 @@ def _snapshot(option: SnapshotFile, data: bytes, seen: Seen | None) -> Snapshot:
 
 def _named(snapshot: Snapshot, data: bytes, name: str) -> Snapshot:
     """The snapshot of the host that it stands for; what is told of it names that host."""
-    seen = seen_by_script(data, name)
+    seen = read_script_output(data, name)
     state = replace(snapshot.state, facts=replace(snapshot.state.facts, name=name))
     return replace(snapshot, state=state, findings=seen.findings if seen else ())
 
 
-def _host_of(snapshot: Snapshot, seen: Seen | None, hosts: Sequence[str], chosen: Sequence[str]) -> str:
+def _host_of(snapshot: Snapshot, seen: ScriptObservation | None, hosts: Sequence[str], chosen: Sequence[str]) -> str:
     """The host that a file without a name stands for: the one it was taken of, or the only one."""
     taken_of = seen.computer.lower() if seen else snapshot.state.facts.name
     if taken_of in hosts:
         return taken_of
     if len(chosen) == 1:
         return chosen[0]
-    raise no_snapshot(snapshot.file, f"it was taken of {taken_of!r}, which the manifest does not have")
+    raise snapshot_error(snapshot.file, f"it was taken of {taken_of!r}, which the manifest does not have")
 
 
-def no_snapshot(file: str, says: str) -> UseCaseError:
+def snapshot_error(file: str, says: str) -> UseCaseError:
     """Why a file does not stand for a host."""
     finding = SnapshotUnreadable.finding.at(
         None,

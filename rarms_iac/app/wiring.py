@@ -56,7 +56,7 @@ def open_bench(host: Host, folder: str, state_path: str) -> MeasuringHost | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
+class ScriptObservation:
     """What `observe.ps1` printed, on a host or inside a guest."""
 
     computer: str
@@ -67,7 +67,7 @@ class Seen:
     unfinished: ScriptRun | None
 
 
-def seen_by_script(data: bytes, host: str) -> Seen | None:
+def read_script_output(data: bytes, host: str) -> ScriptObservation | None:
     """What the file says of the host that the manifest calls so; None where it is not what `observe.ps1` printed.
 
     Raises:
@@ -86,7 +86,7 @@ def seen_by_script(data: bytes, host: str) -> Seen | None:
         return None
     seen = observation_of(document)
     run = last_run_of(seen)
-    return Seen(
+    return ScriptObservation(
         computer=seen.computer,
         state=to_state(seen, host),
         tasks=tasks_of(seen),

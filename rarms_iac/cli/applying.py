@@ -8,7 +8,7 @@ import click
 
 from rarms_iac.app.errors import Outcome, UseCaseError, declined
 from rarms_iac.app.files import write_file
-from rarms_iac.app.hosts import Hosts, holding, owner, refuse_unfinished
+from rarms_iac.app.hosts import Hosts, hold_hosts, owner, refuse_unfinished
 from rarms_iac.apply.execute import apply_plan, finish_unfinished
 from rarms_iac.apply.reports import Ending, RunReport
 from rarms_iac.cli.codes import ExitCode
@@ -52,7 +52,7 @@ def write_plan_file(session: Session, path: str, plan: Plan) -> None:
 
 def finish_first(session: Session, live: tuple[LiveHost, ...], how: RunOptions) -> RunReport | None:
     """Finish what an earlier run left on these hosts, asking nothing; None where nothing was left."""
-    with holding(live, how.lock_timeout_ms), session.interrupts.gently():
+    with hold_hosts(live, how.lock_timeout_ms), session.interrupts.gently():
         report = finish_unfinished(live, reporter_of(session), session.interrupts.should_stop, how.waits)
     if report is not None and report.ending is Ending.DONE:
         session.terminal.talk("That finished the run that was begun earlier. Nothing else was done: run again to plan.")
@@ -95,7 +95,7 @@ def _writing(purpose: Purpose) -> str:
 
 def run(session: Session, plan: Plan, live: Mapping[str, LiveHost], how: RunOptions) -> RunReport:
     """Do what the plan says on these hosts; the first signal stops after the running step."""
-    with holding(tuple(live.values()), how.lock_timeout_ms), session.interrupts.gently():
+    with hold_hosts(tuple(live.values()), how.lock_timeout_ms), session.interrupts.gently():
         return apply_plan(plan, live, owner(), reporter_of(session), session.interrupts.should_stop, how.waits)
 
 

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from rarms_iac.app.hosts import Hosts, observe, telling
-from rarms_iac.app.wiring import seen_by_script
+from rarms_iac.app.hosts import Hosts, host_errors, observe_host
+from rarms_iac.app.wiring import read_script_output
 from rarms_iac.apply.doctor.examination import Examination
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.providers.interface import ExaminableHost, Looked
@@ -28,11 +28,11 @@ def examinations(hosts: Hosts) -> Iterator[Examination]:
 def _look(hosts: Hosts, name: str) -> Looked:
     file = hosts.snapshots.hosts.get(name)
     if file is not None:
-        seen = seen_by_script(file.data, name)
+        seen = read_script_output(file.data, name)
         condition = seen.condition if seen else HostCondition()
         return Looked(state=file.state, condition=condition, findings=file.findings)
     host = hosts.open(name)
     if isinstance(host, ExaminableHost):
-        with telling():
+        with host_errors():
             return host.examined()
-    return Looked(state=observe(host), condition=HostCondition(), findings=())
+    return Looked(state=observe_host(host), condition=HostCondition(), findings=())

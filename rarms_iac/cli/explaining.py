@@ -6,7 +6,7 @@ from fractions import Fraction
 
 from rarms_iac.app import explanation
 from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.app.hosts import Hosts, observed
+from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, subject_of
 from rarms_iac.cli.partners import partners
 from rarms_iac.cli.tuned_before import NOT_LOOKED_FOR, shared, tuned_before, why_together
@@ -108,7 +108,7 @@ def explained(measured: Measurements, hosts: Hosts, component: Component) -> Exp
         allowed = component.hosts if component.hosts is not None else system.hosts
         homes = tuple(host for host in by_name(system.hosts) if host.name in allowed)
         return Explained(walk=explanation.HostExplanation(component=component, hosts=homes))
-    states = observed(hosts, needed=())
+    states = observe_hosts(hosts, needed=())
     reservations = measured_reservations(measured, states)
     views = {name: host_view(state, system.application.name) for name, state in states.items()}
     planning = plan_layout(system, reservations, views, hosts.manifest.places)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.app.hosts import Hosts, owner, refuse_unfinished, telling
+from rarms_iac.app.hosts import Hosts, host_errors, owner, refuse_unfinished
 from rarms_iac.app.measure import ExperimentResult
 from rarms_iac.app.wiring import open_bench
 from rarms_iac.cli.books import Kept, book_of, kept, path_for
@@ -46,7 +46,7 @@ def held_benches(
     """
     refuse_unfinished(hosts)
     benches: dict[str, MeasuringHost] = {}
-    with telling(), ExitStack() as held:
+    with host_errors(), ExitStack() as held:
         for name in sorted(set(names)):
             bench = open_bench(hosts.system.hosts[name], hosts.folder, hosts.state_path(name))
             assert bench is not None, "only hosts that can be measured on are chosen"

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.app.hosts import Hosts, observed
+from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.requests import PlanLimits
 from rarms_iac.apply.doctor.checks import ASKED_BY_THE_DOCTOR
 from rarms_iac.apply.prepare import Judge, Request, prepare
@@ -41,7 +41,7 @@ def make_plan(hosts: Hosts, wish: Wish) -> Plan:
     Raises:
         UseCaseError: a host cannot be read (1), is busy (3), or the manifest's wish cannot be met (4).
     """
-    states = observed(hosts)
+    states = observe_hosts(hosts)
     prepared = prepare(request_of(hosts, wish, states), states)
     if prepared.plan is None:
         outcome, sources = outcome_of(prepared.findings), hosts.manifest.sources

@@ -9,7 +9,7 @@ from typing import assert_never
 
 from rarms_iac import __version__
 from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.app.hosts import Hosts, observe
+from rarms_iac.app.hosts import Hosts, observe_host
 from rarms_iac.app.requests import PlanLimits
 from rarms_iac.app.wiring import open_bench
 from rarms_iac.apply.prepare import prepare
@@ -132,7 +132,7 @@ def _seen_elsewhere(hosts: Hosts, able: tuple[str, ...]) -> dict[str, State]:
     found: dict[str, State] = {}
     for name in sorted(set(hosts.system.hosts) - set(able)):
         with suppress(UseCaseError):
-            found[name] = observe(hosts.open(name))
+            found[name] = observe_host(hosts.open(name))
     return found
 
 

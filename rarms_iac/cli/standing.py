@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from rarms_iac.app.errors import UseCaseError
-from rarms_iac.app.hosts import Hosts, last_runs, observe, select_hosts
+from rarms_iac.app.hosts import Hosts, last_runs, observe_host, select_hosts
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.report_model import HostStatus
 from rarms_iac.app.requests import HostSelection
@@ -37,7 +37,7 @@ def standings_of(manifest: Manifest) -> tuple[HostStatus, ...]:
 
 def _looked(hosts: Hosts) -> Iterator[HostStatus]:
     system, application = hosts.system, hosts.system.application.name
-    states = {name: observe(hosts.open(name)) for name in hosts.chosen}
+    states = {name: observe_host(hosts.open(name)) for name in hosts.chosen}
     left = {name: left_by(journal, application) for name, journal in last_runs(hosts)}
     reservations = measured_reservations(measurements_of(system, hosts.folder, hosts.manifest.source), states)
     found, problems = look(system, states, hosts.manifest.places, system.policy.max_disruption, left, reservations)

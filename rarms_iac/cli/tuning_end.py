@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
 
-from rarms_iac.app.hosts import Hosts, observed
+from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.tune import TuningEnding, TuningResult
 from rarms_iac.cli.candidates import recorded_answers
@@ -175,7 +175,7 @@ def still_too_much(hosts: Hosts, end: End) -> Iterator[Diagnostic]:
     """
     manifest = load_manifest(hosts.manifest.source)
     system = manifest.system
-    states = observed(hosts)
+    states = observe_hosts(hosts)
     reservations = measured_reservations(measurements_of(system, hosts.folder, hosts.manifest.source), states)
     views = {name: host_view(state, system.application.name) for name, state in states.items()}
     if isinstance(plan_layout(system, reservations, views, manifest.places).answer, Layout):

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from rarms_iac.app.wiring import seen_by_script
+from rarms_iac.app.wiring import read_script_output
 from rarms_iac.model.state import Rights
 from rarms_iac.providers.hyperv.findings import findings_of
 from rarms_iac.providers.hyperv.observation import read_observation
@@ -38,7 +38,7 @@ def test_a_snapshot_of_a_live_host_says_all_that_the_host_itself_says() -> None:
     host = host.copy()
     there = live(host)
 
-    seen = seen_by_script(there.recorded(), "onboard")
+    seen = read_script_output(there.recorded(), "onboard")
 
     assert seen is not None
     looked = there.examined()

@@ -8,7 +8,7 @@ from click.core import ParameterSource
 
 from rarms_iac.app.errors import UseCaseError
 from rarms_iac.app.files import STANDARD_INPUT, folder_of, read_plan_file
-from rarms_iac.app.hosts import Hosts, holding, select_hosts
+from rarms_iac.app.hosts import Hosts, hold_hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits
 from rarms_iac.app.wiring import open_host, unfinished_beside
@@ -103,7 +103,7 @@ def _hosts(source: ManifestSource, where: HostSelection) -> Hosts | UseCaseError
 
 
 def _abandon(session: Session, live: tuple[LiveHost, ...], how: RunOptions, *, as_json: bool) -> ExitCode:
-    with holding(live, how.lock_timeout_ms):
+    with hold_hosts(live, how.lock_timeout_ms):
         reports = [abandon(host, how.waits) for host in live]
     for host, report in zip(live, reports, strict=True):
         if report.ending is Ending.DONE:

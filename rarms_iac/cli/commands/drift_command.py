@@ -1,7 +1,7 @@
 """`rarms drift`: who moved, the host or the manifest?"""
 
 from rarms_iac.app.errors import UseCaseError
-from rarms_iac.app.hosts import last_runs, observed, select_hosts
+from rarms_iac.app.hosts import last_runs, observe_hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits
 from rarms_iac.apply.look import look
@@ -30,7 +30,7 @@ def command(session: Session, *, source: ManifestSource, where: HostSelection, a
     manifest = load_manifest(source)
     system = manifest.system
     hosts = select_hosts(manifest, where)
-    states = observed(hosts)
+    states = observe_hosts(hosts)
     limit = system.policy.max_disruption
     journals = dict(last_runs(hosts))
     left = {name: left_by(journal, system.application.name) for name, journal in journals.items()}

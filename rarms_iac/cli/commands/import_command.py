@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import click
 
-from rarms_iac.app.hosts import Hosts, observed, select_hosts
+from rarms_iac.app.hosts import Hosts, observe_hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.applying import plan_ask_apply
@@ -52,7 +52,7 @@ def on_its_host(hosts: Hosts, machine: str) -> Hosts:
     """
     if len(hosts.chosen) == 1:
         return hosts
-    states = observed(hosts)
+    states = observe_hosts(hosts)
     having = [
         name
         for name in hosts.chosen

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import click
 
-from rarms_iac.app.hosts import Hosts, observed, select_hosts
+from rarms_iac.app.hosts import Hosts, observe_hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.applying import plan_ask_apply
@@ -43,7 +43,7 @@ def where_it_is_ours(hosts: Hosts, partition: str) -> Hosts:
     """The host on which the partition carries our mark; where none does, all, and each then says so."""
     if len(hosts.chosen) == 1:
         return hosts
-    states = observed(hosts)
+    states = observe_hosts(hosts)
     application = hosts.system.application.name
     having = [
         name

@@ -6,7 +6,7 @@ import click
 
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.files import make_folder, write_file
-from rarms_iac.app.hosts import recorded, select_hosts
+from rarms_iac.app.hosts import record_host, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.codes import ExitCode
@@ -43,7 +43,7 @@ def command(
         make_folder(out)
     into_folder = out is not None and Path(out).is_dir()
     for name in hosts.chosen:
-        data = recorded(hosts.open(name))
+        data = record_host(hosts.open(name))
         if out is None:
             session.terminal.data(data.decode("utf-8"))
         else:

@@ -5,7 +5,7 @@ from typing import Literal, cast
 import click
 
 from rarms_iac.app.files import STANDARD_INPUT, write_file
-from rarms_iac.app.hosts import Hosts, observed, select_hosts
+from rarms_iac.app.hosts import Hosts, observe_hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.app.requests import HostSelection, ManifestSource
@@ -122,7 +122,7 @@ def _tuned(
     """
     bench = bench_of(hosts)
     with held_benches(session, hosts, [bench.name], options.lock_timeout_ms) as benches:
-        subject = subject_of_tuning(hosts, bench, observed(hosts))
+        subject = subject_of_tuning(hosts, bench, observe_hosts(hosts))
         progress = TuningProgress(session.terminal.talk, session.terminal.live_table())
         asking = Asking(
             oracle=Experiments(session=session, subject=subject, bench=benches[bench.name], options=options),

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import click
 
-from rarms_iac.app.hosts import holding, owner, select_hosts, telling
+from rarms_iac.app.hosts import hold_hosts, host_errors, owner, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.apply.undo import can_be_undone, not_taken_back, told_to_undo, undo
@@ -34,7 +34,7 @@ def command(
     manifest = load_manifest(source)
     hosts = select_hosts(manifest, where)
     live = [hosts.open(name) for name in hosts.chosen]
-    with telling():
+    with host_errors():
         journals = [(host, host.journal()) for host in live]
     meant = last_applies(journals) or journals[:1]
     if len({journal.started.plan for _, journal in meant if journal is not None}) > 1:
@@ -45,7 +45,7 @@ def command(
     if not how.auto_approve and any(journal is not None and can_be_undone(journal) for _, journal in meant):
         _show_and_ask(session, meant)
     taken = tuple(host for host, _ in meant)
-    with holding(taken, how.lock_timeout_ms), session.interrupts.gently():
+    with hold_hosts(taken, how.lock_timeout_ms), session.interrupts.gently():
         reports = [
             undo(host, owner(), reporter_of(session), session.interrupts.should_stop, how.waits) for host in taken
         ]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.app.hosts import observed, select_hosts
+from rarms_iac.app.hosts import observe_hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.tuning import Room, Subject, TuningStopped, bench_of, subject_of_tuning
@@ -58,7 +58,7 @@ def write(text: str) -> None:
 def subject_of(*hosts: str) -> Subject:
     source = ManifestSource(today=date(2026, 11, 22))
     found = select_hosts(load_manifest(source), HostSelection(hosts=hosts))
-    return subject_of_tuning(found, bench_of(found), observed(found))
+    return subject_of_tuning(found, bench_of(found), observe_hosts(found))
 
 
 def test_a_compound_stays_where_the_partition_of_its_name_runs(here: Path) -> None:
