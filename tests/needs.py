@@ -80,7 +80,7 @@ NEEDS: dict[str, Need] = {
     ),
     "git": Need(missing=_program("git"), obtainable=_on_posix),
     "highspy": Need(
-        missing=lambda: "" if importlib.util.find_spec("highspy") else "highspy (the extra `solver`) is not installed",
+        missing=lambda: "" if importlib.util.find_spec("highspy") else "highspy is not installed",
         obtainable=_on_linux,
     ),
     "libreoffice": Need(missing=_program("soffice", "libreoffice"), obtainable=_on_linux),

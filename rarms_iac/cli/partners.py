@@ -5,8 +5,8 @@ from fractions import Fraction
 
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.system import Host
+from rarms_iac.planner.assigning.values import cost
 from rarms_iac.planner.groups import Group, may_share
-from rarms_iac.planner.placing.first_fit import cost
 from rarms_iac.planner.prediction.members import Predictor, alone_in, expected_of, predictor_of
 from rarms_iac.planner.reservations import MeasuredReservations, Names, names_of
 from rarms_iac.planner.sizes import Sized, size

@@ -21,12 +21,12 @@ from rarms_iac.model.plan import Claim
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Host, System
 from rarms_iac.planner import findings
+from rarms_iac.planner.assigning.pack import pack
+from rarms_iac.planner.assigning.values import Item, NoPacking, Packing, cost, free_in
 from rarms_iac.planner.combining.layouts import Objective
 from rarms_iac.planner.combining.oracle import Coi, Members, Unanswered, coi_as_measured
 from rarms_iac.planner.groups import Group, may_share
 from rarms_iac.planner.layout import plan_layout
-from rarms_iac.planner.placing.first_fit import Item, cost, free_in
-from rarms_iac.planner.placing.place import Found, place
 from rarms_iac.planner.prediction.members import NOTHING, Predictor, alone_in, predictor_of
 from rarms_iac.planner.problem import Problem, host_view, problem_of
 from rarms_iac.planner.reservations import names_of, rests_on_a_log
@@ -77,11 +77,11 @@ class Subject:
             criticalities={name: self.system.components[name].criticality for coi in self.cois for name in coi.members},
         )
 
-    def placed(self, layout: Sequence[Coi]) -> Found:
+    def placed(self, layout: Sequence[Coi]) -> Packing | NoPacking:
         """These beside what is not tuned, on the hosts."""
         tuned = {coi.name for coi in self.cois}
         others = [item for item in self.problem.items if item.name not in tuned]
-        return place([*others, *map(self._item, layout)], self.problem.bins)
+        return pack([*others, *map(self._item, layout)], self.problem.bins)
 
     def _item(self, coi: Coi) -> Item:
         if coi in self.cois:
@@ -107,9 +107,9 @@ class Room:
 
     def fits(self, layout: Sequence[Coi]) -> bool:
         """Whether the hosts can keep these promises; no where no placement was found."""
-        found = self.subject.placed(layout)
-        self.unsure = self.unsure or (found.hosts is None and not found.proven)
-        return found.hosts is not None
+        packing = self.subject.placed(layout)
+        self.unsure = self.unsure or (isinstance(packing, NoPacking) and not packing.proven)
+        return isinstance(packing, Packing)
 
 
 def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) -> Subject:

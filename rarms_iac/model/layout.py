@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Literal
 
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.model.system import StartMode
@@ -44,17 +45,22 @@ class PlacedPartition:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Placement:
-    """How good the choice of hosts is, where there was one: what it is worth, and what none can be below."""
+    """How good the choice of hosts is, where there was one."""
 
-    verdict: str  # optimal; proved by search, not certified; or within the bound
     reserved: int  # in all, in per cent of one logical processor
-    reserved_bound: int
+    reserved_bound: int  # no layout reserves less
     moves: int
-    moves_bound: int
-    avoided: int  # moves that the same onto hosts where nothing of it runs would have made beside those
-    certificate: (
-        str  # JSON of what was packed and what is claimed, as the checker accepted it; empty: none, or too long
-    )
+    moves_bound: int  # no layout that reserves at most as much moves fewer
+
+    @property
+    def proven(self) -> bool:
+        """Whether no layout is better."""
+        return (self.reserved, self.moves) == (self.reserved_bound, self.moves_bound)
+
+    @property
+    def verdict(self) -> Literal["optimal", "within the bound"]:
+        """What may be said of it."""
+        return "optimal" if self.proven else "within the bound"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,8 +69,6 @@ class Layout:
 
     partitions: tuple[PlacedPartition, ...]  # by host, then name
     on_hosts: tuple[tuple[str, str], ...]  # component, host: those that run outside partitions
-    proven: bool  # no better placement exists; otherwise the best one found
-    moves: tuple[str, ...] = ()  # partitions that would be better off elsewhere, and were left: told, not done
     placement: Placement | None = None  # None where there was nothing to choose
 
 

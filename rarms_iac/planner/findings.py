@@ -32,8 +32,7 @@ NEIGHBOURS = Finding(
 IN_LOW = Finding(
     code="RARMS136", severity=Severity.NOTE, summary="A task class in Low goes first while those above are lowered"
 )
-AVOIDED = Finding(code="RARMS300", severity=Severity.NOTE, summary="Partitions stay that packing anew would move")
-NOT_CERTIFIED = Finding(code="RARMS301", severity=Severity.NOTE, summary="The layout is not certified as the best")
+NOT_PROVEN = Finding(code="RARMS301", severity=Severity.NOTE, summary="The layout is not proved to be the best")
 KINDS = {
     finding.code: finding
     for finding in (

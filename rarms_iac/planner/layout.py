@@ -14,11 +14,9 @@ from rarms_iac.model.quantities import show_bytes, show_processors
 from rarms_iac.model.system import Disruption, Measured, System
 from rarms_iac.planner import findings
 from rarms_iac.planner.does_not_fit.conflict import explained
-from rarms_iac.planner.does_not_fit.room import has_room
 from rarms_iac.planner.does_not_fit.telling import told
 from rarms_iac.planner.does_not_fit.variants import Trial, Variant
 from rarms_iac.planner.placing.first_fit import cost
-from rarms_iac.planner.placing.place import Verdict
 from rarms_iac.planner.problem import HostView, Problem, by_name, has_layout, problem_of, solve
 from rarms_iac.planner.reservations import ReservationSource
 
@@ -61,7 +59,7 @@ def plan_layout(
             return has_layout(of(variant))
 
         def may_work(variant: Variant) -> bool:
-            return has_layout(of(variant), has_room)
+            return has_layout(of(variant), nodes=50)
 
         may_move = limit is Disruption.REMOVAL
         start = Variant(system=system, views=hosts, reservations=reservations, may_move=may_move)
@@ -108,26 +106,20 @@ def _remarks(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagn
 
 
 def _placement(answer: Layout, places: Places) -> Iterator[Diagnostic]:
-    """How many moves were avoided, and what is not known of better layouts."""
-    one = answer.placement
-    if one is None:
+    """What is not known of better layouts."""
+    placement = answer.placement
+    if placement is None or placement.proven:
         return
-    place = places.key("application")
-    if one.avoided:
-        fewer = " No layout that reserves as little moves fewer." if one.moves == one.moves_bound else ""
-        more = "1 more move" if one.avoided == 1 else f"{one.avoided} more moves"
-        says = f"Packing anew would have made {more} than the {one.moves} of this layout.{fewer}"
-        yield findings.AVOIDED.at(place, says, "There is nothing to do.")
-    if one.verdict == Verdict.OPTIMAL:
-        return
-    says = f"The layout is {one.verdict}."
-    if one.verdict == Verdict.WITHIN:
-        apart = show_processors(Fraction(one.reserved - one.reserved_bound, 100))
-        says = (
-            f"It reserves {show_processors(Fraction(one.reserved, 100))}, within {apart} of the bound, and moves "
-            f"{one.moves} where {one.moves_bound} are the bound."
-        )
-    yield findings.NOT_CERTIFIED.at(place, says, "It fits and may be applied.")
+    gap = show_processors(Fraction(placement.reserved - placement.reserved_bound, 100))
+    detail = (
+        f"The layout reserves {show_processors(Fraction(placement.reserved, 100))}, at most {gap} more than needed, "
+        f"and moves {_partitions(placement.moves)}, of which at least {placement.moves_bound} must move."
+    )
+    yield findings.NOT_PROVEN.at(places.key("application"), detail, "It fits and may be applied.")
+
+
+def _partitions(number: int) -> str:
+    return "1 partition" if number == 1 else f"{number} partitions"
 
 
 def _moves(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:

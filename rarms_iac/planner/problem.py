@@ -4,14 +4,14 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Seq
 from dataclasses import dataclass
 
 from rarms_iac.model.capacity import capacity_of, foreign_claims
-from rarms_iac.model.layout import Cause, Infeasible, Layout, PlacedPartition
+from rarms_iac.model.layout import Cause, Infeasible, Layout, PlacedPartition, Placement
 from rarms_iac.model.plan import Claim
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Host, RunsOn, System
 from rarms_iac.planner import findings
+from rarms_iac.planner.assigning.pack import NODES, pack
+from rarms_iac.planner.assigning.values import Bin, Item, NoPacking, Packing
 from rarms_iac.planner.groups import Group, company, groups_of
-from rarms_iac.planner.placing.first_fit import Bin, Item
-from rarms_iac.planner.placing.place import Found, place, placement_of
 from rarms_iac.planner.reservations import ReservationSource, rests_on_a_log
 from rarms_iac.planner.sizes import Sized, size
 
@@ -123,31 +123,38 @@ def _bin(host: Host, view: HostView) -> Bin:
 
 
 def solve(problem: Problem) -> Layout | Infeasible:
-    """The best placement, or that there is none, with the causes that need no search."""
+    """Find the best layout.
+
+    Returns:
+        The layout; or that there is none, with the causes that need no search, and whether that is proven.
+    """
     on_hosts, homeless = _on_hosts(problem.system)
     causes = [*_causes(problem), *homeless]
     if causes:
         return Infeasible(proven=True, conflict=(), causes=tuple(causes), relaxations=())
-    found = place(problem.items, problem.bins)
-    if found.hosts is None:
-        return Infeasible(proven=found.proven, conflict=(), causes=(), relaxations=())
-    return Layout(
-        partitions=_placed(problem, found), on_hosts=on_hosts, proven=found.proven, placement=placement_of(found)
+    packing = pack(problem.items, problem.bins)
+    if isinstance(packing, NoPacking):
+        return Infeasible(proven=packing.proven, conflict=(), causes=(), relaxations=())
+    return Layout(partitions=_placed(problem, packing), on_hosts=on_hosts, placement=_placement(packing, problem.items))
+
+
+def _placement(packing: Packing, items: Sequence[Item]) -> Placement | None:
+    """How good the packing is; None where there was nothing to choose."""
+    if all(len(item.claims) == 1 for item in items):
+        return None
+    return Placement(
+        reserved=packing.reserved,
+        reserved_bound=packing.reserved_bound,
+        moves=packing.moves,
+        moves_bound=packing.moves_bound,
     )
 
 
-def _is_placed(items: Sequence[Item], bins: Sequence[Bin]) -> bool:
-    return place(items, bins).hosts is not None
-
-
-def has_layout(problem: Problem, has_room: Callable[[Sequence[Item], Sequence[Bin]], bool] = _is_placed) -> bool:
-    """Whether `solve` finds a layout; how good it is, and whether that can be certified, is not asked.
-
-    `has_room`: whether partitions find room; one that gives up sooner says no where `solve` might find a way.
-    """
+def has_layout(problem: Problem, *, nodes: int = NODES) -> bool:
+    """Say whether `solve` finds a layout, however good; `nodes` as `pack` takes it."""
     if any(_causes(problem)) or _on_hosts(problem.system)[1]:
         return False
-    return has_room(problem.items, problem.bins)
+    return isinstance(pack(problem.items, problem.bins, nodes=nodes), Packing)
 
 
 def _causes(problem: Problem) -> Iterator[Cause]:
@@ -163,11 +170,10 @@ def _causes(problem: Problem) -> Iterator[Cause]:
             yield from problem.blocked[group.name] or (nowhere,)
 
 
-def _placed(problem: Problem, found: Found) -> tuple[PlacedPartition, ...]:
-    assert found.hosts is not None
+def _placed(problem: Problem, packing: Packing) -> tuple[PlacedPartition, ...]:
     groups = {one.name: one for one in problem.groups}
     placed = []
-    for name, host in found.hosts.items():
+    for name, host in packing.hosts.items():
         answer = size(groups[name], problem.system.hosts[host], problem.reservations)
         assert isinstance(answer, Sized), "a partition is only placed where it can be"
         placed.append(answer.placed)

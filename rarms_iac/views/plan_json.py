@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Literal, assert_never, cast
+from typing import Literal, assert_never
 
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Resource, Update
 from rarms_iac.model.layout import Placement
@@ -63,13 +63,11 @@ def plan_output(plan: Plan) -> PlanOutput:
 
 def _placement(placement: Placement) -> PlacementOutput:
     return PlacementOutput(
-        verdict=cast("Literal['optimal', 'proved by search, not certified', 'within the bound']", placement.verdict),
+        verdict=placement.verdict,
         reserved=placement.reserved,
         reserved_bound=placement.reserved_bound,
         moves=placement.moves,
         moves_bound=placement.moves_bound,
-        moves_avoided=placement.avoided,
-        certificate=placement.certificate,
     )
 
 

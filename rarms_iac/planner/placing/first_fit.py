@@ -1,39 +1,13 @@
 """A quick placement of many partitions: the largest first, each where it is or costs least and has room."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
-from rarms_iac.model.capacity import WHOLE, Capacity, Load, fits, holds, load_of
+from rarms_iac.model.capacity import WHOLE, Load, fits, holds
 from rarms_iac.model.plan import Claim
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Item:
-    """A partition that needs a host: what it claims on each that it may run on, and where it is now."""
-
-    name: str
-    claims: Mapping[str, Claim]  # by host, in name order
-    now: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Bin:
-    """A host, with what machines that are not ours hold there."""
-
-    name: str
-    capacity: Capacity
-    taken: tuple[Claim, ...] = ()
-
-
-def cost(claim: Claim) -> int:
-    """The reservation in per cent of one logical processor."""
-    return claim.processors * claim.reserve
-
-
-def free_in(one: Bin) -> Load:
-    """What a host has left to promise; negative where others hold more than there is."""
-    taken = load_of(one.taken)
-    return Load(percent=int(WHOLE * one.capacity.processors) - taken.percent, memory=one.capacity.memory - taken.memory)
+from rarms_iac.planner.assigning.values import Bin as Bin  # noqa: PLC0414  # until the old packing goes
+from rarms_iac.planner.assigning.values import Item as Item  # noqa: PLC0414  # until the old packing goes
+from rarms_iac.planner.assigning.values import cost as cost  # noqa: PLC0414  # until the old packing goes
+from rarms_iac.planner.assigning.values import free_in as free_in  # noqa: PLC0414  # until the old packing goes
 
 
 def all_fit(items: Sequence[Item], bins: Sequence[Bin], hosts: Mapping[str, str]) -> bool:

@@ -9,9 +9,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from rarms_iac.model.layout import Placement
 from rarms_iac.model.plan import Claim
-from rarms_iac.planner.certifying.named import certificate_of
 from rarms_iac.planner.packing.program import Problem
 from rarms_iac.planner.placing.first_fit import Bin, Item, all_hold, cost, first_fit, free_in
 from rarms_iac.planner.placing.in_numbers import gave_up, in_whole_numbers
@@ -163,34 +161,6 @@ def _repacked(items: Sequence[Item], bins: Sequence[Bin]) -> Mapping[str, str] |
     if not isinstance(result, Packed):
         return None
     return {item.name: bins[at].name for item, at in zip(items, result.hosts, strict=True)}
-
-
-def placement_of(found: Found) -> Placement | None:
-    """How good the placement is; None where there was nothing to choose. `optimal` is said by certificate only."""
-    if not found.chosen:
-        return None
-    what, certificate = _verdict(found)
-    return Placement(
-        verdict=what.value,
-        reserved=found.value[0],
-        reserved_bound=found.bound[0],
-        moves=found.value[1],
-        moves_bound=found.bound[1],
-        avoided=found.avoided,
-        certificate=certificate,
-    )
-
-
-def _verdict(found: Found) -> tuple[Verdict, str]:
-    """What may be said of the placement, and the certificate where there is one: what was packed, and the claim."""
-    if found.problem is not None and found.result is not None:
-        from rarms_iac.planner.certifying.claim import claim_of
-
-        claim = claim_of(found.problem, found.result)
-        if claim is not None:
-            certificate = certificate_of(found.problem, claim, found.packed, found.among)
-            return (Verdict.OPTIMAL if certificate else Verdict.SEARCHED), certificate
-    return (Verdict.SEARCHED if found.proven else Verdict.WITHIN), ""
 
 
 def _exactly(items: Sequence[Item], bins: Sequence[Bin]) -> Found:

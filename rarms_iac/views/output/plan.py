@@ -117,18 +117,13 @@ class CountsOutput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlacementOutput:
-    """How good the choice of hosts is. Reservations are in per cent of one logical processor, over all hosts.
+    """How good the choice of hosts is. Reservations are in per cent of one logical processor, over all hosts."""
 
-    `certificate`: JSON text of what was packed and what is claimed of it; empty where there is none.
-    """
-
-    verdict: Literal["optimal", "proved by search, not certified", "within the bound"]
+    verdict: Literal["optimal", "within the bound"]
     reserved: int
     reserved_bound: int
     moves: int
     moves_bound: int
-    moves_avoided: int
-    certificate: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.planner.certifying.checker import check as check_certificate
+from rarms_iac.storage import plan_file
 from rarms_iac.storage.plan_file import read_plan
 from tests.unit.cli.running import rarms
 from tests.unit.views.test_json import check
@@ -24,7 +24,7 @@ COMPONENT = """\
     cpu: {{ reserve: {reserve} % }}
     processors: 1
 """
-CERTIFIED = "The choice of hosts is proved and certified"
+OPTIMAL = "The choice of hosts is optimal"
 
 
 @pytest.fixture
@@ -37,43 +37,41 @@ def fleet(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_certificate_is_in_the_json_and_in_the_sealed_plan(fleet: Path) -> None:
+def test_how_good_it_is_stands_in_the_json_and_in_the_sealed_plan(fleet: Path) -> None:
     answer = rarms("plan", "--json", "-f", str(fleet), "--out", str(fleet / "plan.json"))
 
     check(answer.out)
-    told = json.loads(answer.out)["placement"]
+    placement = json.loads(answer.out)["placement"]
     sealed = read_plan((fleet / "plan.json").read_bytes()).placement
     assert sealed is not None
-    assert told["verdict"] == sealed.verdict == "optimal"
-    assert told["certificate"] == sealed.certificate
-    certificate = json.loads(sealed.certificate)
-    check_certificate(certificate["problem"], certificate["claim"])
+    assert placement == {
+        "verdict": "optimal",
+        "reserved": sealed.reserved,
+        "reserved_bound": 200,
+        "moves": 0,
+        "moves_bound": 0,
+    }
 
 
-def test_plan_show_and_explain_say_that_it_is_certified(fleet: Path) -> None:
+def test_plan_show_and_explain_say_that_it_is_optimal(fleet: Path) -> None:
     planned = rarms("plan", "-f", str(fleet), "--out", str(fleet / "plan.json"))
     shown = rarms("show", str(fleet / "plan.json"))
     explained = rarms("explain", "a", "-f", str(fleet))
 
     for answer in (planned, shown, explained):
-        assert CERTIFIED in " ".join(answer.out.split()), answer.err
+        assert OPTIMAL in " ".join(answer.out.split()), answer.err
 
 
-@pytest.mark.parametrize("more", [60, 25], ids=["more than there is", "no way to lay them out"])
-def test_what_does_not_fit_is_certified_in_the_json_of_the_refusal(fleet: Path, more: int) -> None:
-    """Of 60, 50, 40, 30 and 20 % on two hosts, 60 more are too much; on three hosts nothing takes 55 % four times."""
-    text = (fleet / "rarms.yaml").read_text(encoding="utf-8")
-    if more == 60:
-        text = text.replace(HOST.format(name="three"), "") + COMPONENT.format(name="f", reserve=more)
-    else:
-        for share in (60, 50, 40, 30):
-            text = text.replace(f"reserve: {share} %", "reserve: 55 %")
-    (fleet / "rarms.yaml").write_text(text, encoding="utf-8", newline="\n")
+def test_a_plan_that_carries_a_certificate_is_to_be_made_anew(fleet: Path) -> None:
+    """Plans that an earlier version wrote held one."""
+    plan = fleet / "plan.json"
+    rarms("plan", "-f", str(fleet), "--out", str(plan))
+    document = json.loads(plan.read_text(encoding="utf-8"))
+    del document["seal"]
+    document["placement"]["certificate"] = "{}"
+    plan.write_text(json.dumps({**document, "seal": plan_file._seal(document)}), encoding="utf-8")
 
-    answer = rarms("plan", "--json", "-f", str(fleet))
+    answer = rarms("show", str(plan))
 
-    assert answer.code == 4
-    check(answer.out)
-    certificate = json.loads(json.loads(answer.out)["certificate"])
-    assert set(certificate["claim"]) == {"impossible"}
-    check_certificate(certificate["problem"], certificate["claim"])
+    assert answer.code != 0
+    assert "Make the plan again with this version of rarms" in " ".join(answer.err.split())

@@ -117,7 +117,6 @@ def a_layout() -> Layout:
     return Layout(
         partitions=(placed("face-detection"), placed("speech", components=("speech-recognition", "path-planning"))),
         on_hosts=(("video-streaming", "onboard"),),
-        proven=True,
     )
 
 

@@ -82,7 +82,7 @@ def test_a_limit_below_what_its_members_reserve_together_is_raised_and_told(
     system = a_system(components=parts, partitions=[both])
     raised = 100 if limit is None else 40  # as the planner lays it out: never below the reserve
     placed = replace(build.placed("both", components=("vision", "speech")), reserve=40, limit=raised)
-    layout = Layout(partitions=(placed,), on_hosts=(), proven=True)
+    layout = Layout(partitions=(placed,), on_hosts=())
 
     assert told(findings(system=system, layout=layout)) == expected
 

@@ -1,0 +1,84 @@
+"""A program in whole numbers, solved by HiGHS: the only module that imports highspy, and only when it is asked.
+
+One thread, a fixed seed and a limit in nodes instead of seconds, so that the same program has the same answer with the
+same version of HiGHS.
+"""
+
+import importlib.util
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+_OPTIONS: Mapping[str, bool | int | float] = {
+    "output_flag": False,
+    "threads": 1,
+    "random_seed": 0,
+    "mip_rel_gap": 0.0,
+    "mip_abs_gap": 0.99,  # objectives are whole numbers
+}
+
+_NEARLY = 1e-6
+"""A bound in floating point that is so little above a whole number is taken for that number."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """`low <= sum of coefficient * variable <= high`."""
+
+    coefficients: Mapping[int, int]  # by the variable's number
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """What HiGHS found."""
+
+    ones: tuple[int, ...] | None  # the variables that are 1; None: it found no solution
+    bound: int | None  # no solution has less; None: there is no solution
+
+
+def is_installed() -> bool:
+    """Say whether HiGHS can be asked here."""
+    return importlib.util.find_spec("highspy") is not None
+
+
+def minimise(costs: Sequence[int], rows: Sequence[Row], *, nodes: int, start: Sequence[int] | None = None) -> Answer:
+    """Find the cheapest choice of variables that are 0 or 1.
+
+    Args:
+        costs: What each variable costs where it is 1, at least 0.
+        rows: What must hold.
+        nodes: After so many nodes of the search the best solution so far is taken.
+        start: Variables that are 1 in a solution that is known.
+
+    Returns:
+        The best solution that was found, with a bound; in floating point, so that the solution has to be checked.
+    """
+    import highspy
+
+    solver = highspy.Highs()
+    for name, value in _OPTIONS.items():
+        solver.setOptionValue(name, value)
+    solver.setOptionValue("mip_max_nodes", nodes)
+    for cost in costs:
+        solver.addCol(float(cost), 0.0, 1.0, 0, [], [])
+    integer = highspy.HighsVarType.kInteger
+    solver.changeColsIntegrality(len(costs), list(range(len(costs))), [integer] * len(costs))
+    for row in rows:
+        numbers = list(row.coefficients)
+        solver.addRow(row.low, row.high, len(numbers), numbers, [float(row.coefficients[at]) for at in numbers])
+    if start is not None:
+        solution = highspy.HighsSolution()
+        chosen = set(start)
+        solution.col_value = [float(at in chosen) for at in range(len(costs))]
+        solver.setSolution(solution)
+    solver.run()
+    if solver.getModelStatus() == highspy.HighsModelStatus.kInfeasible:
+        return Answer(ones=None, bound=None)
+    info = solver.getInfo()
+    bound = max(0, math.ceil(info.mip_dual_bound - _NEARLY)) if math.isfinite(info.mip_dual_bound) else 0
+    if not math.isfinite(info.objective_function_value) or info.primal_solution_status != 2:
+        return Answer(ones=None, bound=bound)
+    values = solver.getSolution().col_value
+    return Answer(ones=tuple(at for at, value in enumerate(values) if value > 0.5), bound=bound)
