@@ -14,12 +14,12 @@ from multiprocessing import Pool
 from benchmarks.shapes import NAMED, NOISES, UNSEEN, Truth, component
 from benchmarks.timing import Figure, report
 from benchmarks.trials import ALLOWED, Bench, Walk, goal_of, walk
-from rarms_iac.measuring.conclusions import Sufficient
-from rarms_iac.measuring.measuring import Strategy
-from rarms_iac.measuring.search import STRATEGIES, Found, Goal, Measure, NotAchievable, Step, Trial, trial_of
-from rarms_iac.measuring.search import values as searched
-from rarms_iac.measuring.search.bisection import halve
+from rarms_iac.measuring.loop import Strategy
+from rarms_iac.measuring.search import STRATEGIES
+from rarms_iac.measuring.search.stepwise import bisect_to_width
+from rarms_iac.measuring.search.trials import Goal, NextStep, Trial, sufficient, trial_of
 from rarms_iac.measuring.strategies import Agreeing, Searching, Verifying
+from rarms_iac.model.outcomes import Measure, NotAchievable, SearchStep, Sufficient
 from rarms_iac.statistics.curves import curves_of, holds
 
 COMPONENTS = 1000
@@ -47,19 +47,21 @@ class Result:
     identifiable: bool
 
 
-def by_one(history: Sequence[Trial], _goal: Goal) -> Step:
+def by_one(history: Sequence[Trial], goal: Goal) -> SearchStep:
     """The paper's walk with a step of 1 %."""
     if not history:
-        return Measure(reserve=1)
+        return Measure(reserve=1, until_clear=True)
     last = history[-1]
     if last.passed:
-        return Found(reserve=last.reserve, failed=last.reserve - 1 or None)
-    return NotAchievable() if last.reserve == 100 else Measure(reserve=last.reserve + 1)
+        return sufficient(history, goal, last.reserve)
+    if last.reserve == 100:
+        return NotAchievable(reserve=100, error=goal.error)
+    return Measure(reserve=last.reserve + 1, until_clear=True)
 
 
-def to_width(history: Sequence[Trial], goal: Goal) -> Step:
+def to_width(history: Sequence[Trial], goal: Goal) -> SearchStep:
     """Halving until the certificate of the default strategy holds: a fail at most 3 points below."""
-    return halve(history, goal, width=3)
+    return bisect_to_width(history, goal, width=3)
 
 
 def measured(goal: Goal, strategy: str) -> Agreeing:
@@ -67,7 +69,7 @@ def measured(goal: Goal, strategy: str) -> Agreeing:
     return Agreeing(search=alone(goal, STRATEGIES[strategy]), verifying=Verifying(goal=goal, most=MOST))
 
 
-def alone(goal: Goal, next_step: searched.Strategy) -> Searching:
+def alone(goal: Goal, next_step: NextStep) -> Searching:
     """A search that ends with its own answer, whatever a plan would reserve."""
     return Searching(goal=goal, next_step=next_step, most=MOST)
 
@@ -114,7 +116,7 @@ def _told_apart(goal: Goal, done: Walk, *, strict: bool) -> tuple[set[int], set[
     reserves = {setting.reserve for setting in done.settings}
     apts = {member.name: member.apt for member in goal.members}
     curves = curves_of(done.settings, {member.name: member.run for member in goal.members}, apts)
-    untold = {each for curve, _ in curves for each in curve.untold}
+    untold = {each for curve, _ in curves for each in curve.inconclusive}
     if strict:
         passed = {each for each in reserves if all(holds(curve, apt, each) for curve, apt in curves)}
     else:

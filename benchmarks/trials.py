@@ -5,13 +5,12 @@ import random
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import partial
 
 from benchmarks.shapes import PROCESSORS, Truth, deviation_of_logarithm
-from rarms_iac.measuring.conclusions import Conclusion, Measure
-from rarms_iac.measuring.measuring import Strategy
-from rarms_iac.measuring.search import Goal, Member
+from rarms_iac.measuring.loop import Strategy
+from rarms_iac.measuring.search.trials import Goal, Member, is_clear
 from rarms_iac.model.measurement import Sample, Series, Setting
+from rarms_iac.model.outcomes import Conclusion, Measure
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.system import AtLeast, AtMost, Closed, Command, Run, SampleCount, Samples, Stop
 from rarms_iac.statistics.verdicts import next_look
@@ -76,12 +75,11 @@ class Bench:
 
     truth: Truth
     goal: Goal
-    done: dict[tuple[int, object], Setting] = field(default_factory=dict)
+    done: dict[tuple[int, bool, float | None], Setting] = field(default_factory=dict)
 
     def measure(self, step: Measure) -> Setting:
         """The setting, ended as soon as the strategy says so, and as a data log gives it back."""
-        asked = step.settled.keywords["precision"] if isinstance(step.settled, partial) else "to its end"
-        key = (step.reserve, asked)
+        key = (step.reserve, step.until_clear, step.precision)
         if key not in self.done:
             self.done[key] = self._setting(step)
         return self.done[key]
@@ -95,7 +93,8 @@ class Bench:
             if len(samples) < min(look, ALLOWED):
                 continue
             series = self._series(samples, consumed, step.reserve)
-            if len(samples) >= ALLOWED or step.settled({NAME: series}):
+            clear = step.until_clear and is_clear({NAME: series}, self.goal, precision=step.precision)
+            if len(samples) >= ALLOWED or clear:
                 return Setting(reserve=step.reserve, series=(series,), seed=1)
             look = next_look(len(samples))
         raise AssertionError("jobs never end")

@@ -8,11 +8,11 @@ from collections.abc import Callable
 from benchmarks.timing import Figure, report
 from benchmarks.verdict_cases import KINDS, MEAN, NOISES, RUN, case, extreme_beyond, limit_at, noisy, series_of
 from rarms_iac.model.measurement import Series
+from rarms_iac.model.outcomes import Met, Missed, NoEstimate, Unsteady, Verdict
 from rarms_iac.model.system import Threshold
 from rarms_iac.statistics.distributions import share_below
-from rarms_iac.statistics.estimates import USUAL_ERROR, NoEstimate, estimate
-from rarms_iac.statistics.steady_state import Unsteady
-from rarms_iac.statistics.verdicts import Met, Missed, Verdict, decide, judge, next_look
+from rarms_iac.statistics.estimates import USUAL_ERROR, estimate
+from rarms_iac.statistics.verdicts import judge, judge_early, next_look
 
 SERIES = 1000
 LONG = 4000
@@ -27,11 +27,11 @@ def sequential(series: Series, apt: dict[str, Threshold]) -> Verdict:
     look = next_look(0)
     while look < len(series.samples):
         part = Series(component="coi", samples=series.samples[:look], elapsed_ms=series.samples[look].began_ms)
-        verdict = decide(part, apt, RUN)
+        verdict = judge_early(part, apt, RUN)
         if verdict is not None:
             return verdict
         look = next_look(look)
-    verdict = decide(series, apt, RUN)
+    verdict = judge_early(series, apt, RUN)
     assert verdict is not None
     return verdict
 

@@ -17,23 +17,15 @@ from rarms_iac.app.report_model import (
 )
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import Series, Setting, run_of
+from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, Verdict, WithinNoise
 from rarms_iac.model.quantities import in_processors, per_virtual_processor, show_bytes, show_percent, show_processors
 from rarms_iac.model.system import Component, Host, Measured, Run, System, Threshold
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.reservations import fixed, names_of, rests_on_a_log, to_be_measured
 from rarms_iac.statistics.curves import curve_of
 from rarms_iac.statistics.estimates import SAFE_SIDE
-from rarms_iac.statistics.samples import failed
-from rarms_iac.statistics.steady_state import Unsteady
-from rarms_iac.statistics.verdicts import (
-    Met,
-    Missed,
-    TooFewSamples,
-    TooManyFailures,
-    Verdict,
-    WithinTheNoise,
-    judge,
-)
+from rarms_iac.statistics.samples import failures
+from rarms_iac.statistics.verdicts import judge
 from rarms_iac.storage.datalog.log import DataLog, Recorded
 
 WITHOUT_APT = "mean_response_time"
@@ -203,7 +195,7 @@ def _point(setting: Setting, series: Series, index: str, apt: Mapping[str, Thres
             low=0.0,
             high=0.0,
             samples=len(series.samples),
-            failed=failed(series),
+            failed=len(failures(series)),
             effective=0.0,
             verdict=told,
             remark=remark,
@@ -216,7 +208,7 @@ def _point(setting: Setting, series: Series, index: str, apt: Mapping[str, Thres
         low=estimate.lower,
         high=estimate.upper,
         samples=len(series.samples),
-        failed=failed(series),
+        failed=len(failures(series)),
         effective=estimate.effective_samples,
         verdict=told if apt else "",
         error=error if apt else None,
@@ -231,13 +223,13 @@ def _in_words(verdict: Verdict) -> tuple[str, float | None, str]:
             return "meets the APT", error, _warm_up(warm_up)
         case Missed(error=error, warm_up=warm_up):
             return "misses the APT", error, _warm_up(warm_up)
-        case WithinTheNoise(error=error, warm_up=warm_up):
+        case WithinNoise(error=error, warm_up=warm_up):
             return "within the noise", error, _warm_up(warm_up)
-        case Unsteady(why=why):
+        case Unsteady(reason=why):
             return "no steady state", None, why
-        case TooManyFailures(failed=count, allowed=allowed):
-            return "too many failed samples", None, f"{count} failed, {allowed} allowed"
-        case TooFewSamples(why=why):
+        case TooManyFailures(failures=failed, allowed=allowed):
+            return "too many failed samples", None, f"{len(failed)} failed, {allowed} allowed"
+        case TooFewSamples(reason=why):
             return "too few samples", None, why
         case _:
             assert_never(verdict)

@@ -18,8 +18,8 @@ from rarms_iac.cli.reporting import reported, speaks_ascii_only
 from rarms_iac.cli.selecting import Unclear, choice_of, edit_of, select
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.telling import tell
-from rarms_iac.measuring.conclusions import Swept
 from rarms_iac.measuring.strategies import apts_of
+from rarms_iac.model.outcomes import Swept
 from rarms_iac.statistics.curves import curves_of, least_reserve
 from rarms_iac.views.measure import settings_text
 from rarms_iac.views.plot import plot_text

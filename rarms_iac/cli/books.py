@@ -11,6 +11,10 @@ from rarms_iac.cli.configuration import now
 from rarms_iac.cli.datalogs import is_here, subject_of
 from rarms_iac.measuring.book import Book
 from rarms_iac.measuring.room import called
+from rarms_iac.cli.hosts import Hosts
+from rarms_iac.cli.problems import Halted
+from rarms_iac.measuring.loop import SettingsLog
+from rarms_iac.measuring.partitions import partition_name
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.state import Partition
@@ -52,7 +56,7 @@ def kept(hosts: Hosts, experiment: Experiment, bench: MeasuringHost) -> Kept:
     return Kept(path=path, header=header, log=log, changed=changed)
 
 
-def book_of(recorded: Kept, seed: int | None, running: Sequence[Partition]) -> Book:
+def book_of(recorded: Kept, seed: int | None, running: Sequence[Partition]) -> SettingsLog:
     """The same for the loop of measuring; a stale log gives way to the first setting.
 
     Args:
@@ -60,8 +64,8 @@ def book_of(recorded: Kept, seed: int | None, running: Sequence[Partition]) -> B
         seed: only its settings count; None: all.
         running: what runs on the host beside P1 and P2.
     """
-    beside = tuple(called(partition) for partition in running)
-    return Book(
+    beside = tuple(partition_name(partition) for partition in running)
+    return SettingsLog(
         path=recorded.path,
         header=recorded.header,
         provenance=lambda: Provenance(rarms_version=__version__, when=now(), beside=beside),

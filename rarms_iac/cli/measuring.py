@@ -16,10 +16,15 @@ from rarms_iac.cli.locks import held_log
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.telling import tell
 from rarms_iac.measuring import findings
-from rarms_iac.measuring.book import highest_seed
-from rarms_iac.measuring.measuring import Strategy, Surroundings, measure
-from rarms_iac.measuring.partitions import remove_test_partitions
-from rarms_iac.measuring.room import Room, called, in_the_way, most, room_of
+from rarms_iac.measuring.loop import MeasuringContext, Strategy, highest_seed, measure
+from rarms_iac.measuring.partitions import (
+    HostBudget,
+    highest_reserve,
+    host_budget,
+    other_running_partitions,
+    partition_name,
+    remove_test_partitions,
+)
 from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import Agreeing, Searching, Sweeping, Verifying, apts_of, goal_of
@@ -27,7 +32,7 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.state import Partition
 from rarms_iac.model.system import ProviderKind
 from rarms_iac.planner.groups import groups_of
-from rarms_iac.providers.measuring import Inside, MeasuringHost
+from rarms_iac.providers.measuring import MeasuringHost, PartitionWork
 from rarms_iac.statistics.curves import curves_of, least_reserve
 from rarms_iac.views.measuring_progress import MeasuringProgress
 
@@ -92,13 +97,13 @@ def _measured(
         session.terminal.talk(_told_stale(recorded))
     terminal = session.terminal
 
-    def checked() -> Room:
+    def checked() -> HostBudget:
         _refuse(hosts, experiment, options, seen)
         return seen.room
 
-    around = Surroundings(
+    around = MeasuringContext(
         host=bench,
-        room=checked,
+        budget=checked,
         seed=options.seed or highest_seed(book.settings()) or USUAL_SEED,
         reporter=MeasuringProgress(terminal.talk, time.monotonic, terminal.live_table()),
         should_stop=session.interrupts.should_stop,
@@ -121,15 +126,15 @@ def _measured(
 class _Seen:
     """What there is on the host."""
 
-    room: Room
+    room: HostBudget
     running: tuple[Partition, ...]  # what is in the way
     top: int  # the highest CR that it can give
 
 
 def _look(experiment: Experiment, bench: MeasuringHost) -> _Seen:
     state = bench.observe()
-    room = room_of(experiment.host, state, experiment.application)
-    return _Seen(room=room, running=in_the_way(state), top=most(room, experiment.setup))
+    room = host_budget(experiment.host, state, experiment.application)
+    return _Seen(room=room, running=other_running_partitions(state), top=highest_reserve(room, experiment.setup))
 
 
 def refuse_what_cannot_run(hosts: Hosts, experiment: Experiment, bench: MeasuringHost, options: MeasureOptions) -> None:
@@ -166,7 +171,9 @@ def _strategy(hosts: Hosts, experiment: Experiment, options: MeasureOptions, see
     if options.verify:
         return verifying
     to_the_letter = options.strategy == PAPER
-    search = Searching(goal=goal, next_step=STRATEGIES[options.strategy], most=seen.top, only_its_own=to_the_letter)
+    search = Searching(
+        goal=goal, next_step=STRATEGIES[options.strategy], most=seen.top, own_settings_only=to_the_letter
+    )
     return search if to_the_letter else Agreeing(search=search, verifying=verifying)
 
 
@@ -197,7 +204,7 @@ def _refuse(hosts: Hosts, experiment: Experiment, options: MeasureOptions, seen:
     _refuse_what_has_no_demand(hosts, experiment)
     host = experiment.host.name
     if seen.running and not options.on_busy_host:
-        names = ", ".join(called(partition) for partition in seen.running)
+        names = ", ".join(partition_name(partition) for partition in seen.running)
         says = f"On {host} these run, and would change what is measured: {names}."
         advice = (
             "Stop them: of the application's own, `rarms undo` takes the last apply back, and `rarms destroy` all of "
@@ -217,7 +224,7 @@ def _refuse(hosts: Hosts, experiment: Experiment, options: MeasureOptions, seen:
         raise UseCaseError(Outcome.NEGATIVE, [findings.NO_ROOM.at(None, says, advice, address=f"host/{host}")])
 
 
-def _going_on(hosts: Hosts, running: Sequence[Partition]) -> Iterator[Inside]:
+def _going_on(hosts: Hosts, running: Sequence[Partition]) -> Iterator[PartitionWork]:
     """What the application's own partitions do meanwhile: their components, under names that nobody looks for.
 
     What machines of others do, nobody can say: a simulated host has them idle.
@@ -233,7 +240,7 @@ def _going_on(hosts: Hosts, running: Sequence[Partition]) -> Iterator[Inside]:
                 for member in group.members
                 if member.simulation is not None
             )
-            yield Inside(partition=group.name, components=members)
+            yield PartitionWork(partition=group.name, components=members)
 
 
 def _told_stale(recorded: Kept) -> str:
@@ -242,7 +249,7 @@ def _told_stale(recorded: Kept) -> str:
 
 
 def _busy_warning(experiment: Experiment, running: Sequence[Partition]) -> Diagnostic:
-    names = ", ".join(called(partition) for partition in running)
+    names = ", ".join(partition_name(partition) for partition in running)
     return findings.MEASURED_BUSY.at(
         None,
         f"{experiment.name} was measured while these ran on {experiment.host.name}: {names}. Its log says so.",

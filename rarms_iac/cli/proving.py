@@ -22,18 +22,16 @@ from rarms_iac.cli.planning import Wish, outcome_of, request_of
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.telling import tell
 from rarms_iac.measuring import findings
-from rarms_iac.measuring.proving import AppliedLayout, Proof, Tried, has_room, prove, with_samples
-from rarms_iac.measuring.room import room_of
-from rarms_iac.measuring.telling import show_measured, show_threshold
-from rarms_iac.measuring.watching import TooManyFailed
+from rarms_iac.measuring.findings import show_index, show_threshold
+from rarms_iac.measuring.partitions import host_budget
+from rarms_iac.measuring.prove import AppliedLayout, IndexVerdict, LayoutProof, has_memory_for_load, prove, with_samples
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.measurement import Series
+from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, WithinNoise
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, Disruption, RunsOn
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.providers.measuring import MeasuringHost
-from rarms_iac.statistics.steady_state import Unsteady
-from rarms_iac.statistics.verdicts import Met, Missed, TooFewSamples, TooManyFailures, WithinTheNoise
 from rarms_iac.storage.datalog.configuration import Proven, ProvenIndex, append_entry
 from rarms_iac.storage.datalog.files import configuration_path
 from rarms_iac.views.prove import proof_text, prove_json, sampled, verdict_of
@@ -61,7 +59,7 @@ def prove_layout(session: Session, hosts: Hosts, options: ProveOptions, *, as_js
     if options.interference:
         refuse_unknown((options.interference,), hosts.system.interference, "interference")
     names = _able(hosts)
-    proofs: list[Proof] = []
+    proofs: list[LayoutProof] = []
     with held_benches(session, hosts, names, options.lock_timeout_ms) as benches, session.interrupts.gently():
         states = {name: bench.observe() for name, bench in benches.items()}
         everywhere = {**_seen_elsewhere(hosts, names), **states}
@@ -87,7 +85,7 @@ def prove_layout(session: Session, hosts: Hosts, options: ProveOptions, *, as_js
     return ExitCode.NO if found else ExitCode.DONE
 
 
-def _record(hosts: Hosts, proofs: list[Proof], states: Mapping[str, State]) -> None:
+def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]) -> None:
     """Write every PI beside its APT into the configuration logs, whatever came of it."""
     for proof in proofs:
         application = proof.layout.application
@@ -107,17 +105,17 @@ def _record(hosts: Hosts, proofs: list[Proof], states: Mapping[str, State]) -> N
                 partition=where.get(component.name, ""),
                 reserve=reserves.get(where.get(component.name, ""), 0),
                 beside=tuple(one for one in everyone if one != component.name),
-                indexes=tuple(_proven(one) for one in proof.tried if one.shown.component == component.name),
+                indexes=tuple(_proven(one) for one in proof.verdicts if one.measured.component == component.name),
             )
             platform = hosts.system.hosts[proof.host].platform
             append_entry(configuration_path(Path(hosts.folder), platform, component.name), entry)
 
 
-def _proven(tried: Tried) -> ProvenIndex:
-    seen = tried.shown.estimate
+def _proven(tried: IndexVerdict) -> ProvenIndex:
+    seen = tried.measured.estimate
     return ProvenIndex(
-        index=tried.shown.index,
-        threshold=show_threshold(tried.shown.index, tried.shown.threshold),
+        index=tried.measured.index,
+        threshold=show_threshold(tried.measured.index, tried.measured.threshold),
         value=seen.value if seen else None,
         lower=seen.lower if seen and isfinite(seen.lower) else None,
         upper=seen.upper if seen and isfinite(seen.upper) else None,
@@ -220,12 +218,12 @@ def _prove(
     state: State,
     layout: AppliedLayout,
     options: ProveOptions,
-) -> Proof | None:
+) -> LayoutProof | None:
     """One host's layout; None where an end was asked for."""
     host = hosts.system.hosts[bench.name]
-    room = room_of(host, state, layout.application)
+    room = host_budget(host, state, layout.application)
     load = hosts.system.interference[options.interference] if options.interference else None
-    if load is not None and not has_room(room):
+    if load is not None and not has_memory_for_load(room):
         says = f"{bench.name} has no memory left for a partition that holds {options.interference}."
         raise UseCaseError(Outcome.NEGATIVE, [findings.NO_ROOM.at(None, says, "Prove without --interference.")])
     live = session.terminal.live_table()
@@ -241,7 +239,7 @@ def _prove(
     finally:
         if live is not None:
             live.hide()
-    if isinstance(answer, TooManyFailed):
+    if isinstance(answer, TooManyFailures):
         name = answer.component
         says = f"{name} in the layout: {len(answer.failures)} samples failed: {answer.failures[0]}."
         place = hosts.manifest.places.key("components", name)
@@ -250,29 +248,29 @@ def _prove(
     return answer
 
 
-def _not_met(hosts: Hosts, proofs: list[Proof]) -> Iterator[Diagnostic]:
+def _not_met(hosts: Hosts, proofs: list[LayoutProof]) -> Iterator[Diagnostic]:
     for proof in proofs:
         for one in proof.not_met:
-            name, index = one.shown.component, one.shown.index
+            name, index = one.measured.component, one.measured.index
             finding, advice = _told_as(one)
             yield finding.at(
                 hosts.manifest.places.value("components", name, "apt", index),
-                f"{name} on {proof.host}: {show_measured(one.shown)}, and its threshold is "
-                f"{show_threshold(index, one.shown.threshold)}.",
+                f"{name} on {proof.host}: {show_index(one.measured)}, and its threshold is "
+                f"{show_threshold(index, one.measured.threshold)}.",
                 advice,
                 address=f"component/{name}",
             )
 
 
-def _told_as(tried: Tried) -> tuple[Finding, str]:
+def _told_as(tried: IndexVerdict) -> tuple[Finding, str]:
     """Which finding a verdict is that is not met, and what to do about it."""
     match tried.verdict:
         case Unsteady():
             return findings.NO_STEADY_STATE, "Look for what grows while it runs, or give it more: `--samples 2000`."
-        case WithinTheNoise() | TooFewSamples() | TooManyFailures():
+        case WithinNoise() | TooFewSamples() | TooManyFailures():
             return findings.NOT_RESOLVED, "Allow more samples (`--samples 2000`), or raise its reservation."
         case Met() | Missed():
-            again = f"`rarms undo`, then `rarms measure {tried.shown.component} --again`"
+            again = f"`rarms undo`, then `rarms measure {tried.measured.component} --again`"
             return findings.MISSED, f"Raise its reservation, relax its APT, or measure it again: {again}."
         case _:
             assert_never(tried.verdict)

@@ -11,12 +11,14 @@ from rarms_iac.cli.experiments import MeasureOptions
 from rarms_iac.cli.measuring import run_experiment
 from rarms_iac.cli.session import Session
 from rarms_iac.measuring.conclusions import NoVerdict, Stopped
+from rarms_iac.cli.wiring import open_bench
 from rarms_iac.measuring.findings import CANNOT_MEASURE
-from rarms_iac.measuring.room import most, room_of
+from rarms_iac.measuring.partitions import highest_reserve, host_budget
 from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
-from rarms_iac.measuring.strategies import Answering, apts_of, goal_of
+from rarms_iac.measuring.strategies import Answering, apts_of
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.measurement import Setting
+from rarms_iac.model.outcomes import SettingFailed, Stopped, TooManyFailures
 from rarms_iac.model.plan import Claim
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Host, System
@@ -62,7 +64,9 @@ class Subject:
 
     def highest(self, members: Members) -> int:
         """The highest CR that the bench can give to a P1 of these."""
-        return most(room_of(self.bench, self.state, self.system.application.name), self.experiment(members).setup)
+        return highest_reserve(
+            host_budget(self.bench, self.state, self.system.application.name), self.experiment(members).setup
+        )
 
     def experiment(self, members: Members, samples: int | None = None) -> Experiment:
         """These together in P1, against the load that they must stand up to."""
@@ -211,7 +215,7 @@ class Experiments:
         if reserve > (highest := self.subject.highest(members)):
             raise Unanswered(f"{reserve} % was to be measured of {', '.join(members)}; the host gives {highest} %")
         experiment = self.subject.experiment(members, self.options.samples)
-        strategy = Answering(goal=goal_of(experiment), reserve=reserve)
+        strategy = Answering(reserve=reserve)
         with self.session.interrupts.gently():
             done = run_experiment(
                 self.session, self.subject.hosts, experiment, self.bench, self.options, strategy=strategy
@@ -220,7 +224,7 @@ class Experiments:
         match done.conclusion:
             case Stopped():
                 raise TuningStopped("stopped")
-            case NoVerdict(component=component, failures=failures):
+            case SettingFailed(verdict=TooManyFailures(component=component, failures=failures)):
                 raise Unanswered(
                     f"{len(failures)} samples of {component} failed, together with {_but(members, component)} "
                     f"at {reserve} %: {failures[0]}"

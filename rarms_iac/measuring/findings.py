@@ -1,6 +1,28 @@
-"""What measuring finds; each has its page in docs/findings."""
+"""The findings of measuring, each with its page in docs/findings, and how the end of an experiment becomes one."""
 
-from rarms_iac.model.diagnostics import Finding, Severity
+from collections.abc import Iterable, Iterator
+from typing import assert_never
+
+from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, why_unsteady
+from rarms_iac.measuring.search.default import WIDTH
+from rarms_iac.measuring.setup import Experiment
+from rarms_iac.model import thresholds
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity
+from rarms_iac.model.indexes import find_index
+from rarms_iac.model.measurement import Setting
+from rarms_iac.model.outcomes import (
+    Conclusion,
+    NotAchievable,
+    NotResolved,
+    SettingFailed,
+    Stopped,
+    Sufficient,
+    Swept,
+    TooManyFailures,
+)
+from rarms_iac.model.phrases import in_a_row
+from rarms_iac.model.quantities import Unit, show_amount
+from rarms_iac.model.system import Measured, Threshold
 
 NOT_ACHIEVABLE = Finding(
     code="RARMS110", severity=Severity.ERROR, summary="Threshold performance is not achievable on this platform."
@@ -29,3 +51,153 @@ FIXED_ANYWAY = Finding(
 LESS_UNKNOWN = Finding(
     code="RARMS267", severity=Severity.WARNING, summary="Less may be enough: settings below have no steady state"
 )
+
+
+UNITS = {Unit.TIME: " ms", Unit.SHARE: " %", Unit.RATE: " /s"}
+
+SHOWN_FAILURES = 3
+"""How many of the reasons why samples failed are told."""
+
+
+def findings_of(
+    experiment: Experiment, conclusion: Conclusion, settings: tuple[Setting, ...], places: Places
+) -> Iterator[Diagnostic]:
+    """Report what a person must hear of how an experiment ended, where that is not simply a reservation."""
+    match conclusion:
+        case NotAchievable(reserve=reserve):
+            yield from _not_achievable(experiment, reserve, settings, places)
+        case NotResolved(reason=reason):
+            yield from _not_resolved(experiment, reason, settings, places)
+        case SettingFailed(reserve=reserve, verdict=TooManyFailures(component=component, failures=failures)):
+            reasons = "; ".join(dict.fromkeys(failures[:SHOWN_FAILURES]))
+            yield FAILED_SAMPLES.at(
+                places.key("components", component),
+                f"{component} at {reserve} %: {len(failures)} failed, and `run.failures` allows fewer: {reasons}.",
+                f"Run it alone and mend what fails, or allow it: `run: {{ failures: {len(failures)} }}`.",
+                address=f"component/{component}",
+            )
+        case Sufficient(reserve=reserve):
+            yield from _less_unknown(experiment, conclusion, settings, places)
+            yield from _fixed_anyway(experiment, reserve, places)
+        case Swept() | Stopped():
+            return
+        case _:
+            assert_never(conclusion)
+
+
+def show_value(index: str, value: float) -> str:
+    """Write a measured value in the index's own unit, with as many digits as a person reads."""
+    known = find_index(index)
+    unit = UNITS[known.unit] if known else ""
+    digits = 1 if abs(value) >= 10 else 2
+    return f"{value:.{digits}f}".rstrip("0").rstrip(".") + unit
+
+
+def show_threshold(index: str, threshold: Threshold) -> str:
+    """Write a threshold: `at most 100 ms`."""
+    known = find_index(index)
+    assert known is not None, "a manifest names no other index"
+    return thresholds.show_threshold(known, threshold)
+
+
+def show_index(measured: MeasuredIndex) -> str:
+    """Write an index with its bounds: `mean_response_time 94.1 ms (93.5 to 94.8 ms)`."""
+    if measured.estimate is None:
+        return f"{measured.index} cannot be told: {measured.reason}"
+    value = show_value(measured.index, measured.estimate.value)
+    if measured.estimate.beyond is not None:
+        return f"{measured.index} {value}, beyond which up to {measured.estimate.beyond:.2g} % of the jobs may lie"
+    lower = show_value(measured.index, measured.estimate.lower).rpartition(" ")[0]
+    return f"{measured.index} {value} ({lower} to {show_value(measured.index, measured.estimate.upper)})"
+
+
+def _not_achievable(
+    experiment: Experiment, reserve: int, settings: tuple[Setting, ...], places: Places
+) -> Iterator[Diagnostic]:
+    last = [setting for setting in settings if setting.reserve == reserve][-1:]
+    most = "" if reserve == 100 else f" {reserve} % is the most that {experiment.host.name} can give it now."
+    advice = "Relax the threshold, make the component cheaper, or use a faster platform."
+    if most:
+        advice = "Free the host, where something else holds its processors; else relax the threshold."
+    for setting in last:
+        indexes = measured_indexes(setting, experiment)
+        # What is on the right side, and not for sure, is not met either.
+        for measured in [index for index in indexes if index.misses] or indexes:
+            yield NOT_ACHIEVABLE.at(
+                places.value("components", measured.component, "apt", measured.index),
+                f"{measured.component} at {reserve} %: {show_index(measured)}, and its threshold is "
+                f"{show_threshold(measured.index, measured.threshold)}.{most}",
+                advice,
+                address=f"component/{measured.component}",
+            )
+
+
+def _not_resolved(
+    experiment: Experiment, reason: str, settings: tuple[Setting, ...], places: Places
+) -> Iterator[Diagnostic]:
+    first = experiment.members[0].name
+    unsteady = _unsteady(settings[-1:])
+    for reserve, component, why in unsteady:
+        yield NO_STEADY_STATE.at(
+            places.key("components", component),
+            f"{component} at {reserve} %: {why}.",
+            "Look for what grows while it runs, or give it more samples: `--again --samples 2000`.",
+            address=f"component/{component}",
+        )
+    if not unsteady:
+        yield NOT_RESOLVED.at(
+            places.value("components", first, "apt"),
+            f"{experiment.name}: {reason}.",
+            "Allow more samples (`--again --samples 2000`), or move the threshold away from what the component just "
+            "reaches.",
+            address=f"component/{first}",
+        )
+
+
+def _unsteady(settings: Iterable[Setting]) -> list[tuple[int, str, str]]:
+    """The CR, the component and the reason of each series without a steady state."""
+    return [
+        (setting.reserve, series.component, reason)
+        for setting in settings
+        for series in setting.series
+        if (reason := why_unsteady(series))
+    ]
+
+
+def _less_unknown(
+    experiment: Experiment, end: Sufficient, settings: tuple[Setting, ...], places: Places
+) -> Iterator[Diagnostic]:
+    """Where a search would have had a fail close below, and has but settings that neither pass nor fail."""
+    if not end.inconclusive or end.reserve - (end.failed or 0) <= WIDTH:
+        return
+    highest = (setting for setting in settings if setting.reserve == end.inconclusive[-1])
+    reserve, component, reason = _unsteady(highest)[-1]
+    pronoun = "it" if len(end.inconclusive) == 1 else "they"
+    lowest = f"; {end.failed} % is not shown to be" if end.failed else ""
+    yield LESS_UNKNOWN.at(
+        places.value("components", experiment.members[0].name, "apt"),
+        f"{experiment.name}: {end.reserve} % is enough{lowest}. Of {in_a_row(end.inconclusive)} % nothing is known: "
+        f"{pronoun} reached no steady state ({component} at {reserve} %: {reason}).",
+        f"To find out whether less is enough, measure longer: `rarms measure {_arguments(experiment)} --again "
+        "--samples 2000`.",
+        address=f"component/{experiment.members[0].name}",
+    )
+
+
+def _arguments(experiment: Experiment) -> str:
+    names = " ".join(member.name for member in experiment.members)
+    return f"{names} --together" if len(experiment.members) > 1 else names
+
+
+def _fixed_anyway(experiment: Experiment, reserve: int, places: Places) -> Iterator[Diagnostic]:
+    """Of a component measured alone: a plan takes what the manifest fixes, and not this."""
+    for member in experiment.members if len(experiment.members) == 1 else ():
+        if member.cpu.reserve is None or isinstance(member.cpu.reserve, Measured):
+            continue
+        yield FIXED_ANYWAY.at(
+            places.value("components", member.name, "cpu", "reserve"),
+            f"{member.name} meets its thresholds at a CR of {reserve} %, and the manifest reserves "
+            f"{show_amount(member.cpu.reserve)} for it, whatever is measured.",
+            "For a plan to take what was measured, write `reserve: measured`.",
+            address=f"component/{member.name}",
+        )

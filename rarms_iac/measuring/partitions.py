@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from rarms_iac.measuring.room import called, is_test_partition
-from rarms_iac.model.measurement import P1, P2, EnvironmentSetup
+from rarms_iac.model.capacity import WHOLE, Capacity, capacity_of, claim_of_settings, fits
+from rarms_iac.model.measurement import P1, P2, TEST_PARTITIONS, EnvironmentSetup
 from rarms_iac.model.operations import (
     CreatePartition,
     RemovePartition,
@@ -22,9 +22,117 @@ from rarms_iac.model.operations import (
     WriteMark,
     WriteTaskClass,
 )
-from rarms_iac.model.plan import Scope
-from rarms_iac.model.state import Checkpoints, Partition, RegistryValue, RunState, StartAction, StopAction
+from rarms_iac.model.plan import Claim, Scope
+from rarms_iac.model.state import Checkpoints, Partition, RegistryValue, RunState, StartAction, State, StopAction
+from rarms_iac.model.system import Host
 from rarms_iac.providers.interface import StepwiseHost
+
+USUAL_LOAD_MEMORY = 512 * 2**20
+"""Bytes that P2 has, as in the paper's Table 1; less where the host has less left."""
+
+LEAST_MEMORY = 32 * 2**20
+"""Bytes below which no operating system starts: what Hyper-V demands of a machine (FACTS 1.3)."""
+
+MEBIBYTE = 2**20
+
+_AT_REST = {RunState.OFF, RunState.SAVED}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostBudget:
+    """What a host has to give, and what of it is promised already."""
+
+    capacity: Capacity
+    others: tuple[Claim, ...]  # of every machine that counts and is no test partition
+
+    @property
+    def unreserved(self) -> bool:
+        """Whether P1 and P2 can have all of every logical processor between them, as CMCPUR takes for granted."""
+        whole = self.capacity.processors == self.capacity.logical_processors
+        return whole and not any(other.reserve and other.processors for other in self.others)
+
+
+def host_budget(host: Host, state: State, application: str) -> HostBudget:
+    """What this host has to give: partitions of the application count while they run, all others as always."""
+    return HostBudget(
+        capacity=capacity_of(host, state.facts),
+        others=tuple(
+            claim_of_settings(partition.settings) for partition in state.partitions if _counts(partition, application)
+        ),
+    )
+
+
+def other_running_partitions(state: State) -> tuple[Partition, ...]:
+    """What would run beside P1 and P2 and change what is measured, by name: everything that is not at rest."""
+    running = [
+        partition
+        for partition in state.partitions
+        if not is_test_partition(partition) and partition.state not in _AT_REST
+    ]
+    return tuple(sorted(running, key=lambda partition: (partition_name(partition), partition.id)))
+
+
+def partition_name(partition: Partition) -> str:
+    """What people call it: the name of its mark where it has one."""
+    return partition.mark.name if partition.mark else partition.settings.name
+
+
+def is_test_partition(partition: Partition) -> bool:
+    """Whether it is a P1 or P2, finished or still under its pending name."""
+    if partition.mark is not None:
+        return partition.mark.name in TEST_PARTITIONS
+    return any(partition.settings.name.startswith(f"{name}.") for name in TEST_PARTITIONS)
+
+
+def memory_for_load(budget: HostBudget, setup: EnvironmentSetup) -> int:
+    """Bytes that P2 gets beside P1: the usual, or what is left where that is less."""
+    return free_memory(budget, setup.memory)
+
+
+def free_memory(budget: HostBudget, taken: int = 0) -> int:
+    """Bytes for a P2: the usual, or what is left where that is less; whole MiB."""
+    free = budget.capacity.memory - sum(other.memory for other in budget.others) - taken
+    return min(USUAL_LOAD_MEMORY, free // MEBIBYTE * MEBIBYTE)
+
+
+def reserve_for_load(budget: HostBudget, setup: EnvironmentSetup, reserve: int) -> int | None:
+    """What P2 reserves while P1 reserves this: the most that the host can still give, so 100 - CR on an empty one.
+
+    Both are whole per cent of each of the partition's own processors. None: the host cannot give P1 so much.
+    """
+    p1 = Claim(processors=setup.processors, reserve=reserve, memory=setup.memory)
+    return _highest_reserve_of_p2(budget, (p1,), memory_for_load(budget, setup))
+
+
+def free_reserve(budget: HostBudget, memory: int) -> int:
+    """What a P2 alone can reserve beside what is promised already; 0 where nothing is left."""
+    return _highest_reserve_of_p2(budget, (), memory) or 0
+
+
+def _highest_reserve_of_p2(budget: HostBudget, others: tuple[Claim, ...], memory: int) -> int | None:
+    wide = budget.capacity.logical_processors
+    for reserve in range(WHOLE, -1, -1):
+        p2 = Claim(processors=wide, reserve=reserve, memory=max(0, memory))
+        if fits(budget.capacity, (*budget.others, *others, p2)):
+            return reserve
+    return None
+
+
+def highest_reserve(budget: HostBudget, setup: EnvironmentSetup) -> int:
+    """The highest CR that the host can give to P1; 0 where it can give none."""
+    if memory_for_load(budget, setup) < LEAST_MEMORY:
+        return 0
+    possible = range(min(WHOLE, setup.limit), 0, -1)
+    return next((reserve for reserve in possible if reserve_for_load(budget, setup, reserve) is not None), 0)
+
+
+def _counts(partition: Partition, application: str) -> bool:
+    if is_test_partition(partition):
+        return False
+    if partition.mark is not None and partition.mark.application == application:
+        return partition.state not in _AT_REST
+    return partition.claims_resources
+
 
 MEASURING = "0" * 12
 """Stands where a plan's id stands in pending names: test partitions belong to no plan."""
@@ -36,7 +144,7 @@ GENERATION = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shape:
+class PartitionShape:
     """What a test partition is made as; its reserve is set for each setting."""
 
     name: str
@@ -46,15 +154,19 @@ class Shape:
     weight: int
 
 
-def shapes_of(setup: EnvironmentSetup, logical_processors: int, load_memory: int) -> tuple[Shape, Shape]:
+def shapes_of_test_partitions(
+    setup: EnvironmentSetup, logical_processors: int, load_memory: int
+) -> tuple[PartitionShape, PartitionShape]:
     """P1 and P2: the load may use all of every logical processor."""
-    p1 = Shape(name=P1, processors=setup.processors, memory=setup.memory, limit=setup.limit, weight=setup.weight)
+    p1 = PartitionShape(
+        name=P1, processors=setup.processors, memory=setup.memory, limit=setup.limit, weight=setup.weight
+    )
     return p1, load_shape(logical_processors, load_memory)
 
 
-def load_shape(logical_processors: int, load_memory: int) -> Shape:
+def load_shape(logical_processors: int, load_memory: int) -> PartitionShape:
     """P2 alone: what keeps an interfering load that was asked for."""
-    return Shape(name=P2, processors=logical_processors, memory=load_memory, limit=100, weight=100)
+    return PartitionShape(name=P2, processors=logical_processors, memory=load_memory, limit=100, weight=100)
 
 
 Classes = Mapping[str, Mapping[str, RegistryValue]]
@@ -62,8 +174,8 @@ Classes = Mapping[str, Mapping[str, RegistryValue]]
 
 
 @contextmanager
-def standing(
-    host: StepwiseHost, application: str, shapes: Sequence[Shape], classes: Classes = MappingProxyType({})
+def running_test_partitions(
+    host: StepwiseHost, application: str, shapes: Sequence[PartitionShape], classes: Classes = MappingProxyType({})
 ) -> Iterator[None]:
     """The test partitions are there and run while the context lasts, and are gone after it, however it ends.
 
@@ -83,7 +195,9 @@ def standing(
         remove_test_partitions(host)
 
 
-def set_reserves(host: StepwiseHost, application: str, shapes: Sequence[Shape], reserves: Mapping[str, int]) -> None:
+def set_reserves(
+    host: StepwiseHost, application: str, shapes: Sequence[PartitionShape], reserves: Mapping[str, int]
+) -> None:
     """Have each test partition reserve so many per cent; what gives back comes before what takes.
 
     Raises:
@@ -94,7 +208,7 @@ def set_reserves(host: StepwiseHost, application: str, shapes: Sequence[Shape], 
         for partition in host.observe().of(application).partitions
         if partition.mark
     }
-    for shape in sorted(shapes, key=lambda one: (reserves[one.name] - now.get(one.name, 0), one.name)):
+    for shape in sorted(shapes, key=lambda shape: (reserves[shape.name] - now.get(shape.name, 0), shape.name)):
         wanted = reserves[shape.name]
         if now.get(shape.name) != wanted:
             cpu = SetCpu(partition=shape.name, reserve=wanted, limit=shape.limit, weight=shape.weight)
@@ -110,13 +224,13 @@ def remove_test_partitions(host: StepwiseHost) -> tuple[str, ...]:
     Raises:
         HostError: one cannot be removed.
     """
-    found = [partition for partition in host.observe().partitions if is_test_partition(partition)]
-    for one in found:
-        _remove(host, one)
-    return tuple(sorted(called(partition) for partition in found))
+    partitions = [partition for partition in host.observe().partitions if is_test_partition(partition)]
+    for partition in partitions:
+        _remove(host, partition)
+    return tuple(sorted(partition_name(partition) for partition in partitions))
 
 
-def _make(host: StepwiseHost, shape: Shape, scope: Scope) -> None:
+def _make(host: StepwiseHost, shape: PartitionShape, scope: Scope) -> None:
     """In the order in which a plan makes a partition: marked at once, named last."""
     name = shape.name
     for operation in (
@@ -137,7 +251,7 @@ def _make(host: StepwiseHost, shape: Shape, scope: Scope) -> None:
 
 
 def _remove(host: StepwiseHost, partition: Partition) -> None:
-    name = called(partition)
+    name = partition_name(partition)
     scope = Scope(application=partition.mark.application if partition.mark else "", plan=MEASURING)
     if partition.state is not RunState.OFF:
         host.execute(StopPartition(partition=name, grace_ms=0, machine=partition.id), scope)

@@ -1,98 +1,72 @@
 """The strategies that the loop can be given: a search, a list of settings, or what a curve rests on without a look."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass, field, replace
 
-from rarms_iac.measuring.conclusions import (
-    Measure,
-    NotAchievable,
-    NotResolved,
-    Step,
-    Sufficient,
-    Swept,
-)
-from rarms_iac.measuring.search import Goal, Member, Trial, settled, trial_of
-from rarms_iac.measuring.search import values as searched
-from rarms_iac.measuring.search.bracket import below, not_met
-from rarms_iac.measuring.search.tree import WIDTH
+from rarms_iac.measuring.search.default import WIDTH
+from rarms_iac.measuring.search.trials import Goal, Member, NextStep, Trial, not_sufficient, sufficient, trial_of
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.measurement import Setting
+from rarms_iac.model.outcomes import ExperimentStep, Measure, NotResolved, SearchStep, Sufficient, Swept
 from rarms_iac.model.system import Threshold
 from rarms_iac.statistics.curves import curves_of, least_reserve
 
+NOTHING_FOR_SURE = "no setting that was measured meets every threshold for sure"
+
 
 def goal_of(experiment: Experiment) -> Goal:
-    """What a search looks for: every APT of every member."""
+    """State what a search looks for: every APT of every member."""
     members = tuple(
         Member(name=member.name, apt=member.apt, run=experiment.runs[member.name]) for member in experiment.members
     )
     return Goal(members=members, processors=experiment.setup.processors)
 
 
+def apts_of(experiment: Experiment) -> dict[str, Mapping[str, Threshold]]:
+    """List the thresholds of each member."""
+    return {member.name: member.apt for member in experiment.members}
+
+
 @dataclass(slots=True, kw_only=True)
 class Searching:
-    """A strategy of `experiments.search`, kept within what the host can give."""
+    """A search of `measuring.search`, kept within what the host can give."""
 
     goal: Goal
-    next_step: searched.Strategy
+    next_step: NextStep
     most: int  # the highest CR that the host can give
-    only_its_own: bool = False  # it walks through settings that it asked for itself, in its own order
+    own_settings_only: bool = False  # it walks through settings that it asked for itself, in its own order
     _trials: list[Trial] = field(default_factory=list)
 
-    def step(self, settings: Sequence[Setting]) -> Step:
+    def step(self, settings: Sequence[Setting]) -> SearchStep:
         """As `Strategy` says."""
-        trials = self._judged(settings)
-        return self._replayed(trials) if self.only_its_own else self._within(trials)
-
-    def _judged(self, settings: Sequence[Setting]) -> Sequence[Trial]:
-        """NOTE: settings are only ever added, and judging one reads all of its samples: each is judged once."""
+        # NOTE: settings are only ever added, and judging one reads all of its samples: each is judged once.
         self._trials += [trial_of(setting, self.goal) for setting in settings[len(self._trials) :]]
-        return self._trials
+        return self._replay(self._trials) if self.own_settings_only else self._step(self._trials)
 
-    def _replayed(self, trials: Sequence[Trial]) -> Step:
-        """What it would ask next, had it asked for those of the trials that it asks for, and for no others."""
-        left, walked = list(trials), list[Trial]()
-        while isinstance(step := self._within(walked), Measure):
-            known = next((trial for trial in left if trial.reserve == step.reserve), None)
+    def _replay(self, trials: Sequence[Trial]) -> SearchStep:
+        """Say what it would ask next, had it asked for those trials that it asks for, and for no others."""
+        remaining, walked = list(trials), list[Trial]()
+        while isinstance(step := self._step(walked), Measure):
+            known = next((trial for trial in remaining if trial.reserve == step.reserve), None)
             if known is None:
                 break
-            left.remove(known)
+            remaining.remove(known)
             walked.append(known)
         return step
 
-    def _within(self, trials: Sequence[Trial]) -> Step:
+    def _step(self, trials: Sequence[Trial]) -> SearchStep:
         step = self.next_step(trials, self.goal)
-        match step:
-            case searched.Measure(reserve=reserve, precision=precision) if reserve > self.most:
-                return self._at_most(trials, precision)
-            case searched.Measure(reserve=reserve, precision=precision):
-                return self._measure(trials, reserve, precision)
-            case searched.Found(reserve=reserve):
-                return _sufficient(self.goal, trials, reserve)
-            case searched.NotAchievable():
-                return NotAchievable(reserve=100, error=self.goal.error)
-            case searched.NotResolved(why=why):
-                return NotResolved(says=why)
-
-    def _measure(self, trials: Sequence[Trial], reserve: int, precision: float | None) -> Measure:
-        """Until it is settled, or to its end: once a setting had no steady state, an early look may see but a part."""
-        if any(trial.untold for trial in trials):
-            return Measure(reserve=reserve)
-        return Measure(reserve=reserve, settled=partial(settled, goal=self.goal, precision=precision))
-
-    def _at_most(self, trials: Sequence[Trial], precision: float | None) -> Step:
-        """More is asked for than the host can give: what it can give decides."""
-        known = [trial for trial in trials if trial.reserve == self.most]
-        if not known:
-            return self._measure(trials, self.most, precision)
-        if known[-1].passed:
-            return _sufficient(self.goal, trials, self.most)
-        match not_met(known[-1]):
-            case searched.NotAchievable():
-                return NotAchievable(reserve=self.most, error=self.goal.error)
-            case searched.NotResolved(why=why):
-                return NotResolved(says=why)
+        if not isinstance(step, Measure):
+            return step
+        if step.reserve > self.most:  # what the host can give decides
+            known = [trial for trial in trials if trial.reserve == self.most]
+            if known and known[-1].passed:
+                return sufficient(trials, self.goal, self.most)
+            if known:
+                return not_sufficient(known[-1], self.goal)
+        # Once a setting had no steady state, an early look may see but a part of what changes.
+        to_its_end = any(trial.inconclusive for trial in trials)
+        return replace(step, reserve=min(step.reserve, self.most), until_clear=step.until_clear and not to_its_end)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +75,7 @@ class Sweeping:
 
     reserves: tuple[int, ...]
 
-    def step(self, settings: Sequence[Setting]) -> Step:
+    def step(self, settings: Sequence[Setting]) -> ExperimentStep:
         """As `Strategy` says."""
         known = {setting.reserve for setting in settings}
         return next((Measure(reserve=reserve) for reserve in self.reserves if reserve not in known), Swept())
@@ -111,15 +85,12 @@ class Sweeping:
 class Answering:
     """One threshold question: are all APTs met at this reservation? Ends as soon as the samples tell."""
 
-    goal: Goal
     reserve: int
 
-    def step(self, settings: Sequence[Setting]) -> Step:
+    def step(self, settings: Sequence[Setting]) -> ExperimentStep:
         """As `Strategy` says."""
         known = any(setting.reserve == self.reserve for setting in settings)
-        if known:
-            return Swept()
-        return Measure(reserve=self.reserve, settled=partial(settled, goal=self.goal, precision=None))
+        return Swept() if known else Measure(reserve=self.reserve, until_clear=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,31 +100,20 @@ class Verifying:
     goal: Goal
     most: int
 
-    def step(self, settings: Sequence[Setting]) -> Step:
+    def step(self, settings: Sequence[Setting]) -> SearchStep:
         """As `Strategy` says."""
         members = self.goal.members
-        curves = curves_of(
-            settings, {member.name: member.run for member in members}, {member.name: member.apt for member in members}
-        )
-        found = least_reserve(curves)
-        if found is None:
-            return NotResolved(says=NOTHING_FOR_SURE)
-        if found.interpolated and found.reserve > self.most:
-            left = f"the host has {self.most} % left for P1: what runs there is in the way"
-            return NotResolved(says=f"{found.reserve} % was looked up, and {left}")
-        if found.interpolated:
-            return Measure(reserve=found.reserve)
-        lower = [trial_of(setting, self.goal) for setting in settings if setting.reserve < found.reserve]
-        return _sufficient(self.goal, lower, found.reserve)
-
-
-def _sufficient(goal: Goal, trials: Sequence[Trial], reserve: int) -> Sufficient:
-    """That it is enough, with what is known of less."""
-    failed, untold = below(trials, reserve)
-    return Sufficient(reserve=reserve, failed=failed, error=goal.error_of_passing, untold=untold)
-
-
-NOTHING_FOR_SURE = "no setting that was measured meets every threshold for sure"
+        runs, apts = {member.name: member.run for member in members}, {member.name: member.apt for member in members}
+        least = least_reserve(curves_of(settings, runs, apts))
+        if least is None:
+            return NotResolved(reason=NOTHING_FOR_SURE)
+        if least.interpolated and least.reserve > self.most:
+            free = f"the host has {self.most} % left for P1: what runs there is in the way"
+            return NotResolved(reason=f"{least.reserve} % was looked up, and {free}")
+        if least.interpolated:
+            return Measure(reserve=least.reserve)
+        lower = [trial_of(setting, self.goal) for setting in settings if setting.reserve < least.reserve]
+        return sufficient(lower, self.goal, least.reserve)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,30 +127,24 @@ class Agreeing:
     search: Searching
     verifying: Verifying
 
-    def step(self, settings: Sequence[Setting]) -> Step:
+    def step(self, settings: Sequence[Setting]) -> SearchStep:
         """As `Strategy` says."""
         step = self.search.step(settings)
         if not isinstance(step, Sufficient):
             return step
-        match self.verifying.step(settings):
-            case Sufficient() as planned:
-                known = {setting.reserve for setting in settings}
-                return step if planned.reserve == step.reserve else _certified(planned, known)
-            case other:
-                return other
+        verified = self.verifying.step(settings)
+        if not isinstance(verified, Sufficient):
+            return verified
+        known = {setting.reserve for setting in settings}
+        return step if verified.reserve == step.reserve else _certify(verified, known)
 
 
-def _certified(planned: Sufficient, known: Collection[int]) -> Step:
-    """With a measured fail close below, as a search has it: what its verdict leaves open may do on the curve.
+def _certify(planned: Sufficient, known: Collection[int]) -> SearchStep:
+    """Ask for a measured fail close below, as a search has it: what its verdict leaves open may do on the curve.
 
     What is known and is no fail has no steady state, or passes and is not believed: it is not measured once more.
     """
     if planned.reserve == 1 or planned.reserve - (planned.failed or 0) <= WIDTH:
         return planned
     near = (planned.reserve - WIDTH + 1, planned.reserve - 1, planned.reserve - WIDTH)
-    return next((Measure(reserve=one) for one in near if one >= 1 and one not in known), planned)
-
-
-def apts_of(experiment: Experiment) -> dict[str, Mapping[str, Threshold]]:
-    """The thresholds of each member."""
-    return {member.name: member.apt for member in experiment.members}
+    return next((Measure(reserve=reserve) for reserve in near if reserve >= 1 and reserve not in known), planned)

@@ -14,7 +14,7 @@ from rarms_iac.providers.interface import StepwiseHost
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Inside:
+class PartitionWork:
     """What is to run in one running partition of the application, or in the host's own operating system."""
 
     partition: str  # as its mark calls it (P1, P2, vision); empty: the host's own operating system
@@ -27,12 +27,12 @@ class Work:
     """Everything that is to run on a host at the same time."""
 
     application: str
-    inside: tuple[Inside, ...]
+    partitions: tuple[PartitionWork, ...]
     until: Mapping[str, SampleCount | Elapsed]  # by component: when there is enough of it; the others only run along
     seed: int  # of chance, where the host draws it: the same work with the same seed shows the same samples
 
 
-class Running(Protocol):
+class RunningWork(Protocol):
     """Components at work."""
 
     def samples(self) -> Iterator[tuple[str, Sample]]:
@@ -67,7 +67,7 @@ class MeasuringHost(StepwiseHost, Protocol):
         """
         ...
 
-    def run(self, work: Work) -> AbstractContextManager[Running]:
+    def run(self, work: Work) -> AbstractContextManager[RunningWork]:
         """Have all of it running while the context lasts; when it ends, whatever still runs of it is ended.
 
         Raises:

@@ -12,11 +12,9 @@ from math import inf
 
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import Series, Setting
+from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.system import AtLeast, AtMost, Run, Threshold
-from rarms_iac.statistics import samples as values
-from rarms_iac.statistics.estimates import USUAL_ERROR, Estimate, NoEstimate, estimate
-from rarms_iac.statistics.steady_state import Steady, steady_part
-from rarms_iac.statistics.verdicts import part_for
+from rarms_iac.statistics.estimates import USUAL_ERROR, estimate_steady
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,25 +36,28 @@ class Curve:
     error: float  # of the band, at each measured point
     points: tuple[Point, ...]
     estimates: tuple[Estimate, ...]  # as measured, before they were made monotone; one a point
-    untold: tuple[int, ...] = ()  # reserves that were measured and gave no estimate
+    inconclusive: tuple[int, ...] = ()  # reserves that were measured and gave no estimate
 
     def value_at(self, reserve: float) -> Point | None:
-        """The curve there, None outside of what was measured.
+        """Look the curve up; None: outside of what was measured.
 
-        Across a reservation that was measured and gave no estimate, the line has no safe side: what was seen there is
-        not what the line says.
+        Between two measured reservations it is straight, where none between them was inconclusive; otherwise its safe
+        side has no bound there.
+
+        Args:
+            reserve: CR, 1..100 per cent of the partition's own VPs.
         """
         for left, right in zip(self.points, self.points[1:], strict=False):
             if left.reserve <= reserve <= right.reserve:
                 point = _between(left, right, reserve)
                 at_an_end = reserve in (left.reserve, right.reserve)
-                crosses = any(left.reserve < one < right.reserve for one in self.untold)
+                crosses = any(left.reserve < measured < right.reserve for measured in self.inconclusive)
                 return _unbounded(point, self.index) if crosses and not at_an_end else point
         lone = [point for point in self.points if point.reserve == reserve]
         return lone[0] if lone else None
 
     def safe_value_at(self, reserve: float) -> float | None:
-        """The safe side of the band there: what a reservation rests on."""
+        """Look up the safe side of the band, which a reservation rests on; None: outside of what was measured."""
         point = self.value_at(reserve)
         if point is None:
             return None
@@ -72,37 +73,49 @@ class LeastReserve:
 
 
 def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run, *, error: float = USUAL_ERROR) -> Curve:
-    """The curve of a component's index; a setting without an estimate (no answer, no steady state) gives no point.
+    """Draw the curve of a component's index.
 
-    Several settings at one reservation are taken together, each by its samples.
+    A setting without an estimate (no answer, no steady state) gives no point; several settings at one reservation are
+    taken together, each by its samples.
+
+    Args:
+        settings: In any order; those without the component count for nothing.
+        component: Its name.
+        index: A name of `model/indexes`.
+        run: The component's; says the deadline.
+        error: The probability, 0..1, that the truth lies outside the band at a measured point.
     """
     measured: dict[int, list[Estimate]] = {}
-    untold: set[int] = set()
+    inconclusive: set[int] = set()
     for setting in settings:
         for series in setting.series:
             if series.component != component:
                 continue
-            found = _steady_estimate(series, index, run, error)
-            if isinstance(found, Estimate):
-                measured.setdefault(setting.reserve, []).append(found)
+            estimate = _estimate(series, index, run, error)
+            if isinstance(estimate, Estimate):
+                measured.setdefault(setting.reserve, []).append(estimate)
             else:
-                untold.add(setting.reserve)
+                inconclusive.add(setting.reserve)
     reserves = sorted(measured)
-    estimates = tuple(_together(measured[reserve], index) for reserve in reserves)
+    estimates = tuple(_combine(measured[reserve], index) for reserve in reserves)
     return Curve(
         component=component,
         index=index,
         error=error,
         points=_monotone(reserves, estimates, index),
         estimates=estimates,
-        untold=tuple(sorted(untold - measured.keys())),
+        inconclusive=tuple(sorted(inconclusive - measured.keys())),
     )
 
 
 def least_reserve(apts: Iterable[tuple[Curve, Threshold]]) -> LeastReserve | None:
-    """The least whole per cent at which all these curves meet their thresholds; None: none that was measured does.
+    """Find the least whole per cent at which all curves meet their thresholds on the safe side of the band.
 
-    Several members of a partition, and several indexes of one APT, are so many pairs.
+    Args:
+        apts: A pair for every index of every member's APT; none gives None.
+
+    Returns:
+        None where no reservation within what was measured meets all thresholds.
     """
     pairs = list(apts)
     for reserve in range(1, 101):
@@ -115,7 +128,13 @@ def least_reserve(apts: Iterable[tuple[Curve, Threshold]]) -> LeastReserve | Non
 def curves_of(
     settings: Sequence[Setting], runs: Mapping[str, Run], apts: Mapping[str, Mapping[str, Threshold]]
 ) -> tuple[tuple[Curve, Threshold], ...]:
-    """The curve of every index that an APT names, component by component: what `least_reserve` asks for."""
+    """Draw the curve of every index that an APT names, component by component, as `least_reserve` takes them.
+
+    Args:
+        settings: Of all components.
+        runs: By component; every one that has thresholds.
+        apts: By component, then by index.
+    """
     return tuple(
         (curve_of(settings, component, index, runs[component]), threshold)
         for component, apt in apts.items()
@@ -124,7 +143,7 @@ def curves_of(
 
 
 def holds(curve: Curve, threshold: Threshold, reserve: int) -> bool:
-    """Whether the safe side of the band meets the threshold there: the rule that every reservation rests on."""
+    """Tell whether the safe side of the band meets the threshold there: the rule that every reservation rests on."""
     safe = curve.safe_value_at(reserve)
     if safe is None:
         return False
@@ -136,9 +155,10 @@ def holds(curve: Curve, threshold: Threshold, reserve: int) -> bool:
 
 
 def highest_missed(apts: Iterable[tuple[Curve, Threshold]]) -> int:
-    """The highest measured CR at which one of these thresholds is missed for sure, on the good side of the band, too.
+    """Find the highest measured CR at which a threshold is missed for sure: on the good side of the band, too.
 
-    0: nowhere. Above it and below what holds is the noise.
+    Returns:
+        Per cent; 0: nowhere. Between it and the least reserve that holds lies the noise.
     """
     missed = (point.reserve for curve, threshold in apts for point in curve.points if _misses(point, curve, threshold))
     return int(max(missed, default=0))
@@ -153,42 +173,25 @@ def _misses(point: Point, curve: Curve, threshold: Threshold) -> bool:
             return good < float(limit)
 
 
-def _steady_estimate(series: Series, index: str, run: Run, error: float) -> Estimate | NoEstimate:
-    begin = steady_part(values.response_times(series.samples))
-    if not isinstance(begin, Steady):
-        return NoEstimate(why=begin.why)
-    found = estimate(index, part_for(index, series, begin.first), run, error=error)
-    if isinstance(found, Estimate) and found.beyond is not None:
+def _estimate(series: Series, index: str, run: Run, error: float) -> Estimate | NoEstimate:
+    estimate = estimate_steady(index, series, run, error=error)
+    if isinstance(estimate, Estimate) and estimate.beyond is not None:
         # An extreme has no bound of its own: the curve shows what was seen.
-        return Estimate(
-            value=found.value,
-            lower=found.value,
-            upper=found.value,
-            error=error,
-            samples=found.samples,
-            effective_samples=found.effective_samples,
-            beyond=found.beyond,
-        )
-    return found
+        return replace(estimate, lower=estimate.value, upper=estimate.value)
+    return estimate
 
 
-def _together(estimates: Sequence[Estimate], index: str) -> Estimate:
-    """Repeated settings as one: means weighted by samples; the band narrows as its samples grow."""
+def _combine(estimates: Sequence[Estimate], index: str) -> Estimate:
+    """Combine repeated settings: means weighted by samples; the band narrows as its samples grow."""
     if len(estimates) == 1:
         return estimates[0]
     if estimates[0].beyond is not None:  # of an extreme nothing is averaged: what was seen once was seen
         return (min if index == "minimum_response_time" else max)(estimates, key=lambda estimate: estimate.value)
     total = sum(estimate.effective_samples for estimate in estimates)
-    parts = [estimate.effective_samples / total for estimate in estimates]
-    value = sum(part * estimate.value for part, estimate in zip(parts, estimates, strict=True))
-    below = (
-        sum((part * (estimate.value - estimate.lower)) ** 2 for part, estimate in zip(parts, estimates, strict=True))
-        ** 0.5
-    )
-    above = (
-        sum((part * (estimate.upper - estimate.value)) ** 2 for part, estimate in zip(parts, estimates, strict=True))
-        ** 0.5
-    )
+    weighted = [(estimate.effective_samples / total, estimate) for estimate in estimates]
+    value = sum(part * estimate.value for part, estimate in weighted)
+    below = sum((part * (estimate.value - estimate.lower)) ** 2 for part, estimate in weighted) ** 0.5
+    above = sum((part * (estimate.upper - estimate.value)) ** 2 for part, estimate in weighted) ** 0.5
     return Estimate(
         value=value,
         lower=value - below,
@@ -201,14 +204,9 @@ def _together(estimates: Sequence[Estimate], index: str) -> Estimate:
 
 def _monotone(reserves: Sequence[int], estimates: Sequence[Estimate], index: str) -> tuple[Point, ...]:
     fit = _fit_of(index, [estimate.effective_samples for estimate in estimates])
-    value, lower, upper = (
-        fit(side)
-        for side in (
-            [estimate.value for estimate in estimates],
-            [estimate.lower for estimate in estimates],
-            [estimate.upper for estimate in estimates],
-        )
-    )
+    value = fit([estimate.value for estimate in estimates])
+    lower = fit([estimate.lower for estimate in estimates])
+    upper = fit([estimate.upper for estimate in estimates])
     return tuple(
         Point(reserve=float(reserve), value=value[at], lower=lower[at], upper=upper[at])
         for at, reserve in enumerate(reserves)
@@ -234,11 +232,12 @@ def _fit_of(index: str, weights: Sequence[float]) -> Callable[[Sequence[float]],
 
 def _between(left: Point, right: Point, reserve: float) -> Point:
     part = (reserve - left.reserve) / (right.reserve - left.reserve)
-    value, lower, upper = (
-        _mix(one, other, part)
-        for one, other in ((left.value, right.value), (left.lower, right.lower), (left.upper, right.upper))
+    return Point(
+        reserve=reserve,
+        value=_mix(left.value, right.value, part),
+        lower=_mix(left.lower, right.lower, part),
+        upper=_mix(left.upper, right.upper, part),
     )
-    return Point(reserve=reserve, value=value, lower=lower, upper=upper)
 
 
 def _mix(left: float, right: float, part: float) -> float:
@@ -249,14 +248,14 @@ def _mix(left: float, right: float, part: float) -> float:
 
 
 def _smaller_is_better(index: str) -> bool:
-    found = find_index(index)
-    if found is None:
+    known = find_index(index)
+    if known is None:
         raise ValueError(f"{index!r} is no performance index")
-    return found.smaller_is_better
+    return known.smaller_is_better
 
 
 def falling(numbers: Sequence[float], weights: Sequence[float]) -> list[float]:
-    """The numbers made non-increasing with the least weighted squares, by pooling neighbours that rise."""
+    """Make the numbers non-increasing with the least weighted squares, by pooling neighbours that rise (isotonic)."""
     pools: list[tuple[float, float, int]] = []  # mean, weight, how many
     for number, weight in zip(numbers, weights, strict=True):
         pools.append((number, weight, 1))
@@ -266,20 +265,20 @@ def falling(numbers: Sequence[float], weights: Sequence[float]) -> list[float]:
 
 
 def rising(numbers: Sequence[float], weights: Sequence[float]) -> list[float]:
-    """The same, non-decreasing."""
+    """Make the numbers non-decreasing likewise."""
     return [-number for number in falling([-number for number in numbers], weights)]
 
 
 def not_below_later(numbers: Sequence[float]) -> list[float]:
-    """Non-increasing and at least each number: what was seen at one place may happen at every place before it."""
+    """Make the numbers non-increasing, each at least as it was: what was seen may happen at every place before, too."""
     return list(accumulate(reversed(numbers), max))[::-1]
 
 
 def not_above_earlier(numbers: Sequence[float]) -> list[float]:
-    """Non-increasing and at most each number: what was seen at one place may happen at every place after it."""
+    """Make the numbers non-increasing, each at most as it was: what was seen may happen at every place after, too."""
     return list(accumulate(numbers, min))
 
 
-def _pooled(one: tuple[float, float, int], other: tuple[float, float, int]) -> tuple[float, float, int]:
-    weight = one[1] + other[1]
-    return (one[0] * one[1] + other[0] * other[1]) / weight, weight, one[2] + other[2]
+def _pooled(later: tuple[float, float, int], earlier: tuple[float, float, int]) -> tuple[float, float, int]:
+    weight = later[1] + earlier[1]
+    return (later[0] * later[1] + earlier[0] * earlier[1]) / weight, weight, later[2] + earlier[2]

@@ -11,12 +11,12 @@ _NORMAL_ENOUGH = 400.0  # degrees of freedom from which Student's t is the norma
 
 
 def normal_quantile(probability: float) -> float:
-    """The value that a standard normal variable stays below with this probability."""
+    """Compute the value that a standard normal variable stays below with this probability, 0..1."""
     return NormalDist().inv_cdf(probability)
 
 
 def share_below(value: float, a: float, b: float) -> float:
-    """The regularised incomplete beta function: P(Beta(a, b) <= value), by its continued fraction (Lentz)."""
+    """Compute P(Beta(a, b) <= value), the regularised incomplete beta function, by its continued fraction (Lentz)."""
     if value <= 0.0:
         return 0.0
     if value >= 1.0:
@@ -46,7 +46,7 @@ def _continued_fraction(value: float, a: float, b: float) -> float:
 
 @lru_cache(maxsize=4096)
 def beta_quantile(probability: float, a: float, b: float) -> float:
-    """The value that a Beta(a, b) variable stays below with this probability."""
+    """Compute the value that a Beta(a, b) variable stays below with this probability, by bisection."""
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
@@ -59,7 +59,7 @@ def beta_quantile(probability: float, a: float, b: float) -> float:
 
 @lru_cache(maxsize=4096)
 def student_quantile(probability: float, freedom: float) -> float:
-    """The value that Student's t with so many degrees of freedom stays below with this probability."""
+    """Compute the value that Student's t with so many degrees of freedom stays below with this probability."""
     if freedom > _NORMAL_ENOUGH:
         return normal_quantile(probability)
     if probability < 0.5:
@@ -72,7 +72,7 @@ def student_quantile(probability: float, freedom: float) -> float:
 
 
 def share_interval(successes: float, trials: float, *, error: float) -> tuple[float, float]:
-    """Clopper and Pearson's bounds of a share, each wrong with at most half the error; never too narrow."""
+    """Compute Clopper and Pearson's bounds of a share, 0..1: each is wrong with at most half the error."""
     misses = trials - successes
     lower = beta_quantile(error / 2, successes, misses + 1.0) if successes > 0.0 else 0.0
     upper = beta_quantile(1.0 - error / 2, successes + 1.0, misses) if misses > 0.0 else 1.0

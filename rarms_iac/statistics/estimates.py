@@ -4,15 +4,15 @@ Response times are in ms, shares in per cent, rates a second: the index's own un
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from math import ceil, exp, inf, log, sqrt
 
 from rarms_iac.model.indexes import percentile_of
 from rarms_iac.model.measurement import Sample, Series
+from rarms_iac.model.outcomes import Estimate, NoEstimate, Unsteady
 from rarms_iac.model.system import Run
-from rarms_iac.statistics import samples as values
 from rarms_iac.statistics.distributions import beta_quantile, share_interval, student_quantile
-from rarms_iac.statistics.samples import effective_samples
+from rarms_iac.statistics.samples import deadline_misses, effective_samples, end_ms, response_times, successes
+from rarms_iac.statistics.steady_state import find_steady_part, steady_series
 
 USUAL_ERROR = 0.05
 """The probability that the truth lies outside an interval that is shown to people."""
@@ -23,45 +23,37 @@ SAFE_SIDE = USUAL_ERROR / 2
 _ROUNDING = 1e-9
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Estimate:
-    """A performance index of one series: what was seen, and between what the truth lies."""
-
-    value: float
-    lower: float  # the truth is below with at most half the error; -inf: samples say nothing about this side
-    upper: float  # the truth is above with at most half the error; inf: likewise
-    error: float
-    samples: int  # those that the value is made of
-    effective_samples: float  # what they are worth when each depends on those before it; at most `samples`
-    beyond: float | None = None  # of an extreme: the share of jobs, in per cent, that may yet lie beyond it
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NoEstimate:
-    """The samples say nothing about the index."""
-
-    why: str
-
-
 def estimate(index: str, series: Series, run: Run, *, error: float = USUAL_ERROR) -> Estimate | NoEstimate:
-    """The index of this name (`model/indexes`) over all samples of the series, with two-sided bounds of this error.
+    """Estimate a performance index over all samples of a series, which is taken as steady.
 
-    The series is taken as steady: `steadiness.steady_part` cuts a warm-up off. `run` says the deadline.
+    Args:
+        index: A name of `model/indexes`.
+        series: Of one component at one setting.
+        run: The component's; says the deadline.
+        error: The probability, 0..1, that the truth lies outside the bounds; half of it on each side.
     """
     share = percentile_of(index)
     if share is not None:
-        return _percentile(values.response_times(series.samples), float(share) / 100, error)
+        return _percentile(response_times(series.samples), float(share) / 100, error)
     return _ESTIMATORS[index](series, run, error)
 
 
+def estimate_steady(index: str, series: Series, run: Run, *, error: float = USUAL_ERROR) -> Estimate | NoEstimate:
+    """Estimate a performance index over the steady part of a series, without its warm-up (`estimate`)."""
+    first = find_steady_part(response_times(series.samples))
+    if isinstance(first, Unsteady):
+        return NoEstimate(reason=first.reason)
+    return estimate(index, steady_series(index, series, first), run, error=error)
+
+
 def mean_estimate(numbers: Sequence[float], error: float) -> Estimate | NoEstimate:
-    """The mean of numbers of any unit, by Student's t over as many samples as they are worth.
+    """Estimate the mean of numbers of any unit, by Student's t over as many samples as they are worth.
 
     Of numbers all alike a share may yet be others (`_unseen_share`), taken to be away by the mean itself at most.
     """
     count = len(numbers)
     if count < 2:
-        return NoEstimate(why=f"{count} jobs answered; a mean with bounds needs two")
+        return NoEstimate(reason=f"{count} jobs answered; a mean with bounds needs two")
     mean, worth = sum(numbers) / count, effective_samples(numbers)
     if _alike(numbers):
         below = above = abs(mean) * _unseen_share(worth, error)
@@ -86,9 +78,9 @@ def _lean(numbers: Sequence[float], mean: float, deviation: float, worth: float,
 
 
 def share_estimate(ones: Sequence[float], error: float) -> Estimate | NoEstimate:
-    """The share of ones among zeros and ones, in per cent, by Clopper and Pearson's bounds."""
+    """Estimate the share of ones among zeros and ones, in per cent, by Clopper and Pearson's bounds."""
     if not ones:
-        return NoEstimate(why="no job ended")
+        return NoEstimate(reason="no job ended")
     share, worth = sum(ones) / len(ones), effective_samples(ones)
     lower, upper = share_interval(share * worth, worth, error=error)
     return Estimate(
@@ -116,7 +108,7 @@ def _percentile(times: Sequence[float], share: float, error: float) -> Estimate 
     """Order statistics: whatever the distribution, the number of samples below its percentile is binomial."""
     count = len(times)
     if count == 0:
-        return NoEstimate(why="no job answered")
+        return NoEstimate(reason="no job answered")
     ordered = sorted(times)
     value = ordered[min(count - 1, ceil(share * count) - 1)]
     worth = effective_samples([1.0 if time > value else 0.0 for time in times])
@@ -159,29 +151,29 @@ def _rank_bounds(share: float, worth: float, error: float) -> tuple[float, float
 
 
 def _mean_response_time(series: Series, _run: Run, error: float) -> Estimate | NoEstimate:
-    return mean_estimate(values.response_times(series.samples), error)
+    return mean_estimate(response_times(series.samples), error)
 
 
 def _success_rate(series: Series, _run: Run, error: float) -> Estimate | NoEstimate:
-    return share_estimate(values.successes(series.samples), error)
+    return share_estimate(successes(series.samples), error)
 
 
 def _deadline_miss_rate(series: Series, run: Run, error: float) -> Estimate | NoEstimate:
-    return share_estimate(values.misses(series.samples, run), error)
+    return share_estimate(deadline_misses(series.samples, run), error)
 
 
 def _maximum_response_time(series: Series, _run: Run, error: float) -> Estimate | NoEstimate:
-    return _extreme(values.response_times(series.samples), error, longest=True)
+    return _extreme(response_times(series.samples), error, longest=True)
 
 
 def _minimum_response_time(series: Series, _run: Run, error: float) -> Estimate | NoEstimate:
-    return _extreme(values.response_times(series.samples), error, longest=False)
+    return _extreme(response_times(series.samples), error, longest=False)
 
 
 def _extreme(times: Sequence[float], error: float, *, longest: bool) -> Estimate | NoEstimate:
     """The extreme seen; n samples leave a share of 1 - error ** (1 / n) of the jobs possibly beyond it."""
     if not times:
-        return NoEstimate(why="no job answered")
+        return NoEstimate(reason="no job answered")
     worth = effective_samples(times)
     value = max(times) if longest else min(times)
     return Estimate(
@@ -201,9 +193,9 @@ def _jitter(series: Series, _run: Run, error: float) -> Estimate | NoEstimate:
     Above on the logarithm's scale, d log(s) = d(s^2) / (2 s^2), below on that of squares: each is the wider one there,
     and where a few rare jobs make all of the spread, their number is as uncertain.
     """
-    times = values.response_times(series.samples)
+    times = response_times(series.samples)
     if len(times) < 3:
-        return NoEstimate(why=f"{len(times)} jobs answered; jitter with bounds needs three")
+        return NoEstimate(reason=f"{len(times)} jobs answered; jitter with bounds needs three")
     mean = sum(times) / len(times)
     squares = [(time - mean) ** 2 for time in times]
     variance = sum(squares) / (len(times) - 1)
@@ -227,9 +219,9 @@ def _throughput(series: Series, _run: Run, error: float) -> Estimate | NoEstimat
     """
     count = len(series.samples)
     if count < 2 or series.elapsed_ms <= 0.0:
-        return NoEstimate(why=f"{count} jobs ended; a throughput with bounds needs two")
-    jobs = sorted(series.samples, key=values.end_ms)
-    share = share_estimate(values.successes(jobs), error / 2)
+        return NoEstimate(reason=f"{count} jobs ended; a throughput with bounds needs two")
+    jobs = sorted(series.samples, key=end_ms)
+    share = share_estimate(successes(jobs), error / 2)
     if isinstance(share, NoEstimate):
         return share
     rate, half, worth = _rate_of_successes(jobs, series.elapsed_ms, error / 2)
@@ -252,7 +244,7 @@ def _rate_of_successes(jobs: Sequence[Sample], elapsed_ms: float, error: float) 
     counts = sum(job.count for job in succeeded) / len(succeeded)
     weight = len(jobs) / len(succeeded)
     rate = counts * len(jobs) / elapsed_ms
-    ends = [values.end_ms(job) for job in jobs]
+    ends = [end_ms(job) for job in jobs]
     times = [later - sooner for sooner, later in zip([0.0, *ends], ends, strict=False)]
     residuals = [
         (weight * (job.count - counts) if job.successful else 0.0) - rate * time

@@ -1,4 +1,4 @@
-"""From the samples of a series to the numbers that an index is made of."""
+"""The numbers in the samples of a series, and how many independent ones they are worth."""
 
 from collections.abc import Sequence
 from operator import mul
@@ -8,36 +8,36 @@ from rarms_iac.model.system import Run
 
 
 def response_times(samples: Sequence[Sample]) -> list[float]:
-    """The response times, in ms, of all jobs that answered, in order."""
+    """List the response times, in ms, of all jobs that answered, in order."""
     return [sample.response_ms for sample in samples if sample.response_ms is not None]
 
 
 def successes(samples: Sequence[Sample]) -> list[float]:
-    """1 for a job that succeeded, 0 for every other, in order."""
+    """List 1 for a job that succeeded and 0 for every other, in order."""
     return [1.0 if sample.successful else 0.0 for sample in samples]
 
 
-def misses(samples: Sequence[Sample], run: Run) -> list[float]:
-    """1 for a job that missed its deadline or gave no answer, 0 for every other, in order."""
+def deadline_misses(samples: Sequence[Sample], run: Run) -> list[float]:
+    """List 1 for a job that missed its deadline or gave no answer and 0 for every other, in order."""
     deadline = float("inf") if run.deadline is None else float(run.deadline)
     return [1.0 if sample.response_ms is None or sample.response_ms > deadline else 0.0 for sample in samples]
 
 
 def end_ms(sample: Sample) -> float:
-    """When the job was over, in ms since the setting began; without an answer, when it began."""
+    """Say when the job was over, in ms since the setting began; without an answer, when it began."""
     return sample.began_ms + (sample.response_ms or 0.0)
 
 
-def failed(series: Series) -> int:
-    """How many samples are failed ones: death, time-out, unreadable."""
-    return sum(1 for sample in series.samples if sample.failure)
+def failures(series: Series) -> tuple[str, ...]:
+    """List why samples failed (death, time-out, unreadable), in order."""
+    return tuple(sample.failure for sample in series.samples if sample.failure)
 
 
 _LONGEST_LAG = 4  # a share of the samples: 1/4
 
 
 def effective_samples(values: Sequence[float]) -> float:
-    """The number of independent samples that would know the mean as well: n / (1 + 2 * sum of autocorrelations).
+    """Count the independent samples that would know the mean as well: n / (1 + 2 * sum of autocorrelations).
 
     The sum ends where neighbouring pairs of autocorrelations stop being positive (Geyer's initial positive
     sequence); it is never less than what a first-order process of the same, bias-corrected, first autocorrelation
@@ -47,23 +47,23 @@ def effective_samples(values: Sequence[float]) -> float:
     if count < 3:
         return float(count)
     mean = sum(values) / count
-    away = [value - mean for value in values]
-    variance = sum(map(mul, away, away))
+    deviations = [value - mean for value in values]
+    variance = sum(map(mul, deviations, deviations))
     if variance <= 1e-18 * max(1.0, mean * mean) * count:
         return float(count)
-    first = sum(map(mul, away, away[1:])) / variance
-    time = max(_initial_positive(away, variance), _first_order(first, count), 1.0)
+    first = sum(map(mul, deviations, deviations[1:])) / variance
+    time = max(_initial_positive(deviations, variance), _first_order(first, count), 1.0)
     return max(1.0, count / time)
 
 
-def _initial_positive(away: Sequence[float], variance: float) -> float:
+def _initial_positive(deviations: Sequence[float], variance: float) -> float:
     """The integrated autocorrelation time by pairs of lags (2k, 2k + 1) while their sum is positive and falls."""
     pairs, last = 0.0, float("inf")
-    for lag in range(0, len(away) // _LONGEST_LAG, 2):
-        pair = sum(sum(map(mul, away, away[shift:])) for shift in (lag, lag + 1)) / variance
+    for lag in range(0, len(deviations) // _LONGEST_LAG, 2):
+        pair = sum(sum(map(mul, deviations, deviations[shift:])) for shift in (lag, lag + 1)) / variance
         pair = min(pair, last)
         # Noise about zero ends the sum: what is below it cannot be told from no correlation.
-        if pair <= 2.0 / len(away) ** 0.5 and lag > 0:
+        if pair <= 2.0 / len(deviations) ** 0.5 and lag > 0:
             break
         pairs, last = pairs + pair, pair
     return 2.0 * pairs - 1.0

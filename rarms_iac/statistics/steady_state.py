@@ -1,45 +1,65 @@
-"""Warm-up and steady state, found by change points."""
+"""Finds warm-up and steady state by change points, and cuts a series there."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import sqrt
+
+from rarms_iac.model.measurement import Series
+from rarms_iac.model.outcomes import Unsteady
 
 FEWEST = 40
 """A shorter series shows no change that could be told from its noise: it is taken as steady."""
 
+_MAXIMUM = "maximum_response_time"
 _BLOCKS = 40
 _SHORTEST_BLOCK = 5
 _MOST_WARM_UP = 0.25  # a warm-up that takes more of the series leaves no steady state
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Steady:
-    """From this sample on (counted from 0) the series keeps its level; what is before is warm-up."""
+def find_steady_part(times: Sequence[float]) -> int | Unsteady:
+    """Find where response times, in ms and in order, begin to be steady.
 
-    first: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Unsteady:
-    """The series has no steady state."""
-
-    why: str
-
-
-def steady_part(numbers: Sequence[float]) -> Steady | Unsteady:
-    """Where the numbers, response times in ms in order, begin to be steady."""
+    Returns:
+        The number, from 0, of the first steady one: what is before it is warm-up, at most a quarter of all. Fewer
+        than `FEWEST` are taken as steady.
+    """
     first = 0
     while True:
-        rest = numbers[first:]
+        rest = times[first:]
         if len(rest) < FEWEST:
-            return Steady(first=first)
-        change = _change(rest)
+            return first
+        change = _find_change(rest)
         if change is None:
-            return Steady(first=first)
+            return first
         first += change.at
-        if first > _MOST_WARM_UP * len(numbers):
-            return Unsteady(why=change.says(len(numbers)))
+        if first > _MOST_WARM_UP * len(times):
+            return Unsteady(reason=change.describe(len(times)))
+
+
+def steady_series(index: str, series: Series, first: int) -> Series:
+    """Select the samples that an index is made of, when the series is steady from the answer number `first` on.
+
+    The maximum is of all samples: no warm-up excuses a late answer.
+    """
+    return series if index == _MAXIMUM else without_warm_up(series, first)
+
+
+def without_warm_up(series: Series, first: int) -> Series:
+    """Cut off what came before the answer number `first` (from 0) and set the clock back.
+
+    So a throughput counts the steady part's own time only.
+    """
+    if first == 0:
+        return series
+    answered = [number for number, sample in enumerate(series.samples) if sample.response_ms is not None]
+    samples = series.samples[answered[first] :]
+    began = samples[0].began_ms
+    return replace(
+        series,
+        samples=tuple(replace(sample, began_ms=sample.began_ms - began) for sample in samples),
+        elapsed_ms=series.elapsed_ms - began,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,30 +68,30 @@ class _Change:
     before: float
     after: float
 
-    def says(self, count: int) -> str:
+    def describe(self, count: int) -> str:
         levels = f"from {self.before:.4g} ms to {self.after:.4g} ms"
         return f"its response times still changed within {count} samples, {levels}"
 
 
-def _change(numbers: Sequence[float]) -> _Change | None:
+def _find_change(numbers: Sequence[float]) -> _Change | None:
     """The clearest change of level, None if chance explains it."""
     length = max(_SHORTEST_BLOCK, len(numbers) // _BLOCKS)
     means = [sum(numbers[start : start + length]) / length for start in range(0, len(numbers) - length + 1, length)]
     noise = _noise(means)
     if noise == 0.0 and means.count(means[0]) == len(means):
         return None
-    best, where = 0.0, 0
-    total, left = sum(means), 0.0
+    best, split = 0.0, 0
+    total, below = sum(means), 0.0
     for count in range(1, len(means)):
-        left += means[count - 1]
-        difference = abs(left / count - (total - left) / (len(means) - count))
+        below += means[count - 1]
+        difference = abs(below / count - (total - below) / (len(means) - count))
         clear = difference / sqrt(1.0 / count + 1.0 / (len(means) - count))
         if clear > best:
-            best, where = clear, count
+            best, split = clear, count
     if best <= _limit(len(means)) * noise:
         return None
-    left = sum(means[:where])
-    return _Change(at=where * length, before=left / where, after=(total - left) / (len(means) - where))
+    below = sum(means[:split])
+    return _Change(at=split * length, before=below / split, after=(total - below) / (len(means) - split))
 
 
 def _noise(means: Sequence[float]) -> float:

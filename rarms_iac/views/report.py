@@ -5,6 +5,7 @@ from math import isfinite
 
 from rarms_iac.app.report_model import IndexCurve, Measurement, Report
 from rarms_iac.statistics.verdicts import ERRORS
+from rarms_iac.statistics.verdicts import ERRORS_EXPLAINED
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap
 from rarms_iac.views.output.combining import AskedOutput
@@ -52,7 +53,7 @@ def _parts(report: Report, width: int, *, ascii_only: bool, colour: bool) -> Ite
         yield "\n".join(wrap(f"combining on {tuning.platform}: {tuning_text(tuning)}", width, "")) + "\n"
         yield table([("partition", "components", "CR", "bandwidth", "apart"), *tuned_of(tuning)], width)
         yield table([("asked for", "CR", "predicted", "answer"), *trail_of(tuning)], width)
-    yield "\n".join(wrap(ERRORS, width, "")) + "\n"
+    yield "\n".join(wrap(ERRORS_EXPLAINED, width, "")) + "\n"
     for measurement in report.measurements:
         for index in measurement.indexes:
             yield (

@@ -9,6 +9,8 @@ from rarms_iac.model.quantities import show_percent
 from rarms_iac.model.system import AtMost, Threshold
 from rarms_iac.statistics.curves import Point, holds
 from rarms_iac.statistics.verdicts import wrong
+from rarms_iac.statistics.verdicts import describe_error
+from rarms_iac.views.walk import Looked, Walk
 
 
 def verdicts(walk: Explanation) -> Iterator[str]:
@@ -22,7 +24,7 @@ def verdicts(walk: Explanation) -> Iterator[str]:
         point = one.curve.value_at(at)
         if point is not None:
             yield _verdict(walk, one, point, at)
-    if untold := sorted({each for one in walk.looked for each in one.curve.untold}):
+    if untold := sorted({each for one in walk.looked for each in one.curve.inconclusive}):
         yield f"measured without a verdict (no steady state, or too few answers): {_listed(untold)}"
     if walk.least is not None and walk.least.interpolated:
         below = max((reserve for reserve in walk.measured.reserves if reserve < walk.least.reserve), default=None)
@@ -43,7 +45,7 @@ def one_less(walk: Explanation, less: int) -> Iterator[str]:
     ]
     for one, point in missed:
         how = "measured" if any(at.reserve == less for at in one.curve.points) else "looked up"
-        how = f"{how}, as what was measured there gave no verdict" if less in one.curve.untold else how
+        how = f"{how}, as what was measured there gave no verdict" if less in one.curve.inconclusive else how
         side = point.upper if isinstance(one.threshold, AtMost) else point.lower
         yield (
             f"{less} %, one less: {_name(walk, one)} {_value(one, point.value)} ({how}), and {_value(one, side)} "
@@ -51,7 +53,7 @@ def one_less(walk: Explanation, less: int) -> Iterator[str]:
         )
     if missed:
         return
-    untold = sorted({at for one in walk.looked for at in one.curve.untold if at <= less})
+    untold = sorted({at for one in walk.looked for at in one.curve.inconclusive if at <= less})
     if less in untold:
         yield f"{less} %, one less: it was measured, and gave no verdict, so nothing says that it would do"
     elif untold:
@@ -88,7 +90,7 @@ def _verdict(walk: Explanation, looked: MemberCurve, point: Point, at: int) -> s
         f"(the truth lies outside in at most {_percent(looked.curve.error)} of cases{_samples(looked, point)})"
     )
     if holds(looked.curve, looked.threshold, at):
-        return f"{seen}: met, as the safe side of that is {_beside(looked)}; {wrong(looked.curve.error / 2)}"
+        return f"{seen}: met, as the safe side of that is {_beside(looked)}; {describe_error(looked.curve.error / 2)}"
     return f"{seen}: not met for sure, as the safe side of that is not {_beside(looked)}"
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.measuring.partitions import set_reserves, shapes_of, standing
+from rarms_iac.measuring.partitions import running_test_partitions, set_reserves, shapes_of_test_partitions
 from rarms_iac.model.measurement import P1, P2, EnvironmentSetup, Sample
 from rarms_iac.model.system import BusyLoop, Component, Elapsed, SampleCount
 from rarms_iac.providers.interface import Refused
-from rarms_iac.providers.measuring import Inside, MeasuringHost, Work
+from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, Work
 from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 from tests.builders import a_component, a_host, a_run, a_simulation, memory, milliseconds
@@ -22,7 +22,7 @@ HOSTS: tuple[Callable[[Path], MeasuringHost], ...] = (
 SETUP = EnvironmentSetup(
     members=("ears", "eyes"), interference="busy-loop", processors=2, memory=memory("512 MiB"), limit=100, weight=100
 )
-SHAPES = shapes_of(SETUP, 2, memory("256 MiB"))
+SHAPES = shapes_of_test_partitions(SETUP, 2, memory("256 MiB"))
 EYES = a_component("eyes", simulation=a_simulation(work="4 ms", blocked="2 ms", varies="10 %"))
 EARS = a_component("ears", run=a_run(every="20 ms"), simulation=a_simulation(work="1 ms", varies="10 %"))
 
@@ -36,7 +36,7 @@ def host(request: pytest.FixtureRequest, tmp_path: Path) -> MeasuringHost:
 
 @contextmanager
 def ready(host: MeasuringHost, reserve: int = 60) -> Iterator[None]:
-    with standing(host, "robot", SHAPES):
+    with running_test_partitions(host, "robot", SHAPES):
         set_reserves(host, "robot", SHAPES, {P1: reserve, P2: 100 - reserve})
         yield
 
@@ -44,7 +44,7 @@ def ready(host: MeasuringHost, reserve: int = 60) -> Iterator[None]:
 def some_work(*components: Component, seed: int = 7, **until: SampleCount | Elapsed) -> Work:
     return Work(
         application="robot",
-        inside=(Inside(partition=P1, components=components), Inside(partition=P2, load=BusyLoop())),
+        partitions=(PartitionWork(partition=P1, components=components), PartitionWork(partition=P2, load=BusyLoop())),
         until=until,
         seed=seed,
     )

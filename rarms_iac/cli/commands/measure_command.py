@@ -22,10 +22,10 @@ from rarms_iac.cli.options import host_options, json_option, manifest_options, t
 from rarms_iac.cli.passes import end_passes, passes_for
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.telling import tell
-from rarms_iac.measuring.conclusions import NoVerdict, Stopped
+from rarms_iac.measuring.findings import findings_of
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.measuring.telling import findings_of
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
+from rarms_iac.model.outcomes import SettingFailed, Stopped
 from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.storage.datalog.files import LogUnreadable
@@ -182,7 +182,7 @@ def measured(session: Session, hosts: Hosts, options: MeasureOptions, *, interac
             asked = replace(options, seed=mine.seed) if mine else options
             with session.interrupts.gently():
                 result = run_experiment(session, hosts, experiment, benches[experiment.host.name], asked)
-            if mine and not isinstance(result.conclusion, Stopped | NoVerdict):
+            if mine and not isinstance(result.conclusion, Stopped | SettingFailed):
                 complete[path_for(hosts, experiment)] = mine
             if interactive and not isinstance(result.conclusion, Stopped):
                 result = ask_levels(session, hosts, result)

@@ -1,43 +1,18 @@
-"""The search for the least reservation: strategies are pure functions of the settings measured so far.
+"""The search for the least sufficient reservation: strategies are pure functions of the settings measured so far.
 
-    step = STRATEGIES["default"](history, goal)
-
-Resuming is replaying the history out of the data log: the same history gives the same step.
+A history of trials and a goal come in (`trials.py`, where to begin), the next step comes out (`model/outcomes.py`).
+Resuming is replaying the history out of the data log: the same history gives the same step. `stepwise.py` has
+bisection and the paper's walk; `default.py` needs fewer settings, by what `observations.py` reads from a setting beyond
+pass and fail, and by the probabilities of `posterior.py`.
 """
 
-from rarms_iac.measuring.search import bisection, default, paper
-from rarms_iac.measuring.search.values import (
-    Found,
-    Goal,
-    Measure,
-    Member,
-    NotAchievable,
-    NotResolved,
-    Step,
-    Strategy,
-    Trial,
-    settled,
-    trial_of,
-)
+from rarms_iac.measuring.search.default import search_with_few_settings
+from rarms_iac.measuring.search.stepwise import bisect, walk_by_ten
+from rarms_iac.measuring.search.trials import NextStep
 
-STRATEGIES: dict[str, Strategy] = {
-    "default": default.next_step,
-    "bisection": bisection.next_step,
-    "paper": paper.next_step,
+STRATEGIES: dict[str, NextStep] = {
+    "default": search_with_few_settings,
+    "bisection": bisect,
+    "paper": walk_by_ten,
 }
 """By the name that `--strategy` takes."""
-
-__all__ = [
-    "STRATEGIES",
-    "Found",
-    "Goal",
-    "Measure",
-    "Member",
-    "NotAchievable",
-    "NotResolved",
-    "Step",
-    "Strategy",
-    "Trial",
-    "settled",
-    "trial_of",
-]

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 from math import inf, log, sqrt
 from statistics import NormalDist
 
-from rarms_iac.measuring.search.values import Goal, Member, Trial
+from rarms_iac.measuring.search.trials import Goal, Member, Trial
 from rarms_iac.model.measurement import Series
+from rarms_iac.model.outcomes import NoEstimate
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics import samples as values
-from rarms_iac.statistics.estimates import NoEstimate, estimate
+from rarms_iac.statistics.estimates import estimate
 
 _ONE_DEVIATION = 0.3173  # the error at which bounds are one standard deviation away
 _UNSEEN_VARIATION = 0.1  # of response times that are not shown, as a first guess

@@ -27,7 +27,7 @@ from rarms_iac.model.system import (
     TaskCategory,
 )
 from rarms_iac.providers.interface import Refused
-from rarms_iac.providers.measuring import Inside, Work
+from rarms_iac.providers.measuring import PartitionWork, Work
 from rarms_iac.providers.simulated.content import Content, Machine
 from rarms_iac.providers.simulated.parse import description
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
@@ -137,17 +137,17 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
     def run(self, work: Work) -> Iterator["Simulated"]:
         """As the interface says."""
         content = self.load()
-        machines = tuple(self._machine(content, one, work.application) for one in work.inside)
+        machines = tuple(self._machine(content, one, work.application) for one in work.partitions)
         idle = self._idle(content, work)
         machine = model.Machine(
             lps=self._host.logical_processors, machines=(*machines, *idle), interrupts=model.QUIET_INTERRUPTS
         )
         jobs = self._simulate(machine, work.seed)
-        runs = {component.name: run_of(component) for inside in work.inside for component in inside.components}
+        runs = {component.name: run_of(component) for inside in work.partitions for component in inside.components}
         timeouts = {name: float(run.timeout) for name, run in runs.items()}
         yield Simulated(jobs=jobs, until=work.until, timeouts=timeouts)
 
-    def _machine(self, content: Content, inside: Inside, application: str) -> model.VirtualMachine:
+    def _machine(self, content: Content, inside: PartitionWork, application: str) -> model.VirtualMachine:
         """One operating system of the work, with what the host's file says of its partition."""
         loads = () if inside.load is None else (load_of(inside.load),)
         if not inside.partition:
@@ -173,7 +173,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
 
     def _idle(self, content: Content, work: Work) -> tuple[model.VirtualMachine, ...]:
         """What else runs: it does nothing, and what it reserves is its own."""
-        busy = {self._running(content, one.partition, work.application).id for one in work.inside if one.partition}
+        busy = {self._running(content, one.partition, work.application).id for one in work.partitions if one.partition}
         others = [
             machine for machine in content.machines.values() if machine.settings.running and machine.id not in busy
         ]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import Report
 from rarms_iac.statistics.verdicts import ERRORS
+from rarms_iac.statistics.verdicts import ERRORS_EXPLAINED
 from rarms_iac.storage.shipped import shipped, shipped_text
 from rarms_iac.views.reports.page import RESERVES, Card, cards_of, data_of
 from rarms_iac.views.reports.summary import (
@@ -62,7 +63,7 @@ def as_html(report: Report) -> bytes:
                 for standing in report.standings
             ],
             reserves=RESERVES,
-            errors=ERRORS,
+            errors=ERRORS_EXPLAINED,
             style=Markup(style),  # noqa: S704 - ours, to the byte
             script=Markup(script),  # noqa: S704 - ours, to the byte
             data=Markup(_inert(data_of(report, cards))),  # noqa: S704 - no sign that HTML reads is left in it

@@ -17,7 +17,7 @@ from rarms_iac.model.indexes import show_threshold
 from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.planner.prediction.belief import ASSUMED
-from rarms_iac.statistics.verdicts import wrong
+from rarms_iac.statistics.verdicts import describe_error
 from rarms_iac.views.reports.scale import shown
 
 MOST_CANDIDATES = 24
@@ -102,7 +102,7 @@ def verdict_of(shown: IndexCurve, reserve: int | None) -> str:
 
 def error_text(point: MeasuredPoint) -> str:
     """How probably the verdict is wrong, as the end of a sentence; nothing where nobody says."""
-    return "" if point.error is None else f" ({wrong(point.error)})"
+    return "" if point.error is None else f" ({describe_error(point.error)})"
 
 
 def _fixed(name: str, amount: Fraction) -> Level:
@@ -152,7 +152,7 @@ def _proven(proof: ComponentProof) -> Proven:
         shows=_band(proof),
         met=proof.met,
         result=proof.verdict
-        + ("" if proof.error is None else f" ({wrong(proof.error)})")
+        + ("" if proof.error is None else f" ({describe_error(proof.error)})")
         + (f": {proof.note}" if proof.note else ""),
     )
 

@@ -15,9 +15,9 @@ from benchmarks.verdicts import (
     wrong,
 )
 from rarms_iac.model.indexes import INDEXES
+from rarms_iac.model.outcomes import Met, Missed, Unsteady
 from rarms_iac.statistics.estimates import USUAL_ERROR
-from rarms_iac.statistics.steady_state import Unsteady
-from rarms_iac.statistics.verdicts import VERDICT_ERROR, Met, Missed, judge
+from rarms_iac.statistics.verdicts import VERDICT_ERROR, judge
 from tests.effort import examples
 
 UNLIKELY = 0.01

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.measuring.partitions import load_shape, standing
+from rarms_iac.measuring.partitions import load_shape, running_test_partitions
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.storage.datalog.configuration import Chosen, Proven, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
@@ -260,7 +260,7 @@ def test_a_layout_that_misses_a_threshold_is_told(here: Path) -> None:
 
 
 def test_a_killed_measurement_leaves_partitions_that_the_next_one_removes(here: Path) -> None:
-    left = standing(host(here), "robot", (load_shape(2, 2**28),))
+    left = running_test_partitions(host(here), "robot", (load_shape(2, 2**28),))
     left.__enter__()  # and never left: as a kill leaves it
     ran = rarms("measure", "--from", "50%", "--to", "50%")
 

@@ -6,16 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.measuring.book import Book
-from rarms_iac.measuring.conclusions import Measure, NotAchievable, NotResolved, NoVerdict, Stopped, Sufficient, Swept
-from rarms_iac.measuring.measuring import Ended, Strategy, Surroundings, measure
-from rarms_iac.measuring.partitions import remove_test_partitions
-from rarms_iac.measuring.reporter import Silent
-from rarms_iac.measuring.room import room_of
-from rarms_iac.measuring.search import STRATEGIES, settled
+from rarms_iac.measuring.loop import LoopResult, MeasuringContext, SettingsLog, Strategy, measure
+from rarms_iac.measuring.partitions import host_budget, remove_test_partitions
+from rarms_iac.measuring.search import STRATEGIES
+from rarms_iac.measuring.search.trials import is_clear
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Agreeing, Searching, Sweeping, Verifying, goal_of
 from rarms_iac.model.measurement import run_of
+from rarms_iac.model.outcomes import Measure, NotAchievable, NotResolved, SettingFailed, Stopped, Sufficient, Swept
 from rarms_iac.model.system import SampleCount
 from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, Machine
@@ -24,7 +22,7 @@ from rarms_iac.storage import disk
 from rarms_iac.storage.datalog.identity import Subject, header_of, identity_of
 from rarms_iac.storage.datalog.log import Provenance
 from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most
-from tests.builders_measured import a_series
+from tests.builders_measured import Silent, a_series
 from tests.crashing import Crash, CrashingDisk, When
 from tests.effort import LONG
 from tests.fluid import fluid
@@ -67,15 +65,15 @@ class Bench:
 
         return SimulatedMeasuringHost(a_host(), self.folder / "onboard.json", counted)
 
-    def book(self, seed: int | None = None) -> Book:
+    def book(self, seed: int | None = None) -> SettingsLog:
         one = self.experiment
         subject = Subject(platform="onboard", components=one.members, setup=one.setup, load=one.load, tasks={})
         header = header_of(subject, identity_of(subject, {}, {}), self.host().bench())
-        return Book(path=self.folder / "logs" / "log.jsonl", header=header, provenance=lambda: TAKEN, seed=seed)
+        return SettingsLog(path=self.folder / "logs" / "log.jsonl", header=header, provenance=lambda: TAKEN, seed=seed)
 
     def search(self, name: str = "bisection", most: int = 100) -> Searching:
         goal = goal_of(self.experiment)
-        return Searching(goal=goal, next_step=STRATEGIES[name], most=most, only_its_own=name == "paper")
+        return Searching(goal=goal, next_step=STRATEGIES[name], most=most, own_settings_only=name == "paper")
 
     def measure(
         self,
@@ -85,13 +83,13 @@ class Bench:
         should_stop: Callable[[], bool] = lambda: False,
         seed: int = 1,
         only: int | None = None,
-    ) -> Ended:
+    ) -> LoopResult:
         host = self.host(simulate)
         with host.lock("a test"):
             remove_test_partitions(host)
-            around = Surroundings(
+            around = MeasuringContext(
                 host=host,
-                room=lambda: room_of(a_host(), host.observe(), "robot"),
+                budget=lambda: host_budget(a_host(), host.observe(), "robot"),
                 seed=seed,
                 reporter=Silent(),
                 should_stop=should_stop,
@@ -233,7 +231,7 @@ def test_verifying_says_when_the_host_has_too_little_left(bench: Bench) -> None:
     ended = bench.measure(Verifying(goal=goal_of(bench.experiment), most=20))
 
     assert isinstance(ended.conclusion, NotResolved)
-    assert "20 % left" in ended.conclusion.says
+    assert "20 % left" in ended.conclusion.reason
     assert ended.new == 0
 
 
@@ -267,10 +265,10 @@ def test_a_threshold_at_the_floor_is_never_met_for_sure(bench: Bench) -> None:
     ended = bench.measure(agreeing(bench), simulate=flat)
 
     assert isinstance(ended.conclusion, NotResolved)
-    assert ended.conclusion.says.startswith("at 100 % vision is within the noise")
+    assert ended.conclusion.reason.startswith("at 100 % vision is within the noise")
     within = bench.measure(bench.search("bisection", most=80), simulate=flat, seed=2, only=2)
     assert isinstance(within.conclusion, NotResolved)
-    assert within.conclusion.says.startswith("at 80 % vision is within the noise")
+    assert within.conclusion.reason.startswith("at 80 % vision is within the noise")
 
 
 def test_more_failed_samples_than_are_allowed_end_without_a_verdict(bench: Bench) -> None:
@@ -280,9 +278,9 @@ def test_more_failed_samples_than_are_allowed_end_without_a_verdict(bench: Bench
 
     ended = bench.measure(simulate=dying)
 
-    assert isinstance(ended.conclusion, NoVerdict)
-    assert ended.conclusion.component == "vision"
-    assert "no answer within" in ended.conclusion.failures[0]
+    assert isinstance(ended.conclusion, SettingFailed)
+    assert ended.conclusion.verdict.component == "vision"
+    assert "no answer within" in ended.conclusion.verdict.failures[0]
     assert bench.recorded == []
     assert bench.machines == []
 
@@ -318,7 +316,7 @@ def test_killed_at_any_write_the_next_run_goes_on_and_leaves_nothing_behind(tmp_
         bench.experiment = with_samples(bench.experiment, 5)
         return bench
 
-    def run(bench: Bench, on: CrashingDisk) -> Ended:
+    def run(bench: Bench, on: CrashingDisk) -> LoopResult:
         with disk.use(on):
             return bench.measure(Sweeping(reserves=reserves))
 
@@ -384,9 +382,9 @@ def test_the_first_setting_goes_on_until_its_level_is_known_as_precisely_as_the_
     few, many = ({"vision": a_series("vision", jobs[:count])} for count in (40, 160))
 
     assert isinstance(asked, Measure)
-    assert settled(few, goal_of(bench.experiment))
-    assert not asked.settled(few)
-    assert asked.settled(many)
+    assert is_clear(few, goal_of(bench.experiment))
+    assert not is_clear(few, goal_of(bench.experiment), precision=asked.precision)
+    assert is_clear(many, goal_of(bench.experiment), precision=asked.precision)
 
 
 def test_what_is_decided_again_from_the_log_is_what_was_decided_before(bench: Bench) -> None:

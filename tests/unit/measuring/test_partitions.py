@@ -2,7 +2,13 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.measuring.partitions import load_shape, remove_test_partitions, set_reserves, shapes_of, standing
+from rarms_iac.measuring.partitions import (
+    load_shape,
+    remove_test_partitions,
+    running_test_partitions,
+    set_reserves,
+    shapes_of_test_partitions,
+)
 from rarms_iac.model.measurement import P1, P2, EnvironmentSetup
 from rarms_iac.model.operations import CreatePartition
 from rarms_iac.model.plan import Scope
@@ -15,7 +21,7 @@ from tests.crashing import Crash, CrashingDisk, When
 SETUP = EnvironmentSetup(
     members=("vision",), interference="busy-loop", processors=1, memory=memory("512 MiB"), limit=80, weight=200
 )
-SHAPES = shapes_of(SETUP, 2, memory("256 MiB"))
+SHAPES = shapes_of_test_partitions(SETUP, 2, memory("256 MiB"))
 
 
 class DeadDisk(CrashingDisk):
@@ -37,7 +43,7 @@ def names(host: SimulatedHostProvider) -> list[str]:
 
 def test_test_partitions_stand_marked_and_running_while_the_context_lasts(tmp_path: Path) -> None:
     host = the_host(tmp_path)
-    with standing(host, "robot", SHAPES):
+    with running_test_partitions(host, "robot", SHAPES):
         p1, p2 = host.observe().partitions
         set_reserves(host, "robot", SHAPES, {P1: 30, P2: 70})
         set_reserves(host, "robot", SHAPES, {P1: 40, P2: 60})
@@ -57,7 +63,7 @@ def test_test_partitions_stand_marked_and_running_while_the_context_lasts(tmp_pa
 
 def test_they_go_when_the_work_fails(tmp_path: Path) -> None:
     host = the_host(tmp_path)
-    with pytest.raises(KeyboardInterrupt), standing(host, "robot", SHAPES):
+    with pytest.raises(KeyboardInterrupt), running_test_partitions(host, "robot", SHAPES):
         raise KeyboardInterrupt
 
     assert names(host) == []
@@ -65,7 +71,10 @@ def test_they_go_when_the_work_fails(tmp_path: Path) -> None:
 
 def test_they_go_when_only_one_can_be_made(tmp_path: Path) -> None:
     host = the_host(tmp_path)
-    with pytest.raises(Refused, match="needs"), standing(host, "robot", (SHAPES[0], load_shape(2, memory("4 GiB")))):
+    with (
+        pytest.raises(Refused, match="needs"),
+        running_test_partitions(host, "robot", (SHAPES[0], load_shape(2, memory("4 GiB")))),
+    ):
         raise AssertionError("P2 has no room")
 
     assert names(host) == []
@@ -77,7 +86,7 @@ def test_what_a_kill_left_behind_goes_with_the_next_run_wherever_it_struck(tmp_p
 
     def all_of_it() -> None:
         host = the_host(tmp_path)
-        with standing(host, "robot", SHAPES):
+        with running_test_partitions(host, "robot", SHAPES):
             set_reserves(host, "robot", SHAPES, {P1: 30, P2: 70})
 
     counting = CrashingDisk(0)

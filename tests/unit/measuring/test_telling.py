@@ -2,11 +2,11 @@
 
 import pytest
 
-from rarms_iac.measuring.conclusions import NotAchievable, Sufficient
-from rarms_iac.measuring.measuring import NoPlaces
+from rarms_iac.measuring.findings import findings_of
+from rarms_iac.measuring.loop import NoPlaces
 from rarms_iac.measuring.setup import experiment_of
-from rarms_iac.measuring.telling import findings_of
 from rarms_iac.model.measurement import Setting
+from rarms_iac.model.outcomes import NotAchievable, Sufficient
 from tests.builders import a_component, a_simulation, a_system, at_most
 from tests.builders_measured import a_series, a_setting
 
@@ -44,7 +44,7 @@ def drifting(reserve: int) -> Setting:
 
 
 @pytest.mark.parametrize(
-    ("failed", "untold", "says"),
+    ("failed", "inconclusive", "says"),
     [
         (None, (45,), "vision: 46 % is enough. Of 45 % nothing is known: it reached no steady state"),
         (20, (44, 45), "46 % is enough; 20 % is not shown to be. Of 44 and 45 % nothing is known: they reached no"),
@@ -54,14 +54,14 @@ def drifting(reserve: int) -> Setting:
     ],
 )
 def test_less_that_may_be_enough_is_told_of_where_settings_between_say_nothing(
-    failed: int | None, untold: tuple[int, ...], says: str | None
+    failed: int | None, inconclusive: tuple[int, ...], says: str | None
 ) -> None:
-    end = Sufficient(reserve=46, failed=failed, error=0.03, untold=untold)
+    end = Sufficient(reserve=46, failed=failed, error=0.03, inconclusive=inconclusive)
     component = a_component("vision", apt=APT, simulation=a_simulation(), reserve=None)
     system = a_system(components=[component])
     experiment = experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
 
-    found = list(findings_of(experiment, end, tuple(map(drifting, untold)), NoPlaces()))
+    found = list(findings_of(experiment, end, tuple(map(drifting, inconclusive)), NoPlaces()))
 
     assert [diagnostic.code for diagnostic in found] == (["RARMS267"] if says else [])
     assert all(says is not None and says in diagnostic.detail for diagnostic in found)

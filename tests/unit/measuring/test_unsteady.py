@@ -6,39 +6,29 @@ is at its end of 200 samples before it is steady.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
-from rarms_iac.measuring.conclusions import Sufficient
-from rarms_iac.measuring.measured import shown_at, steady
-from rarms_iac.measuring.measuring import Ended, NoPlaces, Surroundings, measure
-from rarms_iac.measuring.reporter import Silent
-from rarms_iac.measuring.room import room_of
+from rarms_iac.measuring.findings import findings_of
+from rarms_iac.measuring.loop import LoopResult, MeasuringContext, NoPlaces, SettingsLog, measure
+from rarms_iac.measuring.partitions import host_budget
+from rarms_iac.measuring.performance import shortfall_at, why_unsteady
 from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Agreeing, Searching, Verifying, goal_of
-from rarms_iac.measuring.telling import findings_of
 from rarms_iac.model.measurement import Setting
+from rarms_iac.model.outcomes import Sufficient
 from rarms_iac.model.system import SampleCount
 from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 from rarms_iac.statistics.curves import LeastReserve, curves_of, least_reserve
+from rarms_iac.storage.datalog.identity import Subject, header_of, identity_of
+from rarms_iac.storage.datalog.log import Provenance
 from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most
+from tests.builders_measured import Silent
 
-
-@dataclass
-class Notes:
-    """A log of settings in memory."""
-
-    kept: list[Setting] = field(default_factory=list)
-
-    def settings(self) -> tuple[Setting, ...]:
-        return tuple(self.kept)
-
-    def add(self, setting: Setting) -> None:
-        self.kept.append(setting)
+TAKEN = Provenance(rarms_version="0", when="2027-01-31T12:00:00Z")
 
 
 def an_experiment(work: str, varies: str, limit: int) -> Experiment:
@@ -53,23 +43,28 @@ def an_experiment(work: str, varies: str, limit: int) -> Experiment:
     return experiment_of(system, system.hosts["onboard"], ("coi",), "busy-loop")
 
 
-def searched(experiment: Experiment, folder: Path, strategy: str = "default") -> Ended:
+def searched(experiment: Experiment, folder: Path, strategy: str = "default") -> LoopResult:
     host = SimulatedMeasuringHost(a_host(), folder / "onboard.json", simulate)
     goal = goal_of(experiment)
     search = Searching(goal=goal, next_step=STRATEGIES[strategy], most=100)
+    subject = Subject(
+        platform="onboard", components=experiment.members, setup=experiment.setup, load=experiment.load, tasks={}
+    )
+    header = header_of(subject, identity_of(subject, {}, {}), host.bench())
+    log = SettingsLog(path=folder / "log.jsonl", header=header, provenance=lambda: TAKEN)
     with host.lock("a test"):
-        around = Surroundings(
+        around = MeasuringContext(
             host=host,
-            room=lambda: room_of(a_host(), host.observe(), "robot"),
+            budget=lambda: host_budget(a_host(), host.observe(), "robot"),
             seed=1,
             reporter=Silent(),
             should_stop=lambda: False,
         )
-        return measure(experiment, Agreeing(search=search, verifying=Verifying(goal=goal, most=100)), Notes(), around)
+        return measure(experiment, Agreeing(search=search, verifying=Verifying(goal=goal, most=100)), log, around)
 
 
 def unsteady(settings: tuple[Setting, ...]) -> set[int]:
-    return {setting.reserve for setting in settings if any(map(steady, setting.series))}
+    return {setting.reserve for setting in settings if any(map(why_unsteady, setting.series))}
 
 
 FAR_BELOW: Mapping[str, tuple[str, str, int, int]] = {
@@ -92,8 +87,8 @@ def test_a_first_setting_without_a_steady_state_costs_no_reservation(case: str, 
     assert needed <= ended.conclusion.reserve <= needed + 2
     assert ended.conclusion.failed is not None
     assert ended.conclusion.reserve - ended.conclusion.failed <= 3
-    assert shown_at(ended.conclusion.failed, ended.settings, experiment) != "no steady state"
-    assert ended.conclusion.untold == ()
+    assert shortfall_at(ended.conclusion.failed, ended.settings, experiment) != "no steady state"
+    assert ended.conclusion.inconclusive == ()
     assert len(ended.settings) <= 9
     assert list(findings_of(experiment, ended.conclusion, ended.settings, NoPlaces())) == []
 
@@ -110,14 +105,14 @@ def test_where_nothing_close_below_is_steady_it_says_that_it_does_not_know(tmp_p
     end = ended.conclusion
 
     assert isinstance(end, Sufficient)
-    assert end.untold
-    assert set(end.untold) <= unsteady(ended.settings)
+    assert end.inconclusive
+    assert set(end.inconclusive) <= unsteady(ended.settings)
     assert end.failed not in unsteady(ended.settings)
-    assert all((end.failed or 0) < one < end.reserve for one in end.untold)
+    assert all((end.failed or 0) < one < end.reserve for one in end.inconclusive)
     (told,) = findings_of(experiment, end, ended.settings, NoPlaces())
     assert told.code == "RARMS267"
     assert f"coi: {end.reserve} % is enough" in told.detail
-    assert f"coi at {end.untold[-1]} %: its response times still changed within 200 samples" in told.detail
+    assert f"coi at {end.inconclusive[-1]} %: its response times still changed within 200 samples" in told.detail
     assert told.advice == (
         "To find out whether less is enough, measure longer: `rarms measure coi --again --samples 2000`."
     )

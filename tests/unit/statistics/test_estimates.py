@@ -7,7 +7,8 @@ import pytest
 
 from rarms_iac.model.indexes import INDEXES
 from rarms_iac.model.measurement import Series
-from rarms_iac.statistics.estimates import Estimate, NoEstimate, estimate
+from rarms_iac.model.outcomes import Estimate, NoEstimate
+from rarms_iac.statistics.estimates import estimate
 from tests.builders import a_run
 from tests.effort import examples
 from tests.measured import a_series, noisy

@@ -5,19 +5,9 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.model.measurement import Sample
+from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, WithinNoise
 from rarms_iac.model.system import SampleCount, Threshold
-from rarms_iac.statistics.steady_state import Unsteady
-from rarms_iac.statistics.verdicts import (
-    FIRST_LOOK,
-    Met,
-    Missed,
-    TooFewSamples,
-    TooManyFailures,
-    WithinTheNoise,
-    decide,
-    judge,
-    next_look,
-)
+from rarms_iac.statistics.verdicts import FIRST_LOOK, judge, judge_early, next_look
 from tests.builders import a_run, at_least, at_most
 from tests.measured import a_series, noisy
 
@@ -26,7 +16,7 @@ SERIES = a_series(noisy(1, 100.0, count=400))
 
 
 @pytest.mark.parametrize(
-    ("limit", "kind"), [("110", Met), ("90", Missed), (str(sum(noisy(1, 100.0, count=400)) / 400), WithinTheNoise)]
+    ("limit", "kind"), [("110", Met), ("90", Missed), (str(sum(noisy(1, 100.0, count=400)) / 400), WithinNoise)]
 )
 def test_a_mean_against_its_threshold(limit: str, kind: type) -> None:
     assert isinstance(judge(SERIES, {"mean_response_time": at_most(limit)}, RUN), kind)
@@ -58,7 +48,9 @@ def test_more_failures_than_allowed_end_without_a_verdict() -> None:
         samples=(*SERIES.samples, Sample(began_ms=1.0, response_ms=None, successful=False, failure="killed")),
     )
 
-    assert judge(broken, {"mean_response_time": at_most(110)}, RUN) == TooManyFailures(failed=1, allowed=0)
+    assert judge(broken, {"mean_response_time": at_most(110)}, RUN) == TooManyFailures(
+        component=SERIES.component, failures=("killed",), allowed=0
+    )
 
 
 def test_nothing_measured_gets_no_verdict() -> None:
@@ -68,30 +60,30 @@ def test_nothing_measured_gets_no_verdict() -> None:
 def test_a_clear_setting_stops_at_the_first_look_and_a_close_one_goes_on() -> None:
     early = a_series(noisy(1, 100.0, count=FIRST_LOOK))
 
-    assert isinstance(decide(early, {"mean_response_time": at_most(200)}, RUN), Met)
-    assert isinstance(decide(early, {"mean_response_time": at_most(50)}, RUN), Missed)
-    assert decide(early, {"mean_response_time": at_most(101)}, RUN) is None
+    assert isinstance(judge_early(early, {"mean_response_time": at_most(200)}, RUN), Met)
+    assert isinstance(judge_early(early, {"mean_response_time": at_most(50)}, RUN), Missed)
+    assert judge_early(early, {"mean_response_time": at_most(101)}, RUN) is None
 
 
 def test_an_extreme_that_one_more_sample_may_turn_is_not_settled_early() -> None:
     early = a_series(noisy(1, 100.0, count=FIRST_LOOK))
 
-    assert decide(early, {"maximum_response_time": at_most(200)}, RUN) is None
-    assert isinstance(decide(early, {"maximum_response_time": at_most(100)}, RUN), Missed)
-    assert decide(early, {"minimum_response_time": at_most(50)}, RUN) is None
-    assert isinstance(decide(early, {"minimum_response_time": at_most(99)}, RUN), Met)
-    assert isinstance(decide(SERIES, {"maximum_response_time": at_most(200)}, RUN), Met)
+    assert judge_early(early, {"maximum_response_time": at_most(200)}, RUN) is None
+    assert isinstance(judge_early(early, {"maximum_response_time": at_most(100)}, RUN), Missed)
+    assert judge_early(early, {"minimum_response_time": at_most(50)}, RUN) is None
+    assert isinstance(judge_early(early, {"minimum_response_time": at_most(99)}, RUN), Met)
+    assert isinstance(judge_early(SERIES, {"maximum_response_time": at_most(200)}, RUN), Met)
 
 
 def test_a_setting_that_is_over_has_a_verdict() -> None:
-    assert decide(SERIES, {"mean_response_time": at_most(100)}, RUN) is not None
+    assert judge_early(SERIES, {"mean_response_time": at_most(100)}, RUN) is not None
 
 
 def test_a_verdict_declares_the_error_of_all_looks_together_whichever_gave_it() -> None:
     early = a_series(noisy(1, 100.0, count=FIRST_LOOK))
 
     for series in (early, SERIES):
-        verdict = decide(series, {"mean_response_time": at_most(200)}, RUN, error=0.04)
+        verdict = judge_early(series, {"mean_response_time": at_most(200)}, RUN, error=0.04)
         assert isinstance(verdict, Met)
         assert verdict.error == 0.04
 

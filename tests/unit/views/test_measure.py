@@ -3,9 +3,10 @@
 from dataclasses import replace
 
 from rarms_iac.app.measure import ExperimentResult
-from rarms_iac.measuring.conclusions import Stopped, Sufficient
+from rarms_iac.model.outcomes import Stopped, Sufficient
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Setting
+from rarms_iac.model.outcomes import Stopped, Sufficient
 from rarms_iac.model.system import System
 from rarms_iac.views.console import render
 from rarms_iac.views.measure import measure_json, summary_text
@@ -71,10 +72,10 @@ def test_settings_between_that_have_no_steady_state_are_told_beside_the_one_that
     drifting = a_setting(57, a_series("vision", [80.0 + at / 4 for at in range(200)]))
     one = replace(
         found(105.0),
-        conclusion=Sufficient(reserve=60, failed=55, error=0.01, untold=(56, 57)),
+        conclusion=Sufficient(reserve=60, failed=55, error=0.01, inconclusive=(56, 57)),
         settings=(at(55, 105.0), replace(drifting, reserve=56), drifting, at(60, 95.0)),
     )
-    alone = replace(one, conclusion=Sufficient(reserve=60, failed=None, error=0.01, untold=(57,)))
+    alone = replace(one, conclusion=Sufficient(reserve=60, failed=None, error=0.01, inconclusive=(57,)))
 
     assert "55 % too little, 56 and 57 % unsteady" in text([one])
     assert "60 %  1.2  57 % unsteady" in text([alone])

@@ -5,23 +5,22 @@ from math import log
 
 import pytest
 
-from rarms_iac.measuring.search import (
-    STRATEGIES,
-    Found,
+from rarms_iac.measuring.search import STRATEGIES
+from rarms_iac.measuring.search.observations import questions
+from rarms_iac.measuring.search.trials import (
+    MOST_INCONCLUSIVE,
+    Bracket,
     Goal,
-    Measure,
     Member,
-    NotAchievable,
-    NotResolved,
-    Step,
     Trial,
+    bracket_of,
+    settings_below,
     trial_of,
 )
-from rarms_iac.measuring.search.bracket import MOST_UNTOLD, Bracket, below, bracket_of
-from rarms_iac.measuring.search.observations import questions
 from rarms_iac.model.measurement import Sample, Series, Setting
+from rarms_iac.model.outcomes import Measure, Missed, NotAchievable, NotResolved, SearchStep, Sufficient
 from rarms_iac.model.system import SampleCount
-from rarms_iac.statistics.verdicts import Missed
+from rarms_iac.statistics.verdicts import PASSING_ERROR
 from tests.builders import a_run, at_least, at_most
 from tests.effort import examples
 from tests.measured import a_series, noisy
@@ -31,7 +30,7 @@ LONG_RUN = replace(RUN, until=SampleCount(samples=60))
 GOAL = Goal(members=(Member(name="coi", apt={"mean_response_time": at_most(100)}, run=RUN),), processors=2)
 
 
-def walk(strategy: str, least: int) -> tuple[list[int], Step]:
+def walk(strategy: str, least: int) -> tuple[list[int], SearchStep]:
     """The settings a strategy measures, and its end, where the APT is met from a reservation on (101: never)."""
     history: list[Trial] = []
     while True:
@@ -43,23 +42,22 @@ def walk(strategy: str, least: int) -> tuple[list[int], Step]:
 
 
 def test_the_paper_walks_by_ten_and_stops_at_the_first_that_passes() -> None:
-    assert walk("paper", 62) == ([10, 20, 30, 40, 50, 60, 70], Found(reserve=70, failed=60))
-    assert walk("paper", 3) == ([10], Found(reserve=10, failed=None))
+    assert walk("paper", 62) == ([10, 20, 30, 40, 50, 60, 70], Sufficient(reserve=70, failed=60, error=PASSING_ERROR))
+    assert walk("paper", 3) == ([10], Sufficient(reserve=10, failed=None, error=PASSING_ERROR))
 
 
-def test_the_paper_ends_with_its_message() -> None:
+def test_the_paper_ends_where_all_of_the_platform_misses() -> None:
     settings, step = walk("paper", 101)
 
     assert settings == [10, 20, 30, 40, 50, 60, 70, 80, 90, 100]
-    assert isinstance(step, NotAchievable)
-    assert step.message == "Threshold performance is not achievable on this platform."
+    assert step == NotAchievable(reserve=100, error=GOAL.error)
 
 
 @pytest.mark.parametrize("least", [1, 2, 37, 99, 100])
 def test_halving_finds_the_least_whole_per_cent(least: int) -> None:
     settings, step = walk("bisection", least)
 
-    assert step == Found(reserve=least, failed=least - 1 or None)
+    assert step == Sufficient(reserve=least, failed=least - 1 or None, error=PASSING_ERROR)
     assert len(settings) <= 8
     assert len(set(settings)) == len(settings)
 
@@ -75,7 +73,7 @@ def test_halving_ends_when_all_of_the_platform_is_not_enough() -> None:
 def test_the_default_ends_with_a_measured_pass_and_a_measured_fail_close_below(least: int) -> None:
     settings, step = walk("default", least)
 
-    assert isinstance(step, Found)
+    assert isinstance(step, Sufficient)
     assert least <= step.reserve <= least + 1
     assert step.reserve in settings
     assert step.reserve == 1 or (step.failed in settings and step.reserve - step.failed <= 3)
@@ -125,7 +123,7 @@ def test_the_error_of_a_setting_is_shared_by_its_members() -> None:
     assert wrong <= goal.error * tries + 2.4 * (goal.error * (1 - goal.error) * tries) ** 0.5
 
 
-def unsteady(strategy: str, least: int, silent: range, level: float = 80.0) -> tuple[list[int], Step]:
+def unsteady(strategy: str, least: int, silent: range, level: float = 80.0) -> tuple[list[int], SearchStep]:
     """The same where settings in this range never become steady: jobs take half of the level, and later all of it."""
     history: list[Trial] = []
     while isinstance(step := STRATEGIES[strategy](history, GOAL), Measure):
@@ -152,7 +150,7 @@ def test_a_setting_without_a_steady_state_is_no_verdict_so_the_search_goes_on_be
 ) -> None:
     settings, step = unsteady(strategy, 20, silent)
 
-    assert isinstance(step, Found)
+    assert isinstance(step, Sufficient)
     assert set(settings) & set(silent)
     assert 20 <= step.reserve <= 21
     assert step.failed in settings
@@ -166,7 +164,7 @@ def test_where_the_answer_is_without_a_steady_state_the_next_above_is_found_and_
 ) -> None:
     settings, step = unsteady(strategy, 45, range(40, 51), level=100.0)
 
-    assert isinstance(step, Found)
+    assert isinstance(step, Sufficient)
     assert step.reserve == 51
     assert step.failed is None or step.failed < 40
     assert len(set(settings)) == len(settings) <= 20
@@ -177,8 +175,8 @@ def test_where_the_answer_is_without_a_steady_state_the_next_above_is_found_and_
 def test_a_component_that_never_is_steady_takes_few_settings(strategy: str, level: float) -> None:
     settings, step = unsteady(strategy, 1, range(1, 101), level)
 
-    assert step == NotResolved(why="at 100 % coi has no steady state")
-    assert len(settings) <= MOST_UNTOLD + 1
+    assert step == NotResolved(reason="at 100 % coi has no steady state")
+    assert len(settings) <= MOST_INCONCLUSIVE + 1
 
 
 def test_a_lower_setting_that_passes_stands_below_one_without_a_steady_state() -> None:
@@ -187,11 +185,11 @@ def test_a_lower_setting_that_passes_stands_below_one_without_a_steady_state() -
     broken = [time * (0.5 if at < 50 else 1.0) for at, time in enumerate(times)]
     silent = trial_of(Setting(reserve=45, series=(a_series(broken),)), GOAL)
 
-    assert silent.untold
+    assert silent.inconclusive
     assert not silent.failed
-    assert bracket_of([passing, silent]) == Bracket(failed=0, passed=20)
-    assert bracket_of([silent]) == Bracket(failed=0, passed=None, untold=(45,))
-    assert below([passing, silent], 60) == (None, (45,))
+    assert bracket_of([passing, silent], GOAL) == Bracket(failed=0, passed=20)
+    assert bracket_of([silent], GOAL) == Bracket(failed=0, passed=None, inconclusive=(45,))
+    assert settings_below([passing, silent], 60) == (None, (45,))
 
 
 def test_a_member_that_misses_fails_a_setting_whatever_the_others_are() -> None:
@@ -204,4 +202,4 @@ def test_a_member_that_misses_fails_a_setting_whatever_the_others_are() -> None:
     quick = a_series(noisy(1, 80.0, variation=0.01, count=100), component="b")
 
     assert trial_of(Setting(reserve=45, series=(rising, slow)), goal).failed
-    assert trial_of(Setting(reserve=45, series=(rising, quick)), goal).untold
+    assert trial_of(Setting(reserve=45, series=(rising, quick)), goal).inconclusive

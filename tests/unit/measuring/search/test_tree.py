@@ -4,7 +4,8 @@ from functools import lru_cache
 
 import pytest
 
-from rarms_iac.measuring.search.tree import NOTHING_PASSED, certain, root
+from rarms_iac.measuring.search.default import certain, root
+from rarms_iac.measuring.search.trials import NOTHING_PASSED
 
 
 def even(failed: int, passed: int) -> list[float]:

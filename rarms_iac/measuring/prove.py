@@ -5,24 +5,31 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import assert_never
 
-from rarms_iac.measuring.measured import Shown
-from rarms_iac.measuring.partitions import load_shape, set_reserves, standing
-from rarms_iac.measuring.room import LEAST_MEMORY, Room, left_beside, left_memory
-from rarms_iac.measuring.watching import TooManyFailed, watch
+from rarms_iac.measuring.loop import watch
+from rarms_iac.measuring.partitions import (
+    LEAST_MEMORY,
+    HostBudget,
+    free_memory,
+    free_reserve,
+    load_shape,
+    running_test_partitions,
+    set_reserves,
+)
+from rarms_iac.measuring.performance import MeasuredIndex
 from rarms_iac.model.measurement import P2, Series, run_of
-from rarms_iac.model.system import Component, Interference, SampleCount
-from rarms_iac.providers.measuring import Inside, MeasuringHost, Running, Work
-from rarms_iac.statistics.estimates import Estimate
-from rarms_iac.statistics.steady_state import Unsteady
-from rarms_iac.statistics.verdicts import (
+from rarms_iac.model.outcomes import (
+    Estimate,
     Met,
     Missed,
     TooFewSamples,
     TooManyFailures,
+    Unsteady,
     Verdict,
-    WithinTheNoise,
-    judge_each,
+    WithinNoise,
 )
+from rarms_iac.model.system import Component, Interference, SampleCount
+from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, RunningWork, Work
+from rarms_iac.statistics.verdicts import judge_each
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,10 +53,10 @@ class AppliedLayout:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tried:
+class IndexVerdict:
     """One index of a component in the layout: what was seen beside its threshold, and the verdict on it."""
 
-    shown: Shown  # its bounds are the verdict's: wrong, on either side, with the verdict's error
+    measured: MeasuredIndex  # its bounds are the verdict's: wrong, on either side, with the verdict's error
     verdict: Verdict
 
     @property
@@ -64,18 +71,18 @@ class Tried:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Proof:
+class LayoutProof:
     """What a layout showed."""
 
     host: str
     layout: AppliedLayout
     series: Mapping[str, Series]  # by component, of those with thresholds
-    tried: tuple[Tried, ...]  # every index of every threshold, components by name
+    verdicts: tuple[IndexVerdict, ...]  # every index of every threshold, components by name
 
     @property
-    def not_met(self) -> tuple[Tried, ...]:
+    def not_met(self) -> tuple[IndexVerdict, ...]:
         """The indexes that were not shown to meet their thresholds."""
-        return tuple(one for one in self.tried if not one.met)
+        return tuple(verdict for verdict in self.verdicts if not verdict.met)
 
 
 def with_samples(layout: AppliedLayout, samples: int | None) -> AppliedLayout:
@@ -95,12 +102,12 @@ def prove(
     host: MeasuringHost,
     layout: AppliedLayout,
     load: Interference | None,
-    room: Room,
+    budget: HostBudget,
     *,
     seed: int,
     should_stop: Callable[[], bool],
     looked: Callable[[Mapping[str, Series]], None],
-) -> Proof | TooManyFailed | None:
+) -> LayoutProof | TooManyFailures | None:
     """Run everything, each component as long as its `run.until` says; P2 is there only for a load that was asked for.
 
     None: an end was asked for. Whoever calls holds the host's lock.
@@ -114,63 +121,67 @@ def prove(
         return False
 
     with ExitStack() as ends:
-        inside = [Inside(partition=name, components=members) for name, members in sorted(layout.partitions.items())]
+        partitions = [
+            PartitionWork(partition=name, components=members) for name, members in sorted(layout.partitions.items())
+        ]
         if layout.on_host:
-            inside.append(Inside(partition="", components=layout.on_host))
+            partitions.append(PartitionWork(partition="", components=layout.on_host))
         if load is not None:
-            _make_load(host, layout.application, room, ends)
-            inside.append(Inside(partition=P2, load=load))
+            _make_load(host, layout.application, budget, ends)
+            partitions.append(PartitionWork(partition=P2, load=load))
         work = Work(
             application=layout.application,
-            inside=tuple(inside),
+            partitions=tuple(partitions),
             until={component.name: run_of(component).until for component in layout.judged},
             seed=seed,
         )
-        running: Running = ends.enter_context(host.run(work))
+        running: RunningWork = ends.enter_context(host.run(work))
         seen = watch(running, layout.judged, is_enough, should_stop)
-    if seen is None or isinstance(seen, TooManyFailed):
+    if seen is None or isinstance(seen, TooManyFailures):
         return seen
-    return Proof(host=host.name, layout=layout, series=seen, tried=tried_of(layout.judged, seen))
+    return LayoutProof(host=host.name, layout=layout, series=seen, verdicts=judge_layout(layout.judged, seen))
 
 
-def tried_of(components: tuple[Component, ...], seen: Mapping[str, Series]) -> tuple[Tried, ...]:
+def judge_layout(components: tuple[Component, ...], seen: Mapping[str, Series]) -> tuple[IndexVerdict, ...]:
     """The verdict on every index of these, each series looked at whole and once."""
     return tuple(
-        _tried(component, index, verdict)
+        _judge_index(component, index, verdict)
         for component in components
         for index, verdict in judge_each(seen[component.name], component.apt, run_of(component)).items()
     )
 
 
-def _tried(component: Component, index: str, verdict: Verdict) -> Tried:
-    found, why = _seen(verdict)
-    shown = Shown(component=component.name, index=index, threshold=component.apt[index], estimate=found, why=why)
-    return Tried(shown=shown, verdict=verdict)
+def _judge_index(component: Component, index: str, verdict: Verdict) -> IndexVerdict:
+    estimate, reason = _estimate_of(verdict)
+    measured = MeasuredIndex(
+        component=component.name, index=index, threshold=component.apt[index], estimate=estimate, reason=reason
+    )
+    return IndexVerdict(measured=measured, verdict=verdict)
 
 
-def _seen(verdict: Verdict) -> tuple[Estimate | None, str]:
+def _estimate_of(verdict: Verdict) -> tuple[Estimate | None, str]:
     """What the verdict on a single index rests on, or why there is nothing."""
     match verdict:
-        case Met(judged=(only,)) | Missed(judged=(only,)) | WithinTheNoise(judged=(only,)):
+        case Met(judged=(only,)) | Missed(judged=(only,)) | WithinNoise(judged=(only,)):
             return only.estimate, ""
-        case Unsteady(why=why) | TooFewSamples(why=why):
-            return None, why
-        case TooManyFailures(failed=failed, allowed=allowed):
-            return None, f"{failed} samples failed, and {allowed} may"
-        case Met() | Missed() | WithinTheNoise():
+        case Unsteady(reason=reason) | TooFewSamples(reason=reason):
+            return None, reason
+        case TooManyFailures(failures=failures, allowed=allowed):
+            return None, f"{len(failures)} samples failed, and {allowed} may"
+        case Met() | Missed() | WithinNoise():
             raise ValueError("a verdict on one index was asked for")
         case _:
             assert_never(verdict)
 
 
-def has_room(room: Room) -> bool:
+def has_memory_for_load(budget: HostBudget) -> bool:
     """Whether a P2 fits beside what runs."""
-    return left_memory(room) >= LEAST_MEMORY
+    return free_memory(budget) >= LEAST_MEMORY
 
 
-def _make_load(host: MeasuringHost, application: str, room: Room, ends: ExitStack) -> None:
+def _make_load(host: MeasuringHost, application: str, budget: HostBudget, ends: ExitStack) -> None:
     """P2 with what is left of the host: what is reserved stays reserved, and the load takes the rest."""
-    memory = left_memory(room)
-    shape = load_shape(room.capacity.logical_processors, memory)
-    ends.enter_context(standing(host, application, (shape,)))
-    set_reserves(host, application, (shape,), {P2: left_beside(room, memory)})
+    memory = free_memory(budget)
+    shape = load_shape(budget.capacity.logical_processors, memory)
+    ends.enter_context(running_test_partitions(host, application, (shape,)))
+    set_reserves(host, application, (shape,), {P2: free_reserve(budget, memory)})

@@ -1,0 +1,287 @@
+"""The loop of measuring: a strategy asks for a setting, the host runs it, samples are judged, the log records it.
+
+A strategy is a pure function of the recorded settings. So whoever is killed goes on by asking it again, and a setting
+that is recorded is never run a second time.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from rarms_iac.measuring.partitions import (
+    Classes,
+    HostBudget,
+    PartitionShape,
+    memory_for_load,
+    reserve_for_load,
+    running_test_partitions,
+    set_reserves,
+    shapes_of_test_partitions,
+)
+from rarms_iac.measuring.search.trials import is_clear
+from rarms_iac.measuring.setup import Experiment
+from rarms_iac.measuring.strategies import goal_of
+from rarms_iac.model.diagnostics import Place
+from rarms_iac.model.measurement import P1, P2, Sample, Series, Setting
+from rarms_iac.model.outcomes import Conclusion, ExperimentStep, Measure, SettingFailed, Stopped, TooManyFailures
+from rarms_iac.model.system import Component
+from rarms_iac.planner.task_classes import classes_of, registry_values
+from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, RunningWork, Work
+from rarms_iac.statistics.verdicts import next_look
+from rarms_iac.storage.datalog.columns import as_recorded
+from rarms_iac.storage.datalog.files import append_setting, begin_log, read_log
+from rarms_iac.storage.datalog.log import Header, Provenance, Recorded
+from rarms_iac.storage.disk import make_folders
+
+SEEDS_APART = 101
+"""More than there are settings, so that no two of them share a seed."""
+
+
+class Strategy(Protocol):
+    """Which setting is next; the same settings give the same answer."""
+
+    def step(self, settings: Sequence[Setting]) -> ExperimentStep:
+        """Say what to do after these settings, in the order in which they were run."""
+        ...
+
+
+class MeasuringReporter(Protocol):
+    """Told what happens, as it happens; must not raise."""
+
+    def experiment_started(self, experiment: Experiment, recorded: tuple[Setting, ...]) -> None:
+        """Measuring begins, or goes on after the settings that are recorded."""
+        ...
+
+    def setting_started(self, experiment: Experiment, reserve: int, number: int) -> None:
+        """The setting of this CR begins; it is the number-th, from 1."""
+        ...
+
+    def looked(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:
+        """Some samples more were seen."""
+        ...
+
+    def setting_ended(self, experiment: Experiment, setting: Setting) -> None:
+        """The setting is recorded."""
+        ...
+
+    def experiment_ended(self) -> None:
+        """There is nothing more to run."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SettingsLog:
+    """The data log of an experiment: a file that is begun with the first setting."""
+
+    path: Path
+    header: Header
+    provenance: Callable[[], Provenance]  # of what is recorded now
+    seed: int | None = None  # only settings of this seed count; None: all
+    anew: bool = False  # what is there is stale, and gives way to the first setting
+
+    def settings(self) -> tuple[Setting, ...]:
+        """Read all that count for this run, in the order in which they were recorded.
+
+        Raises:
+            LogUnreadable: the file is no whole data log.
+        """
+        log = None if self.anew else read_log(self.path)
+        known = () if log is None else log.settings
+        return tuple(setting for setting in known if self.seed is None or setting.seed == self.seed)
+
+    def add(self, setting: Setting) -> None:
+        """Record a setting, whole or not at all; it is on the disk when this returns.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        log = read_log(self.path)
+        if log is None or (self.anew and log.header != self.header):
+            make_folders(self.path.parent)
+            begin_log(self.path, self.header)
+        append_setting(self.path, Recorded(setting=setting, provenance=self.provenance()))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuringContext:
+    """What a run of the loop is given beside the experiment."""
+
+    host: MeasuringHost  # its lock is held by who calls
+    budget: Callable[[], HostBudget]  # asked once, before the first setting that must be run; may refuse
+    seed: int
+    reporter: MeasuringReporter
+    should_stop: Callable[[], bool]
+    others: tuple[PartitionWork, ...] = ()  # what goes on in partitions beside P1 and P2, and is not looked at
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopResult:
+    """How an experiment ended, and what that rests on."""
+
+    conclusion: Conclusion
+    settings: tuple[Setting, ...]
+    new: int  # how many of them were run now
+
+
+def measure(
+    experiment: Experiment, strategy: Strategy, log: SettingsLog, context: MeasuringContext
+) -> LoopResult:
+    """Run settings until the strategy has its answer; P1 and P2 are there only meanwhile.
+
+    Raises:
+        HostError: the host did not do what was asked; what is recorded stays.
+        OSError: the log cannot be written.
+    """
+    recorded = settings = log.settings()
+    context.reporter.experiment_started(experiment, settings)
+    with ExitStack() as ends:
+        bench: _TestBench | None = None
+        while isinstance(step := strategy.step(settings), Measure):
+            if context.should_stop():
+                step = Stopped()
+                break
+            bench = bench or _make_bench(experiment, context, ends)
+            context.reporter.setting_started(experiment, step.reserve, len(settings) + 1)
+            setting = _run_setting(experiment, context, bench, step)
+            if not isinstance(setting, Setting):
+                step = setting
+                break
+            log.add(setting)
+            settings = (*settings, setting)
+            context.reporter.setting_ended(experiment, setting)
+    context.reporter.experiment_ended()
+    return LoopResult(conclusion=step, settings=settings, new=len(settings) - len(recorded))
+
+
+def watch(
+    running: RunningWork,
+    components: Iterable[Component],
+    is_enough: Callable[[Mapping[str, Series]], bool],
+    should_stop: Callable[[], bool],
+) -> Mapping[str, Series] | TooManyFailures | None:
+    """Read the samples of these components until there are enough, or no more.
+
+    Args:
+        running: Gives the samples of all that runs.
+        components: Those to look at; whatever else runs is not.
+        is_enough: Asked when every component has as many samples as `next_look` says.
+        should_stop: Asked after every sample.
+
+    Returns:
+        The series by component; None: an end was asked for.
+    """
+    allowed = {component.name: component.run.failures if component.run is not None else 0 for component in components}
+    samples: dict[str, list[Sample]] = {name: [] for name in sorted(allowed)}
+    failures: dict[str, list[str]] = {name: [] for name in samples}
+    looks_at = next_look(0)
+    for name, sample in running.samples():
+        if should_stop():
+            return None
+        if name not in samples:
+            continue
+        samples[name].append(sample)
+        if sample.failure:
+            failures[name].append(sample.failure)
+            if len(failures[name]) > allowed[name]:
+                return TooManyFailures(component=name, failures=tuple(failures[name]), allowed=allowed[name])
+        if (least := min(map(len, samples.values()))) >= looks_at:
+            looks_at = next_look(least)
+            if is_enough(_series(running, samples)):
+                break
+    return None if should_stop() else _series(running, samples)
+
+
+def _series(running: RunningWork, samples: Mapping[str, list[Sample]]) -> Mapping[str, Series]:
+    elapsed = running.elapsed_ms()
+    return {
+        name: Series(component=name, samples=tuple(seen), elapsed_ms=elapsed, cpu_ms=running.cpu_ms(name))
+        for name, seen in samples.items()
+    }
+
+
+def highest_seed(settings: tuple[Setting, ...]) -> int:
+    """Find the last seed that anything was measured with; 0 where nothing was."""
+    return max((setting.seed for setting in settings), default=0)
+
+
+class NoPlaces:
+    """A `Places` for who is told nothing: whoever plans is told of an order that classes cannot express."""
+
+    def value(self, *_path: str | int) -> Place:
+        """No place in particular."""
+        return Place(file="", line=1, column=1)
+
+    def key(self, *_path: str | int) -> Place:
+        """No place in particular."""
+        return Place(file="", line=1, column=1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _TestBench:
+    """The test partitions, and what there is room for."""
+
+    budget: HostBudget
+    shapes: tuple[PartitionShape, PartitionShape]
+
+
+def _make_bench(experiment: Experiment, context: MeasuringContext, ends: ExitStack) -> _TestBench:
+    budget = context.budget()
+    memory = memory_for_load(budget, experiment.setup)
+    shapes = shapes_of_test_partitions(experiment.setup, budget.capacity.logical_processors, memory)
+    classes = _task_classes(experiment)
+    ends.enter_context(running_test_partitions(context.host, experiment.application, shapes, classes))
+    return _TestBench(budget=budget, shapes=shapes)
+
+
+def _task_classes(experiment: Experiment) -> Classes:
+    """The task classes that the members name, as a plan would set them in a partition of just these."""
+    decided = classes_of(experiment.members, experiment.tasks, P1, NoPlaces()).classes
+    return {class_values.name: registry_values(class_values) for class_values in decided}
+
+
+def _run_setting(
+    experiment: Experiment, context: MeasuringContext, bench: _TestBench, step: Measure
+) -> Setting | SettingFailed | Stopped:
+    """One setting, from the reserves to the last sample."""
+    beside = reserve_for_load(bench.budget, experiment.setup, step.reserve)
+    if beside is None:
+        raise ValueError(f"{step.reserve} % was asked for, and the host cannot give that")
+
+    def is_enough(seen: Mapping[str, Series]) -> bool:
+        context.reporter.looked(experiment, step.reserve, seen)
+        if not step.until_clear:
+            return False
+        recorded = _setting(step.reserve, beside, context.seed, seen)
+        series = {series.component: series for series in recorded.series}
+        return is_clear(series, goal_of(experiment), precision=step.precision)
+
+    set_reserves(context.host, experiment.application, bench.shapes, {P1: step.reserve, P2: beside})
+    with context.host.run(_work(experiment, context, step.reserve)) as running:
+        seen = watch(running, experiment.members, is_enough, context.should_stop)
+    if seen is None:
+        return Stopped()
+    if isinstance(seen, TooManyFailures):
+        return SettingFailed(reserve=step.reserve, verdict=seen)
+    return _setting(step.reserve, beside, context.seed, seen)
+
+
+def _setting(reserve: int, beside: int, seed: int, seen: Mapping[str, Series]) -> Setting:
+    """What will be recorded: whoever goes on from the log decides by the same numbers."""
+    series = tuple(seen[name] for name in sorted(seen))
+    return as_recorded(Setting(reserve=reserve, series=series, beside=beside, seed=seed))
+
+
+def _work(experiment: Experiment, context: MeasuringContext, reserve: int) -> Work:
+    """Chance is drawn anew for each setting: what two of them have in common is not an accident of one."""
+    return Work(
+        application=experiment.application,
+        partitions=(
+            PartitionWork(partition=P1, components=experiment.members),
+            PartitionWork(partition=P2, load=experiment.load),
+            *context.others,
+        ),
+        until={name: run.until for name, run in experiment.runs.items()},
+        seed=context.seed * SEEDS_APART + reserve,
+    )

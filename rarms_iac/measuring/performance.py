@@ -1,0 +1,84 @@
+"""What a setting shows: every index that a threshold names, with its bounds. Pure."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from rarms_iac.measuring.setup import Experiment
+from rarms_iac.model.measurement import Series, Setting, run_of
+from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Unsteady
+from rarms_iac.model.system import AtLeast, AtMost, Component, Threshold
+from rarms_iac.statistics.estimates import estimate_steady
+from rarms_iac.statistics.samples import response_times
+from rarms_iac.statistics.steady_state import find_steady_part
+from rarms_iac.statistics.verdicts import VERDICT_ERROR, judge
+
+Shortfall = Literal["missed", "within the noise", "no steady state"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredIndex:
+    """One index of a component beside its threshold."""
+
+    component: str
+    index: str
+    threshold: Threshold
+    estimate: Estimate | None
+    reason: str = ""  # why there is no estimate
+
+    @property
+    def misses(self) -> bool:
+        """Whether what was seen is on the wrong side; without an estimate nothing shows that it is not."""
+        if self.estimate is None:
+            return True
+        match self.threshold:
+            case AtMost(value=limit):
+                return self.estimate.value > float(limit)
+            case AtLeast(value=limit):
+                return self.estimate.value < float(limit)
+
+
+def measured_indexes(setting: Setting, experiment: Experiment) -> tuple[MeasuredIndex, ...]:
+    """Estimate every index of every member's APT at this setting."""
+    return indexes_of_series(experiment.members, {series.component: series for series in setting.series})
+
+
+def indexes_of_series(components: tuple[Component, ...], seen: Mapping[str, Series]) -> tuple[MeasuredIndex, ...]:
+    """Estimate every index of every component's APT from these series; components without one are left out."""
+    return tuple(
+        _measured_index(component, index, threshold, seen[component.name])
+        for component in components
+        if component.name in seen
+        for index, threshold in component.apt.items()
+    )
+
+
+def shortfall_at(reserve: int, settings: Iterable[Setting], experiment: Experiment) -> Shortfall:
+    """Say why settings at this CR, where not every threshold was met for sure, did not meet them.
+
+    Strict, and with the error of a verdict, as a report judges a setting.
+    """
+    verdicts = [
+        judge(series, member.apt, experiment.runs[member.name], error=VERDICT_ERROR / len(experiment.members))
+        for setting in settings
+        if setting.reserve == reserve
+        for member in experiment.members
+        for series in setting.series
+        if series.component == member.name and member.apt
+    ]
+    if any(isinstance(verdict, Missed) for verdict in verdicts):
+        return "missed"
+    return "no steady state" if any(isinstance(verdict, Unsteady) for verdict in verdicts) else "within the noise"
+
+
+def why_unsteady(series: Series) -> str:
+    """Say why the series has no steady state; empty where it has one."""
+    first = find_steady_part(response_times(series.samples))
+    return first.reason if isinstance(first, Unsteady) else ""
+
+
+def _measured_index(component: Component, index: str, threshold: Threshold, series: Series) -> MeasuredIndex:
+    estimate = estimate_steady(index, series, run_of(component))
+    known = None if isinstance(estimate, NoEstimate) else estimate
+    reason = estimate.reason if isinstance(estimate, NoEstimate) else ""
+    return MeasuredIndex(component=component.name, index=index, threshold=threshold, estimate=known, reason=reason)

@@ -1,0 +1,226 @@
+"""What a search is given: the goal, the settings so far as trials, and the bracket in which the answer lies."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from rarms_iac.model.measurement import Series, Setting
+from rarms_iac.model.outcomes import (
+    Met,
+    Missed,
+    NoEstimate,
+    NotAchievable,
+    NotResolved,
+    SearchStep,
+    Sufficient,
+    TooFewSamples,
+    TooManyFailures,
+    Unsteady,
+    Verdict,
+    WithinNoise,
+)
+from rarms_iac.model.system import Run, Threshold
+from rarms_iac.statistics.estimates import SAFE_SIDE, estimate
+from rarms_iac.statistics.verdicts import LAST_EARLY_LOOK, VERDICT_ERROR, judge, judge_early
+
+NOTHING_PASSED = 101
+"""As the upper end of a bracket: no setting has passed yet."""
+
+MOST_INCONCLUSIVE = 3
+"""Settings without a steady state between a fail and a pass, after which nothing below them is looked for."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Member:
+    """One component in P1 with what it must reach there."""
+
+    name: str
+    apt: Mapping[str, Threshold]
+    run: Run
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Goal:
+    """What is searched: the least CR at which all members meet their APTs."""
+
+    members: tuple[Member, ...]
+    processors: int  # VPs of P1
+    error: float = VERDICT_ERROR  # of ending a setting early, and of saying that it misses: all members together
+
+    @property
+    def error_each(self) -> float:
+        """The same of one member: whichever of them is wrong, the setting is (union bound)."""
+        return self.error / max(1, len(self.members))
+
+    @property
+    def error_of_passing(self) -> float:
+        """The probability that a setting passes whose APTs are not all met: at its end, or at an early look."""
+        return SAFE_SIDE + LAST_EARLY_LOOK * self.error
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """A setting with the verdict on each member."""
+
+    setting: Setting
+    verdicts: Mapping[str, Verdict]
+
+    @property
+    def reserve(self) -> int:
+        """The CR of the setting."""
+        return self.setting.reserve
+
+    @property
+    def passed(self) -> bool:
+        """Whether every member was shown to meet its APT; within the noise, the safe side is no."""
+        return not self.not_shown
+
+    @property
+    def not_shown(self) -> tuple[str, ...]:
+        """The members that were not shown to meet their APT."""
+        return tuple(name for name, verdict in self.verdicts.items() if not isinstance(verdict, Met))
+
+    @property
+    def inconclusive(self) -> bool:
+        """Whether it neither passes nor fails: nothing but a missing steady state keeps it from passing."""
+        return not self.passed and all(isinstance(self.verdicts[name], Unsteady) for name in self.not_shown)
+
+    @property
+    def failed(self) -> bool:
+        """Whether a member with a steady state was not shown to meet its APT, so that less is not enough either."""
+        return not self.passed and not self.inconclusive
+
+    @property
+    def missed(self) -> bool:
+        """Whether a member was shown to miss its APT."""
+        return any(isinstance(verdict, Missed) for verdict in self.verdicts.values())
+
+
+NextStep = Callable[[Sequence[Trial], Goal], SearchStep]
+"""A search: the trials so far, in the order in which they were run, to the next step. Pure."""
+
+
+def trial_of(setting: Setting, goal: Goal) -> Trial:
+    """Judge a setting as when it ended, so that one read from a data log gives the same.
+
+    A member passes by the rule that a plan takes: the safe side of every index's band meets its threshold.
+    """
+    return Trial(setting=setting, verdicts={member.name: _verdict(setting, member, goal) for member in goal.members})
+
+
+def is_clear(series: Mapping[str, Series], goal: Goal, *, precision: float | None = None) -> bool:
+    """Tell whether a setting that is being measured may end now (`Measure.until_clear`).
+
+    More samples would hardly turn what it passes by then (`trial_of`). One member that misses makes it clear;
+    otherwise every member must be clear. To be asked at `next_look` counts of samples.
+
+    Args:
+        series: By component, as they will be recorded.
+        goal: Says the error.
+        precision: As `Measure.precision`.
+    """
+    if precision is not None and not all(
+        _is_precise(series[member.name], member, precision) for member in goal.members
+    ):
+        return False
+    verdicts = [
+        judge_early(series[member.name], member.apt, member.run, error=goal.error_each) for member in goal.members
+    ]
+    return any(isinstance(verdict, Missed) for verdict in verdicts) or None not in verdicts
+
+
+def _is_precise(series: Series, member: Member, precision: float) -> bool:
+    """Whether its response times, whose mean says most to a search, are known that well; True if it shows none."""
+    mean = estimate("mean_response_time", series, member.run)
+    return isinstance(mean, NoEstimate) or mean.upper - mean.value <= precision * mean.value
+
+
+def _verdict(setting: Setting, member: Member, goal: Goal) -> Verdict:
+    series = next(series for series in setting.series if series.component == member.name)
+    safe = judge(series, member.apt, member.run, error=SAFE_SIDE * max(1, len(member.apt)))
+    if isinstance(safe, Met):
+        return safe
+    # That it misses is a claim of its own, which every member's share in the error goes into.
+    return judge(series, member.apt, member.run, error=goal.error_each)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bracket:
+    """The highest setting that failed (0: none did, and none can lie below) and the lowest that passed above it."""
+
+    failed: int
+    passed: int | None
+    inconclusive: tuple[int, ...] = ()  # measured between the two, and without a steady state; in their order
+
+    @property
+    def stays_above(self) -> bool:
+        """Whether so many settings have no steady state that the search stays above them, on the safe side."""
+        return len(self.inconclusive) >= MOST_INCONCLUSIVE
+
+    @property
+    def floor(self) -> int:
+        """Below what the search does not look; 0: it looks everywhere."""
+        return self.inconclusive[-1] if self.stays_above else self.failed
+
+    @property
+    def closed(self) -> frozenset[int]:
+        """What it does not measure once more, between the floor and the lowest setting that passed."""
+        return frozenset(reserve for reserve in self.inconclusive if reserve > self.floor)
+
+    @property
+    def top(self) -> int:
+        """The lowest setting that passed, or `NOTHING_PASSED`."""
+        return NOTHING_PASSED if self.passed is None else self.passed
+
+    @property
+    def widest(self) -> tuple[int, int]:
+        """The two settings next to each other with the most between them that was not measured; of equals the upper."""
+        ends = (self.floor, *sorted(self.closed), self.top)
+        return max(pairwise(ends), key=lambda pair: (pair[1] - pair[0], pair))
+
+
+def bracket_of(history: Sequence[Trial], goal: Goal) -> Bracket | NotAchievable | NotResolved:
+    """Find between which settings the least sufficient CR lies.
+
+    A setting that fails above one that passed (noise, near the threshold) counts against the one below: the safe side.
+    One without a steady state counts for nothing: it is no verdict.
+    """
+    failed = max((trial.reserve for trial in history if trial.failed), default=0)
+    passed = min((trial.reserve for trial in history if trial.passed and trial.reserve > failed), default=None)
+    highest = [trial for trial in history if trial.reserve == 100 and not trial.passed]
+    if highest and passed is None:
+        return not_sufficient(highest[-1], goal)
+    _, inconclusive = settings_below(history, NOTHING_PASSED if passed is None else passed)
+    return Bracket(failed=failed, passed=passed, inconclusive=inconclusive)
+
+
+def settings_below(history: Sequence[Trial], reserve: int) -> tuple[int | None, tuple[int, ...]]:
+    """Find the highest lower setting that failed (None: none did), and those above it that have no steady state."""
+    lower = [trial for trial in history if trial.reserve < reserve]
+    failed = max((trial.reserve for trial in lower if trial.failed), default=0)
+    conclusive = {trial.reserve for trial in lower if not trial.inconclusive}
+    inconclusive = {trial.reserve for trial in lower if trial.reserve > failed} - conclusive
+    return failed or None, tuple(sorted(inconclusive))
+
+
+def sufficient(history: Sequence[Trial], goal: Goal, reserve: int) -> Sufficient:
+    """Conclude that this CR, which passed, is enough, with what is known of less."""
+    failed, inconclusive = settings_below(history, reserve)
+    return Sufficient(reserve=reserve, failed=failed, error=goal.error_of_passing, inconclusive=inconclusive)
+
+
+def not_sufficient(highest: Trial, goal: Goal) -> NotAchievable | NotResolved:
+    """Conclude from the highest CR there is, which did not pass."""
+    if highest.missed:
+        return NotAchievable(reserve=highest.reserve, error=goal.error)
+    members = sorted(highest.not_shown)
+    described = "; ".join(f"{name} {_DESCRIPTIONS[type(highest.verdicts[name])]}" for name in members)
+    return NotResolved(reason=f"at {highest.reserve} % {described}")
+
+
+_DESCRIPTIONS: Mapping[type[Verdict], str] = {
+    WithinNoise: "is within the noise of its threshold, and no number of samples allowed tells",
+    Unsteady: "has no steady state",
+    TooManyFailures: "has too many failed samples",
+    TooFewSamples: "has too few samples",
+}

@@ -1,0 +1,157 @@
+"""The outcomes of measuring: an estimate, the verdict on one setting, the next step and the end of an experiment.
+
+One vocabulary for all rooms: statistics gives estimates and verdicts, a strategy gives steps, the loop ends with a
+conclusion, and views and program output show all of them.
+"""
+
+from dataclasses import dataclass
+
+from rarms_iac.model.system import Threshold
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """A performance index of one series: what was seen, and the bounds between which the truth lies.
+
+    Values are in the index's own unit, as in an APT: ms, per cent, or a second.
+    """
+
+    value: float
+    lower: float  # the truth is below with at most half the error; -inf: samples say nothing about this side
+    upper: float  # the truth is above with at most half the error; inf: likewise
+    error: float  # 0..1
+    samples: int  # those that the value is made of
+    effective_samples: float  # how many independent samples they are worth; at most `samples`
+    beyond: float | None = None  # of an extreme: the share of jobs, in per cent, that may yet lie beyond it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoEstimate:
+    """The samples say nothing about the index."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JudgedIndex:
+    """One index of an APT with its estimate."""
+
+    index: str
+    threshold: Threshold
+    estimate: Estimate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Met:
+    """Every index meets its threshold, but for this error; of a maximum: so far (`Estimate.beyond`)."""
+
+    error: float
+    judged: tuple[JudgedIndex, ...]
+    warm_up: int  # samples that were left out
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Missed:
+    """At least one index misses its threshold, but for this error."""
+
+    error: float
+    judged: tuple[JudgedIndex, ...]
+    warm_up: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WithinNoise:
+    """The samples cannot tell; the truth lies within the estimates' bounds, but for this error."""
+
+    error: float
+    judged: tuple[JudgedIndex, ...]
+    warm_up: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unsteady:
+    """The series has no steady state, so it says nothing about the next hour."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TooFewSamples:
+    """There is nothing to estimate an index from."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TooManyFailures:
+    """More samples of a component failed than `run.failures` allows: there is no verdict, and nothing is recorded."""
+
+    component: str
+    failures: tuple[str, ...]  # why each sample failed, in order
+    allowed: int
+
+
+Verdict = Met | Missed | WithinNoise | Unsteady | TooFewSamples | TooManyFailures
+"""On the APT of one component at one setting."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measure:
+    """The experiment goes on: run the setting with this CR."""
+
+    reserve: int
+    until_clear: bool = False  # it may end as soon as the verdicts are clear; otherwise as `run.until` says
+    precision: float | None = None  # with `until_clear`: not before the mean is known within this part of it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sufficient:
+    """Every APT is met at this CR, which was measured."""
+
+    reserve: int
+    failed: int | None  # the highest lower CR at which one was not met; None: there is none, or nobody looked
+    error: float  # of the verdicts that this rests on
+    inconclusive: tuple[int, ...] = ()  # lower CRs above `failed` that were measured and have no steady state
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NotAchievable:
+    """Not every APT is met at the highest CR that the host can give, which is this one."""
+
+    reserve: int
+    error: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NotResolved:
+    """The samples allowed cannot tell which CR is enough."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SettingFailed:
+    """The setting with this CR had too many failed samples, and was not recorded."""
+
+    reserve: int
+    verdict: TooManyFailures
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Swept:
+    """All the settings that were asked for are there."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stopped:
+    """Somebody asked for an end; what is recorded stays, and the same command goes on."""
+
+
+SearchStep = Measure | Sufficient | NotAchievable | NotResolved
+"""What a search for the least sufficient CR answers."""
+
+Conclusion = Sufficient | NotAchievable | NotResolved | SettingFailed | Swept | Stopped
+"""How an experiment ended."""
+
+ExperimentStep = Measure | Conclusion
+"""What a strategy answers."""
