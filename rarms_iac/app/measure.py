@@ -2,11 +2,9 @@
 
 from dataclasses import dataclass
 
-from rarms_iac.measuring.conclusions import (
-    Conclusion,
-)
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.measurement import Setting
+from rarms_iac.model.outcomes import Conclusion
 from rarms_iac.statistics.curves import LeastReserve
 
 

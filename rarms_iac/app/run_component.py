@@ -4,9 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rarms_iac.model.measurement import Series
+from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.system import AtLeast, AtMost, Component, Run, Threshold
 from rarms_iac.running.samples import Ending
-from rarms_iac.statistics.estimates import Estimate, NoEstimate, estimate
+from rarms_iac.statistics.estimates import estimate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -125,9 +125,7 @@ class LoopResult:
     new: int  # how many of them were run now
 
 
-def measure(
-    experiment: Experiment, strategy: Strategy, log: SettingsLog, context: MeasuringContext
-) -> LoopResult:
+def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, context: MeasuringContext) -> LoopResult:
     """Run settings until the strategy has its answer; P1 and P2 are there only meanwhile.
 
     Raises:

@@ -9,16 +9,23 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Protocol
 
-from rarms_iac.measuring.conclusions import Conclusion, Measure, NoVerdict, Step, Stopped
-from rarms_iac.measuring.partitions import Classes, Shape, set_reserves, shapes_of, standing
-from rarms_iac.measuring.reporter import MeasuringReporter
-from rarms_iac.measuring.room import Room, load_memory, reserve_beside
+from rarms_iac.measuring.loop import MeasuringReporter, watch
+from rarms_iac.measuring.partitions import (
+    Classes,
+    HostBudget,
+    PartitionShape,
+    memory_for_load,
+    reserve_for_load,
+    running_test_partitions,
+    set_reserves,
+    shapes_of_test_partitions,
+)
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.measuring.watching import TooManyFailed, watch
 from rarms_iac.model.diagnostics import Place
 from rarms_iac.model.measurement import P1, P2, Series, Setting
+from rarms_iac.model.outcomes import Conclusion, ExperimentStep, Measure, SettingFailed, Stopped, TooManyFailures
 from rarms_iac.planner.task_classes import classes_of, registry_values
-from rarms_iac.providers.measuring import Inside, MeasuringHost, Work
+from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, Work
 from rarms_iac.storage.datalog.columns import as_recorded
 
 SETTINGS = 101
@@ -28,7 +35,7 @@ SETTINGS = 101
 class Strategy(Protocol):
     """Which setting is next; the same settings give the same answer."""
 
-    def step(self, settings: Sequence[Setting]) -> Step:
+    def step(self, settings: Sequence[Setting]) -> ExperimentStep:
         """What to do after these settings, in the order in which they were run."""
         ...
 
@@ -54,11 +61,11 @@ class Surroundings:
     """What a run of the loop is given beside the experiment."""
 
     host: MeasuringHost  # its lock is held by who calls
-    room: Callable[[], Room]  # asked once, before the first setting that must be run; may refuse
+    room: Callable[[], HostBudget]  # asked once, before the first setting that must be run; may refuse
     seed: int
     reporter: MeasuringReporter
     should_stop: Callable[[], bool]
-    others: tuple[Inside, ...] = ()  # what goes on in partitions that run beside P1 and P2, and is not looked at
+    others: tuple[PartitionWork, ...] = ()  # what goes on in partitions that run beside P1 and P2, and is not looked at
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,16 +109,16 @@ def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, around
 class _Bench:
     """The test partitions, and what there is room for."""
 
-    room: Room
-    shapes: tuple[Shape, Shape]
+    room: HostBudget
+    shapes: tuple[PartitionShape, PartitionShape]
 
 
 def _made(experiment: Experiment, around: Surroundings, ends: ExitStack) -> _Bench:
     room = around.room()
-    memory = load_memory(room, experiment.setup)
-    shapes = shapes_of(experiment.setup, room.capacity.logical_processors, memory)
+    memory = memory_for_load(room, experiment.setup)
+    shapes = shapes_of_test_partitions(experiment.setup, room.capacity.logical_processors, memory)
     classes = _classes(experiment)
-    ends.enter_context(standing(around.host, experiment.application, shapes, classes))
+    ends.enter_context(running_test_partitions(around.host, experiment.application, shapes, classes))
     return _Bench(room=room, shapes=shapes)
 
 
@@ -133,10 +140,12 @@ class NoPlaces:
         return Place(file="", line=1, column=1)
 
 
-def _run(experiment: Experiment, around: Surroundings, bench: _Bench, asked: Measure) -> Setting | NoVerdict | Stopped:
+def _run(
+    experiment: Experiment, around: Surroundings, bench: _Bench, asked: Measure
+) -> Setting | SettingFailed | Stopped:
     """One setting, from the reserves to the last sample."""
     reserve = asked.reserve
-    beside = reserve_beside(bench.room, experiment.setup, reserve)
+    beside = reserve_for_load(bench.room, experiment.setup, reserve)
     if beside is None:
         raise ValueError(f"{reserve} % was asked for, and the host cannot give that")
     set_reserves(around.host, experiment.application, bench.shapes, {P1: reserve, P2: beside})
@@ -145,8 +154,8 @@ def _run(experiment: Experiment, around: Surroundings, bench: _Bench, asked: Mea
     match seen:
         case None:
             return Stopped()
-        case TooManyFailed(component=component, failures=failures):
-            return NoVerdict(reserve=reserve, component=component, failures=failures)
+        case TooManyFailures(component=component, failures=failures):
+            return SettingFailed(reserve=reserve, component=component, failures=failures)
         case _:
             return _setting(reserve, beside, around.seed, seen)
 
@@ -171,8 +180,8 @@ def _work(experiment: Experiment, around: Surroundings, reserve: int) -> Work:
     return Work(
         application=experiment.application,
         inside=(
-            Inside(partition=P1, components=experiment.members),
-            Inside(partition=P2, load=experiment.load),
+            PartitionWork(partition=P1, components=experiment.members),
+            PartitionWork(partition=P2, load=experiment.load),
             *around.others,
         ),
         until={name: run.until for name, run in experiment.runs.items()},

@@ -3,15 +3,6 @@
 from collections.abc import Iterable, Iterator
 from typing import assert_never
 
-from rarms_iac.measuring.conclusions import (
-    Conclusion,
-    NotAchievable,
-    NotResolved,
-    NoVerdict,
-    Stopped,
-    Sufficient,
-    Swept,
-)
 from rarms_iac.measuring.findings import (
     FAILED_SAMPLES,
     FIXED_ANYWAY,
@@ -20,13 +11,14 @@ from rarms_iac.measuring.findings import (
     NOT_ACHIEVABLE,
     NOT_RESOLVED,
 )
-from rarms_iac.measuring.measured import Shown, shown, steady
-from rarms_iac.measuring.search.tree import WIDTH
+from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, why_unsteady
+from rarms_iac.measuring.search.default import WIDTH
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model import indexes
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import Setting
+from rarms_iac.model.outcomes import Conclusion, NotAchievable, NotResolved, SettingFailed, Stopped, Sufficient, Swept
 from rarms_iac.model.quantities import Unit, show_amount
 from rarms_iac.model.system import Measured, Threshold
 from rarms_iac.model.wording import in_a_row
@@ -44,9 +36,9 @@ def findings_of(
     match conclusion:
         case NotAchievable(reserve=reserve):
             yield from _not_achievable(experiment, reserve, settings, places)
-        case NotResolved(says=says):
+        case NotResolved(reason=says):
             yield from _not_resolved(experiment, says, settings, places)
-        case NoVerdict(reserve=reserve, component=component, failures=failures):
+        case SettingFailed(reserve=reserve, component=component, failures=failures):
             told = "; ".join(dict.fromkeys(failures[:SHOWN_FAILURES]))
             yield FAILED_SAMPLES.at(
                 places.key("components", component),
@@ -78,7 +70,7 @@ def show_threshold(index: str, threshold: Threshold) -> str:
     return indexes.show_threshold(found, threshold)
 
 
-def show_measured(shown: Shown) -> str:
+def show_measured(shown: MeasuredIndex) -> str:
     """`mean_response_time 94.1 ms (93.5 to 94.8 ms)`."""
     if shown.estimate is None:
         return f"{shown.index} cannot be told: {shown.why}"
@@ -98,7 +90,7 @@ def _not_achievable(
     if most:
         advice = "Free the host, where something else holds its processors; else relax the threshold."
     for setting in last:
-        found = shown(setting, experiment)
+        found = measured_indexes(setting, experiment)
         # What is on the right side, and not for sure, is not met either.
         for one in [each for each in found if each.misses] or found:
             yield NOT_ACHIEVABLE.at(
@@ -138,7 +130,7 @@ def _unsteady(settings: Iterable[Setting]) -> list[tuple[int, str, str]]:
         (setting.reserve, series.component, why)
         for setting in settings
         for series in setting.series
-        if (why := steady(series))
+        if (why := why_unsteady(series))
     ]
 
 

@@ -7,13 +7,10 @@ from rarms_iac.app.run_component import ComponentRunResult, meets, noise
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import Sample
-from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.quantities import Unit
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.running.samples import Ending
-from rarms_iac.statistics.estimates import Estimate, NoEstimate
-from rarms_iac.statistics.estimates import estimate
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import visible
 from rarms_iac.views.diagnostics.text import counted

@@ -6,24 +6,16 @@ from math import isfinite
 from typing import TYPE_CHECKING, Literal, assert_never
 
 from rarms_iac.app.measure import ExperimentResult
-from rarms_iac.measuring.conclusions import (
-    Conclusion,
-    NotAchievable,
-    NotResolved,
-    NoVerdict,
-    Stopped,
-    Sufficient,
-    Swept,
-)
-from rarms_iac.measuring.measured import Shown, shown, shown_at
+from rarms_iac.measuring.findings import show_value
+from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, shortfall_at
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.measuring.telling import show_value
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Setting
+from rarms_iac.model.outcomes import Conclusion, NotAchievable, NotResolved, SettingFailed, Stopped, Sufficient, Swept
 from rarms_iac.model.quantities import guaranteed, plain, show_processors
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.model.wording import in_a_row
-from rarms_iac.statistics.verdicts import share
+from rarms_iac.statistics.verdicts import show_error
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import counted, paragraph, stack, table
 from rarms_iac.views.output.measuring import ExperimentOutput, IndexOutput, MeasureOutput, SettingOutput
@@ -72,7 +64,7 @@ def _outcome(result: ExperimentResult) -> tuple[str, str, str]:
             return "-", "", f"not achievable at {reserve} %"
         case NotResolved():
             remark = "not resolved"
-        case NoVerdict(reserve=reserve):
+        case SettingFailed(reserve=reserve):
             remark = f"too many failed samples at {reserve} %"
         case Swept():
             remark = "measured"
@@ -91,7 +83,7 @@ def _below(result: ExperimentResult, failed: int | None) -> str:
     """The highest lower setting that was not shown to be enough; NOTE: that is not yet shown to be too little."""
     if not failed:
         return ""
-    match shown_at(failed, result.settings, result.experiment):
+    match shortfall_at(failed, result.settings, result.experiment):
         case "missed":
             return f"{failed} % too little"
         case "within the noise":
@@ -128,7 +120,7 @@ def _totals(results: Sequence[ExperimentResult]) -> Iterator[str]:
         if isinstance(result.conclusion, Sufficient | NotAchievable) and not _only_extremes(result)
     ]
     if errors:
-        yield f"A verdict is wrong in at most {share(max(errors))} of cases (docs/measuring.md)."
+        yield f"A verdict is wrong in at most {show_error(max(errors))} of cases (docs/measuring.md)."
     if any(map(_only_extremes, results)):
         yield "A maximum or minimum is met so far: nobody can say what the next job does."
 
@@ -147,7 +139,7 @@ def _only_extremes(result: ExperimentResult) -> bool:
         index
         for setting in result.settings
         if setting.reserve == result.conclusion.reserve
-        for index in shown(setting, result.experiment)
+        for index in measured_indexes(setting, result.experiment)
     ]
     return bool(indexes) and all(index.estimate is not None and index.estimate.beyond is not None for index in indexes)
 
@@ -158,12 +150,12 @@ def settings_text(result: ExperimentResult) -> "RenderableType":
     heads = [f"{name} {index}" if len(result.experiment.members) > 1 else index for name, index in names]
     rows = []
     for setting in sorted(result.settings, key=lambda each: (each.reserve, each.seed)):
-        indexes = {(index.component, index.index): index for index in shown(setting, result.experiment)}
+        indexes = {(index.component, index.index): index for index in measured_indexes(setting, result.experiment)}
         rows.append((f"{setting.reserve} %", *(show_band(indexes[name]) for name in names)))
     return table(rows, header=("CR", *heads), wrap=range(1, len(heads) + 1))
 
 
-def show_band(index: Shown) -> str:
+def show_band(index: MeasuredIndex) -> str:
     """`97.7 ms (97.1 to 98.2 ms)`; of an extreme, what was seen; without an estimate, why."""
     if index.estimate is None:
         return index.why
@@ -194,7 +186,7 @@ def _output(measured: ExperimentResult) -> ExperimentOutput:
         failed=conclusion.failed if isinstance(conclusion, Sufficient) else None,
         undecided=isinstance(conclusion, Sufficient)
         and conclusion.failed is not None
-        and shown_at(conclusion.failed, measured.settings, experiment) != "missed",
+        and shortfall_at(conclusion.failed, measured.settings, experiment) != "missed",
         untold=conclusion.untold if isinstance(conclusion, Sufficient) else (),
         error=conclusion.error if isinstance(conclusion, Sufficient | NotAchievable) else None,
         planned=measured.planned.reserve if measured.planned else None,
@@ -212,7 +204,7 @@ def _ending(conclusion: Conclusion) -> ExperimentEnding:
             return "not_achievable"
         case NotResolved():
             return "not_resolved"
-        case NoVerdict():
+        case SettingFailed():
             return "no_verdict"
         case Swept():
             return "swept"
@@ -227,16 +219,16 @@ def _setting(setting: Setting, experiment: Experiment) -> SettingOutput:
         reserve=setting.reserve,
         beside=setting.beside,
         seed=setting.seed,
-        indexes=index_outputs(shown(setting, experiment)),
+        indexes=index_outputs(measured_indexes(setting, experiment)),
     )
 
 
-def index_outputs(indexes: Sequence[Shown]) -> tuple[IndexOutput, ...]:
+def index_outputs(indexes: Sequence[MeasuredIndex]) -> tuple[IndexOutput, ...]:
     """Indexes for programs; a bound that says nothing is null."""
     return tuple(map(_index, indexes))
 
 
-def _index(shown: Shown) -> IndexOutput:
+def _index(shown: MeasuredIndex) -> IndexOutput:
     seen = shown.estimate
     return IndexOutput(
         component=shown.component,

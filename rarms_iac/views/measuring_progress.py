@@ -3,9 +3,9 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from rarms_iac.measuring.measured import Shown, shown, shown_of
+from rarms_iac.measuring.findings import show_index, show_value
+from rarms_iac.measuring.performance import MeasuredIndex, indexes_of_series, measured_indexes
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.measuring.telling import show_measured, show_value
 from rarms_iac.model.measurement import Series, Setting
 from rarms_iac.model.system import Elapsed, SampleCount
 from rarms_iac.views.console import counted, paragraph
@@ -49,7 +49,7 @@ class MeasuringProgress:
     def looked(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:
         """Show how many samples there are, what they come to, and how long it may yet take."""
         if self._live is not None:
-            values = brief(shown_of(experiment.members, seen), several=len(experiment.members) > 1)
+            values = brief(indexes_of_series(experiment.members, seen), several=len(experiment.members) > 1)
             progress = f"{samples_of(seen)}, {values}{self._time_left(experiment, seen)}"
             self._live.show((experiment.name, f"{reserve} %", progress))
 
@@ -62,7 +62,7 @@ class MeasuringProgress:
         series = {series.component: series for series in setting.series}
         several = len(experiment.members) > 1
         values = "; ".join(
-            f"{_owner(index, several=several)}{show_measured(index)}" for index in shown(setting, experiment)
+            f"{_owner(index, several=several)}{show_index(index)}" for index in measured_indexes(setting, experiment)
         )
         took = seconds(now - self._began)
         self._say(
@@ -101,7 +101,7 @@ def samples_of(seen: Mapping[str, Series]) -> str:
     return counted(min((len(series.samples) for series in seen.values()), default=0), "sample")
 
 
-def brief(indexes: Sequence[Shown], *, several: bool = False) -> str:
+def brief(indexes: Sequence[MeasuredIndex], *, several: bool = False) -> str:
     """The values alone: `mean_response_time 94.1 ms`; of several components `vision mean_response_time 94.1 ms`."""
     values = [
         f"{_owner(index, several=several)}{index.index} {show_value(index.index, index.estimate.value)}"
@@ -111,5 +111,5 @@ def brief(indexes: Sequence[Shown], *, several: bool = False) -> str:
     return ", ".join(values) or "nothing to tell yet"
 
 
-def _owner(index: Shown, *, several: bool) -> str:
+def _owner(index: MeasuredIndex, *, several: bool) -> str:
     return f"{index.component} " if several else ""

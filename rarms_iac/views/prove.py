@@ -5,12 +5,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING, assert_never
 
-from rarms_iac.measuring.proving import Proof, Tried
-from rarms_iac.measuring.telling import show_value
+from rarms_iac.measuring.findings import show_value
+from rarms_iac.measuring.prove import IndexVerdict, LayoutProof
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Series
-from rarms_iac.statistics.steady_state import Unsteady
-from rarms_iac.statistics.verdicts import Met, Missed, TooFewSamples, TooManyFailures, Verdict, WithinTheNoise, share
+from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, Verdict, WithinNoise
+from rarms_iac.statistics.verdicts import show_error
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import counted, paragraph, stack, table
 from rarms_iac.views.measure import index_outputs, show_bound
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 
-def proof_text(proofs: Sequence[Proof], interference: str | None) -> "RenderableType":
+def proof_text(proofs: Sequence[LayoutProof], interference: str | None) -> "RenderableType":
     """A table, a row an index, and a sentence a host."""
     if not any(proof.tried for proof in proofs):
         return paragraph("No component that ran has a threshold: nothing is proven.")
@@ -35,7 +35,7 @@ def proof_text(proofs: Sequence[Proof], interference: str | None) -> "Renderable
     return stack(table(rows, header=header, wrap=wrap), *(paragraph(_sentence(proof, against)) for proof in proofs))
 
 
-def _row(proof: Proof, tried: Tried) -> tuple[str, ...]:
+def _row(proof: LayoutProof, tried: IndexVerdict) -> tuple[str, ...]:
     """The partition, the component, its index with its value, its threshold, and the verdict."""
     index = tried.shown
     partitions = {member.name: name for name, members in proof.layout.partitions.items() for member in members}
@@ -44,16 +44,18 @@ def _row(proof: Proof, tried: Tried) -> tuple[str, ...]:
     return partitions.get(index.component, "-"), index.component, index.index, value, bound, _in_words(tried)
 
 
-def _sentence(proof: Proof, against: str) -> str:
+def _sentence(proof: LayoutProof, against: str) -> str:
     counts = Counter(verdict_of(tried.verdict) for tried in proof.not_met)
     says = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items())) or "all thresholds met"
     components = counted(len(proof.layout.components), "component")
     together = f"{proof.host}: {components} together{against}: {says}"
     errors = [tried.error for tried in proof.tried if tried.error is not None and not _is_extreme(tried)]
-    return f"{together}; a verdict is wrong in at most {share(max(errors))} of cases." if errors else f"{together}."
+    return (
+        f"{together}; a verdict is wrong in at most {show_error(max(errors))} of cases." if errors else f"{together}."
+    )
 
 
-def prove_json(proofs: Sequence[Proof], interference: str | None, findings: tuple[Diagnostic, ...]) -> str:
+def prove_json(proofs: Sequence[LayoutProof], interference: str | None, findings: tuple[Diagnostic, ...]) -> str:
     """The same for programs."""
     found = tuple(output for proof in proofs for output in _outputs(proof))
     met = not any(proof.not_met for proof in proofs)
@@ -67,7 +69,7 @@ def verdict_of(verdict: Verdict) -> ProvenVerdict:
             return "met"
         case Missed():
             return "missed"
-        case WithinTheNoise():
+        case WithinNoise():
             return "within the noise"
         case Unsteady():
             return "no steady state"
@@ -82,17 +84,17 @@ def sampled(host: str, seen: Mapping[str, Series]) -> tuple[str, str]:
     return host, "samples of " + ", ".join(f"{name} {len(series.samples)}" for name, series in sorted(seen.items()))
 
 
-def _is_extreme(tried: Tried) -> bool:
+def _is_extreme(tried: IndexVerdict) -> bool:
     return tried.shown.estimate is not None and tried.shown.estimate.beyond is not None
 
 
-def _in_words(tried: Tried) -> str:
+def _in_words(tried: IndexVerdict) -> str:
     """`met`; of a maximum or minimum `met so far`, since nobody can say what the next job does."""
     verdict = verdict_of(tried.verdict)
     return f"{verdict} so far" if tried.error is not None and _is_extreme(tried) else verdict
 
 
-def _outputs(proof: Proof) -> Iterator[ProvenIndexOutput]:
+def _outputs(proof: LayoutProof) -> Iterator[ProvenIndexOutput]:
     for tried, shown in zip(proof.tried, index_outputs([tried.shown for tried in proof.tried]), strict=True):
         seen = {field.name: getattr(shown, field.name) for field in fields(shown)}
         yield ProvenIndexOutput(

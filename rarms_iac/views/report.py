@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from math import isfinite
 
 from rarms_iac.app.report_model import IndexCurve, Measurement, Report
-from rarms_iac.statistics.verdicts import ERRORS
 from rarms_iac.statistics.verdicts import ERRORS_EXPLAINED
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap

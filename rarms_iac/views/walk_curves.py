@@ -8,9 +8,7 @@ from rarms_iac.model.indexes import find_index, show_threshold, show_value
 from rarms_iac.model.quantities import show_percent
 from rarms_iac.model.system import AtMost, Threshold
 from rarms_iac.statistics.curves import Point, holds
-from rarms_iac.statistics.verdicts import wrong
 from rarms_iac.statistics.verdicts import describe_error
-from rarms_iac.views.walk import Looked, Walk
 
 
 def verdicts(walk: Explanation) -> Iterator[str]:
