@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.measurement import Bench, EnvironmentSetup, Sample, Series, Setting
 from rarms_iac.model.system import BusyLoop, Component, Interference, ProviderKind, SchedulerType, TaskWish
 from rarms_iac.storage.datalog.identity import Subject, header_of, identity_of
@@ -75,17 +74,3 @@ def a_log(settings: Sequence[Setting], subject: Subject | None = None) -> DataLo
     return DataLog(
         header=a_header(subject), recorded=tuple(Recorded(setting=setting, provenance=TAKEN) for setting in settings)
     )
-
-
-class Silent:
-    """A `MeasuringReporter` that tells nobody."""
-
-    def experiment_started(self, experiment: Experiment, recorded: tuple[Setting, ...]) -> None: ...
-
-    def setting_started(self, experiment: Experiment, reserve: int, number: int) -> None: ...
-
-    def looked(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None: ...
-
-    def setting_ended(self, experiment: Experiment, setting: Setting) -> None: ...
-
-    def experiment_ended(self) -> None: ...

@@ -5,7 +5,7 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol
 
 from rarms_iac.apply.reports import RunReporter, SilentReporter
-from rarms_iac.measuring.loop import MeasuringReporter, SilentReporter
+from rarms_iac.measuring.loop import MeasuringReporter, SilentMeasuringReporter
 from rarms_iac.model.diagnostics import Diagnostic, Sources
 
 
@@ -65,7 +65,7 @@ class SilentListener:
     """A `Reporter` that keeps everything to itself."""
 
     steps: RunReporter = SilentReporter()
-    settings: MeasuringReporter = SilentReporter()
+    settings: MeasuringReporter = SilentMeasuringReporter()
 
     def message(self, text: str) -> None:
         """Drop it."""

@@ -9,7 +9,6 @@ from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.cli.configuration import now
 from rarms_iac.cli.datalogs import is_here, subject_of
-from rarms_iac.cli.hosts import Hosts
 from rarms_iac.measuring.loop import SettingsLog
 from rarms_iac.measuring.partitions import partition_name
 from rarms_iac.measuring.setup import Experiment

@@ -10,7 +10,6 @@ from rarms_iac.cli.datalogs import measured_reservations, measurements_of
 from rarms_iac.cli.experiments import MeasureOptions
 from rarms_iac.cli.measuring import run_experiment
 from rarms_iac.cli.session import Session
-from rarms_iac.cli.wiring import open_bench
 from rarms_iac.measuring.findings import CANNOT_MEASURE
 from rarms_iac.measuring.partitions import highest_reserve, host_budget
 from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of

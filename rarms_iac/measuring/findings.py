@@ -6,7 +6,7 @@ from typing import assert_never
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, why_unsteady
 from rarms_iac.measuring.search.default import WIDTH
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.model import thresholds
+from rarms_iac.model import indexes as known_indexes
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import Setting
@@ -20,9 +20,9 @@ from rarms_iac.model.outcomes import (
     Swept,
     TooManyFailures,
 )
-from rarms_iac.model.phrases import in_a_row
 from rarms_iac.model.quantities import Unit, show_amount
 from rarms_iac.model.system import Measured, Threshold
+from rarms_iac.model.wording import in_a_row
 
 NOT_ACHIEVABLE = Finding(
     code="RARMS110", severity=Severity.ERROR, summary="Threshold performance is not achievable on this platform."
@@ -97,7 +97,7 @@ def show_threshold(index: str, threshold: Threshold) -> str:
     """Write a threshold: `at most 100 ms`."""
     known = find_index(index)
     assert known is not None, "a manifest names no other index"
-    return thresholds.show_threshold(known, threshold)
+    return known_indexes.show_threshold(known, threshold)
 
 
 def show_index(measured: MeasuredIndex) -> str:

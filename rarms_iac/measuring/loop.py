@@ -71,6 +71,25 @@ class MeasuringReporter(Protocol):
         ...
 
 
+class SilentMeasuringReporter:
+    """A `MeasuringReporter` that tells nobody."""
+
+    def experiment_started(self, experiment: Experiment, recorded: tuple[Setting, ...]) -> None:
+        """Nothing."""
+
+    def setting_started(self, experiment: Experiment, reserve: int, number: int) -> None:
+        """Nothing."""
+
+    def looked(self, experiment: Experiment, reserve: int, seen: Mapping[str, Series]) -> None:
+        """Nothing."""
+
+    def setting_ended(self, experiment: Experiment, setting: Setting) -> None:
+        """Nothing."""
+
+    def experiment_ended(self) -> None:
+        """Nothing."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SettingsLog:
     """The data log of an experiment: a file that is begun with the first setting."""
@@ -135,6 +154,7 @@ def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, contex
     recorded = settings = log.settings()
     context.reporter.experiment_started(experiment, settings)
     with ExitStack() as ends:
+        ends.callback(context.reporter.experiment_ended)
         bench: _TestBench | None = None
         while isinstance(step := strategy.step(settings), Measure):
             if context.should_stop():
@@ -149,7 +169,6 @@ def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, contex
             log.add(setting)
             settings = (*settings, setting)
             context.reporter.setting_ended(experiment, setting)
-    context.reporter.experiment_ended()
     return LoopResult(conclusion=step, settings=settings, new=len(settings) - len(recorded))
 
 

@@ -57,7 +57,7 @@ def show_bound(index: str, threshold: Threshold) -> str:
 def _outcome(result: ExperimentResult) -> tuple[str, str, str]:
     """The CR, its LPs, and what else is known; NOTE: a plan rests on the curve, so where it differs both are shown."""
     match result.conclusion:
-        case Sufficient(reserve=reserve, failed=failed, untold=inconclusive):
+        case Sufficient(reserve=reserve, failed=failed, inconclusive=inconclusive):
             remarks = [_below(result, failed), _inconclusive(inconclusive), _planned(result, reserve)]
             return f"{reserve} %", _processors(result, reserve), ", ".join(filter(None, remarks))
         case NotAchievable(reserve=reserve):
@@ -158,7 +158,7 @@ def settings_text(result: ExperimentResult) -> "RenderableType":
 def show_band(index: MeasuredIndex) -> str:
     """`97.7 ms (97.1 to 98.2 ms)`; of an extreme, what was seen; without an estimate, why."""
     if index.estimate is None:
-        return index.why
+        return index.reason
     value, lower, upper = (
         show_value(index.index, each) for each in (index.estimate.value, index.estimate.lower, index.estimate.upper)
     )
@@ -187,7 +187,7 @@ def _output(measured: ExperimentResult) -> ExperimentOutput:
         undecided=isinstance(conclusion, Sufficient)
         and conclusion.failed is not None
         and shortfall_at(conclusion.failed, measured.settings, experiment) != "missed",
-        untold=conclusion.untold if isinstance(conclusion, Sufficient) else (),
+        untold=conclusion.inconclusive if isinstance(conclusion, Sufficient) else (),
         error=conclusion.error if isinstance(conclusion, Sufficient | NotAchievable) else None,
         planned=measured.planned.reserve if measured.planned else None,
         interpolated=bool(measured.planned and measured.planned.interpolated),

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 def proof_text(proofs: Sequence[LayoutProof], interference: str | None) -> "RenderableType":
     """A table, a row an index, and a sentence a host."""
-    if not any(proof.tried for proof in proofs):
+    if not any(proof.verdicts for proof in proofs):
         return paragraph("No component that ran has a threshold: nothing is proven.")
-    rows = [_row(proof, tried) for proof in proofs for tried in proof.tried]
+    rows = [_row(proof, tried) for proof in proofs for tried in proof.verdicts]
     header, wrap = ["component", "index", "measured", "APT", "verdict"], (1, 4)
     if any(row[0] != row[1] for row in rows):
         header.insert(0, "partition")
@@ -37,9 +37,9 @@ def proof_text(proofs: Sequence[LayoutProof], interference: str | None) -> "Rend
 
 def _row(proof: LayoutProof, tried: IndexVerdict) -> tuple[str, ...]:
     """The partition, the component, its index with its value, its threshold, and the verdict."""
-    index = tried.shown
+    index = tried.measured
     partitions = {member.name: name for name, members in proof.layout.partitions.items() for member in members}
-    value = index.why if index.estimate is None else show_value(index.index, index.estimate.value)
+    value = index.reason if index.estimate is None else show_value(index.index, index.estimate.value)
     bound = show_bound(index.index, index.threshold).removeprefix(f"{index.index} ")
     return partitions.get(index.component, "-"), index.component, index.index, value, bound, _in_words(tried)
 
@@ -49,7 +49,7 @@ def _sentence(proof: LayoutProof, against: str) -> str:
     says = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items())) or "all thresholds met"
     components = counted(len(proof.layout.components), "component")
     together = f"{proof.host}: {components} together{against}: {says}"
-    errors = [tried.error for tried in proof.tried if tried.error is not None and not _is_extreme(tried)]
+    errors = [tried.error for tried in proof.verdicts if tried.error is not None and not _is_extreme(tried)]
     return (
         f"{together}; a verdict is wrong in at most {show_error(max(errors))} of cases." if errors else f"{together}."
     )
@@ -85,7 +85,7 @@ def sampled(host: str, seen: Mapping[str, Series]) -> tuple[str, str]:
 
 
 def _is_extreme(tried: IndexVerdict) -> bool:
-    return tried.shown.estimate is not None and tried.shown.estimate.beyond is not None
+    return tried.measured.estimate is not None and tried.measured.estimate.beyond is not None
 
 
 def _in_words(tried: IndexVerdict) -> str:
@@ -95,12 +95,12 @@ def _in_words(tried: IndexVerdict) -> str:
 
 
 def _outputs(proof: LayoutProof) -> Iterator[ProvenIndexOutput]:
-    for tried, shown in zip(proof.tried, index_outputs([tried.shown for tried in proof.tried]), strict=True):
+    for tried, shown in zip(proof.verdicts, index_outputs([tried.measured for tried in proof.verdicts]), strict=True):
         seen = {field.name: getattr(shown, field.name) for field in fields(shown)}
         yield ProvenIndexOutput(
             **seen,
             host=proof.host,
             verdict=verdict_of(tried.verdict),
             verdict_error=tried.error,
-            why=tried.shown.why,
+            why=tried.measured.reason,
         )

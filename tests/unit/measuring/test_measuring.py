@@ -6,7 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.measuring.loop import LoopResult, MeasuringContext, SettingsLog, Strategy, measure
+from rarms_iac.measuring.loop import (
+    LoopResult,
+    MeasuringContext,
+    SettingsLog,
+    SilentMeasuringReporter,
+    Strategy,
+    measure,
+)
 from rarms_iac.measuring.partitions import host_budget, remove_test_partitions
 from rarms_iac.measuring.search import STRATEGIES
 from rarms_iac.measuring.search.trials import is_clear
@@ -22,7 +29,7 @@ from rarms_iac.storage import disk
 from rarms_iac.storage.datalog.identity import Subject, header_of, identity_of
 from rarms_iac.storage.datalog.log import Provenance
 from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most
-from tests.builders_measured import Silent, a_series
+from tests.builders_measured import a_series
 from tests.crashing import Crash, CrashingDisk, When
 from tests.effort import LONG
 from tests.fluid import fluid
@@ -91,7 +98,7 @@ class Bench:
                 host=host,
                 budget=lambda: host_budget(a_host(), host.observe(), "robot"),
                 seed=seed,
-                reporter=Silent(),
+                reporter=SilentMeasuringReporter(),
                 should_stop=should_stop,
             )
             return measure(self.experiment, strategy or self.search(), self.book(only), around)

@@ -11,7 +11,14 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.measuring.findings import findings_of
-from rarms_iac.measuring.loop import LoopResult, MeasuringContext, NoPlaces, SettingsLog, measure
+from rarms_iac.measuring.loop import (
+    LoopResult,
+    MeasuringContext,
+    NoPlaces,
+    SettingsLog,
+    SilentMeasuringReporter,
+    measure,
+)
 from rarms_iac.measuring.partitions import host_budget
 from rarms_iac.measuring.performance import shortfall_at, why_unsteady
 from rarms_iac.measuring.search import STRATEGIES
@@ -26,7 +33,6 @@ from rarms_iac.statistics.curves import LeastReserve, curves_of, least_reserve
 from rarms_iac.storage.datalog.identity import Subject, header_of, identity_of
 from rarms_iac.storage.datalog.log import Provenance
 from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most
-from tests.builders_measured import Silent
 
 TAKEN = Provenance(rarms_version="0", when="2027-01-31T12:00:00Z")
 
@@ -57,7 +63,7 @@ def searched(experiment: Experiment, folder: Path, strategy: str = "default") ->
             host=host,
             budget=lambda: host_budget(a_host(), host.observe(), "robot"),
             seed=1,
-            reporter=Silent(),
+            reporter=SilentMeasuringReporter(),
             should_stop=lambda: False,
         )
         return measure(experiment, Agreeing(search=search, verifying=Verifying(goal=goal, most=100)), log, around)
