@@ -22,7 +22,7 @@ from rarms_iac.measuring.strategies import apts_of
 from rarms_iac.model.outcomes import Swept
 from rarms_iac.statistics.curves import curves_of, least_reserve
 from rarms_iac.views.measure import settings_text
-from rarms_iac.views.plot import plot_text
+from rarms_iac.views.reports.terminal import TerminalPlot, legend
 from rarms_iac.views.select import selection_text
 
 
@@ -69,10 +69,9 @@ def _as_chosen(hosts: Hosts, result: ExperimentResult) -> ExperimentResult:
 def _show_plots(session: Session, measurement: Measurement) -> None:
     terminal = session.terminal
     for index in measurement.indexes:
-        text = plot_text(
-            index, width=terminal.width, ascii_only=speaks_ascii_only(terminal), colour=terminal.talk_colour
-        )
-        terminal.talk("\n" + text.rstrip("\n"))
+        terminal.talk("")
+        terminal.talk(TerminalPlot(curve=index, ascii_only=speaks_ascii_only(terminal)))
+    terminal.talk(legend(ascii_only=speaks_ascii_only(terminal)))
 
 
 def _answer(session: Session, name: str) -> str:

@@ -47,13 +47,12 @@ def command(
         raise click.UsageError("--text goes without --out and --json.", click.get_current_context())
     report = reported(source, components)
     if as_text:
-        from rarms_iac.views.report import report_text
+        from rarms_iac.views.reports.terminal import report_text
 
-        on, plainly = session.terminal, speaks_ascii_only(session.terminal)
-        on.data(report_text(report, width=on.width, ascii_only=plainly, colour=on.colour))
+        session.terminal.show(report_text(report, ascii_only=speaks_ascii_only(session.terminal)))
         return ExitCode.DONE
     if as_json:
-        from rarms_iac.views.report import report_json
+        from rarms_iac.views.reports.document import report_json
 
         session.terminal.data(report_json(report))
         if out is None:

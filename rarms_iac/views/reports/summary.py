@@ -129,9 +129,11 @@ class Proven:
     component: str
     index: str
     level: str
-    shows: str
+    value: str
+    shows: str  # the value with its interval
     met: bool
-    result: str
+    verdict: str
+    result: str  # the verdict with its error, and when it was given
 
     @property
     def kind(self) -> str:
@@ -149,8 +151,10 @@ def _proven(proof: ComponentProof) -> Proven:
         component=proof.component,
         index=proof.index.name,
         level=proof.threshold,
+        value="cannot be told" if proof.value is None else shown(proof.value, proof.index.unit),
         shows=_band(proof),
         met=proof.met,
+        verdict=proof.verdict,
         result=proof.verdict
         + ("" if proof.error is None else f" ({describe_error(proof.error)})")
         + (f": {proof.note}" if proof.note else ""),

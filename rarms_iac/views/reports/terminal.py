@@ -1,21 +1,35 @@
-"""A curve in the terminal: PI against reserve, with its band, its settings, the threshold and the reserve.
+"""The report in the terminal: levels, totals, and a plot of every curve with its band, settings, threshold and reserve.
 
 Braille draws eight dots a character; where only ASCII can be shown, letters and dashes say the same. Colour adds
 nothing that a sign does not say.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from rarms_iac.app.report_model import IndexCurve
+from rarms_iac.app.report_model import IndexCurve, Measurement, Report
 from rarms_iac.model.indexes import show_threshold
+from rarms_iac.views.console import paragraph, stack, table
 from rarms_iac.views.reports.scale import UNIT_TEXT, Scale, digits, scale_of
+from rarms_iac.views.reports.summary import (
+    fit_text,
+    fits_of,
+    proofs_of,
+    standing_text,
+    summary_of,
+    tuned_of,
+    tuning_text,
+)
+
+if TYPE_CHECKING:
+    from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+    from rich.text import Text
 
 HEIGHT = 14
 LABELS = 9  # columns left of the axis
-NARROWEST, WIDEST = 20, 72  # columns of the field
+NARROWEST, WIDEST = 20, 68  # columns of the field
 MARKS = (0, 20, 40, 60, 80, 100)
-RESET = "\x1b[0m"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,34 +76,71 @@ ASCII = Signs(
     mark="+",
 )
 
-COLOURS = {"curve": "\x1b[34m", "measured": "\x1b[1;34m", "threshold": "\x1b[31m", "reserve": "\x1b[32m"}
+STYLES = {"curve": "blue", "measured": "bold blue", "threshold": "red", "reserve": "green"}
 
 Cells = dict[tuple[int, int], tuple[str, str]]
 """Column and row from the top -> the sign, and what it stands for."""
 
 
-def plot_text(shown: IndexCurve, *, width: int = 80, ascii_only: bool = False, colour: bool = False) -> str:
-    """The curve in lines of at most `width` columns, ending with a line end; words where nothing was measured."""
-    unit = UNIT_TEXT[shown.index.unit] + (", log scale" if scale_of(shown).logarithmic else "")
-    title = f"{shown.component}: {shown.index.name} ({unit}) against CPU reservation (%)"
-    if not shown.curve.points:
-        return f"{title}\n  Nothing can be said yet.\n"
-    signs = ASCII if ascii_only else UNICODE
-    field = max(NARROWEST, min(width - LABELS - 3, WIDEST))
-    cells = _cells(shown, scale_of(shown), field, signs, dots=not ascii_only)
-    lines = [*_wrapped(title, width), *_field(scale_of(shown), cells, field, signs, colour=colour)]
-    return (
-        "\n".join(
-            [
-                *lines,
-                _marks(field, signs),
-                _numbers(field),
-                *_wrapped(_legend(signs), width),
-                *_wrapped(_says(shown), width),
-            ]
-        )
-        + "\n"
-    )
+def report_text(report: Report, *, ascii_only: bool = False) -> "RenderableType":
+    """The summary, each host's total, and a plot of every curve."""
+    return stack(*_parts(report, ascii_only=ascii_only))
+
+
+def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
+    rows = [(level.component, level.index, level.level, level.reserve, level.bandwidth) for level in summary_of(report)]
+    yield table(rows, header=("component", "index", "threshold", "CR", "bandwidth"), wrap=(2, 3))
+    for fit in fits_of(report):
+        yield paragraph(f"{', '.join(fit.of.hosts)}: {fit_text(fit)}")
+    for host in report.standings:
+        yield paragraph(f"{host.host}: {standing_text(host)}")
+    if report.proofs:
+        yield ""
+        proven = [
+            (proof.component, proof.index, proof.level, proof.value, proof.verdict) for proof in proofs_of(report)
+        ]
+        yield table(proven, header=("all together", "index", "threshold", "observed", "verdict"), wrap=(2, 3, 4))
+    for tuning in report.tunings:
+        yield ""
+        yield paragraph(f"Combining on {tuning.platform}: {tuning_text(tuning)}")
+        header = ("partition", "components", "CR", "bandwidth", "apart")
+        yield table(tuned_of(tuning), header=header, wrap=(1,), right=(2, 3, 4))
+    for measurement in report.measurements:
+        for index in measurement.indexes:
+            yield ""
+            where = f"{measurement.name} against {measurement.interference} on {measurement.platform}"
+            yield paragraph(where + _remark(measurement))
+            yield TerminalPlot(curve=index, ascii_only=ascii_only)
+    yield ""
+    yield legend(ascii_only=ascii_only)
+
+
+def _remark(measurement: Measurement) -> str:
+    if measurement.stale:
+        return f" (stale: {'; '.join(measurement.stale)})"
+    return "" if measurement.rests else " (to compare: no reservation rests on it)"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TerminalPlot:
+    """A curve in lines as wide as the terminal allows; words where nothing was measured."""
+
+    curve: IndexCurve
+    ascii_only: bool = False
+
+    def __rich_console__(self, console: "Console", options: "ConsoleOptions") -> "RenderResult":
+        scale = scale_of(self.curve)
+        unit = UNIT_TEXT[self.curve.index.unit] + (", log scale" if scale.logarithmic else "")
+        yield paragraph(f"{self.curve.component}: {self.curve.index.name} ({unit}) against CPU reservation (%)")
+        if not self.curve.curve.points:
+            yield paragraph("Nothing can be said yet.", indent=2)
+            return
+        signs = ASCII if self.ascii_only else UNICODE
+        field = max(NARROWEST, min(options.max_width - LABELS - 3, WIDEST))
+        yield from _field(scale, _cells(self.curve, scale, field, signs, dots=not self.ascii_only), field, signs)
+        yield _marks(field, signs)
+        yield _numbers(field)
+        yield paragraph(_conclusion(self.curve))
 
 
 def _cells(shown: IndexCurve, scale: Scale, field: int, signs: Signs, *, dots: bool) -> Cells:
@@ -148,19 +199,17 @@ def _braille(shown: IndexCurve, scale: Scale, field: int) -> Cells:
     return {cell: (chr(0x2800 + found), "curve") for cell, found in bits.items()}
 
 
-def _field(scale: Scale, cells: Cells, field: int, signs: Signs, *, colour: bool) -> Iterator[str]:
+def _field(scale: Scale, cells: Cells, field: int, signs: Signs) -> Iterator["Text"]:
+    from rich.text import Text
+
     labels = {_row(scale, float(tick)): digits(float(tick)) for tick in scale.ticks()}
     for line in range(HEIGHT):
-        drawn = "".join(_drawn(cells.get((column, line)), colour=colour) for column in range(field))
         axis = signs.tick if line in labels else signs.axis
-        yield f"{labels.get(line, ''):>{LABELS}} {axis}{drawn}".rstrip()
-
-
-def _drawn(cell: tuple[str, str] | None, *, colour: bool) -> str:
-    if cell is None:
-        return " "
-    sign, kind = cell
-    return f"{COLOURS[kind]}{sign}{RESET}" if colour and kind in COLOURS else sign
+        text = Text(f"{labels.get(line, ''):>{LABELS}} {axis}", no_wrap=True)
+        for column in range(field):
+            sign, kind = cells.get((column, line), (" ", ""))
+            text.append(sign, STYLES.get(kind))
+        yield text
 
 
 def _marks(field: int, signs: Signs) -> str:
@@ -179,23 +228,14 @@ def _numbers(field: int) -> str:
     return (" " * (LABELS + 2) + "".join(line)).rstrip()
 
 
-def _legend(signs: Signs) -> str:
-    named = ("curve", "band", "measured", "threshold", "reserve")
-    return "  ".join(f"{getattr(signs, name)} {name}" for name in named)
+def legend(*, ascii_only: bool = False) -> "RenderableType":
+    """What each sign of a plot stands for."""
+    signs = ASCII if ascii_only else UNICODE
+    names = ("curve", "band", "measured", "threshold", "reserve")
+    return paragraph("  ".join(f"{getattr(signs, name)} {name}" for name in names))
 
 
-def _wrapped(text: str, width: int) -> Sequence[str]:
-    lines = [""]
-    for word in text.split(" "):
-        longer = f"{lines[-1]} {word}" if lines[-1] else word
-        if len(longer) > width and lines[-1]:
-            lines.append(word)
-        else:
-            lines[-1] = longer
-    return lines
-
-
-def _says(shown: IndexCurve) -> str:
+def _conclusion(shown: IndexCurve) -> str:
     if shown.threshold is None:
         return "No APT yet."
     wanted, least = show_threshold(shown.index, shown.threshold), shown.least

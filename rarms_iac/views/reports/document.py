@@ -1,12 +1,9 @@
-"""The report in the terminal, and for programs."""
+"""The report for programs."""
 
-from collections.abc import Iterator
 from math import isfinite
 
 from rarms_iac.app.report_model import IndexCurve, Measurement, Report
-from rarms_iac.statistics.verdicts import ERRORS_EXPLAINED
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.diagnostics.layout import wrap
 from rarms_iac.views.output.combining import AskedOutput
 from rarms_iac.views.output.measuring import (
     ReportCapacityOutput,
@@ -19,52 +16,7 @@ from rarms_iac.views.output.measuring import (
     ReportStandingOutput,
     ReportTuningOutput,
 )
-from rarms_iac.views.plot import plot_text
-from rarms_iac.views.reports.summary import (
-    fit_text,
-    fits_of,
-    proofs_of,
-    standing_text,
-    summary_of,
-    trail_of,
-    tuned_of,
-    tuning_text,
-)
-from rarms_iac.views.table import table
-
-
-def report_text(report: Report, *, width: int = 80, ascii_only: bool = False, colour: bool = False) -> str:
-    """The summary, each host's total, and a plot of every curve."""
-    return "\n".join(_parts(report, width, ascii_only=ascii_only, colour=colour))
-
-
-def _parts(report: Report, width: int, *, ascii_only: bool, colour: bool) -> Iterator[str]:
-    rows = [(level.component, level.index, level.level, level.reserve, level.bandwidth) for level in summary_of(report)]
-    yield table([("component", "index", "threshold", "CR", "bandwidth"), *rows], width)
-    for fit in fits_of(report):
-        yield "\n".join(wrap(f"{', '.join(fit.of.hosts)}: {fit_text(fit)}", width, "")) + "\n"
-    for host in report.standings:
-        yield "\n".join(wrap(f"{host.host}: {standing_text(host)}", width, "")) + "\n"
-    if report.proofs:
-        proven = [(proof.component, proof.index, proof.level, proof.shows, proof.result) for proof in proofs_of(report)]
-        yield table([("all together", "index", "threshold", "observed", "result"), *proven], width)
-    for tuning in report.tunings:
-        yield "\n".join(wrap(f"combining on {tuning.platform}: {tuning_text(tuning)}", width, "")) + "\n"
-        yield table([("partition", "components", "CR", "bandwidth", "apart"), *tuned_of(tuning)], width)
-        yield table([("asked for", "CR", "predicted", "answer"), *trail_of(tuning)], width)
-    yield "\n".join(wrap(ERRORS_EXPLAINED, width, "")) + "\n"
-    for measurement in report.measurements:
-        for index in measurement.indexes:
-            yield (
-                f"{measurement.name} against {measurement.interference} on {measurement.platform}{_remark(measurement)}"
-            )
-            yield plot_text(index, width=width, ascii_only=ascii_only, colour=colour)
-
-
-def _remark(measurement: Measurement) -> str:
-    if measurement.stale:
-        return f" (stale: {'; '.join(measurement.stale)})"
-    return "" if measurement.rests else " (to compare: no reservation rests on it)"
+from rarms_iac.views.reports.summary import fits_of
 
 
 def report_json(report: Report) -> str:

@@ -9,14 +9,18 @@ from rarms_iac.app.report_measurements import report_of
 from rarms_iac.app.report_model import IndexCurve
 from rarms_iac.model.indexes import find_index
 from rarms_iac.statistics.curves import curve_of
-from rarms_iac.views.plot import ASCII, UNICODE, plot_text
-from rarms_iac.views.report import report_text
+from rarms_iac.views.console import render
+from rarms_iac.views.reports.terminal import ASCII, UNICODE, TerminalPlot, report_text
 from tests.builders import a_run, at_most
 from tests.measured_robot import a_robot, the_logs
 
 SYSTEM = a_robot()
 REPORT = report_of(SYSTEM, the_logs(SYSTEM))
 FACES = REPORT.measurements[0].indexes[0]
+
+
+def plot_text(curve: IndexCurve, *, width: int = 80, ascii_only: bool = False, colour: bool = False) -> str:
+    return render(TerminalPlot(curve=curve, ascii_only=ascii_only), width, colour=colour)
 
 
 def nothing_known() -> IndexCurve:
@@ -61,14 +65,15 @@ def test_no_line_is_wider_than_the_terminal(width: int, ascii_only: bool) -> Non
 def test_ascii_is_ascii_and_otherwise_braille_is_drawn() -> None:
     assert plot_text(FACES, ascii_only=True).isascii()
     assert any("\u2800" < sign <= "\u28ff" for sign in plot_text(FACES))
-    assert plot_text(FACES).count(UNICODE.measured) == 11  # ten, and the legend
+    assert plot_text(FACES).count(UNICODE.measured) == 10
 
 
 def test_colour_changes_no_sign() -> None:
     coloured = plot_text(FACES, colour=True)
 
     assert "\x1b[" in coloured
-    assert re.sub(r"\x1b\[[0-9;]*m", "", coloured) == plot_text(FACES)
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", coloured)
+    assert [line.rstrip() for line in plain.splitlines()] == plot_text(FACES).splitlines()
 
 
 def test_what_cannot_be_plotted_is_said() -> None:
@@ -80,7 +85,7 @@ def test_what_cannot_be_plotted_is_said() -> None:
 
 
 def test_the_text_report_has_the_summary_the_total_and_every_plot() -> None:
-    text = report_text(REPORT, width=80)
+    text = render(report_text(REPORT))
 
     assert "onboard: 86 % reserved of 100 %" in text
     assert re.search(r"face-detection +mean_response_time +at most 100 ms +60 % +1\.2 LP", text)
