@@ -10,12 +10,12 @@ from datetime import date
 from fractions import Fraction
 
 from benchmarks.timing import Figure, interleaved, median_ratio, report, seconds
+from rarms_iac.apply.goals import HostGoal, goals_of
 from rarms_iac.apply.prepare import Prepared, Request, prepare
-from rarms_iac.apply.wanted import HostWish, wanted
-from rarms_iac.diff.comparing.compare import compare
-from rarms_iac.diff.stepping.holding import hold_back
-from rarms_iac.diff.stepping.order import Ordered, order
-from rarms_iac.diff.stepping.steps import planned
+from rarms_iac.diff.compare import compare
+from rarms_iac.diff.hold_back import hold_back
+from rarms_iac.diff.order import OrderedSteps, order
+from rarms_iac.diff.steps import plan_changes
 from rarms_iac.model.diagnostics import Place
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import Plan
@@ -125,7 +125,7 @@ def empty(host: Host) -> State:
 def applied(wanted_system: System) -> dict[str, State]:
     """The hosts as they are when all of it was applied."""
     nothing = {name: empty(host) for name, host in wanted_system.hosts.items()}
-    wishes = wanted(wanted_system, nothing, NoPlaces(), Disruption.HOST_RESTART)
+    wishes = goals_of(wanted_system, nothing, NoPlaces(), Disruption.HOST_RESTART)
     return {name: with_ids(wish.desired) for name, wish in wishes.hosts.items()}
 
 
@@ -142,15 +142,15 @@ def with_ids(desired: State) -> State:
 class Case:
     """A fleet as it is, and a plan for the manifest that wants something else."""
 
-    wishes: Mapping[str, HostWish]
+    wishes: Mapping[str, HostGoal]
     plan: Plan
 
     def difference_and_text(self) -> None:
         """What the goal is about: the difference of every host, in order, and the whole plan as text."""
         for wish in self.wishes.values():
-            found = compare(wish.desired, wish.observed, "fleet", wish.around, wish.wishes)
-            held = hold_back(found.changes, wish.room)
-            if not isinstance(order(planned(held.kept, wish.around), wish.room), Ordered):
+            found = compare(wish.desired, wish.observed, "fleet", wish.context, wish.rules)
+            held = hold_back(found.changes, wish.budget)
+            if not isinstance(order(plan_changes(held.kept, wish.context), wish.budget), OrderedSteps):
                 raise TypeError("a fleet with room to spare has an order")
         if "to change" not in plan_text(self.plan):
             raise ValueError("the plan's text does not count its changes")
@@ -159,7 +159,7 @@ class Case:
 def case(components: int, hosts: int) -> Case:
     observed = applied(system(components, hosts, weight=100))
     heavier = system(components, hosts, weight=200)
-    wishes = wanted(heavier, observed, NoPlaces(), Disruption.HOST_RESTART)
+    wishes = goals_of(heavier, observed, NoPlaces(), Disruption.HOST_RESTART)
     made = prepare(request(heavier), observed)
     if made.plan is None:
         raise ValueError(f"no plan: {made.findings[:3]}")

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 from rarms_iac.apply.execute import apply_plan, finish_unfinished
 from rarms_iac.apply.prepare import Prepared, Request, prepare
-from rarms_iac.apply.reports import RunReport, SilentReporter
+from rarms_iac.apply.run_report import RunReport, SilentReporter
 from rarms_iac.apply.undo import undo
 from rarms_iac.model.operations import CreatePartition, RenamePartition, SetCpu, StartPartition
 from rarms_iac.model.plan import Plan, Scope

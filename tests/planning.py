@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass, replace
 
-from rarms_iac.apply.wanted import HostWish, wanted
-from rarms_iac.diff.comparing.compare import Difference, compare
-from rarms_iac.diff.stepping.holding import Held, hold_back
-from rarms_iac.diff.stepping.order import Cycle, Ordered, order
-from rarms_iac.diff.stepping.steps import planned
+from rarms_iac.apply.goals import HostGoal, goals_of
+from rarms_iac.diff.compare import Difference, compare
+from rarms_iac.diff.hold_back import HeldChanges, hold_back
+from rarms_iac.diff.order import Cycle, OrderedSteps, order
+from rarms_iac.diff.steps import plan_changes
 from rarms_iac.model.layout import Infeasible, Layout
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
@@ -22,10 +22,10 @@ PLACES = PathPlaces()
 class Route:
     """Everything between manifest and steps, for one host."""
 
-    wish: HostWish
+    wish: HostGoal
     difference: Difference
-    held: Held
-    ordered: Ordered | Cycle
+    held: HeldChanges
+    ordered: OrderedSteps | Cycle
 
 
 def layout_of(system: System, *states: State) -> Layout | Infeasible:
@@ -35,9 +35,9 @@ def layout_of(system: System, *states: State) -> Layout | Infeasible:
 
 def route(system: System, observed: State, limit: Disruption = Disruption.REMOVAL, guest_build: int = 26100) -> Route:
     host = observed.facts.name
-    found = wanted(system, {host: observed}, PLACES, limit)
+    found = goals_of(system, {host: observed}, PLACES, limit)
     assert found.layout is not None, found.findings
-    wish = replace(found.hosts[host], around=replace(found.hosts[host].around, guest_build=guest_build))
-    difference = compare(wish.desired, observed, system.application.name, wish.around, wish.wishes)
-    held = hold_back(difference.changes, wish.room)
-    return Route(wish, difference, held, order(planned(held.kept, wish.around), wish.room))
+    wish = replace(found.hosts[host], context=replace(found.hosts[host].context, guest_build=guest_build))
+    difference = compare(wish.desired, observed, system.application.name, wish.context, wish.rules)
+    held = hold_back(difference.changes, wish.budget)
+    return Route(wish, difference, held, order(plan_changes(held.kept, wish.context), wish.budget))

@@ -13,7 +13,7 @@ from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.snapshots import Snapshots, add_guest_tasks, read_snapshots
 from rarms_iac.app.wiring import open_host, state_path
 from rarms_iac.apply import refusals
-from rarms_iac.apply.walk import held
+from rarms_iac.apply.run_steps import held
 from rarms_iac.model.journal import Journal, ScriptRun
 from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import System

@@ -5,11 +5,11 @@ from dataclasses import replace
 from typing import assert_never
 
 from rarms_iac.apply import refusals
-from rarms_iac.apply.reports import Ending, RunReport, RunReporter
-from rarms_iac.apply.scripted import applying, finishing, run_order
+from rarms_iac.apply.run_report import Ending, RunReport, RunReporter
+from rarms_iac.apply.run_script import applying, finishing, run_order
+from rarms_iac.apply.run_steps import ShouldStop, together, walk
 from rarms_iac.apply.undo import raised, without_rights
-from rarms_iac.apply.walk import ShouldStop, together, walk
-from rarms_iac.diff.part_digests import part_digests, what_moved
+from rarms_iac.diff.digests import moved_parts, part_digests
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Closing, Journal, RunKind, RunStarted, ScriptRun
 from rarms_iac.model.plan import HostPlan, Plan
@@ -116,7 +116,7 @@ def why_not(plan: Plan, part: HostPlan, host: LiveHost, journal: LastRun) -> lis
         return [refusals.used(host.name, plan.id)]
     if serial < part.serial:
         return [refusals.another(host.name, serial, part.serial)]
-    parts = what_moved(part.digests, part_digests(state, plan.application))
+    parts = moved_parts(part.digests, part_digests(state, plan.application))
     return [refusals.moved(host.name, parts)] if parts else []
 
 

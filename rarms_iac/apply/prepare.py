@@ -8,24 +8,24 @@ from dataclasses import dataclass, field
 from datetime import date
 
 from rarms_iac import __version__
-from rarms_iac.apply.review.findings_on import findings_on
-from rarms_iac.apply.review.reviewed import Reviewed
-from rarms_iac.apply.scripts import by_hand, guest_tasks, of_the_host_itself, with_scripts
-from rarms_iac.apply.taking_over import adoption, releasing
-from rarms_iac.apply.targets import targeted, without_change
-from rarms_iac.apply.totals import totals_of
-from rarms_iac.apply.wanted import FIXED, HostWish, Wanted, nothing_wanted, wanted
-from rarms_iac.diff.comparing.compare import Difference, compare
-from rarms_iac.diff.part_digests import part_digests
-from rarms_iac.diff.stepping.holding import hold_back
-from rarms_iac.diff.stepping.order import Cycle, order
-from rarms_iac.diff.stepping.steps import Planned, steps_for
-from rarms_iac.model.changes import Address, Adopt, Release
-from rarms_iac.model.diagnostics import Diagnostic, Places, has_errors, in_order
+from rarms_iac.apply.adoption import adoption, releasing
+from rarms_iac.apply.goals import FIXED, Goals, HostGoal, goals_of, goals_of_removal
+from rarms_iac.apply.plan_summary import totals_of
+from rarms_iac.apply.review.review_plan import review_plan
+from rarms_iac.apply.review.reviewed_plan import ReviewedPlan
+from rarms_iac.apply.scripts import guest_scripts_by_hand, guest_task, of_the_host_itself, with_scripts
+from rarms_iac.diff.compare import Difference, compare
+from rarms_iac.diff.digests import part_digests
+from rarms_iac.diff.hold_back import hold_back
+from rarms_iac.diff.order import Cycle, order
+from rarms_iac.diff.steps import plan_changes
+from rarms_iac.model.changes import Address, Adopt, Change, Release
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity, has_errors, in_order
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import HostPlan, Plan, Purpose
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption, System
+from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.reservations import ReservationSource
 from rarms_iac.powershell.guests import GuestTask
 from rarms_iac.storage.plan_file import identified
@@ -82,30 +82,30 @@ def prepare(request: Request, observed: Mapping[str, State]) -> Prepared:
 
     Same input, same plan, to the byte.
     """
-    wishes = _wanted(request, observed)
-    found = list(wishes.findings)
-    parts: list[_Part] = []
-    for name, wish in wishes.hosts.items():
+    goals = _goals(request, observed)
+    found = list(goals.findings)
+    parts: list[_HostPart] = []
+    for name, goal in goals.hosts.items():
         if name in (request.hosts or observed):
-            parts.append(_host_plan(request, wish, wishes.layout))
+            parts.append(_host_part(request, goal, goals.layout))
             found += parts[-1].findings
-    found += without_change([address for part in parts for address in part.addresses], request.targets)
+    found += unknown_targets([address for part in parts for address in part.addresses], request.targets)
     kept, accepted = request.judge(in_order(found))
     if has_errors(kept):
-        return Prepared(plan=None, findings=kept, accepted=accepted, certificate=wishes.certificate)
-    bare = _plan(request, tuple(part.plan for part in parts), wishes.layout, kept, accepted)
+        return Prepared(plan=None, findings=kept, accepted=accepted, certificate=goals.certificate)
+    bare = _plan(request, tuple(part.plan for part in parts), goals.layout, kept, accepted)
     plan, wrong = with_scripts(bare, {part.plan.host.name: part.guests for part in parts})
     return Prepared(plan=None if wrong else plan, findings=in_order((*kept, *wrong)), accepted=accepted)
 
 
-def _wanted(request: Request, observed: Mapping[str, State]) -> Wanted:
+def _goals(request: Request, observed: Mapping[str, State]) -> Goals:
     match request.purpose:
         case Purpose.APPLY:
-            return wanted(request.system, observed, request.places, request.limit, request.reservations)
+            return goals_of(request.system, observed, request.places, request.limit, request.reservations)
         case Purpose.DESTROY:
-            return nothing_wanted(request.system, observed, request.places, remove_disks=request.remove_disks)
+            return goals_of_removal(request.system, observed, request.places, remove_disks=request.remove_disks)
         case Purpose.IMPORT | Purpose.RELEASE:
-            return nothing_wanted(request.system, observed, request.places)
+            return goals_of_removal(request.system, observed, request.places)
 
 
 def _plan(
@@ -134,7 +134,7 @@ def _plan(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Part:
+class _HostPart:
     """One host's part of the plan, where changes were possible, and what was found on the way."""
 
     plan: HostPlan
@@ -143,62 +143,93 @@ class _Part:
     guests: tuple[GuestTask, ...]  # classes of guests that nobody could look into: only their scripts know
 
 
-def _host_plan(request: Request, wish: HostWish, layout: Layout | None) -> _Part:
+def _host_part(request: Request, goal: HostGoal, layout: Layout | None) -> _HostPart:
     application = request.system.application.name
-    difference = _difference(request, wish)
-    held = hold_back(targeted(difference.changes, request.targets), wish.room)
-    planned = tuple(Planned(change=change, steps=steps_for(change, wish.around)) for change in held.kept)
-    ordered = order(planned, wish.room)
+    difference = _difference(request, goal)
+    held = hold_back(targeted(difference.changes, request.targets), goal.budget)
+    ordered = order(plan_changes(held.kept, goal.context), goal.budget)
     steps, cycle = ((), (ordered.finding,)) if isinstance(ordered, Cycle) else (ordered.steps, ())
     plan = HostPlan(
-        host=request.system.hosts[wish.name],
-        facts=wish.observed.facts,
-        state_path=request.state_paths.get(wish.name, ""),
-        serial=wish.observed.serials.get(application, 0),
-        digests=part_digests(of_the_host_itself(wish.observed), application),
+        host=request.system.hosts[goal.name],
+        facts=goal.observed.facts,
+        state_path=request.state_paths.get(goal.name, ""),
+        serial=goal.observed.serials.get(application, 0),
+        digests=part_digests(of_the_host_itself(goal.observed), application),
         changes=held.kept,
         steps=steps,
         held_back=held.held,
         unused=difference.unused,
         unchanged=difference.unchanged,
         scripts={},
-        totals=totals_of(wish.observed, wish.desired, application, held.kept, steps),
-        threads=wish.threads,
+        totals=totals_of(goal.observed, goal.desired, application, held.kept, steps),
+        threads=goal.threads,
     )
-    where, replaceable = wish.wishes.where, wish.wishes.replaceable
-    guests = guest_tasks(wish.by_hand, application, replaceable, request.targets, where)
-    reviewed = Reviewed(
+    locate = goal.rules.locate
+    tasks = (guest_task(task, application, goal.rules.replaceable, locate) for task in goal.by_hand)
+    guests = tuple(
+        task
+        for task in sorted(tasks, key=lambda task: (task.partition, task.name))
+        if is_below(str(task.step.address), request.targets)
+    )
+    reviewed = ReviewedPlan(
         system=request.system,
         places=request.places,
         purpose=request.purpose,
         remove_disks=request.remove_disks,
         layout=layout,
-        observed=wish.observed,
+        observed=goal.observed,
         plan=plan,
     )
-    return _Part(
+    return _HostPart(
         plan=plan,
         addresses=tuple(str(change.address) for change in (*difference.changes, *(guest.step for guest in guests))),
-        findings=(*difference.findings, *cycle, *findings_on(reviewed), *by_hand(plan, guests, where)),
+        findings=(*difference.findings, *cycle, *review_plan(reviewed), *guest_scripts_by_hand(plan, guests, locate)),
         guests=guests,
     )
 
 
-def _difference(request: Request, wish: HostWish) -> Difference:
+def _difference(request: Request, goal: HostGoal) -> Difference:
     """What has to change on the host, for this purpose."""
     application = request.system.application.name
     match request.purpose:
         case Purpose.APPLY | Purpose.DESTROY:
-            return compare(wish.desired, wish.observed, application, wish.around, wish.wishes)
+            return compare(goal.desired, goal.observed, application, goal.context, goal.rules)
         case Purpose.IMPORT:
-            place = wish.wishes.where(Address(partition=request.partition))
-            return _only(adoption(wish.observed, application, request.partition, request.machine, place))
+            place = goal.rules.locate(Address(partition=request.partition))
+            return _only(adoption(goal.observed, application, request.partition, request.machine, place))
         case Purpose.RELEASE:
-            place = wish.wishes.where(Address(partition=request.partition))
-            return _only(releasing(wish.observed, application, request.partition, place))
+            place = goal.rules.locate(Address(partition=request.partition))
+            return _only(releasing(goal.observed, application, request.partition, place))
 
 
 def _only(found: Adopt | Release | Diagnostic) -> Difference:
     if isinstance(found, Diagnostic):
         return Difference(changes=(), unchanged=0, unused=(), findings=(found,))
     return Difference(changes=(found,), unchanged=0, unused=(), findings=())
+
+
+NO_SUCH_TARGET = Finding(code="RARMS194", severity=Severity.ERROR, summary="Nothing changes at this target")
+
+
+def is_below(address: str, targets: Sequence[str]) -> bool:
+    """Whether the address is one of the targets, or lies below one; without targets everything is meant."""
+    return not targets or any(address == target or address.startswith(f"{target}/") for target in targets)
+
+
+def targeted(changes: Sequence[Change], targets: Sequence[str]) -> tuple[Change, ...]:
+    """The changes that are meant."""
+    return tuple(change for change in changes if is_below(str(change.address), targets))
+
+
+def unknown_targets(addresses: Sequence[str], targets: Sequence[str]) -> tuple[Diagnostic, ...]:
+    """A finding for each target at which no host changes anything: most often a slip of the pen."""
+    return tuple(
+        NO_SUCH_TARGET.at(
+            None,
+            f"`--target {target}`: no change has this address or lies below it.{suggestion(target, addresses)}",
+            "Give an address as `rarms plan` shows it, such as partition/vision, or leave the option out.",
+            address=target,
+        )
+        for target in targets
+        if not any(is_below(address, [target]) for address in addresses)
+    )

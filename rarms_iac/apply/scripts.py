@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import groupby
 
-from rarms_iac.apply.targets import is_below
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
 from rarms_iac.model.plan import HostPlan, Plan
@@ -19,23 +18,13 @@ from rarms_iac.powershell.render import insides, render_guest, render_scripts, s
 BY_HAND = Finding(code="RARMS160", severity=Severity.NOTE, summary="A guest's script is run by hand")
 NO_LITERAL = Finding(code="RARMS162", severity=Severity.ERROR, summary="A value cannot be written into a script")
 
-Where = Callable[[Address], Place | None]
+Locate = Callable[[Address], Place | None]
 GuestTasks = Mapping[str, tuple[GuestTask, ...]]
 """By host: the classes of guests that nobody could look into, by partition, then name."""
 
 
-def guest_tasks(
-    classes: Iterable[TaskClass], application: str, replaceable: frozenset[str], targets: tuple[str, ...], where: Where
-) -> tuple[GuestTask, ...]:
-    """What is wanted in guests that nobody could look into, as their scripts write it."""
-    return tuple(
-        _guest_task(task_class, application, replaceable, where)
-        for task_class in sorted(classes, key=lambda task_class: (task_class.inside, task_class.name))
-        if is_below(str(_address(task_class)), targets)
-    )
-
-
-def _guest_task(task_class: TaskClass, application: str, replaceable: frozenset[str], where: Where) -> GuestTask:
+def guest_task(task_class: TaskClass, application: str, replaceable: frozenset[str], locate: Locate) -> GuestTask:
+    """A class that is wanted in a guest into which nobody could look, as the guest's script writes it."""
     assert task_class.record is not None, "what is wanted is recorded"
     return GuestTask(
         application=application,
@@ -44,15 +33,11 @@ def _guest_task(task_class: TaskClass, application: str, replaceable: frozenset[
         values=task_class.values,
         set=task_class.record.set,
         replace=task_class.name.lower() in replaceable,
-        place=where(_address(task_class)),
+        place=locate(Address(partition=task_class.inside, task=task_class.name)),
     )
 
 
-def _address(task_class: TaskClass) -> Address:
-    return Address(partition=task_class.inside, task=task_class.name)
-
-
-def by_hand(host_plan: HostPlan, tasks: Iterable[GuestTask], where: Where) -> Iterator[Diagnostic]:
+def guest_scripts_by_hand(host_plan: HostPlan, tasks: Iterable[GuestTask], locate: Locate) -> Iterator[Diagnostic]:
     """That the scripts of guests do not run with the host's: nothing reaches into a guest."""
     if host_plan.facts.provider is not ProviderKind.HYPERV:
         return
@@ -61,7 +46,7 @@ def by_hand(host_plan: HostPlan, tasks: Iterable[GuestTask], where: Where) -> It
         name = script_name(host_plan, inside)
         says = "was looked into" if inside in seen else "could not be looked into: its own record decides what is done"
         yield BY_HAND.at(
-            where(Address(partition=inside)),
+            locate(Address(partition=inside)),
             f"The task classes of {inside} lie in its guest, which {says}. The plan holds the script that writes them, "
             f"{name}; applying the plan does not run it.",
             f"Write it out (`rarms show --script PLAN --guest {inside} --out FOLDER`), take it and its undo script "

@@ -5,8 +5,9 @@ from dataclasses import replace
 from typing import assert_never
 
 from rarms_iac.apply import refusals
-from rarms_iac.apply.reports import Ending, RunReport, RunReporter
-from rarms_iac.apply.scripted import (
+from rarms_iac.apply.preconditions import no_rights
+from rarms_iac.apply.run_report import Ending, RunReport, RunReporter
+from rarms_iac.apply.run_script import (
     TakenBack,
     abandon_script,
     finishing,
@@ -15,9 +16,8 @@ from rarms_iac.apply.scripted import (
     script_taken_back,
     undoing,
 )
+from rarms_iac.apply.run_steps import ShouldStop, walk
 from rarms_iac.apply.told_operations import what_it_does
-from rarms_iac.apply.void import no_rights
-from rarms_iac.apply.walk import ShouldStop, walk
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunStarted, ScriptRun
 from rarms_iac.model.plan import Step, UndoLevel

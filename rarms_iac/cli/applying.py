@@ -10,7 +10,7 @@ from rarms_iac.app.errors import Outcome, UseCaseError, declined
 from rarms_iac.app.files import write_file
 from rarms_iac.app.hosts import Hosts, hold_hosts, owner, refuse_unfinished
 from rarms_iac.apply.execute import apply_plan, finish_unfinished
-from rarms_iac.apply.reports import Ending, RunReport
+from rarms_iac.apply.run_report import Ending, RunReport
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.interrupts import Interrupted
 from rarms_iac.cli.options import RunOptions

@@ -20,7 +20,7 @@ def examinations(hosts: Hosts) -> Iterator[Examination]:
         yield Examination(
             state=looked.state,
             condition=looked.condition,
-            told=looked.findings,
+            provider_findings=looked.findings,
             place=hosts.manifest.places.key("hosts", name),
         )
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.requests import PlanLimits
-from rarms_iac.apply.doctor.checks import ASKED_BY_THE_DOCTOR
+from rarms_iac.apply.doctor.examine import DOCTOR_ONLY_CODES
+from rarms_iac.apply.goals import FIXED
+from rarms_iac.apply.preconditions import NO_RIGHTS
 from rarms_iac.apply.prepare import Judge, Request, prepare
-from rarms_iac.apply.void import NO_RIGHTS
-from rarms_iac.apply.wanted import FIXED
 from rarms_iac.cli.datalogs import measured_reservations, measurements_of
-from rarms_iac.diff.findings import NOT_AT_REST
+from rarms_iac.diff.compare_partitions import NOT_AT_REST
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
 from rarms_iac.model.diagnostics import Diagnostic, Severity, in_order
@@ -20,7 +20,7 @@ from rarms_iac.model.state import State
 from rarms_iac.planner.reservations import ReservationSource
 from rarms_iac.storage.finding_pages import known_codes
 
-_PLANNED_FOR = frozenset(known_codes()) - ASKED_BY_THE_DOCTOR
+_PLANNED_FOR = frozenset(known_codes()) - DOCTOR_ONLY_CODES
 """What a whole plan can find."""
 
 

@@ -7,10 +7,9 @@ from rarms_iac.app.hosts import Hosts, last_runs, observe_host, select_hosts
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.report_model import HostStatus
 from rarms_iac.app.requests import HostSelection
-from rarms_iac.apply.look import look
+from rarms_iac.apply.host_drift import drift_of_hosts
 from rarms_iac.cli.datalogs import measured_reservations, measurements_of
-from rarms_iac.diff.drift import DriftKind
-from rarms_iac.diff.left import left_by
+from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.system import ProviderKind
 
@@ -38,13 +37,14 @@ def standings_of(manifest: Manifest) -> tuple[HostStatus, ...]:
 def _looked(hosts: Hosts) -> Iterator[HostStatus]:
     system, application = hosts.system, hosts.system.application.name
     states = {name: observe_host(hosts.open(name)) for name in hosts.chosen}
-    left = {name: left_by(journal, application) for name, journal in last_runs(hosts)}
+    present = {name: partitions_after_last_run(journal, application) for name, journal in last_runs(hosts)}
     reservations = measured_reservations(measurements_of(system, hosts.folder, hosts.manifest.source), states)
-    found, problems = look(system, states, hosts.manifest.places, system.policy.max_disruption, left, reservations)
+    limit = system.policy.max_disruption
+    drifts, problems = drift_of_hosts(system, states, hosts.manifest.places, limit, present, reservations)
     if has_errors(problems):
         yield from (HostStatus(host=name, is_planned=False) for name in hosts.chosen)
         return
-    for drift in found:
-        if drift.host in hosts.chosen:
-            differs = ((str(each.address), SAYS[each.kind]) for each in drift.drifted if each.kind in SAYS)
-            yield HostStatus(host=drift.host, differs=tuple(differs))
+    for name, drifted in drifts.items():
+        if name in hosts.chosen:
+            differs = ((str(each.address), SAYS[each.kind]) for each in drifted if each.kind in SAYS)
+            yield HostStatus(host=name, differs=tuple(differs))

@@ -1,8 +1,13 @@
-"""What the machines of a host are promised, as the order of steps counts it (DESIGN section 4, Order)."""
+"""What a host has promised to its machines, and what it can promise (DESIGN section 4, Order)."""
 
-from rarms_iac.model.capacity import claim_of_settings
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from rarms_iac.model.capacity import Capacity, claim_of_settings, fits
 from rarms_iac.model.plan import Claim
-from rarms_iac.model.state import Partition, RunState
+from rarms_iac.model.quantities import Milliseconds
+from rarms_iac.model.state import Partition, RunState, State
+from rarms_iac.model.system import Disruption
 
 NO_CLAIM = Claim()
 
@@ -10,9 +15,9 @@ _ACTIVE = frozenset({RunState.RUNNING, RunState.PAUSED, RunState.BUSY, RunState.
 
 
 def claim_of(partition: Partition | None) -> Claim:
-    """What is promised to a partition of ours: nothing before it runs, because a reserve is taken at the start.
+    """The promise to a managed partition: nothing before it runs, because a reserve is taken at the start (FACTS 1.2).
 
-    FACTS 1.2. One that merely starts with its host counts when it is started; the layout fits all of them.
+    One that merely starts with its host counts when it is started; the layout fits all of them.
     """
     if partition is None or not (partition.settings.running or partition.state in _ACTIVE):
         return NO_CLAIM
@@ -20,7 +25,7 @@ def claim_of(partition: Partition | None) -> Claim:
 
 
 def grows(before: Claim, after: Claim) -> bool:
-    """Whether more of anything is promised afterwards."""
+    """Whether more processor time or memory is promised after than before."""
     return (
         after.processors * after.reserve > before.processors * before.reserve
         or after.memory > before.memory
@@ -29,6 +34,57 @@ def grows(before: Claim, after: Claim) -> bool:
 
 
 def within(claim: Claim, limit: Claim) -> bool:
-    """Whether it claims at most as much in every respect, so that it fits wherever the limit fits."""
+    """Whether a claim is at most the limit in every respect, so that it fits wherever the limit fits."""
     reserved = claim.reserve == 0 or (claim.processors <= limit.processors and claim.reserve <= limit.reserve)
     return reserved and claim.memory <= limit.memory
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostBudget:
+    """What the steps on a host have to share, and how much they may disturb."""
+
+    capacity: Capacity
+    foreign: tuple[Claim, ...] = ()  # of machines that this application does not manage
+    managed: Mapping[str, Partition] = field(default_factory=dict)  # by machine id, before the first step
+    criticality: Mapping[str, int] = field(default_factory=dict)  # by partition
+    max_disruption: Disruption = Disruption.HOST_RESTART
+    graces: Mapping[str, Milliseconds] = field(default_factory=dict)  # by partition: for its guest to shut down
+
+    def holds(self, claims: Iterable[Claim]) -> bool:
+        """Whether these claims of managed partitions fit the host beside the foreign ones."""
+        return fits(self.capacity, (*self.foreign, *claims))
+
+    def rank(self, partition: str) -> tuple[int, str]:
+        """Sorts partitions by criticality, the least critical first, then by name."""
+        return self.criticality.get(partition, 0), partition
+
+
+def budget_of(
+    observed: State,
+    application: str,
+    capacity: Capacity,
+    foreign: Iterable[Claim],
+    *,
+    criticality: Mapping[str, int],
+    max_disruption: Disruption,
+    graces: Mapping[str, Milliseconds],
+) -> HostBudget:
+    """The budget of an observed host.
+
+    Args:
+        observed: the host before the first step.
+        application: the application whose partitions are managed.
+        capacity: what the host can promise in all.
+        foreign: the claims of machines that the application does not manage.
+        criticality: by partition, the highest of its members.
+        max_disruption: the largest disruption that a step may cause.
+        graces: by partition, how long its guest may take to shut down.
+    """
+    return HostBudget(
+        capacity=capacity,
+        foreign=tuple(foreign),
+        managed={partition.id: partition for partition in observed.of(application).partitions},
+        criticality=criticality,
+        max_disruption=max_disruption,
+        graces=graces,
+    )

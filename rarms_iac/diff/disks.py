@@ -13,22 +13,28 @@ from rarms_iac.model.state import Disk, DiskKind, Partition, State
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Judged:
-    """A disk of a machine that is to be removed; `stays` says why it is kept, and is empty where it goes."""
+class DiskVerdict:
+    """A disk of a machine that is to be removed; `why_kept` is empty where it may be deleted."""
 
     disk: Disk
-    stays: str
+    why_kept: str
 
 
-def judge_disks(machine: Partition, state: State, folders: Iterable[str]) -> Iterator[Judged]:
-    """Each disk of the machine, with why it stays. `folders`: where rarms makes disks for this partition."""
+def judge_disks(machine: Partition, state: State, folders: Iterable[str]) -> Iterator[DiskVerdict]:
+    """Judge each disk of a machine.
+
+    Args:
+        machine: the machine that is to be removed.
+        state: the host, with all disks of all machines.
+        folders: where rarms makes disks for this partition.
+    """
     known = tuple(folders)
     for disk in state.disks:
         if disk.machine == machine.id:
-            yield Judged(disk=disk, stays=_why_it_stays(disk, machine, state, known))
+            yield DiskVerdict(disk=disk, why_kept=_why_kept(disk, machine, state, known))
 
 
-def _why_it_stays(disk: Disk, machine: Partition, state: State, folders: tuple[str, ...]) -> str:
+def _why_kept(disk: Disk, machine: Partition, state: State, folders: tuple[str, ...]) -> str:
     if machine.mark is None:
         return "its machine carries no mark of rarms"
     if machine.checkpoints:
@@ -37,16 +43,17 @@ def _why_it_stays(disk: Disk, machine: Partition, state: State, folders: tuple[s
         return "what kind of disk it is could not be read"
     if disk.kind is not DiskKind.DIFFERENCING or not disk.parent:
         return "it does not grow out of an image, and rarms makes no others"
-    if not _is_at_our_path(disk.path, machine.mark.name, folders):
+    if not _is_made_by_rarms(disk.path, machine.mark.name, folders):
         return f"it does not lie where rarms makes the disk of {machine.mark.name}"
-    if any(same_path(one.parent, disk.path) for one in state.disks):
+    if any(same_path(other.parent, disk.path) for other in state.disks):
         return "another disk grows out of it"
-    if any(one.machine != disk.machine for one in state.disks if same_path(one.path, disk.path)):
+    if any(other.machine != disk.machine for other in state.disks if same_path(other.path, disk.path)):
         return "another machine has it, too"
     return ""
 
 
-def _is_at_our_path(path: str, partition: str, folders: tuple[str, ...]) -> bool:
+def _is_made_by_rarms(path: str, partition: str, folders: tuple[str, ...]) -> bool:
     folder, _, file = path.replace("/", "\\").rpartition("\\")
-    ours = fullmatch(rf"{escape(partition)}-[0-9a-f]{{12}}\.vhdx?", file.lower())
-    return bool(ours) and any(same_path(folder, one.rstrip("\\/")) for one in folders if one)
+    if not fullmatch(rf"{escape(partition)}-[0-9a-f]{{12}}\.vhdx?", file.lower()):
+        return False
+    return any(same_path(folder, known.rstrip("\\/")) for known in folders if known)

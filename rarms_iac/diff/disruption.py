@@ -15,8 +15,8 @@ SERVER_2016 = 14393
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Surroundings:
-    """What the steps of a host depend on beside the changes themselves."""
+class HostContext:
+    """The host, and what only some changes need: what its steps depend on beside the changes themselves."""
 
     facts: HostFacts
     guest_build: int = 0  # of the Windows in the partitions; 0: not known, so nothing is promised of it
@@ -31,8 +31,8 @@ def grace_ms(graces: Mapping[str, Milliseconds], partition: str) -> int:
     return ceil(graces.get(partition, GRACE))
 
 
-def facets(before: PartitionSettings, after: PartitionSettings) -> frozenset[Facet]:
-    """Which parts of the settings differ; whether it runs is none of them."""
+def changed_facets(before: PartitionSettings, after: PartitionSettings) -> frozenset[Facet]:
+    """Which facets of the settings differ; whether the partition runs is none of them."""
     pairs = {
         Facet.NAME: (before.name, after.name),
         Facet.PROCESSORS: (before.processors, after.processors),
@@ -50,42 +50,61 @@ def facets(before: PartitionSettings, after: PartitionSettings) -> frozenset[Fac
     return frozenset(facet for facet, (old, new) in pairs.items() if old != new)
 
 
-def needs_off(before: PartitionSettings, after: PartitionSettings, around: Surroundings) -> bool:
-    """Whether something changes that the machine must be off for."""
-    if around.facts.provider is ProviderKind.LINUX:
-        return False  # a control group takes every value while its processes run
-    changed = facets(before, after)
-    return Facet.PROCESSORS in changed or (Facet.MEMORY in changed and not _memory_is_live(before, after, around))
+def needs_off(before: PartitionSettings, after: PartitionSettings, context: HostContext) -> bool:
+    """Whether a setting changes that the machine must be off for.
+
+    On Linux none is: a control group takes every value while its processes run. A running machine's memory changes
+    live where it is static and both Windows are new enough (FACTS 3).
+    """
+    if context.facts.provider is ProviderKind.LINUX:
+        return False
+    changed = changed_facets(before, after)
+    return Facet.PROCESSORS in changed or (Facet.MEMORY in changed and not _memory_is_live(before, after, context))
 
 
-def _memory_is_live(before: PartitionSettings, after: PartitionSettings, around: Surroundings) -> bool:
+def _memory_is_live(before: PartitionSettings, after: PartitionSettings, context: HostContext) -> bool:
     if before.dynamic_memory or after.dynamic_memory:
         return False
-    host_since = WINDOWS_10 if around.facts.client else SERVER_2016
-    return around.facts.os_build >= host_since and around.guest_build >= WINDOWS_10
+    host_since = WINDOWS_10 if context.facts.client else SERVER_2016
+    return context.facts.os_build >= host_since and context.guest_build >= WINDOWS_10
 
 
-def stops(before: Partition, after: PartitionSettings, around: Surroundings) -> bool:
+def stops(before: Partition, after: PartitionSettings, context: HostContext) -> bool:
     """Whether the change stops the partition, for good or for a while."""
     running = before.settings.running
-    return running and (not after.running or needs_off(before.settings, after, around))
+    return running and (not after.running or needs_off(before.settings, after, context))
 
 
-def disruption_of_update(before: Partition, after: PartitionSettings, around: Surroundings) -> Disruption:
-    """How much a partition's change disturbs."""
-    if Facet.GENERATION in facets(before.settings, after):
+def disruption_of_update(before: Partition, after: PartitionSettings, context: HostContext) -> Disruption:
+    """How much a partition's change disturbs: removal, a stop, or nothing that runs.
+
+    Args:
+        before: the partition as observed.
+        after: the settings that it is to have; another generation means that it is made again.
+        context: which settings of this host change live.
+    """
+    if Facet.GENERATION in changed_facets(before.settings, after):
         return Disruption.REMOVAL  # never after creation: it is made again (FACTS 3)
-    return Disruption.PARTITION_STOP if stops(before, after, around) else Disruption.LIVE
+    return Disruption.PARTITION_STOP if stops(before, after, context) else Disruption.LIVE
 
 
 def disruption_of_task(inside: str) -> Disruption:
-    """When a task class takes effect: when its Windows starts again (FACTS 6.3). rarms restarts none for it."""
+    """How much a task class disturbs: it takes effect when its Windows starts again, and rarms restarts none for it.
+
+    FACTS 6.3. `inside` is the partition whose guest it is; empty: the host itself.
+    """
     return Disruption.PARTITION_STOP if inside else Disruption.HOST_RESTART
 
 
-def is_at_rest(before: Partition, after: PartitionSettings, around: Surroundings) -> bool:
-    """Whether the machine is in a state from which rarms can do the change: off, running, or saved and live."""
-    off_needed = needs_off(before.settings, after, around)
+def can_change_now(before: Partition, after: PartitionSettings, context: HostContext) -> bool:
+    """Whether the machine is in a state from which rarms can do the change: off, running, or saved and live.
+
+    Args:
+        before: the partition as observed.
+        after: the settings that it is to have.
+        context: which settings of this host change live.
+    """
+    off_needed = needs_off(before.settings, after, context)
     match before.state:
         case RunState.OFF | RunState.RUNNING:
             return True

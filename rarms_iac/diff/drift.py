@@ -1,10 +1,11 @@
-"""Drift: who moved, the host or the manifest? The `set` of a mark tells, without other memory (DESIGN section 4)."""
+"""Drift: did somebody change the host, or the manifest? The `set` of a mark tells (DESIGN section 4)."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from rarms_iac.model.changes import RESPONSIVENESS, Address
+from rarms_iac.model.changes import RESPONSIVENESS, Address, Adopt, Create, Delete, Release
+from rarms_iac.model.journal import Closing, Journal, RunKind, ScriptRun
 from rarms_iac.model.state import Partition, Responsiveness, StartAction, State, TaskClass
 from rarms_iac.storage.digest import set_of_settings, set_of_values
 
@@ -26,12 +27,12 @@ class DriftKind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drifted:
+class ResourceDrift:
     """A resource that is not as wanted, and why."""
 
     address: Address
     kind: DriftKind
-    says: str
+    message: str
 
 
 def drift(
@@ -39,46 +40,49 @@ def drift(
     observed: State,
     application: str,
     unused: frozenset[str] = frozenset(),
-    left: frozenset[str] | None = None,
-) -> tuple[Drifted, ...]:
-    """What drifted, by address. Only what is ours or wanted is looked at; reads, and changes nothing.
+    last_run: frozenset[str] | None = None,
+) -> tuple[ResourceDrift, ...]:
+    """Find what drifted on a host. Only what is managed or wanted is looked at.
 
     Args:
         desired: what the manifest wants.
         observed: what is there.
-        application: whose.
+        application: the application whose marks and records count.
         unused: partitions that the manifest no longer wants.
-        left: partitions that the last run left on the host; None where nobody knows.
+        last_run: partitions that were on the host when its last run ended; None where nobody knows.
+
+    Returns:
+        One entry a resource that is not as wanted, by address.
     """
-    found = [
-        *_partitions(desired, observed, application, unused, left),
+    drifts = [
+        *_partitions(desired, observed, application, unused, last_run),
         *_tasks(desired, observed, application, unused),
         *_responsiveness(desired.responsiveness, observed.of(application).responsiveness),
     ]
-    return tuple(sorted(found, key=lambda one: one.address))
+    return tuple(sorted(drifts, key=lambda drift: drift.address))
 
 
 def _partitions(
-    desired: State, observed: State, application: str, unused: frozenset[str], left: frozenset[str] | None
-) -> Iterator[Drifted]:
+    desired: State, observed: State, application: str, unused: frozenset[str], last_run: frozenset[str] | None
+) -> Iterator[ResourceDrift]:
     there = {partition.mark.name: partition for partition in observed.of(application).partitions if partition.mark}
     wanted = {partition.settings.name: partition for partition in desired.partitions}
     for name in sorted({*there, *wanted}):
         address = Address(partition=name, machine=there[name].id if name in there else "")
         kind = _kind(wanted.get(name), there.get(name), is_unused=name in unused)
-        if kind is DriftKind.MISSING and left is not None:
-            yield _gone(address) if name in left else _not_there(address)
+        if kind is DriftKind.MISSING and last_run is not None:
+            yield _removed(address) if name in last_run else _never_applied(address)
         elif kind is not None:
-            yield Drifted(address=address, kind=kind, says=_says(kind))
+            yield ResourceDrift(address=address, kind=kind, message=_describe(kind))
 
 
-def _gone(address: Address) -> Drifted:
-    return Drifted(address=address, kind=DriftKind.REMOVED, says=_says(DriftKind.REMOVED))
+def _removed(address: Address) -> ResourceDrift:
+    return ResourceDrift(address=address, kind=DriftKind.REMOVED, message=_describe(DriftKind.REMOVED))
 
 
-def _not_there(address: Address) -> Drifted:
-    says = "the host has nothing of ours under this name: never applied, or taken away again by rarms itself"
-    return Drifted(address=address, kind=DriftKind.MISSING, says=says)
+def _never_applied(address: Address) -> ResourceDrift:
+    message = "the host has nothing of ours under this name: never applied, or taken away again by rarms itself"
+    return ResourceDrift(address=address, kind=DriftKind.MISSING, message=message)
 
 
 def _kind(wanted: Partition | None, there: Partition | None, *, is_unused: bool) -> DriftKind | None:
@@ -86,18 +90,18 @@ def _kind(wanted: Partition | None, there: Partition | None, *, is_unused: bool)
         return DriftKind.MISSING
     if wanted is None or wanted.mark is None:
         return DriftKind.NOT_APPLIED
-    host = _set_now(there, by_hand=_runs_by_hand(wanted) and not is_unused) != there.mark.set
+    host = _digest_now(there, by_hand=_runs_by_hand(wanted) and not is_unused) != there.mark.set
     manifest = wanted.mark.set != there.mark.set
     if not host and not manifest and is_unused:
         return DriftKind.UNUSED
-    return _of(host=host, manifest=manifest)
+    return _combine(host=host, manifest=manifest)
 
 
 def _runs_by_hand(wanted: Partition) -> bool:
     return wanted.settings.start_action is StartAction.NOTHING
 
 
-def _set_now(there: Partition, *, by_hand: bool) -> str:
+def _digest_now(there: Partition, *, by_hand: bool) -> str:
     """The digest of what is there. Whether a partition that is started by hand runs counts for nothing."""
     settings = there.settings
     if settings.start_action is StartAction.NOTHING and settings.running and not by_hand:
@@ -105,7 +109,7 @@ def _set_now(there: Partition, *, by_hand: bool) -> str:
     return set_of_settings(replace(settings, running=False) if by_hand else settings)
 
 
-def _of(*, host: bool, manifest: bool) -> DriftKind | None:
+def _combine(*, host: bool, manifest: bool) -> DriftKind | None:
     match host, manifest:
         case True, True:
             return DriftKind.BOTH
@@ -117,12 +121,12 @@ def _of(*, host: bool, manifest: bool) -> DriftKind | None:
             return None
 
 
-def _tasks(desired: State, observed: State, application: str, unused: frozenset[str]) -> Iterator[Drifted]:
-    kept = {partition.settings.name for partition in desired.partitions} - unused
+def _tasks(desired: State, observed: State, application: str, unused: frozenset[str]) -> Iterator[ResourceDrift]:
+    used = {partition.settings.name for partition in desired.partitions} - unused
     there = {
         (task.inside, task.name.lower()): task
         for task in observed.of(application).tasks
-        if not task.inside or task.inside in kept
+        if not task.inside or task.inside in used
     }
     wanted = {(task.inside, task.name.lower()): task for task in desired.tasks}
     for key in sorted({*there, *wanted}):
@@ -132,13 +136,13 @@ def _tasks(desired: State, observed: State, application: str, unused: frozenset[
         address = Address(partition=key[0], task=(new or named).name)
         kind = _kind_in_registry(old, new)
         if kind is not None:
-            yield Drifted(address=address, kind=kind, says=_says(kind))
+            yield ResourceDrift(address=address, kind=kind, message=_describe(kind))
 
 
-def _responsiveness(wanted: Responsiveness | None, there: Responsiveness | None) -> Iterator[Drifted]:
+def _responsiveness(wanted: Responsiveness | None, there: Responsiveness | None) -> Iterator[ResourceDrift]:
     kind = _kind_in_registry(there, wanted) if wanted or there else None
     if kind is not None:
-        yield Drifted(address=RESPONSIVENESS, kind=kind, says=_says(kind))
+        yield ResourceDrift(address=RESPONSIVENESS, kind=kind, message=_describe(kind))
 
 
 def _kind_in_registry(
@@ -147,10 +151,12 @@ def _kind_in_registry(
     if there is None or there.record is None:
         return DriftKind.MISSING
     host = set_of_values(there.values) != there.record.set
-    return _of(host=host, manifest=wanted is None or wanted.record is None or wanted.record.set != there.record.set)
+    return _combine(
+        host=host, manifest=wanted is None or wanted.record is None or wanted.record.set != there.record.set
+    )
 
 
-def _says(kind: DriftKind) -> str:
+def _describe(kind: DriftKind) -> str:
     match kind:
         case DriftKind.HOST_CHANGED:
             return "somebody changed it on the host since rarms wrote it"
@@ -164,3 +170,35 @@ def _says(kind: DriftKind) -> str:
             return "rarms left it on the host, and it is gone: somebody removed it, or its mark"
         case DriftKind.UNUSED:
             return "the manifest no longer wants it; it is stopped"
+
+
+_PREFIX = "partition/"
+
+
+def partitions_after_last_run(journal: Journal | ScriptRun | None, application: str) -> frozenset[str] | None:
+    """The partitions that were on the host when its last run ended: what is gone since was removed by somebody else.
+
+    The plan's digests name what was there before it. An undo brings that back, except for what the plan removed.
+
+    Args:
+        journal: the last run on the host; None: there was none.
+        application: the application whose partitions are asked for.
+
+    Returns:
+        Their names; None where that is not known.
+    """
+    if journal is None:
+        return frozenset()
+    started = journal.started
+    if not isinstance(journal, Journal) or started.application != application:
+        return None
+    if journal.closed is None or journal.closed.closing is not Closing.DONE:
+        return None
+    plan = journal.started.host_plan
+    before = {name.removeprefix(_PREFIX) for name in plan.digests if name.startswith(_PREFIX)}
+    changes = [change for change in plan.changes if change.address.partition and not change.address.task]
+    made = {change.address.partition for change in changes if isinstance(change, Create | Adopt)}
+    gone = {change.address.partition for change in changes if isinstance(change, Delete | Release)}
+    if started.run is RunKind.UNDO:
+        return frozenset(before - made - gone)
+    return frozenset((before | made) - gone)

@@ -24,33 +24,46 @@ VALUE = "value:"
 
 
 def readings(state: State, address: Address, scope: Scope) -> Readings:
-    """Everything there is to read at this address; `NOTHING` where nothing is.
+    """Read everything at an address.
 
-    Where several machines answer to the name, only `exists` and `machines`, their number: no guard accepts that.
+    Args:
+        state: the host as observed now.
+        address: a partition, a disk, a task class or SystemResponsiveness.
+        scope: whose marks and pending names count.
+
+    Returns:
+        The readings by name; `NOTHING` where nothing is. Where several machines answer to the name, only `exists` and
+        `machines`, their number: no guard accepts that.
     """
     if address.responsiveness:
-        return responsiveness_readings(state.responsiveness)
+        return task_readings(state.responsiveness)
     if address.disk:
         return disk_readings(state.disks, address.disk)
     if not address.partition:
         return task_readings(find_task(state.tasks, address.task, inside="", machine=""))
-    found = resolve(state.partitions, address.partition, scope, address.machine)
-    if len(found) > 1:
-        return {"exists": True, "machines": len(found)}
+    machines = resolve(state.partitions, address.partition, scope, address.machine)
+    if len(machines) > 1:
+        return {"exists": True, "machines": len(machines)}
+    if not machines:
+        return task_readings(None) if address.task else NOTHING
+    (partition,) = machines
     if address.task:
-        return task_readings(_guest_task(state.tasks, address, found[0]) if found else None)
-    return partition_readings(found[0]) if found else NOTHING
-
-
-def _guest_task(tasks: Iterable[TaskClass], address: Address, partition: Partition) -> TaskClass | None:
-    return find_task(tasks, address.task, inside=address.partition, machine=partition.id)
+        return task_readings(find_task(state.tasks, address.task, inside=address.partition, machine=partition.id))
+    return partition_readings(partition)
 
 
 def resolve(partitions: Iterable[Partition], name: str, scope: Scope, machine: str = "") -> tuple[Partition, ...]:
-    """The machines that a partition's name stands for; only exactly one may be changed.
+    """Find the machines that a partition's name stands for; only exactly one may be changed.
 
-    With `machine` the one of this id, whatever it is called. Otherwise those that carry our mark for the name, and
-    those under the pending name of this plan. A machine that is merely called so is never ours.
+    Args:
+        partitions: all machines of the host.
+        name: the partition's name in the manifest.
+        scope: the application whose mark counts, and the plan whose pending name does.
+        machine: an id; where it is given, the machine of this id is the answer, whatever its name.
+
+    Returns:
+        Those that carry the mark for the name, and those under the pending name of this plan. A machine that merely has
+        the name is never managed.
     """
     if machine:
         return tuple(partition for partition in partitions if partition.id == machine)
@@ -117,21 +130,12 @@ def same_path(left: str, right: str) -> bool:
     return left.replace("/", "\\").lower() == right.replace("/", "\\").lower()
 
 
-def task_readings(task: TaskClass | None) -> Readings:
-    """What is read at a task class's address. A key without values counts as none.
+def task_readings(task: TaskClass | Responsiveness | None) -> Readings:
+    """What is read at the address of a task class or of SystemResponsiveness. A key without values counts as none.
 
     Its record may outlive its key, and may stand before it.
     """
     return {**values_readings(task.values), **record_readings(task.record)} if task else _NO_TASK
-
-
-def responsiveness_readings(responsiveness: Responsiveness | None) -> Readings:
-    """What is read at the address of SystemResponsiveness."""
-    return (
-        {**values_readings(responsiveness.values), **record_readings(responsiveness.record)}
-        if responsiveness
-        else _NO_TASK
-    )
 
 
 def values_readings(values: Mapping[str, RegistryValue]) -> Readings:

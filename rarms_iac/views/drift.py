@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from rarms_iac.diff.drift import Drifted, DriftKind
+from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.changes import Address, Change
 from rarms_iac.model.state import HostFacts
 from rarms_iac.views.as_json import as_json
@@ -21,7 +21,7 @@ class HostDrift:
     """What drifted on one host, and the changes that would bring it back, by address."""
 
     facts: HostFacts
-    drifted: tuple[Drifted, ...]
+    drifted: tuple[ResourceDrift, ...]
     changes: Mapping[Address, Change] = field(default_factory=dict)
 
 
@@ -48,7 +48,7 @@ def _host(host: HostDrift, width: int) -> Iterator[str]:
     for one in host.drifted:
         yield ""
         yield from hanging("  ", f"{one.address}: {TITLES[one.kind]}", width, more=4)
-        yield from wrap(one.says, width, "      ")
+        yield from wrap(one.message, width, "      ")
         change = host.changes.get(one.address)
         for attribute in attributes_of(change, host.facts) if change is not None else ():
             if attribute.differs and attribute.before is not None and attribute.after is not None:
@@ -78,12 +78,12 @@ def drift_json(application: str, hosts: Sequence[HostDrift]) -> str:
     )
 
 
-def _drifted(host: HostDrift, drifted: Drifted) -> DriftedOutput:
+def _drifted(host: HostDrift, drifted: ResourceDrift) -> DriftedOutput:
     change = host.changes.get(drifted.address)
     return DriftedOutput(
         host=host.facts.name,
         address=str(drifted.address),
         drift=drifted.kind.value,
-        says=drifted.says,
+        says=drifted.message,
         attributes=() if change is None else change_output(change).attributes,
     )

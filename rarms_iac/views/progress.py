@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from rarms_iac.apply.reports import ToldStep
+from rarms_iac.apply.run_report import ToldStep
 from rarms_iac.model.journal import RunKind, StepStatus
 from rarms_iac.views.diagnostics.layout import columns, hanging, visible
 

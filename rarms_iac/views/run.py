@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from rarms_iac.apply.refusals import UNDO_PARTIAL
-from rarms_iac.apply.reports import Ending, HostReport, RunReport
+from rarms_iac.apply.run_report import Ending, HostReport, RunReport
 from rarms_iac.model.journal import RunKind
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import wrap

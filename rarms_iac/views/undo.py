@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from rarms_iac.apply.scripted import TakenBack
+from rarms_iac.apply.run_script import TakenBack
 from rarms_iac.model.journal import RunStarted, ScriptStarted
 from rarms_iac.model.plan import UndoLevel
 from rarms_iac.views.diagnostics.layout import hanging, visible, wrap

@@ -13,7 +13,7 @@ import pytest
 
 from rarms_iac.apply.execute import apply_plan, finish_unfinished
 from rarms_iac.apply.prepare import Request, prepare
-from rarms_iac.apply.reports import Ending, RunReport, SilentReporter
+from rarms_iac.apply.run_report import Ending, RunReport, SilentReporter
 from rarms_iac.apply.undo import undo
 from rarms_iac.model.diagnostics import Place
 from rarms_iac.model.plan import Plan

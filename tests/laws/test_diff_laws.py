@@ -5,10 +5,10 @@ from dataclasses import replace
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from rarms_iac.diff.claims import claim_of
-from rarms_iac.diff.comparing.compare import compare
+from rarms_iac.diff.claims import HostBudget, claim_of
+from rarms_iac.diff.compare import compare
 from rarms_iac.diff.drift import DriftKind, drift
-from rarms_iac.diff.stepping.order import Ordered, Room
+from rarms_iac.diff.order import OrderedSteps
 from rarms_iac.model.capacity import foreign_claims, load_of, packs
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
@@ -29,7 +29,7 @@ def applied(system: System, state: State) -> State:
 
 
 def steps_of(route: Route) -> tuple[Step, ...]:
-    assert isinstance(route.ordered, Ordered), route.ordered
+    assert isinstance(route.ordered, OrderedSteps), route.ordered
     return route.ordered.steps
 
 
@@ -74,7 +74,7 @@ def test_a_state_has_no_difference_to_itself(system: System, others: Strangers) 
 
     for one in (start, state):
         ours = one.of("robot")
-        found = compare(ours, one, "robot", route(system, one).wish.around)
+        found = compare(ours, one, "robot", route(system, one).wish.context)
         assert found.changes == ()
         assert drift(ours, one, "robot") == ()
 
@@ -94,20 +94,20 @@ def test_a_changed_manifest_is_reached_and_the_host_never_promises_more(data: st
     passed = walker.walk(steps_of(plan))
 
     for state in passed:
-        never_more(state, middle, plan.wish.room)
+        never_more(state, middle, plan.wish.budget)
     again = route(second, walker.state)
     assert again.difference.changes == ()
-    assert set(again.difference.unused) == set(again.wish.unused)
+    assert set(again.difference.unused) == set(again.wish.rules.unused)
     assert strangers_of(walker.state) == others
 
 
-def never_more(state: State, start: State, room: Room) -> None:
+def never_more(state: State, start: State, budget: HostBudget) -> None:
     before = [*foreign_claims(start, "robot"), *map(claim_of, start.of("robot").partitions)]
     now = [*foreign_claims(state, "robot"), *map(claim_of, state.of("robot").partitions)]
     most, load = load_of(before), load_of(now)
-    assert load.percent <= 100 * room.capacity.processors or load.percent <= most.percent
-    assert load.memory <= max(room.capacity.memory, most.memory)
-    assert packs(now, room.capacity.logical_processors) or not packs(before, room.capacity.logical_processors)
+    assert load.percent <= 100 * budget.capacity.processors or load.percent <= most.percent
+    assert load.memory <= max(budget.capacity.memory, most.memory)
+    assert packs(now, budget.capacity.logical_processors) or not packs(before, budget.capacity.logical_processors)
 
 
 @given(st.data(), systems())

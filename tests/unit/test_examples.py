@@ -12,8 +12,8 @@ import pytest
 
 from rarms_iac.apply.execute import apply_plan
 from rarms_iac.apply.prepare import Prepared, Request, prepare
-from rarms_iac.apply.reports import Ending, SilentReporter
-from rarms_iac.apply.walk import held
+from rarms_iac.apply.run_report import Ending, SilentReporter
+from rarms_iac.apply.run_steps import held
 from rarms_iac.cli.datalogs import Measurements, measured_reservations
 from rarms_iac.manifest.checks import run_checks
 from rarms_iac.manifest.fmt import format_text

@@ -1,1 +1,5 @@
-"""What makes a plan void or unsafe on a host, found before it is made."""
+"""What is wrong with a host before anything is planned for it: `rarms doctor`.
+
+In: a host's State and `HostCondition` (`Examination`). Out: diagnostics in the order of their lines. Begin at
+`examine`; `windows` checks the operating system, `machines` every virtual machine. Nothing here changes a host.
+"""

@@ -1,39 +1,43 @@
-"""What the doctor's checks are given, and what several of them ask of it."""
+"""What the doctor's checks are given."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from rarms_iac.model.condition import HostCondition, MachineCondition
-from rarms_iac.model.diagnostics import Diagnostic, Place
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
 from rarms_iac.model.state import Partition, State
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Examination:
-    """A host, live or as it was written down; `condition` is empty where only its State is known."""
+    """A host, live or from a snapshot; `condition` is empty where only its State is known."""
 
     state: State
     condition: HostCondition = field(default_factory=HostCondition)
-    told: tuple[Diagnostic, ...] = ()  # what its provider found where it looked
+    provider_findings: tuple[Diagnostic, ...] = ()  # what its provider reported when it observed the host
     place: Place | None = None  # the manifest's line of the host
 
     @property
-    def address(self) -> str:
-        """As `policy.accept` names the host."""
-        return f"host/{self.state.facts.name}"
+    def name(self) -> str:
+        """The host's name in the manifest."""
+        return self.state.facts.name
 
     def machines(self) -> Iterator[tuple[Partition, MachineCondition]]:
-        """Every machine with what is odd about it, by name."""
-        odd = {machine.id.lower(): machine for machine in self.condition.machines}
-        for partition in self.state.partitions:
-            yield partition, odd.get(partition.id.lower(), MachineCondition(id=partition.id))
+        """Every machine with its condition, by name."""
+        conditions = {machine.id.lower(): machine for machine in self.condition.machines}
+        for machine in self.state.partitions:
+            yield machine, conditions.get(machine.id.lower(), MachineCondition(id=machine.id))
+
+    def host_finding(self, finding: Finding, detail: str, advice: str) -> Diagnostic:
+        """A finding about the host itself."""
+        return finding.at(self.place, detail, advice, address=f"host/{self.name}")
+
+    def machine_finding(self, finding: Finding, machine: Partition, detail: str, advice: str) -> Diagnostic:
+        """A finding about a machine: a partition of ours at its name in the manifest, any other machine at its id."""
+        address = f"partition/{machine.mark.name}" if machine.mark else f"machine/{machine.id}"
+        return finding.at(self.place, detail, advice, address=address)
 
 
-def address_of(machine: Partition) -> str:
-    """A partition of ours by its name in the manifest, any other machine by its id."""
-    return f"partition/{machine.mark.name}" if machine.mark else f"machine/{machine.id}"
-
-
-def called(machine: Partition) -> str:
-    """A machine for people: names are not unique."""
+def machine_title(machine: Partition) -> str:
+    """A machine for people: its name and the begin of its id, because names are not unique."""
     return f'"{machine.settings.name}" ({machine.id[:8]})'

@@ -12,7 +12,7 @@ from rarms_iac.app.hosts import Hosts, hold_hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits
 from rarms_iac.app.wiring import open_host, unfinished_beside
-from rarms_iac.apply.reports import Ending, RunReport
+from rarms_iac.apply.run_report import Ending, RunReport
 from rarms_iac.apply.undo import abandon
 from rarms_iac.cli.applying import ended, finish_first, plan_ask_apply, run
 from rarms_iac.cli.codes import ExitCode

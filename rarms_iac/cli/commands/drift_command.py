@@ -4,14 +4,13 @@ from rarms_iac.app.errors import UseCaseError
 from rarms_iac.app.hosts import last_runs, observe_hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits
-from rarms_iac.apply.look import look
+from rarms_iac.apply.host_drift import drift_of_hosts
 from rarms_iac.apply.prepare import prepare
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import host_or_snapshot_options, json_option, manifest_options
 from rarms_iac.cli.planning import Wish, outcome_of, request_of
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.diff.drift import DriftKind
-from rarms_iac.diff.left import left_by
+from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.system import Disruption
 from rarms_iac.views.diagnostics.layout import wrap
@@ -33,10 +32,10 @@ def command(session: Session, *, source: ManifestSource, where: HostSelection, a
     states = observe_hosts(hosts)
     limit = system.policy.max_disruption
     journals = dict(last_runs(hosts))
-    left = {name: left_by(journal, system.application.name) for name, journal in journals.items()}
+    present = {name: partitions_after_last_run(journal, system.application.name) for name, journal in journals.items()}
     request = request_of(hosts, Wish(limits=PlanLimits(max_disruption=Disruption.REMOVAL)), states)
-    found, problems = look(system, states, manifest.places, limit, left, request.reservations)
-    if not found and has_errors(problems):
+    drifts, problems = drift_of_hosts(system, states, manifest.places, limit, present, request.reservations)
+    if not drifts and has_errors(problems):
         raise UseCaseError(outcome_of(problems), problems, manifest.sources)
     # The changes say what differs, attribute by attribute; nothing is held back, so that all of them are there.
     plan = prepare(request, states).plan
@@ -45,12 +44,12 @@ def command(session: Session, *, source: ManifestSource, where: HostSelection, a
     }
     shown = [
         HostDrift(
-            facts=states[drift.host].facts,
-            drifted=drift.drifted,
-            changes={address: change for (host, address), change in changes.items() if host == drift.host},
+            facts=states[name].facts,
+            drifted=drifted,
+            changes={address: change for (host, address), change in changes.items() if host == name},
         )
-        for drift in found
-        if drift.host in hosts.chosen
+        for name, drifted in drifts.items()
+        if name in hosts.chosen
     ]
     name = system.application.name
     width = session.terminal.text_width

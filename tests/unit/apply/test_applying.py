@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.apply.reports import Ending
+from rarms_iac.apply.run_report import Ending
 from rarms_iac.apply.undo import abandon, told_to_undo
 from rarms_iac.model.operations import SetCpu
 from rarms_iac.model.plan import Purpose, Scope

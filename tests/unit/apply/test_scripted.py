@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
-from rarms_iac.apply.reports import Ending, RunReport, ToldStep
-from rarms_iac.apply.scripted import Order, finishing, run_order
+from rarms_iac.apply.run_report import Ending, RunReport, ToldStep
+from rarms_iac.apply.run_script import Order, finishing, run_order
 from rarms_iac.model.journal import RunKind, ScriptRun, ScriptStarted, StepRecorded, StepStatus
 from rarms_iac.model.state import State
 from rarms_iac.providers.interface import (

@@ -2,10 +2,10 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.apply.review import classes_above
-from rarms_iac.apply.review.reviewed import Reviewed
-from rarms_iac.apply.threads import above, threads_of
-from rarms_iac.model.plan import Purpose, ThreadClass
+from rarms_iac.apply.plan_summary import threads_of
+from rarms_iac.apply.review.host_effects import classes_above, review_task_classes
+from rarms_iac.apply.review.reviewed_plan import ReviewedPlan
+from rarms_iac.model.plan import HostPlan, Purpose, ThreadClass
 from rarms_iac.model.state import RegistryValue, State, TaskClass, TaskRecord, ValueKind
 from rarms_iac.planner.task_classes import classes_of
 from rarms_iac.providers.simulated.content import SHIPPED
@@ -27,9 +27,21 @@ ROBOTIC = (ThreadClass(inside="", task="MotionControl", category="Medium", threa
 OURS = TaskRecord(application="robot", set="0" * 12, before=None)
 
 
+def reviewed(*tasks: TaskClass, plan: HostPlan) -> ReviewedPlan:
+    system = a_system()
+    return ReviewedPlan(
+        system=replace(system, application=replace(system.application, name="robot")),
+        places=PathPlaces(),
+        purpose=Purpose.APPLY,
+        layout=None,
+        observed=State(facts=build.facts(), tasks=tasks),
+        plan=plan,
+    )
+
+
 def names(*tasks: TaskClass) -> list[tuple[str, int]]:
-    observed = State(facts=build.facts(), tasks=tasks)
-    return [(task.name, runs_at) for _, task, runs_at in above(ROBOTIC, observed, "robot")]
+    part = reviewed(*tasks, plan=replace(build.host_plan(), threads=ROBOTIC))
+    return [(task.name, priority) for _, task, priority in classes_above(part)]
 
 
 def test_of_the_classes_of_windows_those_in_high_and_the_higher_ones_in_medium_are_above() -> None:
@@ -62,25 +74,11 @@ def test_what_is_not_above_or_not_known_or_ours_is_not_told(task: TaskClass) -> 
 
 def test_what_a_maker_added_is_told_once_a_host_where_classes_change() -> None:
     plan = build.host_plan(changes=[build.create(build.task())])
-    part = Reviewed(
-        system=a_system(),
-        places=PathPlaces(),
-        purpose=Purpose.APPLY,
-        layout=None,
-        observed=State(facts=build.facts(), tasks=(other("Vendor Sound", "high", 1),)),
-        plan=plan,
-    )
+    vendor = other("Vendor Sound", "high", 1)
 
-    assert list(classes_above.review(part)) == []
-    with_threads = Reviewed(
-        system=part.system,
-        places=part.places,
-        purpose=part.purpose,
-        layout=None,
-        observed=part.observed,
-        plan=replace(plan, threads=ROBOTIC),
-    )
-    (one,) = classes_above.review(with_threads)
+    assert list(review_task_classes(reviewed(vendor, plan=plan))) == []
+    with_threads = reviewed(vendor, plan=replace(plan, threads=ROBOTIC))
+    (one,) = review_task_classes(with_threads)
     assert (one.code, one.address, "Vendor Sound (26)" in one.detail) == ("RARMS226", "host/onboard", True)
 
 

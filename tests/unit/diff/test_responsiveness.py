@@ -1,7 +1,7 @@
 from dataclasses import replace
 
+from rarms_iac.diff.digests import moved_parts, part_digests
 from rarms_iac.diff.drift import DriftKind, drift
-from rarms_iac.diff.part_digests import part_digests, what_moved
 from rarms_iac.model.changes import Address, Create, Delete, Update
 from rarms_iac.model.operations import EraseResponsiveness, WriteResponsiveness, WriteResponsivenessRecord
 from rarms_iac.model.state import RegistryValue, Responsiveness, State, TaskRecord, ValueKind
@@ -110,4 +110,4 @@ def test_drift_tells_who_changed_it() -> None:
 def test_a_plan_is_stale_where_it_was_changed() -> None:
     before, after = (part_digests(a_state(Responsiveness(value=dword(one))), "robot") for one in (20, 30))
 
-    assert what_moved(before, after) == ("mmcss/responsiveness has changed",)
+    assert moved_parts(before, after) == ("mmcss/responsiveness has changed",)

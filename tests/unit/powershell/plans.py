@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from dataclasses import replace
 
-from rarms_iac.diff.disruption import Surroundings
-from rarms_iac.diff.stepping.steps import steps_for
+from rarms_iac.diff.disruption import HostContext
+from rarms_iac.diff.steps import steps_for
 from rarms_iac.model.changes import Adopt, Change, Release
 from rarms_iac.model.layout import Making
 from rarms_iac.model.plan import HostPlan, Plan
@@ -61,7 +61,7 @@ def rendered_plan(
         "planning": Making(image=image, vm_path="D:\\vms"),
         "video": Making(switch="lab \u2018net\u2019"),
     }
-    around = Surroundings(facts=build.facts(), making=making)
-    steps = [step for change in wanted for step in steps_for(change, around)]
+    context = HostContext(facts=build.facts(), making=making)
+    steps = [step for change in wanted for step in steps_for(change, context)]
     on = build.host_plan(changes=wanted, steps=steps)
     return on, build.plan(on)

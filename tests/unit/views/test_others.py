@@ -2,8 +2,8 @@ import json
 from dataclasses import replace
 
 from rarms_iac.apply.refusals import UNDO_PARTIAL
-from rarms_iac.apply.reports import Ending, HostReport, RunReport
-from rarms_iac.diff.drift import Drifted, DriftKind
+from rarms_iac.apply.run_report import Ending, HostReport, RunReport
+from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind, RunStarted, StepStatus
 from rarms_iac.model.layout import Layout
@@ -18,7 +18,7 @@ from tests.unit.views.test_json import check
 
 def a_drift(*kinds: DriftKind) -> list[HostDrift]:
     change = update(partition(settings(reserve=50)), partition(settings(reserve=40)))
-    drifted = tuple(Drifted(address=Address(partition="vision"), kind=kind, says="why") for kind in kinds)
+    drifted = tuple(ResourceDrift(address=Address(partition="vision"), kind=kind, message="why") for kind in kinds)
     return [HostDrift(facts=facts(), drifted=drifted, changes={change.address: change})]
 
 

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.apply.doctor.checks import ASKED_BY_THE_DOCTOR
-from rarms_iac.apply.doctor.checks.responsiveness import effective
 from rarms_iac.apply.doctor.examination import Examination
-from rarms_iac.apply.doctor.examine import examine
+from rarms_iac.apply.doctor.examine import DOCTOR_ONLY_CODES, examine
+from rarms_iac.apply.doctor.windows import effective_responsiveness
 from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.state import HostFacts, Partition, RegistryValue, Rights, RunState, State, ValueKind
@@ -116,7 +115,7 @@ def test_what_is_wrong_is_told_alone_and_where_it_is(case: str) -> None:
 
 
 def test_every_check_of_the_doctor_has_a_case() -> None:
-    assert {code for code, _, _ in CASES.values()} > ASKED_BY_THE_DOCTOR
+    assert {code for code, _, _ in CASES.values()} > DOCTOR_ONLY_CODES
 
 
 def test_a_healthy_host_has_no_findings() -> None:
@@ -170,7 +169,7 @@ def test_a_client_is_not_sent_to_bcdedit() -> None:
 def test_what_the_provider_found_is_told_with_the_rest() -> None:
     told: Diagnostic = examine(CASES["root"][2])[0]
 
-    assert examine(replace(examination(), told=(told,))) == (told,)
+    assert examine(replace(examination(), provider_findings=(told,))) == (told,)
 
 
 @pytest.mark.parametrize(
@@ -180,5 +179,6 @@ def test_what_the_provider_found_is_told_with_the_rest() -> None:
 def test_windows_rounds_down_and_takes_20_for_what_is_out_of_range(data: int | str, means: int) -> None:
     how = responsive(data)
 
-    assert effective(how.responsiveness) == means
+    assert how.responsiveness is not None
+    assert effective_responsiveness(how.responsiveness) == means
     assert len(examine(examination(how=how))) == (0 if data in range(10, 100, 10) else 1)

@@ -1,0 +1,112 @@
+"""The doctor's checks of the virtual machines on a host, managed or not."""
+
+from collections.abc import Iterator
+
+from rarms_iac.apply.doctor.examination import Examination, machine_title
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.state import RunState
+
+CPU_GROUP = Finding(code="RARMS235", severity=Severity.WARNING, summary="A machine is in a CPU group")
+DYNAMIC_MEMORY = Finding(code="RARMS237", severity=Severity.WARNING, summary="Dynamic memory turns virtual NUMA off")
+AUTOMATIC_CHECKPOINTS = Finding(
+    code="RARMS238", severity=Severity.WARNING, summary="A machine takes checkpoints by itself"
+)
+CLUSTERED = Finding(code="RARMS244", severity=Severity.WARNING, summary="A machine belongs to a cluster")
+MACHINE_STATE = Finding(code="RARMS245", severity=Severity.WARNING, summary="A machine is saved or in a critical state")
+WIDE_MACHINE = Finding(
+    code="RARMS246", severity=Severity.WARNING, summary="A machine has more processors than the host"
+)
+
+
+def check_cpu_group(host: Examination) -> Iterator[Diagnostic]:
+    """A machine in a CPU group draws only on the group's logical processors and cap (FACTS 2)."""
+    for machine, condition in host.machines():
+        if condition.group:
+            yield host.machine_finding(
+                CPU_GROUP,
+                machine,
+                f"{machine_title(machine)} on {host.name} is in the CPU group {condition.group}: it draws only on the "
+                "logical processors and the cap of its group, while rarms counts it against the whole host.",
+                "Take it out of the group (`CpuGroups.exe SetVmGroup /VmName:NAME /GroupId:"
+                "00000000-0000-0000-0000-000000000000`), or check by hand that its group has room for its reserve.",
+            )
+
+
+def check_dynamic_memory(host: Examination) -> Iterator[Diagnostic]:
+    """Virtual NUMA is off when dynamic memory is on, which matters on a host of several nodes (FACTS 2)."""
+    nodes = host.condition.numa_nodes or 1
+    for machine, _ in host.machines():
+        if nodes > 1 and machine.settings.dynamic_memory:
+            yield host.machine_finding(
+                DYNAMIC_MEMORY,
+                machine,
+                f"{machine_title(machine)} has dynamic memory, and {host.name} has {nodes} NUMA nodes: its guest "
+                "does not see them, and its memory may lie on a node far from its processors.",
+                "Give it static memory: `Set-VMMemory -DynamicMemoryEnabled $false`, while it is off. Partitions of "
+                "rarms have static memory.",
+            )
+
+
+def check_automatic_checkpoints(host: Examination) -> Iterator[Diagnostic]:
+    """Client hosts may take a checkpoint whenever a machine starts (FACTS 4)."""
+    for machine, condition in host.machines():
+        if condition.automatic_checkpoints:
+            yield host.machine_finding(
+                AUTOMATIC_CHECKPOINTS,
+                machine,
+                f"{machine_title(machine)} on {host.name} takes a checkpoint whenever it starts: its disk grows "
+                "beside its parent, and going back to one brings old settings back.",
+                "Turn it off: `Set-VM -AutomaticCheckpointsEnabled $false`. Partitions of rarms have checkpoints "
+                "disabled.",
+            )
+
+
+def check_cluster(host: Examination) -> Iterator[Diagnostic]:
+    """A cluster may move a machine, and keeps a copy of its settings (FACTS 5)."""
+    for machine, condition in host.machines():
+        if condition.clustered:
+            yield host.machine_finding(
+                CLUSTERED,
+                machine,
+                f"{machine_title(machine)} on {host.name} belongs to a failover cluster: it may move to another "
+                "host, or come from one, and takes its reserve along.",
+                "Keep robots' partitions out of the cluster. After a change of memory or devices run "
+                "`Update-ClusterVirtualMachineConfiguration`, and plan again after a move.",
+            )
+
+
+def check_machine_state(host: Examination) -> Iterator[Diagnostic]:
+    """A saved machine keeps its settings until it runs again; a critical one has lost its storage (FACTS 3, 5)."""
+    for machine, _ in host.machines():
+        title = f"{machine_title(machine)} on {host.name}"
+        if machine.state is RunState.SAVED:
+            yield host.machine_finding(
+                MACHINE_STATE,
+                machine,
+                f"{title} is saved: its processors and memory cannot change, and unless it starts by itself its "
+                "reserve is not counted until it runs again.",
+                "Start it and shut it down, or give its saved state up: `Remove-VMSavedState`.",
+            )
+        elif machine.state is RunState.CRITICAL:
+            yield host.machine_finding(
+                MACHINE_STATE,
+                machine,
+                f"{title} is in a critical state: its storage cannot be reached. It can only be turned off or removed.",
+                "Bring its storage back (a disk that is offline, full or disconnected), then look again.",
+            )
+
+
+def check_machine_width(host: Examination) -> Iterator[Diagnostic]:
+    """A machine with more virtual processors than there are logical ones has no guaranteed reserve (FACTS 1.2)."""
+    available = host.state.facts.logical_processors
+    for machine, _ in host.machines():
+        count = machine.settings.processors
+        if count > available:
+            lost = " and may set it to zero" if machine.settings.reserve else ""
+            yield host.machine_finding(
+                WIDE_MACHINE,
+                machine,
+                f"{machine_title(machine)} has {count} virtual processors, {host.name} {available} logical "
+                f"ones: the hypervisor does not guarantee its reserve{lost}.",
+                f"Give it at most {available} processors while it is off.",
+            )

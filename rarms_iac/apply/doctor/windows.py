@@ -1,0 +1,213 @@
+"""The doctor's checks of the host's own operating system and of what rarms reaches it with."""
+
+from collections.abc import Iterator
+
+from rarms_iac.apply.doctor.examination import Examination
+from rarms_iac.apply.preconditions import no_rights, scheduler_findings
+from rarms_iac.model.condition import PolicyScope
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.mmcss import OFF, USUAL, taken_for
+from rarms_iac.model.state import RegistryValue, Rights, ValueKind
+from rarms_iac.model.system import ProviderKind, SchedulerType
+
+RESPONSIVENESS_VALUE = Finding(
+    code="RARMS230",
+    severity=Severity.WARNING,
+    summary="SystemResponsiveness is not a value that Windows takes as it is",
+)
+NO_MODULE = Finding(code="RARMS233", severity=Severity.ERROR, summary="The Hyper-V module is not installed")
+CORE_SCHEDULER = Finding(
+    code="RARMS234",
+    severity=Severity.WARNING,
+    summary="Under the core scheduler a virtual processor may take two logical ones",
+)
+POWER_PLAN = Finding(code="RARMS236", severity=Severity.WARNING, summary="The power plan slows the processors down")
+PENDING_RESTART = Finding(code="RARMS239", severity=Severity.WARNING, summary="The host waits for a restart")
+OLD_POWERSHELL = Finding(code="RARMS240", severity=Severity.ERROR, summary="The host's PowerShell is too old")
+EXECUTION_POLICY = Finding(
+    code="RARMS241", severity=Severity.WARNING, summary="The execution policy keeps scripts from running"
+)
+NARROW_PROCESS = Finding(code="RARMS242", severity=Severity.ERROR, summary="The host was looked at by a 32-bit process")
+MINROOT = Finding(
+    code="RARMS243", severity=Severity.NOTE, summary="The host's own Windows has fewer processors than the hypervisor"
+)
+UNREAD_PROBE = Finding(code="RARMS249", severity=Severity.NOTE, summary="Something of the host could not be looked at")
+
+_SLOW_PLANS = {
+    "381b4222-f694-41f0-9685-ff5bb260df2e": "Balanced",
+    "a1841308-3541-4fab-bc81-f71556f20b4a": "Power saver",
+}
+"""Windows' own plans, by id; their names are in the host's language."""
+
+_FORBIDDING_POLICIES = ("Restricted", "AllSigned")
+_NEEDED_POWERSHELL = (5, 1)
+
+
+def check_preconditions(host: Examination) -> Iterator[Diagnostic]:
+    """Rights must be proven, and the scheduler must honour reserves: plans ask for the same.
+
+    Linux schedules control groups itself; whether they may be made is asked where they are made.
+    """
+    facts = host.state.facts
+    if facts.provider is ProviderKind.LINUX:
+        return
+    if facts.rights is not Rights.PROVEN:
+        yield no_rights(facts, host.place)
+    yield from scheduler_findings(facts, "its machines", host.place)
+
+
+def check_responsiveness(host: Examination) -> Iterator[Diagnostic]:
+    """SystemResponsiveness says how much of a processor MMCSS leaves to everybody else (FACTS 6.1)."""
+    value = host.condition.responsiveness
+    if value is None:
+        return
+    effective = effective_responsiveness(value)
+    if effective == OFF:
+        problem = f"{value.data}, which switches the multimedia class scheduler off"
+    elif value.kind is not ValueKind.DWORD:
+        problem = f"{value.data!r}, of the type {value.kind.value} and not dword"
+    elif value.data != effective:
+        problem = f"{value.data}, which Windows takes for {effective}"
+    else:
+        return
+    yield host.host_finding(
+        RESPONSIVENESS_VALUE,
+        f"{host.name}: SystemResponsiveness is {problem}. Task classes of components with `runs_on: host` rest on it.",
+        "Set a DWORD of 10, 20, ... 90 and restart the host: 20 leaves a fifth of a processor to everybody else.",
+    )
+
+
+def effective_responsiveness(value: RegistryValue) -> int:
+    """What Windows makes of the value, in per cent; of one of another type than DWORD, its default."""
+    if value.kind is not ValueKind.DWORD or not isinstance(value.data, int):
+        return USUAL
+    return taken_for(value.data)
+
+
+def check_module(host: Examination) -> Iterator[Diagnostic]:
+    """Scripts are made of the cmdlets of the module Hyper-V."""
+    if host.condition.module == ():
+        yield host.host_finding(
+            NO_MODULE,
+            f"{host.name}: its PowerShell has no module Hyper-V.",
+            "Install it: on a server `Install-WindowsFeature Hyper-V-PowerShell` (with the role: `-Name Hyper-V "
+            "-IncludeManagementTools`), on a client Windows the feature "
+            "`Microsoft-Hyper-V-Management-PowerShell`.",
+        )
+
+
+def check_core_scheduler(host: Examination) -> Iterator[Diagnostic]:
+    """With SMT, the core scheduler never shares a core between machines (FACTS 2)."""
+    facts = host.state.facts
+    if facts.smt and facts.scheduler is SchedulerType.CORE:
+        yield host.host_finding(
+            CORE_SCHEDULER,
+            f"{host.name} has SMT and the core scheduler: a core is never shared between machines, and the virtual "
+            "processor of a machine without SMT of its own takes both its threads.",
+            "Give partitions even numbers of processors, and let them see SMT (HwThreadCountPerCore 0 or 2); where "
+            "they do not, count each of their processors twice against the host.",
+        )
+
+
+def check_power_plan(host: Examination) -> Iterator[Diagnostic]:
+    """Balanced reaches full speed only under load: response times vary (FACTS 2)."""
+    for active in host.condition.power_plans or ():
+        name = next((name for plan, name in _SLOW_PLANS.items() if plan in active.lower()), None)
+        if name is not None:
+            yield host.host_finding(
+                POWER_PLAN,
+                f"{host.name}: the power plan {name} is active. Its processors reach full speed only "
+                "under load, so that measured response times vary and do not hold later.",
+                "Choose High performance: `powercfg /setactive SCHEME_MIN`, before anything is measured.",
+            )
+
+
+def check_pending_restart(host: Examination) -> Iterator[Diagnostic]:
+    """What was installed last takes effect when the host starts again, and it may do so at any time."""
+    if host.condition.pending_restart:
+        yield host.host_finding(
+            PENDING_RESTART,
+            f"{host.name}: Windows waits for a restart to finish installing something. A restart in the "
+            "middle of an apply stops its machines, and what is measured now may not hold afterwards.",
+            "Restart it at a time of your choice, then look again.",
+        )
+
+
+def check_powershell_version(host: Examination) -> Iterator[Diagnostic]:
+    """Scripts run on Windows PowerShell 5.1 and on PowerShell 7; a version that is no number is too old."""
+    version = host.condition.powershell
+    if version is not None and _version_numbers(version) < _NEEDED_POWERSHELL:
+        yield host.host_finding(
+            OLD_POWERSHELL,
+            f"{host.name} runs PowerShell {version}; the scripts of rarms need 5.1 or 7.",
+            "Install Windows Management Framework 5.1 or PowerShell 7 there; Windows 10 and Server 2016 bring 5.1.",
+        )
+
+
+def _version_numbers(version: str) -> tuple[int, ...]:
+    major, _, rest = version.partition(".")
+    minor = rest.partition(".")[0]
+    return int(major) if major.isdecimal() else 0, int(minor) if minor.isdecimal() else 0
+
+
+def check_execution_policy(host: Examination) -> Iterator[Diagnostic]:
+    """The first scope that sets an execution policy decides; group policy outranks `-ExecutionPolicy` (FACTS 9)."""
+    policies = host.condition.policies
+    # How the PowerShell that looked was started says nothing of the next one.
+    scopes = [
+        scope
+        for scope in PolicyScope
+        if scope is not PolicyScope.PROCESS and policies.get(scope, "Undefined") != "Undefined"
+    ]
+    if policies and not scopes and host.state.facts.client:
+        problem = "no scope sets an execution policy, and a client Windows then runs no scripts"
+        yield _policy_finding(host, problem, is_group_policy=False)
+    elif scopes and policies[scopes[0]] in _FORBIDDING_POLICIES:
+        problem = f"the execution policy of {scopes[0].value} is {policies[scopes[0]]}"
+        yield _policy_finding(host, problem, is_group_policy=scopes[0].is_group_policy)
+
+
+def _policy_finding(host: Examination, problem: str, *, is_group_policy: bool) -> Diagnostic:
+    if is_group_policy:
+        effect = "Group policy outranks what rarms starts PowerShell with: its scripts do not run there unsigned."
+        advice = "Have the group policy allow RemoteSigned on this host, or sign the scripts and run them by hand."
+    else:
+        effect = "`rarms apply` starts scripts with a policy of their own and is not concerned; a person is."
+        advice = "By hand, start them with `powershell -NoProfile -ExecutionPolicy RemoteSigned -File SCRIPT`."
+    return host.host_finding(EXECUTION_POLICY, f"{host.name}: {problem}. {effect}", advice)
+
+
+def check_process_width(host: Examination) -> Iterator[Diagnostic]:
+    """A 32-bit process is shown another registry (FACTS 6.6)."""
+    bits = host.condition.bits
+    if bits is not None and bits < 64:
+        yield host.host_finding(
+            NARROW_PROCESS,
+            f"{host.name} was looked at by a PowerShell of {bits} bits: Windows shows it another part of "
+            "the registry, so its task classes are not those that count.",
+            "Start the 64-bit one: `%windir%\\System32\\WindowsPowerShell\\v1.0\\powershell.exe`, not the one in "
+            "SysWOW64 or of a 32-bit program.",
+        )
+
+
+def check_minroot(host: Examination) -> Iterator[Diagnostic]:
+    """Under minroot the root partition has only some of the logical processors (FACTS 2)."""
+    total, visible = host.state.facts.logical_processors, host.condition.seen_processors
+    if visible is not None and visible != total:
+        yield host.host_finding(
+            MINROOT,
+            f"{host.name}: its own Windows sees {visible} logical processors, the hypervisor has "
+            f"{total}. Machines may still run on those of the host.",
+            "Nothing, if `bcdedit /set hypervisorrootproc` is meant; components with `runs_on: host` have only these.",
+        )
+
+
+def check_unread_probes(host: Examination) -> Iterator[Diagnostic]:
+    """What could not be read is reported, so that silence means something."""
+    for subject, why in sorted(host.condition.unread.items()):
+        yield host.host_finding(
+            UNREAD_PROBE,
+            f"{host.name}: {subject} could not be read: {why}.",
+            "Look again as a member of Administrators in an elevated PowerShell; what the host does not have is no "
+            "problem.",
+        )

@@ -1,0 +1,80 @@
+"""What makes looking at a host, or planning for it, worth nothing (DESIGN section 5)."""
+
+from collections.abc import Iterable, Iterator
+
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Places, Severity
+from rarms_iac.model.state import HostFacts, Rights, State
+from rarms_iac.model.system import SchedulerType
+
+NO_RIGHTS = Finding(code="RARMS158", severity=Severity.ERROR, summary="Without rights, nothing seen proves nothing")
+SCHEDULER = Finding(
+    code="RARMS159",
+    severity=Severity.ERROR,
+    summary="The host's scheduler does not honour reserves",
+    acceptable=True,
+)
+
+
+def unproven_rights(observed: Iterable[State], places: Places) -> Iterator[Diagnostic]:
+    """The hosts of which we do not know that we see everything: they may look empty and be full."""
+    for state in observed:
+        if state.facts.rights is not Rights.PROVEN:
+            yield no_rights(state.facts, places.key("hosts", state.facts.name))
+
+
+def no_rights(facts: HostFacts, place: Place | None = None) -> Diagnostic:
+    """One of them."""
+    says = "has no right to" if facts.rights is Rights.MISSING else "could not prove that it may"
+    return NO_RIGHTS.at(
+        place,
+        f"On {facts.name}, rarms {says} manage machines: those that are there cannot be seen, let alone changed.",
+        "Run as an administrator of the host; on a simulated one, say `administrator: true`.",
+        address=f"host/{facts.name}",
+    )
+
+
+def ignored_reserves(desired: State, places: Places) -> Iterator[Diagnostic]:
+    """A host on which the wanted reserves, limits or weights would have no effect, or none that is known."""
+    asked = [
+        partition.settings.name
+        for partition in desired.partitions
+        if partition.settings.reserve or partition.settings.limit < 100
+    ]
+    if asked and _why_ignored(desired.facts):  # a place is looked up only when there is something to tell
+        yield from scheduler_findings(desired.facts, ", ".join(asked), places.key("hosts", desired.facts.name))
+
+
+def scheduler_findings(facts: HostFacts, whose: str, place: Place | None) -> Iterator[Diagnostic]:
+    """A host on which nobody's reserve has an effect, or none that is known; `whose` would have one."""
+    why = _why_ignored(facts)
+    if why:
+        yield SCHEDULER.at(
+            place,
+            f"{facts.name} {why}: reserve, limit and weight of {whose} would be stored without effect.",
+            f"{_scheduler_advice(facts)}, take another host, or accept RARMS159 at host/{facts.name}.",
+            address=f"host/{facts.name}",
+        )
+
+
+def _scheduler_advice(facts: HostFacts) -> str:
+    if facts.client:
+        return "Install a Windows Server: a client supports no other scheduler"
+    if facts.scheduler is SchedulerType.UNKNOWN:
+        return "Restart the host, which writes its event 2 of Microsoft-Windows-Hyper-V-Hypervisor anew"
+    return (
+        "Choose the core or the classic scheduler (`bcdedit /set hypervisorschedulertype core`; some builds want "
+        "`bcdedit /set {hypervisorsettings} hypervisorschedulertype core`) and restart the host"
+    )
+
+
+def _why_ignored(facts: HostFacts) -> str:
+    """In words; nothing where reserves count. A client Windows whose scheduler is not known has the root scheduler."""
+    match facts.scheduler:
+        case SchedulerType.ROOT:
+            return "runs the root scheduler"
+        case SchedulerType.UNKNOWN if facts.client:
+            return "is a client Windows, and those run the root scheduler"
+        case SchedulerType.UNKNOWN:
+            return "does not tell which scheduler it runs"
+        case SchedulerType.CLASSIC | SchedulerType.CORE | SchedulerType.NONE:
+            return ""

@@ -1,0 +1,219 @@
+"""Reviews of single changes and steps: what is refused, stopped, shrunk, widened or lost."""
+
+from collections.abc import Iterator
+
+from rarms_iac.apply.doctor.machines import WIDE_MACHINE
+from rarms_iac.apply.goals import disk_verdicts
+from rarms_iac.apply.review.reviewed_plan import ReviewedPlan, settings_after_change
+from rarms_iac.model.changes import Delete, Update
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.operations import CreatePartition, RemoveDisk, RemovePartition, StopPartition
+from rarms_iac.model.plan import Purpose, Step, UndoLevel
+from rarms_iac.model.quantities import show_bytes
+from rarms_iac.model.state import Partition
+from rarms_iac.model.system import Disruption
+from rarms_iac.model.where import partition_place
+from rarms_iac.model.wording import suggestion
+from rarms_iac.planner.groups import groups_of
+from rarms_iac.planner.headroom import said_limit
+
+RESTART = Finding(code="RARMS041", severity=Severity.WARNING, summary="A change restarts or stops a partition")
+MEMORY_SHRINKS = Finding(code="RARMS220", severity=Severity.WARNING, summary="A change takes memory from a partition")
+LIMIT_RAISED = Finding(code="RARMS221", severity=Severity.WARNING, summary="A limit is below what the reserve needs")
+LIMIT_WIDENS = Finding(code="RARMS222", severity=Severity.NOTE, summary="A change widens a limit")
+DISKS_STAY = Finding(code="RARMS224", severity=Severity.NOTE, summary="A removed machine leaves its disks behind")
+NOT_UNDONE = Finding(code="RARMS225", severity=Severity.WARNING, summary="A step cannot be taken back")
+DISK_REMOVED = Finding(code="RARMS253", severity=Severity.WARNING, summary="A virtual disk is deleted")
+DISK_STAYS = Finding(
+    code="RARMS254", severity=Severity.WARNING, summary="A virtual disk stays although its removal was asked for"
+)
+VHD = Finding(code="RARMS257", severity=Severity.ERROR, summary="A machine of generation 2 takes no .vhd disk")
+SWITCH = Finding(code="RARMS258", severity=Severity.ERROR, summary="The host has no virtual switch of this name")
+
+
+def review_images_and_switches(part: ReviewedPlan) -> Iterator[Diagnostic]:
+    """What Hyper-V would refuse in the middle of making a machine is refused before anything is done."""
+    for step in part.plan.steps:
+        if isinstance(step.operation, CreatePartition):
+            yield from _review_image(step, step.operation)
+            yield from _review_switch(part, step, step.operation)
+
+
+def _review_image(step: Step, creation: CreatePartition) -> Iterator[Diagnostic]:
+    if creation.generation == 2 and creation.image.lower().endswith(".vhd"):
+        yield VHD.at(
+            step.place,
+            f'"{creation.partition}" is to be of generation 2, and its disk would grow out of {creation.image}: a '
+            "child has its parent's format, and generation 2 takes .vhdx only.",
+            "Convert the image (`Convert-VHD`) and name the .vhdx, or say `generation: 1` for this partition.",
+            address=str(step.address),
+        )
+
+
+def _review_switch(part: ReviewedPlan, step: Step, creation: CreatePartition) -> Iterator[Diagnostic]:
+    switches = part.observed.switches
+    if not creation.switch or switches is None:
+        return
+    if creation.switch.lower() in {switch.lower() for switch in switches}:
+        return
+    known = f"It has {', '.join(sorted(switches))}." if switches else "It has none."
+    yield SWITCH.at(
+        step.place,
+        f'"{creation.partition}" is to be connected to the virtual switch {creation.switch!r}, which '
+        f"{part.host} does not have.{suggestion(creation.switch, switches)} {known}",
+        "Name a switch that is there (`hyperv.switch`), or make it on the host first (`New-VMSwitch`).",
+        address=str(step.address),
+    )
+
+
+def review_restarts(part: ReviewedPlan) -> Iterator[Diagnostic]:
+    """Each running partition that is stopped, for its own change or so that others find room.
+
+    Who destroys, imports or releases has asked for what happens.
+    """
+    if part.purpose is not Purpose.APPLY:
+        return
+    live = set()
+    for change in part.plan.changes:
+        match change:
+            case Update(disruption=Disruption.LIVE):
+                live.add(change.address)
+            case Update(before=Partition() as before, after=Partition()):
+                yield RESTART.at(
+                    change.reason.place,
+                    f'"{before.settings.name}" runs, and it is stopped for this: {change.reason.says}.',
+                    "Apply when its components may rest, or hold it back with `--max-disruption live`.",
+                    address=str(change.address),
+                )
+            case _:
+                pass
+    for step in part.plan.steps:
+        if isinstance(step.operation, StopPartition) and step.address in live:
+            yield RESTART.at(
+                step.place,
+                f'"{step.address.partition}" runs, and it is stopped for a while: {step.comment}.',
+                "Apply when its components may rest, or make room otherwise: a smaller reserve, or fewer changes at "
+                "once with `--target`.",
+                address=str(step.address),
+            )
+
+
+def review_memory(part: ReviewedPlan) -> Iterator[Diagnostic]:
+    """Memory that is taken from a partition may be in use there."""
+    for change in part.plan.changes:
+        match change:
+            case Update(before=Partition(settings=old), after=Partition(settings=new)) if new.memory < old.memory:
+                yield MEMORY_SHRINKS.at(
+                    change.reason.place,
+                    f'"{old.name}" has {show_bytes(old.memory)} and gets {show_bytes(new.memory)}: what its guest and '
+                    "its components use beyond that is swapped out, or they fail to start.",
+                    "Look at what its guest uses at most, and measure its components again with the new size.",
+                    address=str(change.address),
+                )
+
+
+def review_raised_limits(part: ReviewedPlan) -> Iterator[Diagnostic]:
+    """A limit below what its reserve needs, rounded up, is raised, and the reader is told so."""
+    if part.layout is None:
+        return
+    # A limit that was raised equals the reserve; only then the whole system is worth grouping again.
+    raised = [
+        partition
+        for partition in part.layout.partitions
+        if partition.host == part.host and partition.limit == partition.reserve
+    ]
+    groups = {group.name: group for group in groups_of(part.system)} if raised else {}
+    for partition in raised:
+        limit = said_limit(groups[partition.name].asking, part.plan.host, partition.processors)
+        if limit is not None and limit < partition.reserve:
+            yield LIMIT_RAISED.at(
+                partition_place(part.system, part.places, partition.name),
+                f'"{partition.name}" is limited to {limit} % of each of its virtual processors, and its reserve needs '
+                f"{partition.reserve} %: the plan raises the limit to that, and the partition never gets more.",
+                "Raise the limit, or remove it: what was measured without one holds without one.",
+                address=f"partition/{partition.name}",
+            )
+
+
+def review_widened_limits(part: ReviewedPlan) -> Iterator[Diagnostic]:
+    """A limit that is widened lets a partition take what others had."""
+    for change in part.plan.changes:
+        match change:
+            case Update(before=Partition(settings=old), after=Partition(settings=new)) if new.limit > old.limit:
+                yield LIMIT_WIDENS.at(
+                    change.reason.place,
+                    f'"{old.name}" may take {new.limit} % of each of its {new.processors} virtual processors, not '
+                    f"{old.limit} %: what nobody reserves may go to it.",
+                    "Nothing, if it is meant. Reserves of others stay; what they got beyond may shrink.",
+                    address=str(change.address),
+                )
+
+
+def review_removed_disks(part: ReviewedPlan) -> Iterator[Diagnostic]:
+    """Disks whose removal was asked for: which are deleted, and which stay all the same."""
+    for step in part.plan.steps:
+        if isinstance(step.operation, RemoveDisk):
+            yield DISK_REMOVED.at(
+                step.place,
+                f"{step.operation.path} of {step.address.partition} on {part.host} is deleted after its "
+                f"machine was removed: whatever was written since it was made from {step.operation.parent} is lost.",
+                "Copy what is still needed out of it first; nothing brings it back, `rarms undo` neither. To keep it, "
+                "leave out --remove-disks.",
+                address=f"partition/{step.address.partition}",
+            )
+    for change in part.plan.changes if part.remove_disks else ():
+        if not isinstance(change, Delete) or not isinstance(change.before, Partition):
+            continue
+        for verdict in disk_verdicts(part.system, part.observed, change.before):
+            if verdict.why_kept:
+                yield DISK_STAYS.at(
+                    change.reason.place,
+                    f"{verdict.disk.path} of {change.address.partition} on {part.host} is kept: {verdict.why_kept}.",
+                    "Look at what is on it, and delete it by hand when nobody needs it.",
+                    address=str(change.address),
+                )
+
+
+def review_remaining_disks(part: ReviewedPlan) -> Iterator[Diagnostic]:
+    """Removing a machine keeps its disks where their removal was not asked for, and the space stays taken."""
+    if part.remove_disks:
+        return
+    for step in part.plan.steps:
+        disks = [disk.path for disk in part.observed.disks if disk.machine and disk.machine == step.address.machine]
+        if isinstance(step.operation, RemovePartition) and disks:
+            yield DISKS_STAY.at(
+                step.place,
+                f'"{step.address.partition}" is removed from {part.host}, and its virtual disks stay: '
+                f"{', '.join(disks)}.",
+                "Delete by hand what nobody needs, or let `rarms destroy --remove-disks` delete what rarms made.",
+                address=str(step.address),
+            )
+
+
+def review_undo(part: ReviewedPlan) -> Iterator[Diagnostic]:
+    """Steps without an undo; who destroys asked for it. What comes back in part is listed with the plan."""
+    if part.purpose is Purpose.DESTROY:
+        return
+    for step in part.plan.steps:
+        if step.undo.level is UndoLevel.NONE:
+            yield NOT_UNDONE.at(
+                step.place,
+                f"{step.address}, {step.title}: {step.undo.says}.",
+                "Save what is needed before it is applied: `rarms undo` and the undo script leave this as it is.",
+                address=str(step.address),
+            )
+
+
+def review_width(part: ReviewedPlan) -> Iterator[Diagnostic]:
+    """A partition wider than its host waits for itself, and no reserve is guaranteed to it (FACTS 1.2)."""
+    available = part.observed.facts.logical_processors
+    for change in part.plan.changes:
+        after = settings_after_change(change)
+        if after is not None and after.processors > available:
+            yield WIDE_MACHINE.at(
+                change.reason.place,
+                f'"{after.name}" is to have {after.processors} virtual processors, and {part.host} has '
+                f"{available} logical ones: it can never run on all of them at once.",
+                f"Give it at most {available}: `processors: {available}`.",
+                address=str(change.address),
+            )

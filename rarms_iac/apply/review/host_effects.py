@@ -1,0 +1,140 @@
+"""Reviews of a host as a whole: what the plan means for machines and task classes that rarms does not manage."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
+
+from rarms_iac.apply.review.reviewed_plan import ReviewedPlan
+from rarms_iac.model.capacity import claim_of_settings, foreign_claims, packs_by_size
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.mmcss import thread_priority
+from rarms_iac.model.plan import Purpose
+from rarms_iac.model.state import PartitionSettings, RegistryValue, TaskClass, ValueKind
+from rarms_iac.model.system import ProviderKind, TaskCategory
+
+UNMANAGED_GETS_LESS = Finding(
+    code="RARMS223", severity=Severity.WARNING, summary="A machine that is not managed gets less"
+)
+CLASSES_ABOVE = Finding(code="RARMS226", severity=Severity.NOTE, summary="Other task classes run above a robotic one")
+NO_SCRIPT_PLACEMENT = Finding(
+    code="RARMS259", severity=Severity.ERROR, summary="A script would find no place for its promises"
+)
+
+
+def review_script_placement(part: ReviewedPlan) -> Iterator[Diagnostic]:
+    """Hyper-V scripts place the largest reserve first, a simpler rule than the planner's.
+
+    A plan that its script would stop half-way is refused before.
+    """
+    if part.plan.host.provider is not ProviderKind.HYPERV or not part.plan.changes:
+        return
+    managed = [claim_of_settings(settings) for settings in part.settings_after() if settings.running]
+    claims = (*foreign_claims(part.observed, part.application), *managed)
+    if managed and not packs_by_size(claims, part.observed.facts.logical_processors):
+        yield NO_SCRIPT_PLACEMENT.at(
+            None,
+            f"On {part.host} the virtual processors fit only if they are placed cleverly. A script places "
+            "the largest reserve first, finds no place for one of them, and would stop half-way.",
+            "Lower a reserve, give a partition other `processors`, or move a component to another host.",
+            address=f"host/{part.host}",
+        )
+
+
+def review_unmanaged_machines(part: ReviewedPlan) -> Iterator[Diagnostic]:
+    """Machines that rarms does not manage are never changed, but what they get may be.
+
+    When all machines are busy, each gets its reserve, and the rest is shared by weight, processor by processor
+    (FACTS 1.1). A larger reserve or weight of ours leaves less for the others. While the host has idle time nobody
+    loses.
+    """
+    if part.purpose in {Purpose.IMPORT, Purpose.RELEASE}:
+        return  # a mark is written or erased, and nobody's share changes
+    unmanaged = [
+        machine for machine in part.observed.partitions if machine.settings.running and not part.is_managed(machine)
+    ]
+    managed_before = (partition.settings for partition in part.observed.of(part.application).partitions)
+    others = [machine.settings for machine in unmanaged]
+    before = [*others, *(settings for settings in managed_before if settings.running)]
+    after = [*others, *(settings for settings in part.settings_after() if settings.running)]
+    available = part.observed.facts.logical_processors
+    losers = []
+    for machine in unmanaged:
+        settings = machine.settings
+        old, new = busy_share(settings, before, available), busy_share(settings, after, available)
+        if new < old:
+            losers.append(
+                f'"{settings.name}" ({machine.id[:8]}) about {float(old):.2f} -> {float(new):.2f} LP, '
+                f"{settings.reserve * settings.processors / 100:.2f} LP reserved"
+            )
+    if losers:
+        yield UNMANAGED_GETS_LESS.at(
+            None,
+            f"Machines on {part.host} that {part.application} does not manage stay as they are, and get less while all "
+            f"are busy: {'; '.join(losers)}.",
+            "If one has to answer in time, give it a reserve first, or take it in: `rarms import`.",
+            address=f"host/{part.host}",
+        )
+
+
+def busy_share(settings: PartitionSettings, running: Sequence[PartitionSettings], logical_processors: int) -> Fraction:
+    """LPs that a machine gets while all that run are busy: its reserve, and by weight what no reserve takes."""
+    reserved = Fraction(sum(other.reserve * other.processors for other in running), 100)
+    weights = max(1, sum(other.weight * other.processors for other in running))
+    free = max(Fraction(0), logical_processors - reserved)
+    own = Fraction(settings.reserve * settings.processors, 100) + free * settings.weight * settings.processors / weights
+    return min(own, Fraction(settings.limit * settings.processors, 100))
+
+
+def review_task_classes(part: ReviewedPlan) -> Iterator[Diagnostic]:
+    """Task classes of Windows or of a computer's maker may run above robotic ones; they stay as they are (PAPER.md).
+
+    Once a host, where the plan writes task classes.
+    """
+    if not any(change.address.task for change in part.plan.changes):
+        return
+    systems: dict[str, list[str]] = {}
+    for inside, task_class, priority in classes_above(part):
+        systems.setdefault(f"{task_class.name} ({priority})", []).append(inside or "the host itself")
+    if systems:
+        concerned = sorted({system for names in systems.values() for system in names})
+        yield CLASSES_ABOVE.at(
+            None,
+            f"On {part.host}, threads of {', '.join(sorted(systems))} run above robotic ones in "
+            f"{', '.join(concerned)}, when a program joins these classes.",
+            "Keep programs that play or record sound and video out of these systems. The classes themselves stay as "
+            "they are.",
+            address=f"host/{part.host}",
+        )
+
+
+def classes_above(part: ReviewedPlan) -> Iterator[tuple[str, TaskClass, int]]:
+    """Classes of others, in Medium or High, whose threads run above a robotic class of the same operating system.
+
+    Yields:
+        The partition (empty: the host itself), the class, and the priority of its threads.
+    """
+    lowest: dict[str, int] = {}
+    for thread in part.plan.threads:
+        lowest[thread.inside] = min(thread.thread_priority, lowest.get(thread.inside, thread.thread_priority))
+    robotic = {(thread.inside, thread.task.lower()) for thread in part.plan.threads}
+    for task in part.observed.tasks:
+        is_managed = task.record is not None and task.record.application == part.application
+        if is_managed or task.inside not in lowest or (task.inside, task.name.lower()) in robotic:
+            continue
+        priority = _foreign_priority(task.values)
+        if priority is not None and priority > lowest[task.inside]:
+            yield task.inside, task, priority
+
+
+def _foreign_priority(values: Mapping[str, RegistryValue]) -> int | None:
+    """The priority of a foreign class's threads; None where its values do not say, or in Low."""
+    by_name = {name.lower(): value for name, value in values.items()}
+    category = by_name.get("scheduling category")
+    priority = by_name.get("priority")
+    categories = {category.value.lower(): category for category in TaskCategory}
+    known = categories.get(str(category.data).lower() if category else "")
+    level = priority.data if priority is not None and priority.kind is ValueKind.DWORD else None
+    if known is TaskCategory.HIGH:
+        return thread_priority(known, 1, 1)
+    if known is TaskCategory.MEDIUM and isinstance(level, int):
+        return thread_priority(known, level, 1)
+    return None

@@ -1,0 +1,213 @@
+"""A run by a host's own script: sent, listened to, and told like a run that rarms walks itself (DESIGN section 6).
+
+The script takes the lock, keeps the journal and guards its steps; what it says is made into the same reports. Where
+nobody heard its end, nothing is guessed: the host's journal knows, and the next run asks it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from rarms_iac.apply import refusals
+from rarms_iac.apply.run_report import Ending, HostReport, RunReport, RunReporter, SilentReporter, TitledStep
+from rarms_iac.apply.run_steps import ShouldStop
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.journal import RunKind, ScriptRun, StepStatus
+from rarms_iac.model.plan import HostPlan, UndoLevel
+from rarms_iac.powershell.render import NOT_UNDONE, script_name
+from rarms_iac.providers.interface import (
+    EventKind,
+    EventStatus,
+    Exited,
+    Lost,
+    RunEvent,
+    Script,
+    ScriptedHost,
+    Waits,
+)
+
+REFUSED_CODE = 3
+"""A script's exit code where it would not go on (docs/scripts.md)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Order:
+    """What a host is to run, and what is known of that run already."""
+
+    run: RunKind
+    plan: str
+    script: Script
+    earlier: Mapping[int, StepStatus]  # steps that an earlier run of it did
+
+
+def applying(plan: str, part: HostPlan) -> Order:
+    """The plan's own bytes: the script that does it, and beside it the one that takes it back."""
+    name, undo = script_name(part), script_name(part, undo=True)
+    script = Script(runs=name, files={name: part.scripts[name], undo: part.scripts[undo]})
+    return Order(run=RunKind.APPLY, plan=plan, script=script, earlier={})
+
+
+def finishing(host: str, journal: ScriptRun) -> Order:
+    """What the host's journal holds of the unfinished run, whatever plan or manifest there is by now."""
+    started = journal.started
+    earlier = {step.number: step.status for step in journal.steps if step.status is not StepStatus.BEGUN}
+    script = _alone(f"{host}{'.undo' if started.run is RunKind.UNDO else ''}.ps1", started.script)
+    return Order(run=started.run, plan=started.plan, script=script, earlier=earlier)
+
+
+def undoing(host: str, journal: ScriptRun) -> Order:
+    """The undo script that the journal of an apply holds."""
+    script = _alone(f"{host}.undo.ps1", journal.started.undo)
+    return Order(run=RunKind.UNDO, plan=journal.started.plan, script=script, earlier={})
+
+
+def _alone(name: str, text: str) -> Script:
+    return Script(runs=name, files={name: text})
+
+
+def run_order(
+    host: ScriptedHost, order: Order, reporter: RunReporter, should_stop: ShouldStop, waits: Waits
+) -> RunReport:
+    """Have the host run it and tell how it ended.
+
+    Raises:
+        HostError: the host could not be reached; nothing was run.
+    """
+    following = Following(host.name, order, reporter, should_stop)
+    reporter.run_started(host.name, order.run, order.plan, done=len(order.earlier))
+    return following.report(host.run_script(order.script, waits, following))
+
+
+def abandon_script(host: ScriptedHost, journal: ScriptRun, waits: Waits) -> RunReport:
+    """Have the journal's own script close its run; the host stays as it is.
+
+    Raises:
+        HostError: the host could not be reached.
+    """
+    order = finishing(host.name, journal)
+    following = Following(host.name, order, SilentReporter(), lambda: False)
+    ended = host.run_script(order.script, waits, following, abandoning=True)
+    return replace(following.report(ended), hosts=())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TakenBack:
+    """A step that an undo takes back, and how much of it."""
+
+    address: str
+    title: str
+    level: UndoLevel
+
+
+def script_taken_back(journal: ScriptRun) -> tuple[TakenBack, ...]:
+    """What the stored undo script would take back, in its order; nothing where it cannot be read here."""
+    from rarms_iac.powershell.outline import outline
+    from rarms_iac.powershell.tree import NotParsed
+
+    text = journal.started.script if journal.started.run is RunKind.UNDO else journal.started.undo
+    touched = {int(one) for one in journal.started.touched if one.isdecimal()} or journal.touched()
+    try:
+        steps = outline(text.encode("ascii", "replace")).steps
+    except (NotParsed, ValueError):
+        return ()
+    return tuple(
+        TakenBack(address=step.address, title=step.action, level=UndoLevel.FULL)
+        for step in steps
+        if step.undoes in touched
+    )
+
+
+def not_undone(script: str) -> tuple[str, ...]:
+    """What an undo script says in its head that it cannot bring back."""
+    begin = f"# {NOT_UNDONE}"
+    head = script.split("\n# --- runtime", 1)[0].splitlines()
+    return tuple(line.removeprefix(begin).strip() for line in head if line.startswith(begin))
+
+
+class Following:
+    """A `Hearing` that keeps what a run's report needs, and passes the rest to a `RunReporter`."""
+
+    def __init__(self, host: str, order: Order, reporter: RunReporter, should_stop: ShouldStop) -> None:
+        self._host = host
+        self._order = order
+        self._reporter = reporter
+        self.should_stop = should_stop
+        self._total = 0
+        self._statuses = dict(order.earlier)
+        self._running: RunEvent | None = None
+        self._last: RunEvent | None = None  # that ends the run
+        self._noise: list[str] = []
+
+    def heard(self, event: RunEvent) -> None:
+        """Tell a step; keep what ends the run."""
+        self._total = max(self._total, event.total)
+        match event.kind:
+            case EventKind.STEP:
+                self._step(event)
+            case EventKind.LOCK if event.status is EventStatus.TAKEN_OVER:
+                self._reporter.said(self._host, f"{event.status.value}: {event.detail}")
+            case EventKind.LOCK | EventKind.REFUSED | EventKind.FAILED | EventKind.RUN:
+                self._last = event
+
+    def noise(self, line: str) -> None:
+        """Show it, and keep it for a run that ends without a word."""
+        self._noise = [*self._noise[-2:], line]
+        self._reporter.said(self._host, line)
+
+    def _step(self, event: RunEvent) -> None:
+        running = self._running
+        if running is None or running.number != event.number or event.status is EventStatus.BEGUN:
+            self._reporter.step_started(self._host, event.number + 1, event.total, _told(event))
+            self._running = event
+        if event.status is EventStatus.BEGUN:
+            return
+        status = StepStatus.CHANGED if event.status is EventStatus.CHANGED else StepStatus.UNCHANGED
+        told = _told(running if running is not None and running.number == event.number else event)
+        self._statuses.setdefault(event.number, status)
+        self._reporter.step_ended(self._host, event.number + 1, event.total, told, status)
+        self._running = None
+
+    def report(self, ended: Exited | Lost) -> RunReport:
+        """What the run came to."""
+        ending, *problems = self._ending(ended)
+        changed = sum(status is StepStatus.CHANGED for status in self._statuses.values())
+        told = HostReport(
+            host=self._host,
+            plan=self._order.plan,
+            run=self._order.run,
+            ending=ending,
+            changed=changed,
+            unchanged=len(self._statuses) - changed,
+            total=max(self._total, len(self._statuses)),
+            resumed=bool(self._order.earlier),
+        )
+        return RunReport(ending=ending, hosts=(told,), diagnostics=tuple(problems))
+
+    def _ending(self, ended: Exited | Lost) -> "tuple[Ending, *tuple[Diagnostic, ...]]":
+        last = self._last
+        match ended:
+            case Lost(why=why):
+                return Ending.FAILED, refusals.unknown(self._host, self._order.plan, why)
+            case Exited(code=0) if last is not None and last.status in _WELL:
+                return (Ending.DONE,)
+            case Exited(code=0):
+                why = "it ended with exit code 0 and without its last event"
+                return Ending.FAILED, refusals.unknown(self._host, self._order.plan, why)
+            case Exited() if last is not None and last.status is EventStatus.STOPPED:
+                return (Ending.INTERRUPTED,)
+            case Exited(code=code) if code == REFUSED_CODE and last is not None:
+                return Ending.REFUSED, refusals.script_refused(self._host, last)
+            case Exited(code=code, says=says):
+                return Ending.FAILED, self._failed(code, says)
+
+    def _failed(self, code: int, says: tuple[str, ...]) -> Diagnostic:
+        last = self._last
+        words = last.detail if last is not None else " ".join([*self._noise, *says[-3:]])
+        at = self._running.address if self._running is not None else ""
+        return refusals.script_failed(self._host, at, words, code)
+
+
+_WELL = frozenset({EventStatus.DONE, EventStatus.ABANDONED, EventStatus.UNCHANGED})
+
+
+def _told(event: RunEvent) -> TitledStep:
+    return TitledStep(address=event.address, title=event.detail or event.status.value)

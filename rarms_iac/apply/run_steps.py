@@ -1,0 +1,132 @@
+"""Walking a run's steps on one host: read, compare, set, read again, and write down how far it got.
+
+The same walk serves a fresh run and one that somebody was killed in: the journal says where to go on, and every
+step looks before it acts, so that a step which was begun and did its work is found done.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+from rarms_iac.apply import refusals
+from rarms_iac.apply.run_report import Ending, HostReport, RunReport, RunReporter
+from rarms_iac.diff.readings import readings
+from rarms_iac.model.changes import Address
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunStarted, StepRecorded, StepStatus
+from rarms_iac.model.plan import Reading, Readings, Scope, Step
+from rarms_iac.providers.interface import HostError, LiveHost, StepwiseHost
+
+ShouldStop = Callable[[], bool]
+"""Asked before every step: whether the user wants the run to end after the last one."""
+
+
+def walk(host: StepwiseHost, journal: Journal, reporter: RunReporter, should_stop: ShouldStop) -> RunReport:
+    """Do what is left of the journal's run and close it. The caller holds the host's lock."""
+    started = journal.started
+    done: dict[int, StepStatus] = {
+        record.number: record.status for record in journal.steps if record.status is not StepStatus.BEGUN
+    }
+    begun = journal.touched() - set(done)
+    reporter.run_started(host.name, started.run, started.plan, done=len(done))
+    resumed = bool(journal.steps)
+    scope = Scope(application=started.application, plan=started.plan)
+
+    def report(ending: Ending, *problems: Diagnostic) -> RunReport:
+        changed = sum(status is StepStatus.CHANGED for status in done.values())
+        told = HostReport(
+            host=host.name,
+            plan=started.plan,
+            run=started.run,
+            ending=ending,
+            changed=changed,
+            unchanged=len(done) - changed,
+            total=len(started.steps),
+            resumed=resumed,
+            changes=started.host_plan.changes if started.run is RunKind.APPLY else (),
+        )
+        return RunReport(ending=ending, hosts=(told,), diagnostics=problems)
+
+    total = len(started.steps)
+    for number, step in enumerate(started.steps):
+        if number in done:
+            continue
+        if should_stop():
+            return report(Ending.INTERRUPTED)
+        reporter.step_started(host.name, number + 1, total, step)
+        outcome = _perform(host, scope, number, step, was_begun=number in begun)
+        if isinstance(outcome, Diagnostic):
+            refused = outcome.code == refusals.STEP_MOVED.code
+            return report(Ending.REFUSED if refused else Ending.FAILED, outcome)
+        done[number] = outcome
+        reporter.step_ended(host.name, number + 1, total, step, outcome)
+
+    host.record(RunClosed(closing=Closing.DONE))
+    strays = tuple(_strays(host, started, scope))
+    return report(Ending.FAILED if strays else Ending.DONE, *strays)
+
+
+def _perform(host: StepwiseHost, scope: Scope, number: int, step: Step, *, was_begun: bool) -> StepStatus | Diagnostic:
+    try:
+        live = host.read(step.address, scope)
+        if agrees(live, step.after):
+            # NOTE: a step that was begun by a killed run and is found done was our doing: undo must take it back.
+            status = StepStatus.CHANGED if was_begun else StepStatus.UNCHANGED
+            host.record(StepRecorded(number=number, status=status))
+            return status
+        if not agrees(live, step.before):
+            return refusals.step_moved(host.name, step, live)
+        host.record(StepRecorded(number=number, status=StepStatus.BEGUN))
+        host.execute(step.operation, scope)
+        live = host.read(step.address, scope)
+    except HostError as error:
+        return refusals.step_failed(host.name, step, error)
+    if not agrees(live, step.after):
+        return refusals.step_missed(host.name, step, live)
+    host.record(StepRecorded(number=number, status=StepStatus.CHANGED))
+    return StepStatus.CHANGED
+
+
+def agrees(live: Readings, expected: Readings) -> bool:
+    """Whether everything that is expected is so; what is not named may be anything."""
+    return all(name in live and live[name] == value for name, value in expected.items())
+
+
+def _strays(host: StepwiseHost, started: RunStarted, scope: Scope) -> Iterator[Diagnostic]:
+    """Looking again: every address against the last reading that a step of the run expects of it."""
+    state = host.observe()
+    expected: dict[Address, dict[str, Reading]] = {}
+    for step in started.steps:
+        # A machine that is made anew has the address of the one that went, but not its id: the last address counts.
+        before = expected.pop(step.address, {})
+        expected[step.address] = {**({} if step.after.get("exists") is False else before), **step.after}
+    for address, wanted in sorted(expected.items()):
+        live = readings(state, address, scope)
+        if not agrees(live, wanted):
+            yield refusals.not_reached(host.name, str(address), refusals.differences(live, wanted))
+
+
+@contextmanager
+def held(hosts: "tuple[LiveHost, ...]", owner: str, timeout_ms: int) -> Iterator[None]:
+    """Hold all the hosts, taken in the order of their names, so that two runs cannot wait for each other.
+
+    A host that runs scripts is held by each of them as long as it runs.
+    """
+    stepwise = [host for host in hosts if isinstance(host, StepwiseHost)]
+    if not stepwise:
+        yield
+        return
+    first, *rest = sorted(stepwise, key=lambda host: host.name)
+    with first.lock(owner, timeout_ms), held(tuple(rest), owner, timeout_ms):
+        yield
+
+
+def together(reports: "list[RunReport]") -> RunReport:
+    """One report of several hosts: it ended as its last host did."""
+    if not reports:
+        return RunReport(ending=Ending.NOTHING)
+    return replace(
+        reports[-1],
+        hosts=tuple(host for report in reports for host in report.hosts),
+        diagnostics=tuple(problem for report in reports for problem in report.diagnostics),
+    )

@@ -1,0 +1,209 @@
+"""The changes of partitions, and the machines that stand in their way."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+from rarms_iac.diff.comparison import ManagedMachines, ManifestRules, PartialDifference
+from rarms_iac.diff.disruption import HostContext, can_change_now, changed_facets, disruption_of_update, stops
+from rarms_iac.model.changes import Address, Create, Delete, Reason, Update
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
+from rarms_iac.model.state import Facet, Partition, RunState, State
+from rarms_iac.model.system import Disruption
+
+FOREIGN_AT_NAME = Finding(
+    code="RARMS150", severity=Severity.ERROR, summary="A machine that rarms did not make has a wanted name"
+)
+FOREIGN_MARK = Finding(code="RARMS151", severity=Severity.WARNING, summary="A mark that does not count")
+PROTECTED = Finding(code="RARMS152", severity=Severity.ERROR, summary="A protected partition would be removed")
+NOT_AT_REST = Finding(
+    code="RARMS155", severity=Severity.ERROR, summary="A partition is in a state that it cannot be changed in"
+)
+
+_FACET_WORDS = {
+    Facet.NAME: "name",
+    Facet.PROCESSORS: "processors",
+    Facet.CPU: "reserve, limit or weight",
+    Facet.MEMORY: "memory",
+    Facet.ACTIONS: "start, stop or checkpoint action",
+    Facet.GENERATION: "generation",
+}
+
+
+def partition_changes(
+    wanted: Mapping[str, Partition],
+    managed: ManagedMachines,
+    observed: State,
+    application: str,
+    context: HostContext,
+    rules: ManifestRules,
+) -> PartialDifference:
+    """The changes of managed partitions; machines of others and marks that do not count are findings.
+
+    Args:
+        wanted: the desired partitions by name.
+        managed: the machines that carry the application's mark.
+        observed: the host, with all its machines.
+        application: the application whose marks count.
+        context: what a change of this host depends on.
+        rules: what the manifest says beside the desired partitions.
+    """
+    difference = PartialDifference()
+    in_the_way = list(_machines_in_the_way(wanted, managed, observed, application, rules))
+    difference.findings += [*managed.findings, *foreign_marks(observed), *in_the_way]
+    blocked = {diagnostic.address for diagnostic in in_the_way}
+    for name in sorted({*wanted, *managed.machines}):
+        if f"partition/{name}" not in blocked:
+            _compare_partition(difference, name, wanted.get(name), managed.machines.get(name), context, rules)
+    return difference
+
+
+def _compare_partition(
+    difference: PartialDifference,
+    name: str,
+    after: Partition | None,
+    before: Partition | None,
+    context: HostContext,
+    rules: ManifestRules,
+) -> None:
+    address = Address(partition=name, machine=before.id if before else "")
+    if before is None:
+        assert after is not None
+        reason = Reason(says="it is not there", place=rules.locate(address))
+        difference.changes.append(Create(address=address, after=after, reason=reason))
+    elif after is None:
+        _delete(difference, address, before, rules)
+    elif not _is_unchanged(before, after):
+        _update(difference, address, before, after, context, rules)
+    elif name in rules.unused:
+        difference.unused.append(name)
+    else:
+        difference.unchanged += 1
+
+
+def _delete(difference: PartialDifference, address: Address, before: Partition, rules: ManifestRules) -> None:
+    place = rules.locate(address)
+    if address.partition in rules.protected:
+        difference.findings.append(_protected(address.partition, "it would be removed", place))
+    elif before.state in {RunState.BUSY, RunState.CRITICAL}:
+        difference.findings.append(_not_at_rest(address, before.state, place))
+    else:
+        reason = Reason(says="it is not wanted on this host", place=place)
+        difference.changes.append(Delete(address=address, before=before, reason=reason, disruption=Disruption.REMOVAL))
+
+
+def _update(
+    difference: PartialDifference,
+    address: Address,
+    before: Partition,
+    after: Partition,
+    context: HostContext,
+    rules: ManifestRules,
+) -> None:
+    name, place = address.partition, rules.locate(address)
+    disruption = disruption_of_update(before, after.settings, context)
+    if disruption is Disruption.REMOVAL and name in rules.protected:
+        difference.findings.append(_protected(name, "another generation means to make it again", place))
+        return
+    if not can_change_now(before, after.settings, context):
+        difference.findings.append(_not_at_rest(address, before.state, place))
+        return
+    unused = name in rules.unused
+    why = "the manifest no longer wants it" if unused else _describe_difference(before, after, context)
+    difference.changes.append(
+        Update(
+            address=address,
+            before=before,
+            after=replace(after, id=before.id, other_notes=before.other_notes),
+            reason=Reason(says=why, place=place),
+            disruption=disruption,
+        )
+    )
+
+
+def _is_unchanged(before: Partition, after: Partition) -> bool:
+    """Whether nothing has to be written: settings and mark; what runs by hand may run."""
+    if before.settings != after.settings or before.mark is None or after.mark is None:
+        return False
+    return (before.mark.name, before.mark.set) == (after.mark.name, after.mark.set)
+
+
+def _describe_difference(before: Partition, after: Partition, context: HostContext) -> str:
+    changed = changed_facets(before.settings, after.settings)
+    differing = [_FACET_WORDS[facet] for facet in Facet if facet in changed]
+    if before.settings.running != after.settings.running:
+        differing.append("whether it runs")
+    if not differing:
+        return "the mark does not say what was last written"
+    stop = "; it has to stop for that" if stops(before, after.settings, context) and after.settings.running else ""
+    return f"not as wanted: {', '.join(differing)}{stop}"
+
+
+def foreign_marks(observed: State) -> Iterator[Diagnostic]:
+    """A finding for each machine with a line that looks like a mark and does not count."""
+    for partition in observed.partitions:
+        if partition.foreign_mark:
+            yield FOREIGN_MARK.at(
+                None,
+                f"Machine {partition.settings.name!r} ({partition.id}) carries a line that looks "
+                "like a mark of rarms, but "
+                f"{partition.foreign_mark}. It counts as unmanaged.",
+                "Take the line out of its notes, or adopt the right machine with `rarms import`.",
+                address=f"machine/{partition.id}",
+            )
+
+
+def _machines_in_the_way(
+    wanted: Mapping[str, Partition],
+    managed: ManagedMachines,
+    observed: State,
+    application: str,
+    rules: ManifestRules,
+) -> Iterator[Diagnostic]:
+    """Machines of others that have the name of a wanted partition."""
+    for partition in observed.partitions:
+        name = partition.settings.name
+        is_managed = partition.mark is not None and partition.mark.application == application
+        if is_managed or name not in wanted:
+            continue
+        holder = managed.machines.get(name)
+        if holder is not None and holder.settings.name == name:
+            continue  # ours has the name too: names need not be unique, and nothing has to be renamed
+        yield machine_in_the_way(partition, rules.locate(Address(partition=name)))
+
+
+def machine_in_the_way(machine: Partition, place: Place | None) -> Diagnostic:
+    """The finding about a machine of others that has the name of a wanted partition.
+
+    Args:
+        machine: the machine, as observed.
+        place: the manifest line that asks for the partition of its name.
+    """
+    name = machine.settings.name
+    owner = f"belongs to application {machine.mark.application!r}" if machine.mark else "carries no mark of rarms"
+    return FOREIGN_AT_NAME.at(
+        place,
+        f"The host has a machine {name!r} (id {machine.id}) that {owner}.",
+        f"Run `rarms import {name} --id {machine.id}` to take it over, or give the partition another name.",
+        address=f"partition/{name}",
+    )
+
+
+def _protected(name: str, why: str, place: Place | None) -> Diagnostic:
+    return PROTECTED.at(
+        place,
+        f"Partition {name!r} says `protect: true`, and {why}.",
+        "Take `protect` out first, in a change of its own, or keep the partition.",
+        address=f"partition/{name}",
+    )
+
+
+def _not_at_rest(address: Address, state: RunState, place: Place | None) -> Diagnostic:
+    advice = {
+        RunState.SAVED: "Start it, or discard its saved state, and plan again.",
+        RunState.PAUSED: "Resume it or turn it off, and plan again.",
+        RunState.CRITICAL: "Give it its storage back, or remove it in Hyper-V itself, and plan again.",
+    }.get(state, "Wait until it is off or running, and plan again.")
+    return NOT_AT_REST.at(
+        place, f"Partition {address.partition!r} is {state.value}; what has to change needs it off or running.", advice,
+        address=str(address),
+    )  # fmt: skip

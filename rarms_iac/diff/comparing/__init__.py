@@ -1,1 +1,0 @@
-"""Two states of a host to what has to change: partitions, task classes, SystemResponsiveness."""

@@ -1,0 +1,75 @@
+"""What the parts of a comparison share: the manifest's rules, the managed machines, and what one part yields."""
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+
+from rarms_iac.model.changes import Address, Change
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
+from rarms_iac.model.moves import renaming
+from rarms_iac.model.state import Partition, State
+
+NOTHING_TO_MOVE = Finding(code="RARMS156", severity=Severity.WARNING, summary="Both names of a move exist on the host")
+
+
+def no_place(_address: Address) -> Place | None:
+    """The place of what no manifest line asks for."""
+    return None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ManifestRules:
+    """What the manifest says beside the desired state."""
+
+    moved: Mapping[str, str] = field(default_factory=dict)  # old partition name -> new
+    protected: frozenset[str] = frozenset()  # partitions that must not be removed
+    replaceable: frozenset[str] = frozenset()  # shipped task classes that may be replaced, in lower case
+    unused: frozenset[str] = frozenset()  # managed partitions that the manifest no longer wants: stopped, not removed
+    locate: Callable[[Address], Place | None] = no_place  # the manifest line that asks for what is at an address
+
+
+@dataclass(slots=True)
+class PartialDifference:
+    """Gathers the changes of one kind of resource while it is walked."""
+
+    changes: list[Change] = field(default_factory=list)
+    unused: list[str] = field(default_factory=list)
+    findings: list[Diagnostic] = field(default_factory=list)
+    unchanged: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ManagedMachines:
+    """The machines that carry this application's mark, after the manifest's moves."""
+
+    machines: Mapping[str, Partition]  # by the partition name that each is to have
+    new_names: Mapping[str, str]  # by the name that each has now
+    findings: tuple[Diagnostic, ...]  # moves that cannot be done
+
+
+def managed_machines(
+    observed: State, application: str, wanted: Collection[str], rules: ManifestRules
+) -> ManagedMachines:
+    """Find the machines with this application's mark and give each the name that the manifest's moves give it.
+
+    Args:
+        observed: the host.
+        application: whose marks count.
+        wanted: names of the desired partitions; a move happens only onto one of them.
+        rules: the manifest's moves, and the lines that ask for them.
+    """
+    marked = {partition.mark.name: partition for partition in observed.of(application).partitions if partition.mark}
+    names = renaming(marked, wanted, rules.moved)
+    return ManagedMachines(
+        machines={names.new[name]: partition for name, partition in sorted(marked.items())},
+        new_names=names.new,
+        findings=tuple(
+            NOTHING_TO_MOVE.at(
+                rules.locate(Address(partition=old)),
+                f"`moved` calls {old!r} now {rules.moved[old]!r}, but the host has a partition of each name.",
+                f"Remove one of them (`rarms destroy --target partition/{old}`), or take the line out of `moved`.",
+                address=f"partition/{old}",
+            )
+            for old in names.impossible
+            if old in rules.moved
+        ),
+    )

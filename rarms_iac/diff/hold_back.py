@@ -1,0 +1,112 @@
+"""Changes that disturb more than is allowed are held back, and with them what rests on them (DESIGN section 4)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rarms_iac.diff.claims import NO_CLAIM, HostBudget, claim_of, grows
+from rarms_iac.model.changes import Change, Create, Delete, Update
+from rarms_iac.model.plan import Claim, HeldBack
+from rarms_iac.model.state import Partition
+
+_Held = dict[int, HeldBack]
+"""By the position of the change."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldChanges:
+    """The changes that may be done, and those that may not, both by address."""
+
+    kept: tuple[Change, ...]
+    held: tuple[HeldBack, ...]
+
+
+def hold_back(changes: Sequence[Change], budget: HostBudget) -> HeldChanges:
+    """Split the changes at the budget's `max_disruption`.
+
+    With a change that is held back goes what rests on it: a partition that would take its name, and growth that needs
+    what it would have given back, the least critical first.
+
+    Args:
+        changes: those of one host, by address.
+        budget: what the host can promise, what it promises now, and how much may be disturbed.
+    """
+    held: _Held = {
+        at: HeldBack(change=change, why=_describe_excess(change, budget))
+        for at, change in enumerate(changes)
+        if change.disruption.exceeds(budget.max_disruption)
+    }
+    while held:
+        more = {**_changes_without_name(changes, held), **_changes_without_capacity(changes, held, budget)}
+        if not more:
+            break
+        held = {**more, **held}
+    return HeldChanges(
+        kept=tuple(change for at, change in enumerate(changes) if at not in held),
+        held=tuple(held[at] for at in sorted(held)),
+    )
+
+
+def _describe_excess(change: Change, budget: HostBudget) -> str:
+    return f"it is {change.disruption.value}, and no more than {budget.max_disruption.value} is allowed"
+
+
+def _changes_without_name(changes: Sequence[Change], held: _Held) -> _Held:
+    """Moves onto a name that its holder, held back, keeps."""
+    holders = {_name_before(entry.change): entry.change for entry in held.values()}
+    return {
+        at: HeldBack(change=change, why=f"its name stays with {holders[change.address.partition].address}")
+        for at, change in enumerate(changes)
+        if at not in held
+        and isinstance(change, Update)
+        and not change.address.task
+        and _name_before(change) != change.address.partition
+        and change.address.partition in holders
+    }
+
+
+def _name_before(change: Change) -> str:
+    match change:
+        case Update(before=Partition(mark=mark)) | Delete(before=Partition(mark=mark)) if mark:
+            return mark.name
+        case _:
+            return ""
+
+
+def _changes_without_capacity(changes: Sequence[Change], held: _Held, budget: HostBudget) -> _Held:
+    """Growth for which there is no capacity while what is held back keeps what it has."""
+    pairs = {at: _claims(change) for at, change in enumerate(changes) if at not in held}
+    claims = {key: claim_of(partition) for key, partition in budget.managed.items()}
+    growing = []
+    for at, (before, after) in pairs.items():
+        if grows(before, after):
+            growing.append(at)
+        else:
+            claims[_key(changes[at])] = after
+    everything = {**claims, **{_key(changes[at]): pairs[at][1] for at in growing}}
+    if budget.holds(everything.values()):
+        return {}
+    why = "it needs what a change that is held back would have given back"
+    more: _Held = {}
+    for at in sorted(growing, key=lambda at: (-budget.rank(changes[at].address.partition)[0], changes[at].address)):
+        trial = {**claims, _key(changes[at]): pairs[at][1]}
+        if budget.holds(trial.values()):
+            claims = trial
+        else:
+            more[at] = HeldBack(change=changes[at], why=why)
+    return more
+
+
+def _key(change: Change) -> str:
+    return change.address.machine if change.address.machine and not change.address.task else f"name {change.address}"
+
+
+def _claims(change: Change) -> tuple[Claim, Claim]:
+    match change:
+        case Create(after=Partition() as after):
+            return NO_CLAIM, claim_of(after)
+        case Update(before=Partition() as before, after=Partition() as after):
+            return claim_of(before), claim_of(after)
+        case Delete(before=Partition() as before):
+            return claim_of(before), NO_CLAIM
+        case _:
+            return NO_CLAIM, NO_CLAIM

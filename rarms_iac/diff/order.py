@@ -1,0 +1,281 @@
+"""The order in which the steps of all changes are done: the host never promises more than it has (DESIGN section 4)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from rarms_iac.diff.claims import NO_CLAIM, HostBudget, claim_of, grows, within
+from rarms_iac.diff.disruption import grace_ms
+from rarms_iac.diff.setting_steps import STARTS_ANEW, describe_stop
+from rarms_iac.diff.steps import PlannedChange, mark_moves
+from rarms_iac.model.capacity import Load, load_of, packs
+from rarms_iac.model.changes import Change, Create, Delete
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.operations import StartPartition, StopPartition
+from rarms_iac.model.plan import Claim, Step, Undo, UndoLevel
+from rarms_iac.model.state import RunState
+from rarms_iac.model.system import Disruption
+
+NO_ORDER = Finding(code="RARMS154", severity=Severity.ERROR, summary="No order of steps keeps within the host")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OrderedSteps:
+    """All steps of a host in the order in which they are done."""
+
+    steps: tuple[Step, ...]
+    stopped: tuple[str, ...] = ()  # partitions that are stopped for a while, only to make room
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cycle:
+    """Changes that wait for each other: each needs what another holds."""
+
+    partitions: tuple[str, ...]
+    finding: Diagnostic
+
+
+def order(planned: Sequence[PlannedChange], budget: HostBudget) -> OrderedSteps | Cycle:
+    """Put every step in one order; no prefix promises more than the host, or than what is promised already.
+
+    First what gives back (removals, stops, smaller values), the least critical first; then what takes, the most
+    critical first. Where every remaining step would take too much, the least critical running partition among those
+    that wait is stopped first and started last. The cost is quadratic in the number of changes at worst.
+
+    Args:
+        planned: the changes of one host with their steps; the order of steps within a change is kept.
+        budget: what the host can promise, what it promises before the first step, and how much may be disturbed.
+
+    Returns:
+        Every step once, or the cycle where `max_disruption` forbids the stop that would break it.
+    """
+    moves, rest = mark_moves(planned)
+    on_host = [change for change in rest if not _is_in_guest(change.change)]
+    walk = _Walk(budget=budget, queue=[list(change.steps) for change in on_host], plans=on_host)
+    walk.done = list(moves)
+    walk.run_releasing_steps()
+    result = walk.run_the_rest()
+    if isinstance(result, Cycle):
+        return result
+    # A guest's classes are written where it runs already: a real one cannot be reached before.
+    in_guests = sorted((change for change in rest if _is_in_guest(change.change)), key=_by_address)
+    return replace(result, steps=(*result.steps, *(step for change in in_guests for step in change.steps)))
+
+
+def _is_in_guest(change: Change) -> bool:
+    return bool(change.address.partition and change.address.task)
+
+
+def _by_address(planned: PlannedChange) -> tuple[str, str]:
+    return planned.change.address.partition, planned.change.address.task
+
+
+@dataclass(slots=True)
+class _Walk:
+    """The walk through all steps: those that are done, those that wait, and what is promised meanwhile."""
+
+    budget: HostBudget
+    queue: list[list[Step]]  # the remaining steps of each change
+    plans: list[PlannedChange]
+    done: list[Step] = field(default_factory=list)
+    stopped: list[str] = field(default_factory=list)
+    claims: dict[str, Claim] = field(default_factory=dict)  # of managed partitions, now
+    start: Load = field(default_factory=Load)
+    now: Load = field(default_factory=Load)
+    packed_at_start: bool = True
+    restarts: list[Step] = field(default_factory=list)  # of partitions that were stopped to make room
+
+    def __post_init__(self) -> None:
+        self.claims = {_machine_key(key): claim_of(partition) for key, partition in self.budget.managed.items()}
+        everything = (*self.budget.foreign, *self.claims.values())
+        self.start = self.now = load_of(everything)
+        self.packed_at_start = packs(everything, self.budget.capacity.logical_processors)
+
+    def run_releasing_steps(self) -> None:
+        """Every step that takes nothing, as far as each change's own order lets it."""
+        for at in sorted(range(len(self.queue)), key=self._releasing_first):
+            steps = self.queue[at]
+            while steps and not grows(steps[0].claim_before, steps[0].claim_after):
+                self._do(steps.pop(0))
+
+    def run_the_rest(self) -> OrderedSteps | Cycle:
+        """The other steps, as the budget allows; and a stop where it does not."""
+        while True:
+            self._run_fitting_steps()
+            waiting = [at for at in range(len(self.queue)) if self.queue[at]]
+            if not waiting:
+                break
+            if (cycle := self._make_room(waiting)) is not None:
+                return cycle
+        for start in sorted(self.restarts, key=lambda step: self._most_critical_first(step.address.partition)):
+            if not self._is_allowed(start):
+                names = tuple(sorted(self.stopped))
+                return Cycle(partitions=names, finding=_cycle(names, self.budget.max_disruption, may_stop=False))
+            self._do(start)
+        return OrderedSteps(steps=tuple(self.done), stopped=tuple(self.stopped))
+
+    def _run_fitting_steps(self) -> None:
+        any_order = self._is_any_order_safe()
+        progress = True
+        while progress:
+            progress = False
+            for at in sorted(range(len(self.queue)), key=self._taking_first):
+                while self.queue[at] and (any_order or self._is_allowed(self.queue[at][0])):
+                    self._do(self.queue[at].pop(0))
+                    progress = True
+
+    def _is_any_order_safe(self) -> bool:
+        """Whether all that remains only grows towards an end that fits; then every prefix fits, in any order."""
+        final = dict(self.claims)
+        for steps in self.queue:
+            for step in steps:
+                final[_key(step)] = step.claim_after
+        growing = all(within(step.claim_after, final[_key(step)]) for steps in self.queue for step in steps)
+        unchanged = all(within(claim, final[key]) for key, claim in self.claims.items())
+        return growing and unchanged and self.budget.holds(final.values())
+
+    def _do(self, step: Step) -> None:
+        self.now = self._load_after(step)
+        self.claims[_key(step)] = step.claim_after
+        self.done.append(step)
+
+    def _load_after(self, step: Step) -> Load:
+        old, new = step.claim_before, step.claim_after
+        return Load(
+            percent=self.now.percent - old.processors * old.reserve + new.processors * new.reserve,
+            memory=self.now.memory - old.memory + new.memory,
+        )
+
+    def _is_allowed(self, step: Step) -> bool:
+        if not grows(step.claim_before, step.claim_after):
+            return True
+        load, capacity = self._load_after(step), self.budget.capacity
+        if load.percent > 100 * capacity.processors and load.percent > self.start.percent:
+            return False
+        if load.memory > capacity.memory and load.memory > self.start.memory:
+            return False
+        claims = {**self.claims, _key(step): step.claim_after}
+        return not self.packed_at_start or packs((*self.budget.foreign, *claims.values()), capacity.logical_processors)
+
+    def _make_room(self, waiting: list[int]) -> Cycle | None:
+        """Stop the least critical running partition that waits; the cycle where there is none, or none may stop."""
+        running = [at for at in waiting if self.claims.get(_key(self.queue[at][0]), NO_CLAIM) != NO_CLAIM]
+        names = tuple(sorted({self.queue[at][0].address.partition for at in waiting}))
+        if not running or Disruption.PARTITION_STOP.exceeds(self.budget.max_disruption):
+            finding = _cycle(names, self.budget.max_disruption, may_stop=bool(running))
+            return Cycle(partitions=names, finding=finding)
+        at = min(running, key=lambda at: self.budget.rank(self.queue[at][0].address.partition))
+        partition = self.queue[at][0].address.partition
+        others = [name for name in names if name != partition]
+        beside = f" beside {', '.join(others)}" if others else ""
+        why = f"no order of the steps{beside} keeps within the host, and it is the least critical of them"
+        pause = pause_steps(self.queue[at], why, grace_ms(self.budget.graces, partition))
+        self._do(pause.stop)
+        self.queue[at] = list(pause.between)
+        self.restarts += [pause.start] if pause.start else []
+        self.stopped.append(partition)
+        return None
+
+    def _releasing_first(self, at: int) -> tuple[int, int, str, str]:
+        change = self.plans[at].change
+        return (_rank(change), *self.budget.rank(change.address.partition), change.address.task)
+
+    def _taking_first(self, at: int) -> tuple[int, str, str]:
+        address = self.plans[at].change.address
+        return (*self._most_critical_first(address.partition), address.task)
+
+    def _most_critical_first(self, partition: str) -> tuple[int, str]:
+        criticality, name = self.budget.rank(partition)
+        return -criticality, name
+
+
+def _rank(change: Change) -> int:
+    """Removals before all, changes of what is there before what is made, task classes when their partition is."""
+    if change.address.task or change.address.responsiveness:
+        return 3
+    match change:
+        case Delete():
+            return 0
+        case Create():
+            return 2
+        case _:
+            return 1
+
+
+def _key(step: Step) -> str:
+    address = step.address
+    return _machine_key(address.machine) if address.machine and not address.task else f"name {address}"
+
+
+def _machine_key(machine: str) -> str:
+    return f"id {machine}"
+
+
+def _cycle(names: tuple[str, ...], limit: Disruption, *, may_stop: bool) -> Diagnostic:
+    if may_stop:
+        why = f"one of them would have to stop for a while, and `max_disruption` is {limit.value}"
+        advice = "Allow `--max-disruption partition_stop`, or stop one of them by hand and plan again."
+    else:
+        why = "none of them runs, so none can be stopped to make room"
+        advice = "Lower what they are to have, or what other machines on the host hold."
+    return NO_ORDER.at(
+        None,
+        f"The changes of {', '.join(names)} wait for each other: {why}. Nothing is planned for this host.",
+        advice,
+        address=f"partition/{names[0]}" if names else "",
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pause:
+    """The rest of a change with a stop before it; `start` brings the partition back, where it is to run."""
+
+    stop: Step
+    between: tuple[Step, ...]
+    start: Step | None
+
+
+def pause_steps(remaining: Sequence[Step], why: str, grace: int) -> Pause:
+    """Put a stop before the remaining steps of a running partition, so that they claim nothing while they are done.
+
+    Args:
+        remaining: at least one step, all of one partition.
+        why: told to the reviewer of the stop.
+        grace: milliseconds that its guest may take to shut down.
+    """
+    first = remaining[0]
+    address, claim_after = first.address, remaining[-1].claim_after
+    stop_it = StopPartition(partition=address.partition, grace_ms=grace, machine=address.machine)
+    start_it = StartPartition(partition=address.partition, machine=address.machine)
+    stop = Step(
+        address=address,
+        title=f"stop it, to make room ({describe_stop(grace)})",
+        operation=stop_it,
+        before={"exists": True, "running": True, "state": RunState.RUNNING.value},
+        after={"exists": True, "running": False, "state": RunState.OFF.value},
+        undo=Undo(level=UndoLevel.PARTIAL, operation=start_it, says=STARTS_ANEW),
+        disruption=Disruption.PARTITION_STOP,
+        claim_before=first.claim_before,
+        claim_after=NO_CLAIM,
+        comment=why,
+        place=first.place,
+    )
+    between = tuple(
+        replace(step, claim_before=NO_CLAIM, claim_after=NO_CLAIM)
+        for step in remaining
+        if not isinstance(step.operation, StopPartition | StartPartition)
+    )
+    if claim_after == NO_CLAIM:
+        return Pause(stop=stop, between=between, start=None)
+    start = replace(
+        stop,
+        title="start it again",
+        operation=start_it,
+        before=stop.after,
+        after=stop.before,
+        undo=Undo(level=UndoLevel.FULL, operation=stop_it),
+        disruption=Disruption.LIVE,
+        claim_before=NO_CLAIM,
+        claim_after=claim_after,
+        comment="it was stopped only to make room",
+    )
+    return Pause(stop=stop, between=between, start=start)

@@ -1,0 +1,256 @@
+"""The steps of a partition's change.
+
+Order within a change: stop, what gives back, what takes more, actions, name, mark, start. The mark comes after the
+values, because a host that was left half-way must not look as if it had everything that was written.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from rarms_iac.diff.claims import NO_CLAIM, claim_of
+from rarms_iac.diff.disruption import HostContext, changed_facets, grace_ms, needs_off
+from rarms_iac.diff.readings import NOTHING
+from rarms_iac.diff.setting_steps import (
+    StepBuilder,
+    facet_step,
+    mark_step,
+    rename_step,
+    some_readings,
+    start_step,
+    stop_step,
+)
+from rarms_iac.model.changes import Address, Reason
+from rarms_iac.model.layout import Making
+from rarms_iac.model.operations import (
+    CreatePartition,
+    EraseMark,
+    RemoveDisk,
+    RemovePartition,
+    RenamePartition,
+    StopPartition,
+    WriteMark,
+)
+from rarms_iac.model.plan import Step, Undo, UndoLevel
+from rarms_iac.model.quantities import show_bytes
+from rarms_iac.model.state import Disk, Facet, Partition, PartitionSettings, RunState
+from rarms_iac.model.system import Disruption
+
+
+def create_partition(address: Address, after: Partition, reason: Reason, context: HostContext) -> Iterator[Step]:
+    """Make a partition under its pending name, mark it, set everything, rename it last, and start it.
+
+    Args:
+        address: the partition; its machine's id is not known yet.
+        after: the partition as it is to be, with its mark.
+        reason: told to the reviewer of every step.
+        context: what making needs (image, switch, folder), and how long its guest may take to shut down.
+    """
+    wanted = after.settings
+    making = context.making.get(address.partition, Making())
+    yield _creation_step(address, wanted, making, reason)
+    pending = replace(after, settings=replace(wanted, running=False), state=RunState.OFF)
+    grace = grace_ms(context.graces, address.partition)
+    machine = StepBuilder(address=replace(address, machine=""), now=pending, reason=reason, grace_ms=grace, new=True)
+    name = address.partition
+    assert after.mark is not None, "what rarms makes, it marks"
+    yield mark_step(machine, after.mark, None, "from now on it is known as ours, whatever happens")
+    for facet in (Facet.PROCESSORS, Facet.CPU, Facet.ACTIONS):
+        yield facet_step(machine, facet, wanted, wanted)
+    yield machine.step(
+        RenamePartition(partition=name, name=wanted.name),
+        RenamePartition(partition=name, name=wanted.name),
+        machine.now,
+        ("name",),
+        f"give it its name {wanted.name}",
+        "last, so that a machine of this name is always whole",
+    )
+    if wanted.running:
+        start = start_step(machine)
+        back = Undo(level=UndoLevel.FULL, operation=StopPartition(partition=name, grace_ms=grace))
+        # What a new machine is made with is the host's affair, but it is off: to that its undo brings it back.
+        yield replace(start, before={**start.before, "running": False, "state": RunState.OFF.value}, undo=back)
+
+
+def _creation_step(address: Address, wanted: PartitionSettings, making: Making, reason: Reason) -> Step:
+    lost = f"the disk made from {making.image} stays" if making.image else ""
+    return Step(
+        address=replace(address, machine=""),
+        title=f"make a machine of generation {wanted.generation} with {show_bytes(wanted.memory)}",
+        operation=CreatePartition(
+            partition=address.partition,
+            generation=wanted.generation,
+            memory=wanted.memory,
+            image=making.image,
+            switch=making.switch,
+            vm_path=making.vm_path,
+        ),
+        before=NOTHING,
+        after={"exists": True, "generation": wanted.generation, "memory": wanted.memory},
+        undo=Undo(
+            level=UndoLevel.PARTIAL if lost else UndoLevel.FULL,
+            operation=RemovePartition(partition=address.partition),
+            says=lost,
+        ),
+        disruption=Disruption.LIVE,
+        claim_before=claim_of(None),
+        claim_after=claim_of(None),
+        comment=f"{reason.says}; off and under a pending name until all is set",
+        place=reason.place,
+    )
+
+
+def update_partition(
+    address: Address, before: Partition, after: Partition, reason: Reason, context: HostContext
+) -> Iterator[Step]:
+    """Bring a partition to its wanted settings, stopping it only where something cannot change live and it runs.
+
+    Another generation means that the machine is removed and made again.
+
+    Args:
+        address: the partition with its machine's id.
+        before: the partition as observed.
+        after: the partition as it is to be.
+        reason: told to the reviewer of every step.
+        context: which settings of this host change live.
+    """
+    changed = changed_facets(before.settings, after.settings)
+    if Facet.GENERATION in changed:
+        yield from remove_partition(address, before, reason, replace(context, disks={}))
+        yield from create_partition(replace(address, machine=""), after, reason, context)
+        return
+    grace = grace_ms(context.graces, address.partition)
+    machine = StepBuilder(address=address, now=before, reason=reason, grace_ms=grace)
+    off = needs_off(before.settings, after.settings, context)
+    yield from rename_mark(machine.address, before, reason)
+    machine.now = _with_mark_name(before, address.partition)
+    if before.settings.running and (off or not after.settings.running):
+        yield stop_step(machine, "it must be off for what follows" if after.settings.running else "it is not to run")
+    for facet in sorted(changed & _VALUES, key=lambda facet: (_takes_more(facet, before, after), _ORDER.index(facet))):
+        yield facet_step(machine, facet, before.settings, after.settings)
+    if Facet.NAME in changed:
+        yield rename_step(machine, before.settings.name, after.settings.name)
+    old = machine.now.mark
+    if after.mark is not None and (old is None or old.set != after.mark.set):
+        yield mark_step(machine, after.mark, old, "the mark says what was last written")
+    if after.settings.running and not machine.now.settings.running:
+        yield start_step(machine)
+
+
+_ORDER = (Facet.PROCESSORS, Facet.CPU, Facet.MEMORY, Facet.ACTIONS)
+_VALUES = frozenset(_ORDER)
+
+
+def _takes_more(facet: Facet, before: Partition, after: Partition) -> bool:
+    old, new = before.settings, after.settings
+    match facet:
+        case Facet.PROCESSORS:
+            return new.processors > old.processors
+        case Facet.CPU:
+            return new.reserve > old.reserve
+        case Facet.MEMORY:
+            return new.memory > old.memory
+        case _:
+            return True  # actions weigh nothing; they come after the values
+
+
+def rename_mark(address: Address, before: Partition, reason: Reason, between: str = "") -> Iterator[Step]:
+    """Give the mark its new name, where the manifest moved the partition; no step where it has that name already.
+
+    Args:
+        address: the partition under its new name.
+        before: the partition with the mark that it has now.
+        reason: told to the reviewer.
+        between: the name to write instead, which breaks an exchange of two names.
+    """
+    name = between or address.partition
+    mark = before.mark
+    if mark is None or mark.name == name:
+        return
+    machine = StepBuilder(address=address, now=before, reason=reason)
+    why = "two partitions change names: one steps aside" if between else "the manifest calls it so now"
+    yield mark_step(machine, replace(mark, name=name), mark, why)
+
+
+def _with_mark_name(before: Partition, name: str) -> Partition:
+    return replace(before, mark=replace(before.mark, name=name)) if before.mark else before
+
+
+def remove_partition(address: Address, before: Partition, reason: Reason, context: HostContext) -> Iterator[Step]:
+    """Stop a machine where it runs or is paused, and remove it. Its disks stay, unless their removal was asked for.
+
+    Args:
+        address: the partition with its machine's id.
+        before: the partition as observed.
+        reason: told to the reviewer of every step.
+        context: the disks that go with the machine.
+    """
+    grace = grace_ms(context.graces, address.partition)
+    machine = StepBuilder(address=address, now=before, reason=reason, grace_ms=grace)
+    if before.state in {RunState.RUNNING, RunState.PAUSED}:
+        yield stop_step(machine, f"a {before.state.value} machine cannot be removed")
+    going = context.disks.get(before.id, ())
+    others = "keep its other disks" if going else "keep its disks"
+    removal = Step(
+        address=address,
+        title=f"remove the machine, {others}",
+        operation=RemovePartition(partition=address.partition, machine=address.machine),
+        # Hyper-V merges checkpoints into the disk after the machine is gone: such a disk must not be deleted.
+        before=some_readings(machine.now, ("machine", "state", *(("snapshots",) if going else ()))),
+        after=NOTHING,
+        undo=Undo(
+            level=UndoLevel.NONE,
+            operation=None,
+            says="the machine is not made again" + ("" if going else "; its disks are still there"),
+        ),
+        disruption=Disruption.REMOVAL,
+        claim_before=claim_of(machine.now),
+        claim_after=claim_of(None),
+        comment=f"{reason.says}; removed before anything is made, so that there is room",
+        place=reason.place,
+    )
+    yield removal
+    yield from (_disk_step(removal, disk) for disk in going)
+
+
+def _disk_step(removal: Step, disk: Disk) -> Step:
+    """After its machine, so that nothing has it any more; a run that was killed between the two goes on here."""
+    return replace(
+        removal,
+        address=replace(removal.address, disk=disk.path),
+        title=f"delete its disk {disk.path}",
+        operation=RemoveDisk(partition=removal.address.partition, path=disk.path, parent=disk.parent),
+        before={"exists": True, "parent": disk.parent, "used": False},
+        undo=Undo(level=UndoLevel.NONE, operation=None, says="what is on the disk is lost"),
+        claim_before=NO_CLAIM,
+        claim_after=NO_CLAIM,
+        comment="its removal was asked for; rarms made it, and it grows out of " + disk.parent,
+    )
+
+
+def adopt_partition(address: Address, before: Partition, after: Partition, reason: Reason) -> Iterator[Step]:
+    """Write the mark on a machine that is taken over, and nothing else."""
+    assert after.mark is not None, "what rarms adopts, it marks"
+    yield mark_step(
+        StepBuilder(address=address, now=before, reason=reason), after.mark, None, "only the mark is written"
+    )
+
+
+def release_partition(address: Address, before: Partition, reason: Reason) -> Iterator[Step]:
+    """Erase the mark of a machine that is released; it stays as it is."""
+    mark = before.mark
+    assert mark is not None, "only what is ours is released"
+    machine = StepBuilder(address=address, now=before, reason=reason)
+    yield machine.step(
+        EraseMark(partition=address.partition, machine=address.machine),
+        WriteMark(
+            partition=address.partition,
+            application=mark.application,
+            name=mark.name,
+            set=mark.set,
+            machine=address.machine,
+        ),
+        replace(before, mark=None),
+        ("mark", "set"),
+        "erase the mark",
+        "the machine stays as it is",
+    )

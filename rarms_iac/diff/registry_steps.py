@@ -1,0 +1,133 @@
+"""The steps of a task class's change and of SystemResponsiveness.
+
+The record is written first and erased last, so that what was there before is never forgotten.
+"""
+
+from collections.abc import Iterator, Mapping
+
+from rarms_iac.diff.claims import NO_CLAIM
+from rarms_iac.diff.disruption import disruption_of_task
+from rarms_iac.diff.readings import record_readings, values_readings
+from rarms_iac.model.changes import Address, Reason
+from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
+from rarms_iac.model.operations import (
+    EraseResponsiveness,
+    EraseResponsivenessRecord,
+    EraseTaskRecord,
+    Operation,
+    RemoveTaskClass,
+    WriteResponsiveness,
+    WriteResponsivenessRecord,
+    WriteTaskClass,
+    WriteTaskRecord,
+)
+from rarms_iac.model.plan import Readings, Step, Undo, UndoLevel
+from rarms_iac.model.state import RegistryValue, Responsiveness, TaskClass, TaskRecord
+
+Values = Mapping[str, RegistryValue]
+
+
+def write_registry(
+    address: Address, before: TaskClass | Responsiveness | None, after: TaskClass | Responsiveness, reason: Reason
+) -> Iterator[Step]:
+    """Make the class, or the value, exactly as wanted, and record what was there before rarms."""
+    assert after.record is not None, "what rarms writes, it records"
+    old_values, old_record = (before.values, before.record) if before else ({}, None)
+    if after.record != old_record:
+        yield _record_step(address, _recorded_name(before or after), old_record, after.record, reason)
+    if dict(old_values) != dict(after.values):
+        yield _values_step(address, old_values, after.values, reason)
+
+
+def restore_registry(address: Address, before: TaskClass | Responsiveness, reason: Reason) -> Iterator[Step]:
+    """Bring back what was there before rarms, then erase the record of it."""
+    assert before.record is not None, "only what is managed is restored"
+    restored = before.record.before or {}
+    if isinstance(before, Responsiveness):
+        restored = {name: value for name, value in restored.items() if name == SYSTEM_RESPONSIVENESS}
+    if dict(before.values) != dict(restored):
+        yield _values_step(address, before.values, restored, reason)
+    yield _record_step(address, _recorded_name(before), before.record, None, reason)
+
+
+def _recorded_name(resource: TaskClass | Responsiveness) -> str:
+    return resource.name if isinstance(resource, TaskClass) else ""
+
+
+def _record_step(address: Address, name: str, old: TaskRecord | None, new: TaskRecord | None, reason: Reason) -> Step:
+    def operation(record: TaskRecord | None, other: TaskRecord | None) -> Operation:
+        if record is not None:
+            if address.responsiveness:
+                return WriteResponsivenessRecord(record=record)
+            return WriteTaskRecord(task=name, inside=address.partition, record=record)
+        assert other is not None
+        if address.responsiveness:
+            return EraseResponsivenessRecord(application=other.application)
+        return EraseTaskRecord(task=name, inside=address.partition, application=other.application)
+
+    if new:
+        title = "record that it is ours, and what was there"
+        why = "first, so that what was there before can be brought back"
+    else:
+        title, why = "forget it: it is no longer ours", "last, after what was there is back"
+    before, after = record_readings(old), record_readings(new)
+    return _registry_step(address, operation(new, old), operation(old, new), before, after, title, reason, why)
+
+
+def _values_step(address: Address, old: Values, new: Values, reason: Reason) -> Step:
+    def operation(values: Values) -> Operation:
+        if address.responsiveness:
+            return WriteResponsiveness(value=values[SYSTEM_RESPONSIVENESS]) if values else EraseResponsiveness()
+        if not values:
+            return RemoveTaskClass(task=address.task, inside=address.partition)
+        return WriteTaskClass(task=address.task, inside=address.partition, values=dict(values))
+
+    title = _responsiveness_title(old, new) if address.responsiveness else _class_title(old, new)
+    why = "MMCSS reads it when the host starts again"
+    if not address.responsiveness:
+        why = "threads see it when their Windows starts again"
+    before, after = values_readings(old), values_readings(new)
+    return _registry_step(address, operation(new), operation(old), before, after, title, reason, why)
+
+
+def _class_title(old: Values, new: Values) -> str:
+    if not new:
+        return "remove the class"
+    words = [
+        f"{name} {old[name].data} -> {new[name].data}" if name in old else f"{name} {new[name].data}"
+        for name in sorted(new)
+        if old.get(name) != new[name]
+    ]
+    return f"set {', '.join(words)}" if words else "remove what is not wanted"
+
+
+def _responsiveness_title(old: Values, new: Values) -> str:
+    if not new:
+        return "take the value away: there was none before"
+    after = new[SYSTEM_RESPONSIVENESS].data
+    return f"set {old[SYSTEM_RESPONSIVENESS].data} -> {after}" if old else f"set SystemResponsiveness {after}"
+
+
+def _registry_step(
+    address: Address,
+    operation: Operation,
+    undo: Operation,
+    before: Readings,
+    after: Readings,
+    title: str,
+    reason: Reason,
+    why: str,
+) -> Step:
+    return Step(
+        address=address,
+        title=title,
+        operation=operation,
+        before=before,
+        after=after,
+        undo=Undo(level=UndoLevel.FULL, operation=undo),
+        disruption=disruption_of_task(address.partition),
+        claim_before=NO_CLAIM,
+        claim_after=NO_CLAIM,
+        comment=f"{reason.says}; {why}" if reason.says else why,
+        place=reason.place,
+    )

@@ -1,0 +1,247 @@
+"""Steps of one machine on its way from what it is to what it is to be: one call a setting."""
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from math import ceil
+from typing import Any
+
+from rarms_iac.diff.claims import claim_of
+from rarms_iac.diff.readings import partition_readings
+from rarms_iac.model.changes import Address, Reason
+from rarms_iac.model.operations import (
+    EraseMark,
+    Operation,
+    RenamePartition,
+    SetActions,
+    SetCpu,
+    SetMemory,
+    SetProcessors,
+    StartPartition,
+    StopPartition,
+    WriteMark,
+)
+from rarms_iac.model.plan import Readings, Step, Undo, UndoLevel
+from rarms_iac.model.quantities import plain, show_bytes, show_percent
+from rarms_iac.model.state import Checkpoints, Facet, Mark, Partition, PartitionSettings, RunState
+from rarms_iac.model.system import GRACE, Disruption
+
+STARTS_ANEW = "it starts anew: what its programs had in memory is lost"
+_NOT_PAUSED_AGAIN = Undo(level=UndoLevel.NONE, operation=None, says="it was paused: it is not so again")
+_WITH_ITS_MACHINE = Undo(level=UndoLevel.FULL, operation=None, says="it goes with the machine, which is removed")
+
+_FIELDS = {
+    Facet.PROCESSORS: ("processors",),
+    Facet.CPU: ("reserve", "limit", "weight"),
+    Facet.MEMORY: ("memory", "dynamic_memory"),
+    Facet.ACTIONS: ("start_action", "stop_action", "checkpoints"),
+}
+"""Of each facet that one call sets: the settings, which are also what its step reads."""
+
+
+@dataclass(slots=True)
+class StepBuilder:
+    """Makes the steps of one machine; its settings after a step are the `before` of the next."""
+
+    address: Address
+    now: Partition
+    reason: Reason
+    grace_ms: int = ceil(GRACE)  # for its guest to shut down
+    new: bool = False  # made by this plan: its own undo removes it, and its first values are the host's affair
+
+    def step(
+        self,
+        operation: Operation,
+        undo: Operation,
+        after: Partition,
+        names: tuple[str, ...],
+        title: str,
+        why: str,
+        *,
+        disruption: Disruption = Disruption.LIVE,
+        lost: str = "",
+    ) -> Step:
+        """Make the step from the machine as it is now to `after`.
+
+        Args:
+            operation: the call.
+            undo: the call that takes it back; not used on a new machine.
+            after: the machine once the call is done.
+            names: the readings that the step compares before and after.
+            title: the call in a few words.
+            why: told after the reason of the change.
+            disruption: how much the call disturbs.
+            lost: what the undo cannot bring back; empty: nothing.
+        """
+        before, self.now = self.now, after
+        level = UndoLevel.PARTIAL if lost else UndoLevel.FULL
+        return Step(
+            address=self.address,
+            title=title,
+            operation=operation,
+            before=some_readings(before, () if self.new else names),
+            after=some_readings(after, names),
+            undo=_WITH_ITS_MACHINE if self.new else Undo(level=level, operation=undo, says=lost),
+            disruption=disruption,
+            claim_before=claim_of(before),
+            claim_after=claim_of(after),
+            comment=f"{self.reason.says}; {why}" if self.reason.says else why,
+            place=self.reason.place,
+        )
+
+
+def some_readings(partition: Partition, names: tuple[str, ...]) -> Readings:
+    """These readings of a partition, and that it exists."""
+    everything = partition_readings(partition)
+    return {name: everything[name] for name in ("exists", *names)}
+
+
+def mark_step(machine: StepBuilder, new: Mark, old: Mark | None, why: str) -> Step:
+    """Write the mark; its undo writes the old one, or erases it where there was none."""
+    address = machine.address
+    marked = replace(machine.now, mark=replace(new, machine=machine.now.id[:8]))
+
+    def write(mark: Mark) -> WriteMark:
+        return WriteMark(
+            partition=address.partition,
+            application=mark.application,
+            name=mark.name,
+            set=mark.set,
+            machine=address.machine,
+        )
+
+    undo = write(old) if old else EraseMark(partition=address.partition, machine=address.machine)
+    title = f"mark it as {new.application}/{new.name}, set {new.set}"
+    return machine.step(write(new), undo, marked, ("mark", "set"), title, why)
+
+
+def facet_step(machine: StepBuilder, facet: Facet, old: PartitionSettings, new: PartitionSettings) -> Step:
+    """Give the machine all that `new` has of this facet, in one call; its undo gives it what `old` has.
+
+    Args:
+        machine: the machine on its way.
+        facet: processors, CPU, memory or actions; names and generations have steps of their own.
+        old: the settings before the change.
+        new: the settings after it.
+    """
+    fields = _FIELDS[facet]
+    settings: dict[str, Any] = {name: getattr(new, name) for name in fields}
+    needs_state = facet is Facet.PROCESSORS or (facet is Facet.MEMORY and machine.now.state is RunState.OFF)
+    return machine.step(
+        _operation(facet, machine.address, new),
+        _operation(facet, machine.address, old),
+        replace(machine.now, settings=replace(machine.now.settings, **settings)),
+        (*fields, *(("state",) if needs_state else ())),
+        _title(facet, old, new, is_new=machine.new),
+        _why_here(facet, old, new, is_new=machine.new),
+    )
+
+
+def _operation(facet: Facet, address: Address, to: PartitionSettings) -> Operation:
+    partition, machine = address.partition, address.machine
+    match facet:
+        case Facet.PROCESSORS:
+            return SetProcessors(partition=partition, processors=to.processors, machine=machine)
+        case Facet.CPU:
+            return SetCpu(partition=partition, reserve=to.reserve, limit=to.limit, weight=to.weight, machine=machine)
+        case Facet.MEMORY:
+            return SetMemory(partition=partition, memory=to.memory, dynamic=to.dynamic_memory, machine=machine)
+        case Facet.ACTIONS:
+            return SetActions(
+                partition=partition,
+                start=to.start_action,
+                stop=to.stop_action,
+                checkpoints=to.checkpoints,
+                machine=machine,
+            )
+        case Facet.NAME | Facet.GENERATION:
+            raise AssertionError("names and generations have steps of their own")
+
+
+def _title(facet: Facet, old: PartitionSettings, to: PartitionSettings, *, is_new: bool) -> str:
+    if facet is Facet.PROCESSORS:
+        return f"processors {to.processors}" if is_new else f"processors {old.processors} -> {to.processors}"
+    if facet is Facet.CPU:
+        return _cpu_title(old, to, is_new=is_new)
+    if facet is Facet.MEMORY:
+        before = "" if is_new else f"{show_bytes(old.memory)} -> "
+        static = "" if old.dynamic_memory == to.dynamic_memory else ", static"
+        return f"memory {before}{show_bytes(to.memory)}{static}"
+    start, stop = to.start_action.value.replace("_", " "), to.stop_action.value.replace("_", " ")
+    checkpoints = "no" if to.checkpoints is Checkpoints.DISABLED else to.checkpoints.value.replace("_", " ")
+    return f"when the host starts: {start}, when it stops: {stop}; {checkpoints} checkpoints"
+
+
+def _cpu_title(old: PartitionSettings, to: PartitionSettings, *, is_new: bool) -> str:
+    words = []
+    for word in ("reserve", "limit"):
+        before, after = getattr(old, word), getattr(to, word)
+        if is_new:
+            words.append(f"{word} {show_percent(after)}")
+        elif before != after:
+            words.append(f"{word} {before} -> {show_percent(after)}")
+    if is_new or old.weight != to.weight:
+        words.append(f"weight {to.weight}" if is_new else f"weight {old.weight} -> {to.weight}")
+    return ", ".join(words)
+
+
+def _why_here(facet: Facet, old: PartitionSettings, to: PartitionSettings, *, is_new: bool) -> str:
+    if facet is Facet.PROCESSORS:
+        return "only while it is off"
+    if facet is Facet.ACTIONS:
+        return "what its host does with it"
+    if is_new:
+        return "while it is off nothing is promised yet"
+    before, after = (old.reserve, to.reserve) if facet is Facet.CPU else (old.memory, to.memory)
+    if after < before:
+        return "what is given back comes before what is taken"
+    return "after the others gave back" if after > before else "nothing is taken or given back"
+
+
+def rename_step(machine: StepBuilder, old: str, new: str) -> Step:
+    """Give the machine the name that people see."""
+    address = machine.address
+    return machine.step(
+        RenamePartition(partition=address.partition, name=new, machine=address.machine),
+        RenamePartition(partition=address.partition, name=old, machine=address.machine),
+        replace(machine.now, settings=replace(machine.now.settings, name=new)),
+        ("name",),
+        f"name {old} -> {new}",
+        "its settings stay",
+    )
+
+
+def stop_step(machine: StepBuilder, why: str) -> Step:
+    """Stop the machine. Read as running: one that was saved or paused since the plan was not stopped by it."""
+    address, was_running = machine.address, machine.now.settings.running
+    stop = machine.step(
+        StopPartition(partition=address.partition, grace_ms=machine.grace_ms, machine=address.machine),
+        StartPartition(partition=address.partition, machine=address.machine),
+        replace(machine.now, settings=replace(machine.now.settings, running=False), state=RunState.OFF),
+        ("running", "state"),
+        f"stop it ({describe_stop(machine.grace_ms)})" if was_running else "turn it off",
+        why,
+        disruption=Disruption.PARTITION_STOP,
+        lost=STARTS_ANEW,
+    )
+    return stop if was_running else replace(stop, undo=_NOT_PAUSED_AGAIN)
+
+
+def describe_stop(grace: int) -> str:
+    """How a guest is stopped that has `grace` milliseconds to shut down, in words."""
+    return f"asked; after {plain(Fraction(grace, 1000))} s turned off" if grace else "turned off, not asked"
+
+
+def start_step(machine: StepBuilder) -> Step:
+    """Start the machine, the last of its steps."""
+    address, was_off = machine.address, machine.now.state is RunState.OFF
+    start = machine.step(
+        StartPartition(partition=address.partition, machine=address.machine),
+        StopPartition(partition=address.partition, grace_ms=machine.grace_ms, machine=address.machine),
+        replace(machine.now, settings=replace(machine.now.settings, running=True), state=RunState.RUNNING),
+        ("running", "state"),
+        "start it",
+        "after all that it is to have is set",
+        lost="" if was_off else "it is turned off, not saved again",
+    )
+    # What was saved cannot be so again: its undo leaves it off, and asks no more than that.
+    return start if was_off else replace(start, before={"exists": True, "running": False})

@@ -1,1 +1,0 @@
-"""Changes to guarded steps, in an order in which the host never promises too much."""

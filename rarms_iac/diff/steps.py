@@ -1,0 +1,134 @@
+"""A change as steps: one operation each, guarded by what is read before and after, with its undo (DESIGN section 4)."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import assert_never
+
+from rarms_iac.diff.disruption import HostContext
+from rarms_iac.diff.partition_steps import (
+    adopt_partition,
+    create_partition,
+    release_partition,
+    remove_partition,
+    rename_mark,
+    update_partition,
+)
+from rarms_iac.diff.registry_steps import restore_registry, write_registry
+from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Update
+from rarms_iac.model.moves import BETWEEN
+from rarms_iac.model.operations import WriteMark
+from rarms_iac.model.plan import Step
+from rarms_iac.model.state import Partition
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedChange:
+    """A change with its steps, in the order that the change itself needs."""
+
+    change: Change
+    steps: tuple[Step, ...]
+
+
+def plan_changes(changes: Iterable[Change], context: HostContext) -> tuple[PlannedChange, ...]:
+    """Give each change its steps."""
+    return tuple(PlannedChange(change=change, steps=steps_for(change, context)) for change in changes)
+
+
+def steps_for(change: Change, context: HostContext) -> tuple[Step, ...]:
+    """Find what has to be done for a change, in its own order: what gives something back comes first.
+
+    Args:
+        change: a change that `compare` found, or an import or release.
+        context: the facts of the host, and what only the making or removal of a partition needs.
+    """
+    return tuple(_steps(change, context))
+
+
+def _steps(change: Change, context: HostContext) -> Iterator[Step]:
+    address, reason = change.address, change.reason
+    match change:
+        case Create(after=Partition() as after):
+            yield from create_partition(address, after, reason, context)
+        case Update(before=Partition() as before, after=Partition() as after):
+            yield from update_partition(address, before, after, reason, context)
+        case Delete(before=Partition() as before):
+            yield from remove_partition(address, before, reason, context)
+        case Adopt():
+            yield from adopt_partition(address, change.before, change.after, reason)
+        case Release():
+            yield from release_partition(address, change.before, reason)
+        case Create():
+            assert not isinstance(change.after, Partition)
+            yield from write_registry(address, None, change.after, reason)
+        case Update():
+            assert not isinstance(change.before, Partition), "a partition does not become a task class"
+            assert not isinstance(change.after, Partition), "a task class does not become a partition"
+            yield from write_registry(address, change.before, change.after, reason)
+        case Delete():
+            assert not isinstance(change.before, Partition)
+            yield from restore_registry(address, change.before, reason)
+        case _:
+            assert_never(change)
+
+
+def mark_moves(planned: Sequence[PlannedChange]) -> tuple[tuple[Step, ...], tuple[PlannedChange, ...]]:
+    """Take the steps that pass names on out of the changes, because a mark must never stand on two machines.
+
+    Partitions that exchange names: the first by name steps aside, under a name that no manifest can give.
+
+    Returns:
+        Those steps, in an order in which each name is free when it is taken; and the changes with their other steps.
+    """
+    moving = {name: change for change in planned if (name := _name_given_up(change)) and _starts_with_mark(change)}
+    steps: list[Step] = []
+    waiting = dict(sorted(moving.items()))
+    aside: set[str] = set()
+    while waiting:
+        free = [name for name, change in waiting.items() if change.change.address.partition not in waiting]
+        for name in free:
+            change = waiting.pop(name)
+            steps += _step_back(change) if name in aside else [change.steps[0]]
+        if not free:
+            first = min(waiting)
+            change = waiting.pop(first)
+            steps += _step_aside(change)
+            aside.add(first + BETWEEN)
+            waiting[first + BETWEEN] = change
+    started = {id(change) for change in moving.values()}
+    rest = tuple(replace(change, steps=change.steps[1:]) if id(change) in started else change for change in planned)
+    return tuple(steps), rest
+
+
+def _name_given_up(planned: PlannedChange) -> str:
+    """The name that the change's partition gives up; empty where it keeps its name."""
+    match planned.change:
+        case Update(before=Partition(mark=mark)) if mark and mark.name != planned.change.address.partition:
+            return mark.name
+        case _:
+            return ""
+
+
+def _starts_with_mark(planned: PlannedChange) -> bool:
+    return bool(planned.steps) and isinstance(planned.steps[0].operation, WriteMark)
+
+
+def _step_aside(planned: PlannedChange) -> list[Step]:
+    """From the old name to one between the two."""
+    address = planned.change.address
+    return list(
+        rename_mark(address, _moved_partition(planned), planned.change.reason, between=address.partition + BETWEEN)
+    )
+
+
+def _step_back(planned: PlannedChange) -> list[Step]:
+    """From the name between the two to the new one."""
+    before, address = _moved_partition(planned), planned.change.address
+    assert before.mark is not None
+    between = replace(before, mark=replace(before.mark, name=address.partition + BETWEEN))
+    return list(rename_mark(address, between, planned.change.reason))
+
+
+def _moved_partition(planned: PlannedChange) -> Partition:
+    assert isinstance(planned.change, Update)
+    assert isinstance(planned.change.before, Partition)
+    return planned.change.before

@@ -1,0 +1,294 @@
+"""What a reviewer of a plan is told: state and plan in, findings out."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+import pytest
+
+from rarms_iac.apply.review.host_effects import busy_share
+from rarms_iac.apply.review.review_plan import review_plan
+from rarms_iac.apply.review.reviewed_plan import ReviewedPlan
+from rarms_iac.model.changes import Address, Adopt, Change, Delete, Reason, Release, Update
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.layout import Layout
+from rarms_iac.model.operations import CreatePartition, RemovePartition, StartPartition, StopPartition
+from rarms_iac.model.plan import Purpose, Step, UndoLevel
+from rarms_iac.model.state import Disk, DiskKind, HostFacts, Partition, State
+from rarms_iac.model.system import Disruption, ProviderKind, System
+from tests import builders_plan as build
+from tests.builders import PathPlaces, a_component, a_cpu, a_partition, a_system
+from tests.builders_plan import facts, partition, settings
+
+STRANGER = partition(settings("stranger", processors=2, reserve=10), application=None)
+
+
+def findings(
+    *changes: Change,
+    machines: Iterable[Partition] = (),
+    steps: Iterable[Step] | None = None,
+    of: HostFacts | None = None,
+    purpose: Purpose = Purpose.APPLY,
+    layout: Layout | None = None,
+    system: System | None = None,
+    disks: tuple[Disk, ...] = (),
+    switches: tuple[str, ...] | None = None,
+) -> list[Diagnostic]:
+    plan = build.host_plan(changes=changes, steps=steps)
+    named = system or a_system(components=[a_component()])
+    part = ReviewedPlan(
+        system=replace(named, application=replace(named.application, name="robot")),
+        places=PathPlaces(),
+        purpose=purpose,
+        layout=layout,
+        observed=State(facts=of or facts(), partitions=tuple(machines), disks=disks, switches=switches),
+        plan=plan,
+    )
+    return list(review_plan(part))
+
+
+def told(found: list[Diagnostic]) -> list[tuple[str, str]]:
+    return [(diagnostic.code, diagnostic.address) for diagnostic in found]
+
+
+def test_a_plan_without_changes_has_no_findings() -> None:
+    assert findings(machines=[partition(), STRANGER]) == []
+
+
+def test_memory_that_shrinks_is_told_and_memory_that_grows_is_not() -> None:
+    small, large = partition(settings(ram="1 GiB")), partition(settings(ram="2 GiB"))
+
+    assert told(findings(build.update(large, small), machines=[large])) == [("RARMS220", "partition/vision")]
+    assert findings(build.update(small, large), machines=[small]) == []
+
+
+def test_a_limit_that_widens_is_told_and_one_that_narrows_is_not() -> None:
+    narrow, wide = partition(settings(limit=60)), partition(settings(limit=80))
+
+    assert told(findings(build.update(narrow, wide), machines=[narrow])) == [("RARMS222", "partition/vision")]
+    assert findings(build.update(wide, narrow), machines=[wide]) == []
+
+
+@pytest.mark.parametrize(
+    ("limit", "expected"),
+    [("30 %", [("RARMS221", "partition/both")]), ("40 %", []), (None, [])],
+)
+def test_a_limit_below_what_its_members_reserve_together_is_raised_and_told(
+    limit: str | None, expected: list[tuple[str, str]]
+) -> None:
+    both = replace(a_partition("both", components=("vision", "speech")), cpu=a_cpu(reserve=None, limit=limit))
+    parts = [a_component("vision", reserve="20 %"), a_component("speech", reserve="20 %")]
+    system = a_system(components=parts, partitions=[both])
+    raised = 100 if limit is None else 40  # as the planner lays it out: never below the reserve
+    placed = replace(build.placed("both", components=("vision", "speech")), reserve=40, limit=raised)
+    layout = Layout(partitions=(placed,), on_hosts=())
+
+    assert told(findings(system=system, layout=layout)) == expected
+
+
+@pytest.mark.parametrize(
+    ("making", "expected"),
+    [
+        ({"generation": 2, "image": "D:\\robot.VHD"}, ["RARMS257"]),
+        ({"generation": 1, "image": "D:\\robot.vhd"}, []),
+        ({"generation": 2, "image": "D:\\robot.vhdx"}, []),
+        ({"generation": 2, "switch": "LAB"}, []),
+        ({"generation": 2, "switch": "lad"}, ["RARMS258"]),
+    ],
+)
+@pytest.mark.parametrize("known", [True, False])
+def test_what_no_machine_can_be_made_from_is_an_error(making: dict[str, Any], expected: list[str], known: bool) -> None:
+    step = build.step(operation=CreatePartition(partition="vision", memory=2**29, **making))
+
+    found = findings(steps=[step], switches=("lab",) if known else None)
+
+    assert [diagnostic.code for diagnostic in found] == (expected if known or expected != ["RARMS258"] else [])
+
+
+class TestUnmanaged:
+    def test_a_partition_that_is_made_takes_what_nobody_had_reserved(self) -> None:
+        (one,) = findings(build.create(partition(settings(reserve=60))), machines=[STRANGER])
+
+        assert (one.code, one.address) == ("RARMS223", "host/onboard")
+        assert "about 2.00 -> 0.50 LP, 0.20 LP reserved" in one.detail
+
+    def test_several_are_told_in_one_finding(self) -> None:
+        other = partition(settings("other", processors=2, reserve=10), application=None)
+
+        (one,) = findings(build.create(partition(settings(reserve=60))), machines=[STRANGER, other])
+
+        assert one.detail.index('"stranger"') < one.detail.index('"other"')
+
+    def test_a_larger_weight_takes_too(self) -> None:
+        old, new = partition(settings(weight=100)), partition(settings(weight=300))
+
+        assert told(findings(build.update(old, new), machines=[old, STRANGER])) == [("RARMS223", "host/onboard")]
+
+    @pytest.mark.parametrize(
+        "change",
+        [
+            build.update(partition(settings(reserve=50)), partition(settings(reserve=40))),
+            build.delete(partition()),
+            build.create(partition(settings(running=False))),
+        ],
+    )
+    def test_what_gives_back_or_does_not_run_takes_nothing(self, change: Change) -> None:
+        there = [] if change.kind == "create" else [partition(settings(reserve=50))]
+
+        assert findings(change, machines=[STRANGER, *there], steps=[build.step(change.address)]) == []
+
+    def test_one_that_does_not_run_loses_nothing(self) -> None:
+        off = partition(settings("stranger", running=False), application=None)
+
+        assert findings(build.create(partition()), machines=[off]) == []
+
+    def test_taking_in_and_letting_go_change_nobodys_share(self) -> None:
+        ours, other = partition(), partition(application=None)
+        because = build.because()
+        adopt = Adopt(address=build.address_of(other), before=other, after=ours, reason=because)
+        release = Release(address=build.address_of(ours), before=ours, after=other, reason=because)
+
+        assert findings(adopt, machines=[other, STRANGER], purpose=Purpose.IMPORT) == []
+        assert findings(release, machines=[ours, STRANGER], purpose=Purpose.RELEASE) == []
+
+    def test_a_share_is_the_reserve_and_by_weight_what_no_reserve_takes(self) -> None:
+        first, second = settings("a", reserve=50, weight=100), settings("b", reserve=0, weight=300)
+
+        assert busy_share(first, [first, second], 2) == 1 + Fraction(1, 4)
+        assert busy_share(second, [first, second], 2) == Fraction(3, 4)
+
+    def test_a_share_is_never_above_the_limit(self) -> None:
+        alone = settings("a", reserve=10, limit=30)
+
+        assert busy_share(alone, [alone], 2) == Fraction(6, 10)
+
+
+@pytest.mark.parametrize(("disks", "expected"), [(("C:\\vision.vhdx",), ["RARMS224"]), ((), [])])
+def test_disks_that_stay_are_told_where_the_machine_has_some(disks: tuple[str, ...], expected: list[str]) -> None:
+    before = partition()
+    at = Address(partition="vision", machine=before.id)
+    remove = build.step(at, operation=RemovePartition(partition="vision", machine=before.id))
+    attached = tuple(Disk(path=disk, kind=DiskKind.DYNAMIC, machine=before.id) for disk in disks)
+
+    found = findings(build.delete(before), machines=[before], steps=[remove], disks=attached)
+
+    assert [diagnostic.code for diagnostic in found if diagnostic.code == "RARMS224"] == expected
+    assert all(path in diagnostic.detail for diagnostic in found for path in disks if diagnostic.code == "RARMS224")
+
+
+@pytest.mark.parametrize(
+    ("purpose", "level", "expected"),
+    [
+        (Purpose.APPLY, UndoLevel.NONE, [("RARMS225", "partition/vision")]),
+        (Purpose.APPLY, UndoLevel.PARTIAL, []),
+        (Purpose.DESTROY, UndoLevel.NONE, []),
+    ],
+)
+def test_a_step_without_an_undo_is_told_unless_destroying_was_asked_for(
+    purpose: Purpose, level: UndoLevel, expected: list[tuple[str, str]]
+) -> None:
+    step = build.step(undo=level, lost="it is not made again")
+
+    assert told(findings(machines=[partition()], steps=[step], purpose=purpose)) == expected
+
+
+def test_a_partition_wider_than_its_host_is_told() -> None:
+    wide = partition(settings(processors=3, reserve=0))
+
+    assert told(findings(build.create(wide))) == [("RARMS246", "partition/vision")]
+
+
+class TestStops:
+    RUNNING = partition(settings(reserve=40))
+    LIVE = build.update(RUNNING, partition(settings(reserve=60)))
+    STOP = build.step(
+        operation=StopPartition(partition="vision", grace_ms=120_000),
+        comment="no order of the steps keeps within the host",
+    )
+    START = build.step(operation=StartPartition(partition="vision"))
+
+    def test_a_partition_that_is_stopped_only_to_make_room_is_told(self) -> None:
+        (one,) = findings(self.LIVE, machines=[self.RUNNING], steps=[self.STOP, self.START])
+
+        assert (one.code, one.address) == ("RARMS041", "partition/vision")
+        assert "no order of the steps" in one.detail
+
+    def test_one_whose_own_change_stops_it_is_told_once(self) -> None:
+        stopping = replace(self.LIVE, disruption=Disruption.PARTITION_STOP)
+
+        found = findings(stopping, machines=[self.RUNNING], steps=[self.STOP, self.START])
+
+        assert told(found) == [("RARMS041", "partition/vision")]
+
+
+def promised(reserves: Iterable[int]) -> list[tuple[str, str]]:
+    """What is told of single processors that are to be reserved on eight, if those are Hyper-V's."""
+    changes = [
+        build.create(partition(settings(f"p{number:02}", processors=1, reserve=reserve, ram="1 MiB")))
+        for number, reserve in enumerate(reserves)
+    ]
+    plan = build.host_plan(changes=changes, steps=())
+    part = ReviewedPlan(
+        system=a_system(components=[a_component()]),
+        places=PathPlaces(),
+        purpose=Purpose.APPLY,
+        layout=None,
+        observed=State(facts=facts(logical_processors=8), partitions=()),
+        plan=replace(plan, host=replace(plan.host, provider=ProviderKind.HYPERV)),
+    )
+    return [one for one in told(list(review_plan(part))) if one[0] == "RARMS259"]
+
+
+def test_promises_that_a_script_cannot_place_are_refused_though_they_fit() -> None:
+    fits_only_by_search = [50, 40, 30, 30, 30, 20] * 4
+
+    assert sum(fits_only_by_search) == 800
+    assert promised(fits_only_by_search) == [("RARMS259", "host/onboard")]
+    assert promised([50, 40, 30, 30, 30, 10] * 4) == []
+
+
+@pytest.mark.parametrize(
+    ("disruption", "addresses"),
+    [
+        (Disruption.LIVE, []),
+        (Disruption.PARTITION_STOP, ["partition/vision"]),
+        (Disruption.HOST_RESTART, ["partition/vision"]),
+    ],
+)
+def test_a_partition_that_is_stopped_for_a_change_is_reported_at_the_address_an_acceptance_names(
+    disruption: Disruption, addresses: list[str]
+) -> None:
+    found = findings(processors_changed(disruption), machines=[partition()], steps=())
+
+    assert [finding.address for finding in found if finding.code == "RARMS041"] == addresses
+
+
+def test_the_reason_of_the_change_is_part_of_the_finding() -> None:
+    (restart,) = findings(processors_changed(Disruption.PARTITION_STOP), machines=[partition()], steps=())
+
+    assert (restart.code, restart.detail) == (
+        "RARMS041",
+        '"vision" runs, and it is stopped for this: its processors differ.',
+    )
+
+
+def test_a_removal_is_no_restart() -> None:
+    removal = Delete(
+        address=Address(partition="vision"),
+        before=partition(),
+        reason=Reason(says="it is not wanted"),
+        disruption=Disruption.REMOVAL,
+    )
+
+    assert "RARMS041" not in [finding.code for finding in findings(removal, machines=[partition()], steps=())]
+
+
+def processors_changed(disruption: Disruption) -> Update:
+    return Update(
+        address=Address(partition="vision"),
+        before=partition(settings("vision", processors=2)),
+        after=partition(settings("vision", processors=1)),
+        reason=Reason(says="its processors differ"),
+        disruption=disruption,
+    )

@@ -1,0 +1,100 @@
+"""Which parts of a host count as moved."""
+
+from dataclasses import replace
+
+import pytest
+
+from rarms_iac.diff.digests import moved_parts, part_digests
+from rarms_iac.model.state import (
+    Checkpoints,
+    HostFacts,
+    Mark,
+    Partition,
+    PartitionSettings,
+    RegistryValue,
+    Rights,
+    RunState,
+    StartAction,
+    State,
+    StopAction,
+    TaskClass,
+    ValueKind,
+)
+from rarms_iac.model.system import ProviderKind, SchedulerType
+
+FACTS = HostFacts(
+    name="onboard",
+    id="h-1",
+    provider=ProviderKind.SIMULATED,
+    computer_name="ONBOARD",
+    os_build=26100,
+    client=False,
+    scheduler=SchedulerType.CLASSIC,
+    smt=False,
+    logical_processors=2,
+    memory=2**32,
+    rights=Rights.PROVEN,
+)
+SETTINGS = PartitionSettings(
+    name="vision",
+    generation=2,
+    processors=2,
+    reserve=40,
+    limit=100,
+    weight=100,
+    memory=2**29,
+    dynamic_memory=False,
+    start_action=StartAction.START,
+    stop_action=StopAction.SHUT_DOWN,
+    checkpoints=Checkpoints.DISABLED,
+    running=True,
+)
+OURS = Partition(
+    settings=SETTINGS,
+    id="aaaa",
+    state=RunState.RUNNING,
+    mark=Mark(application="robot", name="vision", machine="aaaa", set="0" * 12),
+)
+THEIRS = Partition(settings=replace(SETTINGS, name="database", reserve=10), id="bbbb", state=RunState.RUNNING)
+AUDIO = TaskClass(name="Audio", values={"Priority": RegistryValue(kind=ValueKind.DWORD, data=6)})
+STATE = State(facts=FACTS, partitions=(THEIRS, OURS), tasks=(AUDIO,), serials={"robot": 3, "other": 9})
+
+
+def moved(after: State) -> tuple[str, ...]:
+    return moved_parts(part_digests(STATE, "robot"), part_digests(after, "robot"))
+
+
+def test_a_host_that_is_as_it_was_has_not_moved() -> None:
+    assert moved(STATE) == ()
+
+
+@pytest.mark.parametrize(
+    ("after", "told"),
+    [
+        (replace(STATE, facts=replace(FACTS, logical_processors=4)), "the host itself has changed"),
+        (replace(STATE, facts=replace(FACTS, scheduler=SchedulerType.ROOT)), "the host itself has changed"),
+        (replace(STATE, serials={"robot": 4}), "the count of applies has changed"),
+        (replace(STATE, partitions=(THEIRS,)), "partition/vision is gone"),
+        (
+            replace(STATE, partitions=(THEIRS, replace(OURS, settings=replace(SETTINGS, weight=99)))),
+            "partition/vision has changed",
+        ),
+        (
+            replace(STATE, partitions=(replace(THEIRS, settings=replace(THEIRS.settings, reserve=11)), OURS)),
+            "machine database (bbbb) has changed",
+        ),
+        (replace(STATE, partitions=(OURS, THEIRS, replace(THEIRS, id="cccc"))), "machine database (cccc) is new"),
+        (
+            replace(STATE, tasks=(replace(AUDIO, values={"Priority": RegistryValue(kind=ValueKind.SZ, data="6")}),)),
+            "task/Audio has changed",
+        ),
+    ],
+)
+def test_what_a_plan_rests_on_counts_as_moved(after: State, told: str) -> None:
+    assert moved(after) == (told,)
+
+
+def test_what_no_plan_rests_on_does_not_count() -> None:
+    others = replace(THEIRS, other_notes="a note", settings=replace(THEIRS.settings, weight=7))
+
+    assert moved(replace(STATE, partitions=(others, OURS), serials={"robot": 3, "other": 10})) == ()

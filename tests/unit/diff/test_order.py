@@ -1,0 +1,199 @@
+from dataclasses import replace
+from fractions import Fraction
+
+from rarms_iac.diff.claims import HostBudget
+from rarms_iac.diff.hold_back import hold_back
+from rarms_iac.diff.order import Cycle, OrderedSteps, order
+from rarms_iac.diff.steps import PlannedChange
+from rarms_iac.model.capacity import Capacity
+from rarms_iac.model.changes import Address, Reason, Update
+from rarms_iac.model.operations import SetCpu, SetMemory, StartPartition, StopPartition
+from rarms_iac.model.plan import Claim, Step, Undo, UndoLevel
+from rarms_iac.model.quantities import Bytes, LogicalProcessors, Percent, ShareOfHost
+from rarms_iac.model.state import Partition, RunState, State
+from rarms_iac.model.system import CpuWish, Disruption, System
+from tests.builders import a_component, a_host, a_system
+from tests.planning import route
+from tests.pure_host import PureHost
+from tests.strategies import MIB, empty_state, some_settings
+
+HOST = a_host(logical_processors=2)
+
+
+def shares(**reserves: int) -> System:
+    """Components with these reserves in per cent; the later named, the less critical."""
+    return a_system(
+        hosts=[HOST],
+        components=[
+            replace(a_component(name, criticality=50 - at), cpu=CpuWish(reserve=ShareOfHost(Percent(Fraction(share)))))
+            for at, (name, share) in enumerate(reserves.items())
+        ],
+    )
+
+
+def applied(system: System, state: State) -> State:
+    host = PureHost(state)
+    host.walk(steps(system, state))
+    return host.state
+
+
+def steps(system: System, state: State, limit: Disruption = Disruption.REMOVAL) -> tuple[Step, ...]:
+    ordered = route(system, state, limit).ordered
+    assert isinstance(ordered, OrderedSteps)
+    return ordered.steps
+
+
+def test_a_lowered_reservation_comes_before_a_raised_one() -> None:
+    state = applied(shares(vision=70, speech=30), empty_state(HOST))
+
+    found = steps(shares(vision=40, speech=60), state)
+
+    assert [step.title for step in found if isinstance(step.operation, SetCpu)] == [
+        "reserve 70 -> 40 %",
+        "reserve 30 -> 60 %",
+    ]
+    assert "gives back" not in found[0].title
+    assert found[0].comment.endswith("what is given back comes before what is taken")
+
+
+def test_a_partition_that_is_no_longer_wanted_stops_before_another_starts_in_its_place() -> None:
+    state = applied(shares(vision=70), empty_state(HOST))
+
+    found = [
+        step for step in steps(shares(speech=60), state) if isinstance(step.operation, StopPartition | StartPartition)
+    ]
+
+    assert [(str(step.address), step.title) for step in found] == [
+        ("partition/vision", "stop it (asked; after 120 s turned off)"),
+        ("partition/speech", "start it"),
+    ]
+
+
+def test_the_most_critical_partition_starts_first() -> None:
+    found = steps(shares(zeta=10, alpha=10), empty_state(HOST))
+
+    started = [step.address.partition for step in found if isinstance(step.operation, StartPartition)]
+    assert started == ["zeta", "alpha"]
+
+
+def test_what_exceeds_the_limit_is_held_back_with_the_growth_that_rests_on_it() -> None:
+    state = applied(shares(vision=70, speech=30), empty_state(HOST))
+    one = shares(vision=20, speech=60)
+    narrow = replace(one.components["vision"], processors=1)
+    wanted = replace(one, components={**one.components, "vision": narrow})
+
+    found = route(wanted, state, Disruption.LIVE)
+
+    assert found.held.kept == ()
+    assert {str(one.change.address): one.why for one in found.held.held} == {
+        "partition/speech": "it needs what a change that is held back would have given back",
+        "partition/vision": "it is partition_stop, and no more than live is allowed",
+    }
+    assert found.ordered == OrderedSteps(steps=())
+
+
+def running(name: str, reserve: int, memory: int) -> Partition:
+    settings = replace(some_settings(name), reserve=reserve, memory=memory * MIB, running=True)
+    return Partition(settings=settings, id=f"id-{name}", state=RunState.RUNNING)
+
+
+def claim(reserve: int, memory: int) -> Claim:
+    return Claim(processors=1, reserve=reserve, memory=memory * MIB)
+
+
+def step(partition: Partition, before: Claim, after: Claim) -> Step:
+    """A step of nobody's making, with these claims."""
+    name = partition.settings.name
+    operation = (
+        SetCpu(partition=name, reserve=after.reserve, limit=100, weight=100, machine=partition.id)
+        if before.reserve != after.reserve
+        else SetMemory(partition=name, memory=after.memory, machine=partition.id)
+    )
+    return Step(
+        address=Address(partition=name, machine=partition.id),
+        title="change it",
+        operation=operation,
+        before={},
+        after={},
+        undo=Undo(level=UndoLevel.NONE, operation=None),
+        disruption=Disruption.LIVE,
+        claim_before=before,
+        claim_after=after,
+        comment="",
+    )
+
+
+def crossed() -> tuple[list[PlannedChange], HostBudget]:
+    """Two full partitions; each first takes what the other gives only afterwards, so that no order fits."""
+    vision, speech = running("vision", 80, 100), running("speech", 20, 900)
+    taken = [
+        PlannedChange(
+            change=Update(
+                address=Address(partition=partition.settings.name, machine=partition.id),
+                before=partition,
+                after=partition,
+                reason=Reason(says="for the test"),
+                disruption=Disruption.LIVE,
+            ),
+            steps=changes,
+        )
+        for partition, changes in [
+            (vision, (step(vision, claim(80, 100), claim(80, 900)), step(vision, claim(80, 900), claim(20, 900)))),
+            (speech, (step(speech, claim(20, 900), claim(80, 900)), step(speech, claim(80, 900), claim(80, 100)))),
+        ]
+    ]
+    budget = HostBudget(
+        capacity=Capacity(logical_processors=1, processors=LogicalProcessors(Fraction(1)), memory=Bytes(1000 * MIB)),
+        managed={partition.id: partition for partition in (vision, speech)},
+        criticality={"vision": 2, "speech": 1},
+    )
+    return taken, budget
+
+
+def test_where_no_order_fits_the_least_critical_is_stopped_for_a_while_and_the_plan_says_why() -> None:
+    taken, budget = crossed()
+
+    found = order(taken, budget)
+
+    assert isinstance(found, OrderedSteps)
+    assert found.stopped == ("speech",)
+    assert [(step.address.partition, step.operation.kind) for step in found.steps] == [
+        ("speech", "stop_partition"),
+        ("vision", "set_memory"),
+        ("vision", "set_cpu"),
+        ("speech", "set_cpu"),
+        ("speech", "set_memory"),
+        ("speech", "start_partition"),
+    ]
+    assert "least critical" in found.steps[0].comment
+    assert never_over(found.steps, budget)
+
+
+def never_over(steps: tuple[Step, ...], budget: HostBudget) -> bool:
+    claims = {
+        key: claim(partition.settings.reserve, partition.settings.memory // MIB)
+        for key, partition in budget.managed.items()
+    }
+    for step in steps:
+        assert claims[step.address.machine] == step.claim_before, f"{step.address} {step.title}"
+        claims[step.address.machine] = step.claim_after
+        if sum(c.reserve for c in claims.values()) > 100 or sum(c.memory for c in claims.values()) > 1000 * MIB:
+            return False
+    return True
+
+
+def test_where_nothing_may_stop_the_cycle_is_named_and_nothing_is_planned() -> None:
+    taken, budget = crossed()
+
+    found = order(taken, replace(budget, max_disruption=Disruption.LIVE))
+
+    assert isinstance(found, Cycle)
+    assert found.partitions == ("speech", "vision")
+    assert found.finding.code == "RARMS154"
+    assert "max_disruption" in found.finding.detail
+
+
+def test_nothing_is_held_back_where_all_is_allowed() -> None:
+    taken, budget = crossed()
+
+    assert hold_back([one.change for one in taken], budget).held == ()
