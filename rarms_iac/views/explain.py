@@ -1,13 +1,18 @@
-"""A finding's page, for `rarms explain RARMS014`: Markdown in, pieces of text for a terminal out."""
+"""`rarms explain`: the page of a finding, and how a component comes to the per cent that its partition gets."""
 
 import re
 from typing import TYPE_CHECKING
 
+from rarms_iac.app.explanation import Explanation, HostExplanation
 from rarms_iac.storage.finding_pages import known_codes
-from rarms_iac.views.console import columns, indented, paragraph, stack, styled
+from rarms_iac.views.as_json import as_json
+from rarms_iac.views.console import columns, indented, paragraph, stack, styled, table
+from rarms_iac.views.explanation_steps import steps_of
+from rarms_iac.views.output.measuring import WalkOutput, WalkStepOutput
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
+
 
 _LINK = re.compile(r"\[([^\]]*)\]\([^)]*\)")
 _BLOCK_STARTS = ("#", "- ", "* ", "```")
@@ -40,3 +45,64 @@ def page_text(page: str) -> "RenderableType":
         else:
             parts.append("")
     return stack(*parts[:-1])
+
+
+def explanation_text(explanation: Explanation | HostExplanation) -> "RenderableType":
+    """Lay out the explanation: a row a sentence, behind what its step is about."""
+    component = explanation.component
+    rows = [
+        ("" if number else step.topic, sentence)
+        for step in steps_of(explanation)
+        for number, sentence in enumerate(step.sentences)
+    ]
+    return stack(paragraph(f"{component.name} (criticality {component.criticality})"), table(rows, wrap=(1,)))
+
+
+def explanation_json(explanation: Explanation | HostExplanation) -> str:
+    """The same for programs."""
+    return as_json(
+        _on_the_host(explanation) if isinstance(explanation, HostExplanation) else _in_a_partition(explanation)
+    )
+
+
+def _in_a_partition(explanation: Explanation) -> WalkOutput:
+    placed, known = explanation.placed, not explanation.cannot
+    return WalkOutput(
+        component=explanation.component.name,
+        partition=placed.name,
+        host=placed.host,
+        fits=not explanation.misfit,
+        data_log=None if explanation.measured is None else explanation.measured.path,
+        cr=None if explanation.least is None else explanation.least.reserve,
+        interpolated=explanation.least is not None and explanation.least.interpolated,
+        wanted_processors=None if explanation.wanted is None else float(explanation.wanted),
+        reserved_processors=float(placed.reserved) if known else None,
+        reserve=placed.reserve if known else None,
+        processors=placed.processors,
+        limit=placed.limit,
+        weight=placed.weight,
+        steps=_steps(explanation),
+    )
+
+
+def _on_the_host(explanation: HostExplanation) -> WalkOutput:
+    return WalkOutput(
+        component=explanation.component.name,
+        partition=None,
+        host=None,
+        fits=True,
+        data_log=None,
+        cr=None,
+        interpolated=False,
+        wanted_processors=None,
+        reserved_processors=None,
+        reserve=None,
+        processors=None,
+        limit=None,
+        weight=None,
+        steps=_steps(explanation),
+    )
+
+
+def _steps(explanation: Explanation | HostExplanation) -> tuple[WalkStepOutput, ...]:
+    return tuple(WalkStepOutput(topic=step.topic, says=step.sentences) for step in steps_of(explanation))

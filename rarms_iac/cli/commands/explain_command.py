@@ -47,13 +47,16 @@ def _component(session: Session, source: ManifestSource, name: str, *, as_json: 
     from rarms_iac.app.hosts import select_hosts
     from rarms_iac.cli.explaining import explained
     from rarms_iac.cli.telling import tell
-    from rarms_iac.views.walk_output import walk_json, walk_text
+    from rarms_iac.views.explain import explanation_json, explanation_text
 
     measured, manifest, component = _asked_for(source, name)
     hosts = select_hosts(manifest, HostSelection())
     found = explained(measured, hosts, component)
     tell(session.terminal, found.errors, manifest.sources)
-    session.terminal.data(walk_json(found.walk) if as_json else walk_text(found.walk, session.terminal.text_width))
+    if as_json:
+        session.terminal.data(explanation_json(found.walk))
+    else:
+        session.terminal.show(explanation_text(found.walk))
     return ExitCode.DONE if found.fits else ExitCode.NO
 
 

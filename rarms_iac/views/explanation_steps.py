@@ -1,0 +1,344 @@
+"""The sentences of `rarms explain COMPONENT`, step by step; each says something, if only that there is nothing."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+
+from rarms_iac.app.explanation import DataLogSummary, Explanation, HostExplanation, MemberCurve
+from rarms_iac.model.indexes import find_index, show_threshold, show_value
+from rarms_iac.model.quantities import guaranteed, in_processors, show_bytes, show_percent, show_processors
+from rarms_iac.model.system import AtMost, Component, Threshold
+from rarms_iac.statistics.curves import Point, holds
+from rarms_iac.statistics.verdicts import describe_error
+from rarms_iac.views.placement import placement_says
+
+
+def verdicts(explanation: Explanation) -> Iterator[str]:
+    """What was measured at the reservation, or why nothing was."""
+    if explanation.measured is None:
+        yield _why_not_measured(explanation)
+        yield from explanation.remarks
+        return
+    at = explanation.least.reserve if explanation.least is not None else max(explanation.measured.reserves, default=0)
+    for apt in explanation.looked:
+        point = apt.curve.value_at(at)
+        if point is not None:
+            yield _verdict(explanation, apt, point, at)
+    if inconclusive := sorted({each for apt in explanation.looked for each in apt.curve.inconclusive}):
+        yield f"measured without a verdict (no steady state, or too few answers): {_listed(inconclusive)}"
+    if explanation.least is not None and explanation.least.interpolated:
+        reserves, least = explanation.measured.reserves, explanation.least.reserve
+        below = max((reserve for reserve in reserves if reserve < least), default=None)
+        above = min((reserve for reserve in reserves if reserve > least), default=None)
+        yield (
+            f"looked up on the curve between the settings at {below} % and {above} %, not measured itself: "
+            f"`{explanation.measured.again} --verify` measures it"
+        )
+    yield from explanation.remarks
+
+
+def why_not_less(explanation: Explanation, less: int) -> Iterator[str]:
+    """Why not one per cent less: the index that its curve shows to fail there."""
+    missed = [
+        (apt, at)
+        for apt in explanation.looked
+        if (at := apt.curve.value_at(less)) and not holds(apt.curve, apt.threshold, less)
+    ]
+    for apt, point in missed:
+        how = "measured" if any(known.reserve == less for known in apt.curve.points) else "looked up"
+        how = f"{how}, as what was measured there gave no verdict" if less in apt.curve.inconclusive else how
+        side = point.upper if isinstance(apt.threshold, AtMost) else point.lower
+        yield (
+            f"{less} %, one less: {_name(explanation, apt)} {_value(apt, point.value)} ({how}), and "
+            f"{_value(apt, side)} on the safe side; it must be {_bound(apt)}"
+        )
+    if missed:
+        return
+    inconclusive = sorted({at for apt in explanation.looked for at in apt.curve.inconclusive if at <= less})
+    if less in inconclusive:
+        yield f"{less} %, one less: it was measured, and gave no verdict, so nothing says that it would do"
+    elif inconclusive:
+        yield (
+            f"{less} %, one less: not measured; lower settings gave no verdict ({_listed(inconclusive)}), so nothing says "
+            "that it would do"
+        )
+    else:
+        yield f"{less} %, one less: nothing so low was measured, so nothing says that it would do"
+
+
+def shown(name: str, threshold: Threshold) -> str:
+    """A threshold in words."""
+    index = find_index(name)
+    assert index is not None, "a manifest's APT names indexes that there are"
+    return show_threshold(index, threshold)
+
+
+def _why_not_measured(explanation: Explanation) -> str:
+    if explanation.wanted is None:
+        return "not measured: there is no data log that holds"
+    if explanation.fixed_by:
+        met = (
+            "nothing says whether its APT is met"
+            if any(member.apt for member in explanation.group.members)
+            else "no APT asks"
+        )
+        return f"not measured: the reserve is fixed, and {met}"
+    return "not measured: nothing is reserved, and no APT asks"
+
+
+def _verdict(explanation: Explanation, apt: MemberCurve, point: Point, at: int) -> str:
+    seen = (
+        f"at {at} %: {_name(explanation, apt)} {_value(apt, point.value)}, "
+        f"between {_value(apt, point.lower)} and {_value(apt, point.upper)} "
+        f"(the truth lies outside in at most {_percent(apt.curve.error)} of cases{_samples(apt, point)})"
+    )
+    if holds(apt.curve, apt.threshold, at):
+        return f"{seen}: met, as the safe side of that is {_bound(apt)}; {describe_error(apt.curve.error / 2)}"
+    return f"{seen}: not met for sure, as the safe side of that is not {_bound(apt)}"
+
+
+def _listed(reserves: list[int]) -> str:
+    return ", ".join(f"{reserve} %" for reserve in reserves)
+
+
+def _name(explanation: Explanation, apt: MemberCurve) -> str:
+    return apt.index if apt.member == explanation.component.name else f"{apt.index} of {apt.member}"
+
+
+def _samples(apt: MemberCurve, point: Point) -> str:
+    found = [
+        made.samples
+        for at, made in zip(apt.curve.points, apt.curve.estimates, strict=True)
+        if at.reserve == point.reserve
+    ]
+    return f", {found[0]} samples" if found else ""
+
+
+def _bound(apt: MemberCurve) -> str:
+    return shown(apt.index, apt.threshold)
+
+
+def _value(apt: MemberCurve, value: float) -> str:
+    index = find_index(apt.index)
+    assert index is not None, "a curve is of an index that there is"
+    if value in (float("inf"), float("-inf")):
+        return "no bound"
+    return show_value(index, Fraction(str(round(value, 1))))
+
+
+def _percent(error: float) -> str:
+    return show_percent(Fraction(error).limit_denominator(10_000) * 100)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExplanationStep:
+    """A step of an explanation: what it is about, and its sentences."""
+
+    topic: str
+    sentences: tuple[str, ...]
+
+
+def steps_of(explanation: Explanation | HostExplanation) -> tuple[ExplanationStep, ...]:
+    """The steps in order."""
+    topics = _on_the_host(explanation) if isinstance(explanation, HostExplanation) else _in_a_partition(explanation)
+    steps = ((topic, tuple(sentences)) for topic, sentences in topics)
+    return tuple(ExplanationStep(topic=topic, sentences=sentences) for topic, sentences in steps if sentences)
+
+
+def _in_a_partition(explanation: Explanation) -> Iterator[tuple[str, Iterator[str]]]:
+    yield "APT", _apt(explanation)
+    yield "data log", _data_log(explanation)
+    yield "setting and verdict", verdicts(explanation)
+    yield "reservation", _reservation(explanation)
+    yield "rounding", _rounding(explanation)
+    yield "partition", _partition(explanation)
+    yield "host", _host(explanation)
+    yield "limit and weight", _limit_and_weight(explanation)
+    yield "rejected", _rejected(explanation)
+    yield "no layout", iter(explanation.misfit)
+
+
+def _on_the_host(explanation: HostExplanation) -> Iterator[tuple[str, Iterator[str]]]:
+    component, name = explanation.component, explanation.component.name
+    hosts = ", ".join(host.name for host in explanation.hosts) or "no host of the manifest"
+    task = (
+        f"robotic task class {component.task}: `rarms plan` shows its values"
+        if component.task
+        else "no robotic task class"
+    )
+    kept = [
+        f"{host.name} keeps {show_processors(in_processors(host.keep_for_host.processor, host.logical_processors))}"
+        for host in explanation.hosts
+    ]
+    yield "APT", _thresholds(component, "")
+    yield "data log", iter(["none: rarms measures what runs in partitions"])
+    yield "setting and verdict", iter([f"not measured: {name} runs on the host itself (`runs_on: host`)"])
+    yield "reservation", iter(["none: only partitions have one; `keep_for_host` is for all that runs outside", *kept])
+    yield "rounding", iter(["none: nothing is reserved"])
+    yield "partition", iter(["none: it is combined with nobody"])
+    yield "host", iter([f"wherever it is started: {hosts}"])
+    yield "limit and weight", iter(["none: both are of partitions", task])
+    yield "rejected", iter(["nothing: nothing is placed, combined or measured"])
+
+
+def _apt(explanation: Explanation) -> Iterator[str]:
+    for member in sorted(explanation.group.members, key=lambda each: each is not explanation.component):
+        if member is explanation.component:
+            yield from _thresholds(member, "")
+        elif member.apt:
+            yield from _thresholds(member, f"{member.name}, in the same partition: ")
+
+
+def _thresholds(component: Component, whose: str) -> Iterator[str]:
+    for name, threshold in component.apt.items():
+        yield f"{whose}{name} {shown(name, threshold)}"
+    if not component.apt:
+        yield f"{component.name} has none: nothing says how well it must do"
+
+
+def _data_log(explanation: Explanation) -> Iterator[str]:
+    log = explanation.measured
+    if explanation.fixed_by:
+        yield f"none is needed: {explanation.fixed_by} fixes the reserve"
+    elif log is not None:
+        yield from _log(log)
+    elif explanation.wanted is None:
+        yield f"none that holds: {explanation.cannot}"
+    else:
+        yield "none is needed: nothing is reserved"
+
+
+def _log(log: DataLogSummary) -> Iterator[str]:
+    when = log.first if log.first == log.last else f"{log.first} to {log.last}"
+    yield f"{log.path}, {_settings(len(log.reserves))}, measured {when}"
+    smt = "with SMT" if log.smt else "without SMT"
+    build = f", build {log.os_build}" if log.os_build else ""
+    yield (
+        f"bench: {log.provider}, {log.processor or 'no processor model'}, "
+        f"{show_processors(log.logical_processors)} {smt}, scheduler {log.scheduler.value}{build}; "
+        f"against {log.interference}"
+    )
+
+
+def _settings(number: int) -> str:
+    return "one setting" if number == 1 else f"{number} settings"
+
+
+def _reservation(explanation: Explanation) -> Iterator[str]:
+    whole = explanation.host.logical_processors
+    if explanation.wanted is None:
+        yield f"not known: {_what_is_missing(explanation)}"
+        return
+    if explanation.least is not None and explanation.measured is not None:
+        yield (
+            f"CR {explanation.least.reserve} %: the least whole per cent of P1's "
+            f"{_virtual(explanation.measured.processors)} at which every APT of the partition is seen to hold"
+        )
+    elif not explanation.wanted:
+        yield "none: nothing asks for one"
+        return
+    else:
+        yield f"as {explanation.fixed_by} fixes it"
+    share = show_percent(100 * explanation.wanted / whole)
+    yield f"{show_processors(explanation.wanted)}, {share} of {explanation.host.name}"
+
+
+def _what_is_missing(explanation: Explanation) -> str:
+    return "no setting that was measured is enough" if explanation.measured is not None else "not measured"
+
+
+def _rounding(explanation: Explanation) -> Iterator[str]:
+    placed = explanation.placed
+    if explanation.wanted is None or explanation.cannot:
+        yield "none: " + (
+            explanation.cannot if explanation.wanted is not None else "there is no reservation to round yet"
+        )
+        return
+    if not placed.reserve:
+        yield "none: nothing is reserved"
+        return
+    lost = guaranteed(placed.reserve, placed.processors) - explanation.wanted
+    grain = f"{placed.reserve} % of each of its {_virtual(placed.processors)} (whole per cent are the provider's grain)"
+    if placed.processors == 1:
+        grain = f"{placed.reserve} % of its virtual processor (whole per cent are the provider's grain)"
+    yield f"{grain}: {show_processors(placed.reserved)}, " + (
+        f"rounded up by {show_processors(lost)}" if lost else "nothing is lost"
+    )
+
+
+def _virtual(processors: int) -> str:
+    return "one virtual processor" if processors == 1 else f"{processors} virtual processors"
+
+
+def _partition(explanation: Explanation) -> Iterator[str]:
+    others = [member for member in explanation.group.members if member is not explanation.component]
+    if not others:
+        yield f"{explanation.placed.name}: {explanation.component.name} is alone, as nothing asks to combine it"
+    else:
+        names = ", ".join(f"{other.name} (criticality {other.criticality})" for other in others)
+        yield f"{explanation.placed.name}: {explanation.component.name} is combined with {names}"
+        yield from explanation.why_together
+    yield f"memory {show_bytes(explanation.placed.memory)}, {_virtual(explanation.placed.processors)}"
+
+
+def _host(explanation: Explanation) -> Iterator[str]:
+    name, whole = explanation.host.name, Fraction(explanation.host.logical_processors)
+
+    def share(processors: Fraction) -> str:
+        return f"{show_processors(processors)} ({show_percent(100 * processors / whole)})"
+
+    if explanation.cannot:
+        known = "once its reservation is known" if explanation.wanted is None else "if it could be there"
+        yield f"{name}, {known}: it has {show_processors(whole)}"
+    elif explanation.on_host is None:
+        yield f"{name}, if there were room: {share(explanation.placed.reserved)} of its {show_processors(whole)}"
+    else:
+        yield f"{name}: {share(explanation.placed.reserved)} of its {show_processors(whole)}"
+    if explanation.where_now:
+        yield explanation.where_now
+    if explanation.unseen:
+        yield f"not looked at, so that the manifest alone counts of it: {', '.join(explanation.unseen)}"
+    if explanation.on_host is None:
+        return
+    beside = ", ".join(f"{partition} {show_processors(amount)}" for partition, amount in explanation.on_host.beside)
+    if beside:
+        yield f"beside it: {beside}"
+    if explanation.on_host.foreign:
+        yield f"machines that are not ours: {share(explanation.on_host.foreign)}"
+    if explanation.on_host.kept:
+        yield f"kept for the host: {share(explanation.on_host.kept)}"
+    taken = explanation.placed.reserved + explanation.on_host.foreign
+    taken += sum((amount for _, amount in explanation.on_host.beside), Fraction(0))
+    yield f"left over: {share(explanation.on_host.capacity - taken)}"
+    if explanation.on_host.placement is not None:
+        yield placement_says(explanation.on_host.placement)
+
+
+def _limit_and_weight(explanation: Explanation) -> Iterator[str]:
+    yield f"limit {explanation.placed.limit} %: {explanation.placed.why_limit}"
+    yield f"weight {explanation.placed.weight}: {explanation.placed.why_weight}"
+
+
+def _rejected(explanation: Explanation) -> Iterator[str]:
+    yield from _other_reserves(explanation)
+    if explanation.apart:
+        yield explanation.apart
+    yield from explanation.shared
+    yield from explanation.partners
+    for host in explanation.elsewhere:
+        yield f"on {host.host}: {host.says}"
+    if not explanation.elsewhere:
+        yield "another host: the manifest has no other"
+
+
+def _other_reserves(explanation: Explanation) -> Iterator[str]:
+    if explanation.fixed_by:
+        yield f"another reserve: none was looked for, as {explanation.fixed_by} fixes it"
+    elif explanation.wanted is None:
+        yield f"another reserve: {_what_is_missing(explanation)}"
+    elif explanation.least is None:
+        yield "a reserve: nothing asks for one"
+    elif explanation.least.reserve == 1:
+        yield "a lower reserve: there is none"
+    else:
+        yield from why_not_less(explanation, explanation.least.reserve - 1)
