@@ -14,7 +14,7 @@ from math import inf
 from benchmarks.combining_models import CURVE, Drawn, Need, halving
 from rarms_iac.planner.prediction.members import Alone
 from rarms_iac.planner.prediction.periodic import demand_of
-from rarms_iac.providers.simulated.scheduling.machine import BusyLoops, Demand, Machine, VirtualMachine
+from rarms_iac.providers.simulated.scheduling.machine import BusyLoops, JobDemand, ModelMachine, VirtualMachine
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 
 POOLS = 12
@@ -53,7 +53,7 @@ def pool(number: int) -> Pool:
     for at in range(IN_A_POOL):
         work = chance.uniform(8, 30)
         waits = work * chance.choice((0.0, 0.3, 1.0, 2.0))
-        demands.append(Demand(component=f"c{at:02}", work_ms=work, blocked_ms=waits, varies=5.0))
+        demands.append(JobDemand(component=f"c{at:02}", work_ms=work, blocked_ms=waits, varies=5.0))
         wanted.append(waits + work / chance.uniform(0.15, 0.6))
 
     @cache
@@ -73,12 +73,12 @@ def pool(number: int) -> Pool:
     return Pool(lps=lps, need=need, alone=alone)
 
 
-def _means(demands: tuple[Demand, ...], lps: int, reserve: int, until_ms: float) -> tuple[float, ...]:
+def _means(demands: tuple[JobDemand, ...], lps: int, reserve: int, until_ms: float) -> tuple[float, ...]:
     """The mean response time (ms) of each; `inf`: it did not answer often enough.
 
     NOTE: of each the same jobs, whoever else runs: their work is drawn by component, so that company only adds to it.
     """
-    machine = Machine(
+    machine = ModelMachine(
         lps=lps,
         machines=(
             VirtualMachine(name="p1", vps=lps, reserve=reserve, components=demands),

@@ -8,7 +8,7 @@ import time
 from itertools import islice
 
 from benchmarks.timing import Figure, report
-from rarms_iac.providers.simulated.scheduling.machine import BusyLoops, Machine
+from rarms_iac.providers.simulated.scheduling.machine import BusyLoops, ModelMachine
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 from scripts.paper_experiments import FDP, PAIRS, RESERVES, bench, demands, playing
 
@@ -18,7 +18,7 @@ EXPERIMENT_1 = 200.0
 TEN_BROWSERS = 20.0
 
 
-def cost(machine: Machine) -> float:
+def cost(machine: ModelMachine) -> float:
     """Milliseconds of processor time for a second of simulated time."""
     simulation = simulate(machine, 1)
     begun = time.process_time()

@@ -18,11 +18,11 @@ from rarms_iac.providers.simulated.scheduling.machine import (
     QUIET_INTERRUPTS,
     Browsers,
     BusyLoops,
-    Demand,
+    JobDemand,
     JobDone,
-    Load,
-    Machine,
-    Piece,
+    ModelLoad,
+    ModelMachine,
+    TracePiece,
     VirtualMachine,
 )
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
@@ -58,17 +58,17 @@ def the_robot() -> System:
     return loaded.system
 
 
-def demands() -> dict[str, Demand]:
+def demands() -> dict[str, JobDemand]:
     """What the delivery robot's components ask for, at Fig. 3's priorities (which change nothing in one's own VM)."""
     return {
         name: demand_of(component, PRIORITIES.get(name, ORDINARY)) for name, component in the_robot().components.items()
     }
 
 
-def bench(demand: Demand, reserves: tuple[float, float], load: Load | None) -> Machine:
+def bench(demand: JobDemand, reserves: tuple[float, float], load: ModelLoad | None) -> ModelMachine:
     """P1 with the component, P2 with what interferes; P1's and P2's reserves in per cent."""
     inside = () if load is None else (load,)
-    return Machine(
+    return ModelMachine(
         lps=LPS,
         interrupts=QUIET_INTERRUPTS,
         machines=(
@@ -78,7 +78,7 @@ def bench(demand: Demand, reserves: tuple[float, float], load: Load | None) -> M
     )
 
 
-def mean_response(machine: Machine, jobs: int, seeds: Sequence[int]) -> float:
+def mean_response(machine: ModelMachine, jobs: int, seeds: Sequence[int]) -> float:
     """Over the first jobs of each seed."""
     return mean(job.response for seed in seeds for job in islice(simulate(machine, seed), jobs))
 
@@ -105,7 +105,7 @@ def figure_4(
     }
 
 
-def playing(browsers: int) -> Load | None:
+def playing(browsers: int) -> ModelLoad | None:
     """So many browsers."""
     return Browsers(instances=browsers) if browsers else None
 
@@ -123,7 +123,7 @@ def _loaded(browsers: int, until_ms: float, seeds: Sequence[int]) -> Loaded:
     )
 
 
-def _jobs(demand: Demand, browsers: int, until_ms: float, seeds: Sequence[int]) -> list[JobDone]:
+def _jobs(demand: JobDemand, browsers: int, until_ms: float, seeds: Sequence[int]) -> list[JobDone]:
     machine = _one_system(browsers)
     inside = replace(machine.machines[0], components=(demand,))
     return [job for seed in seeds for job in simulate(replace(machine, machines=(inside,)), seed, until_ms=until_ms)]
@@ -132,7 +132,7 @@ def _jobs(demand: Demand, browsers: int, until_ms: float, seeds: Sequence[int]) 
 def _utilisation(browsers: int, until_ms: float, seeds: Sequence[int]) -> float:
     busy = 0.0
 
-    def count(piece: Piece) -> None:
+    def count(piece: TracePiece) -> None:
         nonlocal busy
         if piece.ran != IDLE:
             busy += piece.ended - piece.began
@@ -143,9 +143,9 @@ def _utilisation(browsers: int, until_ms: float, seeds: Sequence[int]) -> float:
     return 100.0 * busy / (LPS * until_ms * len(seeds))
 
 
-def _one_system(browsers: int) -> Machine:
+def _one_system(browsers: int) -> ModelMachine:
     load = playing(browsers)
     system = VirtualMachine(
         name="os", vps=LPS, memory_mib=HOST_MEMORY_MIB, loads=() if load is None else (load,), partitioned=False
     )
-    return Machine(lps=LPS, machines=(system,), interrupts=QUIET_INTERRUPTS)
+    return ModelMachine(lps=LPS, machines=(system,), interrupts=QUIET_INTERRUPTS)

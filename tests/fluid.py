@@ -6,10 +6,10 @@ For tests that are about measuring and not about scheduling: the answers are kno
 from collections.abc import Iterator
 from random import Random
 
-from rarms_iac.providers.simulated.scheduling.machine import JobDone, Machine
+from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
 
 
-def fluid(machine: Machine, seed: int) -> Iterator[JobDone]:
+def fluid(machine: ModelMachine, seed: int) -> Iterator[JobDone]:
     """Jobs one after the other; each response is blocked + work / reserve, give or take what `varies` says."""
     random = Random(seed)
     clocks = {

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from rarms_iac.model.measurement import Series
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.system import AtLeast, AtMost, Component, Run, Threshold
-from rarms_iac.running.samples import Ending
+from rarms_iac.running.samples import RunEnding
 from rarms_iac.statistics.estimates import estimate
 
 
@@ -17,7 +17,7 @@ class ComponentRunResult:
     component: Component
     run: Run
     series: Series
-    ending: Ending
+    ending: RunEnding
 
     @property
     def failed(self) -> int:

@@ -15,8 +15,8 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.system import Component, Elapsed, Run, SampleCount, System
 from rarms_iac.running.component import ComponentRun, run_in_parallel
-from rarms_iac.running.loads import Load, LoadEnded
-from rarms_iac.running.samples import Ending
+from rarms_iac.running.loads import InterferingLoad, LoadEnded
+from rarms_iac.running.samples import RunEnding
 from rarms_iac.running.start import CannotStart, RunningError, StartContext
 from rarms_iac.views.component_run import sample_text, summary_text
 from rarms_iac.views.diagnostics.layout import visible
@@ -76,7 +76,7 @@ def findings_of(ran: ComponentRunResult, manifest: Manifest) -> Iterator[Diagnos
     """What is wrong with a run."""
     name, places = ran.component.name, manifest.places
     address = f"component/{name}"
-    if ran.ending is Ending.FAILURES:
+    if ran.ending is RunEnding.FAILURES:
         reasons = list(dict.fromkeys(sample.failure for sample in ran.series.samples if sample.failure))
         yield TOO_MANY_FAILURES.at(
             places.key("components", name, "run"),
@@ -116,14 +116,14 @@ def _until(run: Run, wish: RunWish) -> Run:
 
 
 @contextmanager
-def _load(system: System, wish: RunWish, base: Path) -> Iterator[Load | None]:
+def _load(system: System, wish: RunWish, base: Path) -> Iterator[InterferingLoad | None]:
     if wish.interference is None:
         with nullcontext():
             yield None
         return
     refuse_unknown((wish.interference,), system.interference, "interference")
     load = system.interference[wish.interference]
-    with Load(wish.interference, load, StartContext(base=base)) as running:
+    with InterferingLoad(wish.interference, load, StartContext(base=base)) as running:
         yield running
 
 
@@ -131,7 +131,7 @@ def _run_group(
     session: Session,
     group: Sequence[tuple[Component, Run]],
     around: StartContext,
-    load: Load | None,
+    load: InterferingLoad | None,
     *,
     live: bool,
 ) -> list[ComponentRunResult]:

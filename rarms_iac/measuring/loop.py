@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from rarms_iac.manifest.places import NoPlaces
 from rarms_iac.measuring.partitions import (
     Classes,
     HostBudget,
@@ -23,7 +24,6 @@ from rarms_iac.measuring.partitions import (
 from rarms_iac.measuring.search.trials import is_clear
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import goal_of
-from rarms_iac.model.diagnostics import Place
 from rarms_iac.model.measurement import P1, P2, Sample, Series, Setting
 from rarms_iac.model.outcomes import Conclusion, ExperimentStep, Measure, SettingFailed, Stopped, TooManyFailures
 from rarms_iac.model.system import Component
@@ -223,18 +223,6 @@ def highest_seed(settings: tuple[Setting, ...]) -> int:
     return max((setting.seed for setting in settings), default=0)
 
 
-class NoPlaces:
-    """A `Places` for who is told nothing: whoever plans is told of an order that classes cannot express."""
-
-    def value(self, *_path: str | int) -> Place:
-        """No place in particular."""
-        return Place(file="", line=1, column=1)
-
-    def key(self, *_path: str | int) -> Place:
-        """No place in particular."""
-        return Place(file="", line=1, column=1)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _TestBench:
     """The test partitions, and what there is room for."""
@@ -254,7 +242,7 @@ def _make_bench(experiment: Experiment, context: MeasuringContext, ends: ExitSta
 
 def _task_classes(experiment: Experiment) -> Classes:
     """The task classes that the members name, as a plan would set them in a partition of just these."""
-    decided = classes_of(experiment.members, experiment.tasks, P1, NoPlaces()).classes
+    decided = classes_of(experiment.members, experiment.tasks, P1, NoPlaces(file="")).classes
     return {class_values.name: registry_values(class_values) for class_values in decided}
 
 

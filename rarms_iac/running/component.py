@@ -9,9 +9,9 @@ from typing import Self
 
 from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.system import Call, Run
-from rarms_iac.running.samples import Ending, SampleRecord, samples_of_lines, samples_of_runs
+from rarms_iac.running.samples import RunEnding, SampleRecord, samples_of_lines, samples_of_runs
 from rarms_iac.running.start import StartContext, order_of
-from rarms_iac.running.supervisor import Interrupted, Supervisor
+from rarms_iac.running.supervisor import ReadingInterrupted, Supervisor
 
 
 class ComponentRun:
@@ -56,8 +56,8 @@ class ComponentRun:
 
     def close(self) -> None:
         """Stop it as its `stop` says, and wait until nothing of it is left; may be called twice."""
-        if self._record.ending is Ending.RUNNING:
-            self._record.ending = Ending.CLOSED
+        if self._record.ending is RunEnding.RUNNING:
+            self._record.ending = RunEnding.CLOSED
         self._samples.close()
 
     def series(self) -> Series:
@@ -70,7 +70,7 @@ class ComponentRun:
         )
 
     @property
-    def ending(self) -> Ending:
+    def ending(self) -> RunEnding:
         """Why no more samples come."""
         return self._record.ending
 
@@ -93,8 +93,8 @@ class ComponentRun:
                 yield from samples_of_runs(supervisor, self._record)
             else:
                 yield from samples_of_lines(self.component, supervisor, self._record)
-        except Interrupted:
-            self._record.ending = Ending.CLOSED
+        except ReadingInterrupted:
+            self._record.ending = RunEnding.CLOSED
         finally:
             supervisor.close()
 

@@ -12,7 +12,7 @@ from typing import Self, assert_never
 from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.system import Browser, BusyLoop, CommandLoad, Interference
 from rarms_iac.running.start import CannotStart, RunningError, StartContext, order_of_words
-from rarms_iac.running.supervisor import Line, ProcessEnded, Supervisor
+from rarms_iac.running.supervisor import OutputLine, ProcessEnded, Supervisor
 
 HERE = Path(__file__).resolve().parent
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
@@ -44,7 +44,7 @@ class LoadEnded(RunningError):
         self.message = message
 
 
-class Load:
+class InterferingLoad:
     """An interfering load that runs until it is closed; nothing of it stays.
 
     Raises:
@@ -100,7 +100,7 @@ class Load:
         self._supervisor.start()
         while True:
             match self._supervisor.next(until):
-                case Line(text="running"):
+                case OutputLine(text="running"):
                     return
                 case ProcessEnded():
                     raise CannotStart(self.name, self._last_words())

@@ -118,7 +118,7 @@ def truth(value: object) -> bool | None:
 def quoted(line: str) -> str:
     """The beginning of a line, with nothing in it that a terminal would obey."""
     short = line[:SHOWN] + ("..." if len(line) > SHOWN else "")
-    return '"' + "".join(one if one.isprintable() else repr(one)[1:-1] for one in short) + '"'
+    return '"' + "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in short) + '"'
 
 
 def _matcher(pattern: str) -> Callable[[str], Mapping[str, Any] | None]:
@@ -147,7 +147,7 @@ def _wrong(field: Field, wanted: str, value: object, line: str, *, there: bool) 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class JobAnswer:
     """A job's answer; or that the function is loaded, that it cannot be, or that it raised."""
 
     reading: Reading = Reading()
@@ -157,7 +157,7 @@ class Answer:
     failure: str = ""
 
 
-AnswerReader = Callable[[str], Answer | Unreadable | None]
+AnswerReader = Callable[[str], JobAnswer | Unreadable | None]
 """Reads a line of any component, a function's caller included; None: it says nothing about a job."""
 
 
@@ -167,25 +167,25 @@ def answer_reader(run: Run) -> AnswerReader:
     if isinstance(run.start, Call):
         return lambda line: _read_caller(run, read, line)
 
-    def read_command(line: str) -> Answer | Unreadable | None:
+    def read_command(line: str) -> JobAnswer | Unreadable | None:
         reading = read(line)
-        return Answer(reading=reading) if isinstance(reading, Reading) else reading
+        return JobAnswer(reading=reading) if isinstance(reading, Reading) else reading
 
     return read_command
 
 
-def _read_caller(run: Run, read: LineReader, line: str) -> Answer | Unreadable | None:
+def _read_caller(run: Run, read: LineReader, line: str) -> JobAnswer | Unreadable | None:
     message = json.loads(line)
     match message:
         case {"ready": float(ready)}:
-            return Answer(ready=ready)
+            return JobAnswer(ready=ready)
         case {"cannot": str(cannot)}:
-            return Answer(cannot=cannot)
+            return JobAnswer(cannot=cannot)
         case {"due": float(due), "error": str(error)}:
-            return Answer(began=due, failure=error)
+            return JobAnswer(began=due, failure=error)
         case {"due": float(due), "response": float(response)}:
             reading = _read_result(run, read, message.get("result"), response)
-            return Answer(reading=reading, began=due) if isinstance(reading, Reading) else reading
+            return JobAnswer(reading=reading, began=due) if isinstance(reading, Reading) else reading
         case _:
             return Unreadable(message=f"the runner's line {line[:60]!r}")
 

@@ -8,24 +8,24 @@ from enum import StrEnum
 from rarms_iac.model.measurement import Sample
 from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.system import Elapsed, Periodic, Run, SampleCount
-from rarms_iac.running.reading import Answer, AnswerReader, Unreadable, answer_reader
+from rarms_iac.running.reading import AnswerReader, JobAnswer, Unreadable, answer_reader
 from rarms_iac.running.start import CannotStart
 from rarms_iac.running.supervisor import (
     FLOOD,
     LONGEST_LINE,
     Event,
-    Line,
+    OutputLine,
+    OverlongLine,
     ProcessEnded,
     ProcessStarted,
     Supervisor,
-    TooLong,
     describe_death,
     describe_early_end,
     ended_by_itself,
 )
 
 
-class Ending(StrEnum):
+class RunEnding(StrEnum):
     """Why no more samples come."""
 
     RUNNING = "running"  # they still do
@@ -41,7 +41,7 @@ class SampleRecord:
         self.run = run
         self.samples: list[Sample] = []
         self.failed = 0
-        self.ending = Ending.RUNNING
+        self.ending = RunEnding.RUNNING
         self._begun: float | None = None
         self._last: float | None = None
 
@@ -62,9 +62,9 @@ class SampleRecord:
         self.failed += bool(sample.failure)
         self._last = at
         if self.failed > self.run.failures:
-            self.ending = Ending.FAILURES
+            self.ending = RunEnding.FAILURES
         elif isinstance(self.run.until, SampleCount) and len(self.samples) >= self.run.until.samples:
-            self.ending = Ending.UNTIL
+            self.ending = RunEnding.UNTIL
         return sample
 
     def is_over(self, at: float) -> bool:
@@ -72,7 +72,7 @@ class SampleRecord:
         over = self.over
         if over is None or at < over:
             return False
-        self.ending, self._last = Ending.UNTIL, over
+        self.ending, self._last = RunEnding.UNTIL, over
         return True
 
     @property
@@ -155,7 +155,7 @@ class _LineReader:
     def samples(self) -> Generator[Sample, None, None]:
         record = self._record
         self._supervisor.start()
-        while record.ending is Ending.RUNNING:
+        while record.ending is RunEnding.RUNNING:
             event = self._supervisor.next(earliest(self._impatient_at(), record.over))
             at = time.perf_counter() if event is None else event.at
             if record.is_over(at):
@@ -178,11 +178,11 @@ class _LineReader:
             case ProcessStarted():
                 self._now.last = at
                 return None
-            case Line(text=text, size=size):
+            case OutputLine(text=text, size=size):
                 return self._of_line(self._read_answer(text), size, at)
-            case TooLong(flood=True):
+            case OverlongLine(flood=True):
                 return self._give_up(f"a line of {FLOOD_SIZE}")
-            case TooLong():
+            case OverlongLine():
                 return self._of_line(LONG_LINE, 0, at)
             case ProcessEnded():
                 well = ended_by_itself(event) and self._now.samples > 0
@@ -190,13 +190,13 @@ class _LineReader:
             case None:
                 return self._give_up(f"no sample within {show_milliseconds(self._record.run.timeout)}")
 
-    def _of_line(self, answer: Answer | Unreadable | None, size: int, at: float) -> Sample | None:
+    def _of_line(self, answer: JobAnswer | Unreadable | None, size: int, at: float) -> Sample | None:
         if answer is None:
             self._now.unread += size
             return self._give_up(f"{FLOOD_SIZE} without a sample") if self._now.unread > FLOOD else None
-        if isinstance(answer, Answer) and answer.cannot:
+        if isinstance(answer, JobAnswer) and answer.cannot:
             raise CannotStart(self._component, answer.cannot)
-        if isinstance(answer, Answer) and answer.ready is not None:
+        if isinstance(answer, JobAnswer) and answer.ready is not None:
             self._record.begin(answer.ready)
             self._now.last = at
             return None
@@ -205,7 +205,7 @@ class _LineReader:
         self._now.samples += not sample.failure
         return sample
 
-    def _of_job(self, answer: Answer | Unreadable, at: float) -> Sample:
+    def _of_job(self, answer: JobAnswer | Unreadable, at: float) -> Sample:
         if isinstance(answer, Unreadable):
             return self._record.failure(self._now.last, answer.message)
         if answer.failure:
@@ -239,7 +239,7 @@ def samples_of_runs(supervisor: Supervisor, record: SampleRecord) -> Generator[S
     """Job after job; a periodic one counts from its scheduled start, and no overrun shifts the schedule."""
     supervisor.unheard()
     number = 0
-    while record.ending is Ending.RUNNING:
+    while record.ending is RunEnding.RUNNING:
         due = _due(record, number)
         job = _one_job(supervisor, record, due)
         if job is None or record.is_over(job.ended.at):

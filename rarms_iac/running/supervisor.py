@@ -30,7 +30,7 @@ _PROGRAM = "supervisor_process_windows.py" if sys.platform == "win32" else "supe
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Line:
+class OutputLine:
     """A line of standard output."""
 
     at: float  # time.perf_counter
@@ -39,7 +39,7 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TooLong:
+class OverlongLine:
     """A line that is too long to be one; `flood`: it goes on and on."""
 
     at: float
@@ -62,10 +62,10 @@ class ProcessEnded:
     signal: int  # 0: it was not killed by one; on Windows the code of a crash
 
 
-Event = Line | TooLong | ProcessStarted | ProcessEnded
+Event = OutputLine | OverlongLine | ProcessStarted | ProcessEnded
 
 
-class Interrupted(Exception):
+class ReadingInterrupted(Exception):
     """Another thread wants no more of this."""
 
 
@@ -117,7 +117,7 @@ class Supervisor:
         self._quiet.set()
 
     def interrupt(self) -> None:
-        """Have `next` raise `Interrupted` from now on, in whatever thread it waits."""
+        """Have `next` raise `ReadingInterrupted` from now on, in whatever thread it waits."""
         self._interrupted.set()
         with contextlib.suppress(queue.Full):
             self._events.put_nowait([])
@@ -126,7 +126,7 @@ class Supervisor:
         """The next thing that happened; None when nothing has by then. What happened already always comes first."""
         while not self._ready:
             if self._interrupted.is_set():
-                raise Interrupted
+                raise ReadingInterrupted
             try:
                 # Waited for in short pieces: on Windows a wait without end would not hear a Ctrl-C.
                 left = None if until is None else until - time.perf_counter()
@@ -135,7 +135,7 @@ class Supervisor:
                 if until is not None and time.perf_counter() >= until:
                     return None
         if self._interrupted.is_set():
-            raise Interrupted
+            raise ReadingInterrupted
         event = self._ready.pop()
         return event if not isinstance(event, dict) else self._word(event)
 
@@ -221,7 +221,7 @@ class Supervisor:
         while piece := _read(stream):
             events = lines.cut(piece, time.perf_counter())
             if self._deaf.is_set() or self._quiet.is_set():
-                events = [event for event in events if not isinstance(event, Line | TooLong)]
+                events = [event for event in events if not isinstance(event, OutputLine | OverlongLine)]
             if events:
                 self._put(events)
         self._put([{"event": "gone"}])
@@ -253,16 +253,16 @@ class _Lines:
             elif line.startswith(self._mark):
                 found.append(json.loads(line[len(self._mark) :]))
             elif len(line) > LONGEST_LINE:
-                found.append(TooLong(at=at))
+                found.append(OverlongLine(at=at))
             elif line.strip():
-                found.append(Line(at=at, text=line.decode("utf-8", "replace").rstrip("\r"), size=len(line)))
+                found.append(OutputLine(at=at, text=line.decode("utf-8", "replace").rstrip("\r"), size=len(line)))
         if self._skipped:
             before, self._skipped = self._skipped, self._skipped + len(rest)
             if before < FLOOD <= self._skipped:
-                found.append(TooLong(at=at, flood=True))
+                found.append(OverlongLine(at=at, flood=True))
             rest = b""
         elif len(rest) > LONGEST_LINE:
-            found.append(TooLong(at=at))
+            found.append(OverlongLine(at=at))
             self._skipped, rest = len(rest), b""
         self._rest = rest
         return found

@@ -65,7 +65,7 @@ class PosixSupervisor:
     def _wait(self) -> None:
         now = time.perf_counter()
         due = self._due if not self._pid else None
-        soon = [one - now for one in (due, self._kill_at) if one is not None]
+        soon = [moment - now for moment in (due, self._kill_at) if moment is not None]
         listens = [self._woken] if self._ending else [self._woken, 0]
         ready, _, _ = select.select(listens, [], [], max(0.0, min(soon)) if soon else None)
         if self._woken in ready:

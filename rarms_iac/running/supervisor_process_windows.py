@@ -101,7 +101,7 @@ class WindowsSupervisor:
 
     def _next(self) -> tuple[str, float]:
         due = self._due if self._process is None else None
-        soon = [one - time.perf_counter() for one in (due, self._kill_at) if one is not None]
+        soon = [moment - time.perf_counter() for moment in (due, self._kill_at) if moment is not None]
         try:
             return self._said.get(timeout=max(0.0, min(soon)) if soon else None)
         except queue.Empty:

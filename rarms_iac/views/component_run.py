@@ -10,7 +10,7 @@ from rarms_iac.model.measurement import Sample
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.quantities import Unit
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
-from rarms_iac.running.samples import Ending
+from rarms_iac.running.samples import RunEnding
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.diagnostics.layout import visible
 from rarms_iac.views.diagnostics.text import counted
@@ -19,10 +19,10 @@ from rarms_iac.views.output.runs import ComponentRunOutput, RanComponentOutput, 
 UNIT_NAMES = {Unit.TIME: "ms", Unit.SHARE: "%", Unit.RATE: "/s"}
 
 ENDINGS = {
-    Ending.UNTIL: "",
-    Ending.RUNNING: ", still running",
-    Ending.CLOSED: ", ended early",
-    Ending.FAILURES: ", ended by failed samples",
+    RunEnding.UNTIL: "",
+    RunEnding.RUNNING: ", still running",
+    RunEnding.CLOSED: ", ended early",
+    RunEnding.FAILURES: ", ended by failed samples",
 }
 
 

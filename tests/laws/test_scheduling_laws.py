@@ -15,15 +15,15 @@ from rarms_iac.providers.simulated.scheduling.machine import (
     PARENT,
     Browsers,
     BusyLoops,
-    Demand,
     Every,
-    Machine,
+    JobDemand,
+    ModelMachine,
     OneAfterAnother,
-    Piece,
     Programs,
+    TracePiece,
     VirtualMachine,
 )
-from rarms_iac.providers.simulated.scheduling.simulation import Simulation, simulate
+from rarms_iac.providers.simulated.scheduling.simulation import SchedulerSimulation, simulate
 from tests.effort import examples
 
 UNTIL_MS = 160.0
@@ -41,8 +41,8 @@ loads = st.lists(
 
 
 @st.composite
-def demands(draw: st.DrawFn, name: str) -> Demand:
-    return Demand(
+def demands(draw: st.DrawFn, name: str) -> JobDemand:
+    return JobDemand(
         component=name,
         work_ms=draw(st.floats(0.1, 80)),
         blocked_ms=draw(st.sampled_from([0.0, 0.5, 12.0])),
@@ -55,7 +55,7 @@ def demands(draw: st.DrawFn, name: str) -> Demand:
 
 
 @st.composite
-def machines(draw: st.DrawFn, *, interrupts: bool = True) -> Machine:
+def machines(draw: st.DrawFn, *, interrupts: bool = True) -> ModelMachine:
     lps = draw(st.integers(1, 4))
     left = 100.0 * lps
     made = []
@@ -77,25 +77,25 @@ def machines(draw: st.DrawFn, *, interrupts: bool = True) -> Machine:
             )
         )
     taken = draw(st.sampled_from([0.0, 5.0, 40.0])) if interrupts else 0.0
-    return Machine(lps=lps, machines=tuple(made), interrupts=taken)
+    return ModelMachine(lps=lps, machines=tuple(made), interrupts=taken)
 
 
 @dataclass(frozen=True, slots=True)
 class Ran:
-    simulation: Simulation
-    pieces: list[Piece]
+    simulation: SchedulerSimulation
+    pieces: list[TracePiece]
     jobs: int
 
 
-def run(machine: Machine, until_ms: float = UNTIL_MS, seed: int = 1) -> Ran:
-    pieces: list[Piece] = []
+def run(machine: ModelMachine, until_ms: float = UNTIL_MS, seed: int = 1) -> Ran:
+    pieces: list[TracePiece] = []
     simulation = simulate(machine, seed, until_ms=until_ms, trace=pieces.append)
     return Ran(simulation, pieces, sum(1 for _ in simulation))
 
 
 @given(machines())
 @settings(max_examples=examples(8), deadline=None)
-def test_every_lp_does_one_thing_at_a_time_and_all_of_the_time(machine: Machine) -> None:
+def test_every_lp_does_one_thing_at_a_time_and_all_of_the_time(machine: ModelMachine) -> None:
     pieces = run(machine).pieces
 
     for number in range(machine.lps):
@@ -107,8 +107,8 @@ def test_every_lp_does_one_thing_at_a_time_and_all_of_the_time(machine: Machine)
 
 @given(machines())
 @settings(max_examples=examples(8), deadline=None)
-def test_no_vp_is_on_two_lps_at_once(machine: Machine) -> None:
-    by_vp: dict[str, list[Piece]] = defaultdict(list)
+def test_no_vp_is_on_two_lps_at_once(machine: ModelMachine) -> None:
+    by_vp: dict[str, list[TracePiece]] = defaultdict(list)
     for piece in run(machine).pieces:
         if piece.ran not in (IDLE, INTERRUPT, PARENT):
             by_vp[piece.ran].append(piece)
@@ -120,11 +120,11 @@ def test_no_vp_is_on_two_lps_at_once(machine: Machine) -> None:
 
 @given(st.lists(demands("x"), min_size=1, max_size=3), st.integers(1, 3), st.integers(0, 100))
 @settings(max_examples=examples(8), deadline=None)
-def test_what_components_consumed_is_what_their_vps_ran(asked: list[Demand], lps: int, reserve: int) -> None:
+def test_what_components_consumed_is_what_their_vps_ran(asked: list[JobDemand], lps: int, reserve: int) -> None:
     named = tuple(_named(demand, f"c{number}") for number, demand in enumerate(asked))
     vm = VirtualMachine(name="vm", vps=lps, reserve=reserve, components=named)
 
-    ran = run(Machine(lps=lps, machines=(vm,), interrupts=10))
+    ran = run(ModelMachine(lps=lps, machines=(vm,), interrupts=10))
 
     on_vps = sum(piece.ended - piece.began for piece in ran.pieces if piece.ran.startswith("vm."))
     assert abs(on_vps - sum(ran.simulation.consumed_ms(demand.component) for demand in named)) < GRAIN
@@ -133,8 +133,8 @@ def test_what_components_consumed_is_what_their_vps_ran(asked: list[Demand], lps
 @given(st.floats(0.5, 60), st.integers(1, 3), st.integers(1, 100))
 @settings(max_examples=examples(8), deadline=None)
 def test_a_job_is_paid_in_full_and_only_once(work: float, threads: int, reserve: int) -> None:
-    asked = Demand(component="c", work_ms=work, threads=threads)
-    machine = Machine(
+    asked = JobDemand(component="c", work_ms=work, threads=threads)
+    machine = ModelMachine(
         lps=2,
         machines=(
             VirtualMachine(name="P1", vps=2, reserve=reserve, components=(asked,)),
@@ -149,7 +149,7 @@ def test_a_job_is_paid_in_full_and_only_once(work: float, threads: int, reserve:
 
 @given(machines())
 @settings(max_examples=examples(8), deadline=None)
-def test_a_limit_is_passed_in_no_window(machine: Machine) -> None:
+def test_a_limit_is_passed_in_no_window(machine: ModelMachine) -> None:
     used = _by_window(run(machine).pieces, machine.window_ms)
 
     for vm in machine.machines:
@@ -159,7 +159,7 @@ def test_a_limit_is_passed_in_no_window(machine: Machine) -> None:
 
 @given(machines())
 @settings(max_examples=examples(8), deadline=None)
-def test_a_limit_bounds_every_span_of_time_from_any_moment_on(machine: Machine) -> None:
+def test_a_limit_bounds_every_span_of_time_from_any_moment_on(machine: ModelMachine) -> None:
     """Two windows may lie back to back, one used at its end and one at its beginning: more than that is never had."""
     ran = run(machine, 500.0)
 
@@ -172,24 +172,24 @@ def test_a_limit_bounds_every_span_of_time_from_any_moment_on(machine: Machine) 
 
 def test_a_limit_may_be_used_twice_within_less_than_a_window() -> None:
     """So the bound is no wider than it has to be: a job that is due late in a window uses that one and the next."""
-    late = Demand(component="c", work_ms=60.0, arrival=Every(period_ms=270.0))
+    late = JobDemand(component="c", work_ms=60.0, arrival=Every(period_ms=270.0))
     vm = VirtualMachine(name="vm", vps=1, limit=30, components=(late,))
-    ran = run(Machine(lps=1, machines=(vm,)), 1000.0)
+    ran = run(ModelMachine(lps=1, machines=(vm,)), 1000.0)
 
     assert 0.9 <= _most_ahead(ran.pieces, "vm.0", 0.3) / (0.3 * 2 * 100.0 * 0.7) <= 1.0
 
 
 @given(machines(interrupts=False), st.integers(1, 100))
 @settings(max_examples=examples(8), deadline=None)
-def test_no_lp_idles_while_somebody_could_use_it(machine: Machine, weight: int) -> None:
+def test_no_lp_idles_while_somebody_could_use_it(machine: ModelMachine, weight: int) -> None:
     greedy = VirtualMachine(name="greedy", vps=machine.lps, weight=weight, loads=(BusyLoops(),))
-    pieces = run(Machine(lps=machine.lps, machines=(*machine.machines, greedy))).pieces
+    pieces = run(ModelMachine(lps=machine.lps, machines=(*machine.machines, greedy))).pieces
 
     assert sum(piece.ended - piece.began for piece in pieces if piece.ran == IDLE) == 0.0
 
 
 @st.composite
-def machines_with_steady(draw: st.DrawFn) -> Machine:
+def machines_with_steady(draw: st.DrawFn) -> ModelMachine:
     """The last machine always demands: it is `steady`, and has what the others leave of the reserves."""
     machine = draw(machines(interrupts=False))
     left = 100 * machine.lps - sum(one.vps * one.reserve for one in machine.machines)
@@ -204,38 +204,38 @@ def _steady(reserve: float, vps: int = 1) -> VirtualMachine:
 
 
 def _reserved(
-    name: str, reserve: float, *demands: Demand, weight: int = 100, loads: tuple[BusyLoops, ...] = ()
+    name: str, reserve: float, *demands: JobDemand, weight: int = 100, loads: tuple[BusyLoops, ...] = ()
 ) -> VirtualMachine:
     return VirtualMachine(name=name, vps=1, reserve=reserve, weight=weight, components=demands, loads=loads)
 
 
 # The last claim of `steady` is used up while nobody else waits: what it runs beyond is no debt.
-ALONE_ON_ONE_LP = Machine(
+ALONE_ON_ONE_LP = ModelMachine(
     lps=1,
     machines=(
         _reserved(
             "vm0",
             88,
-            Demand(component="c00", work_ms=47, blocked_ms=0.5, varies=5, threads=2, arrival=Every(period_ms=101)),
-            Demand(component="c01", work_ms=67, blocked_ms=12),
+            JobDemand(component="c00", work_ms=47, blocked_ms=0.5, varies=5, threads=2, arrival=Every(period_ms=101)),
+            JobDemand(component="c01", work_ms=67, blocked_ms=12),
             weight=1,
         ),
         _steady(1),
     ),
 )
-ALONE_ON_ONE_OF_TWO_LPS = Machine(
+ALONE_ON_ONE_OF_TWO_LPS = ModelMachine(
     lps=2,
     machines=(
         _reserved(
             "vm0",
             100,
-            Demand(component="c00", work_ms=25, threads=3, arrival=Every(period_ms=153.6)),
-            Demand(component="c01", work_ms=61.3, blocked_ms=12, varies=5, threads=3, arrival=Every(period_ms=95.3)),
+            JobDemand(component="c00", work_ms=25, threads=3, arrival=Every(period_ms=153.6)),
+            JobDemand(component="c01", work_ms=61.3, blocked_ms=12, varies=5, threads=3, arrival=Every(period_ms=95.3)),
         ),
         _reserved(
-            "vm1", 26, Demand(component="c10", work_ms=57.7, arrival=Every(period_ms=56.2)), loads=(BusyLoops(),)
+            "vm1", 26, JobDemand(component="c10", work_ms=57.7, arrival=Every(period_ms=56.2)), loads=(BusyLoops(),)
         ),
-        _reserved("vm2", 45, Demand(component="c20", work_ms=2.6, blocked_ms=12, varies=40)),
+        _reserved("vm2", 45, JobDemand(component="c20", work_ms=2.6, blocked_ms=12, varies=40)),
         _steady(1),
     ),
 )
@@ -245,7 +245,7 @@ ALONE_ON_ONE_OF_TWO_LPS = Machine(
 @example(ALONE_ON_ONE_LP)
 @example(ALONE_ON_ONE_OF_TWO_LPS)
 @settings(max_examples=examples(10), deadline=None)
-def test_a_reserve_that_is_demanded_is_given(machine: Machine) -> None:
+def test_a_reserve_that_is_demanded_is_given(machine: ModelMachine) -> None:
     """Over any time t from any moment on, a VP that always demands gets its share of all but one window of t."""
     pieces = run(machine, 500.0).pieces
 
@@ -256,7 +256,7 @@ def test_a_reserve_that_is_demanded_is_given(machine: Machine) -> None:
         assert wanted <= share * (machine.window_ms + 5 * SHORTEST_TURN_MS) + GRAIN
 
 
-def _named(demand: Demand, name: str) -> Demand:
+def _named(demand: JobDemand, name: str) -> JobDemand:
     return replace(demand, component=name, priority=8, arrival=OneAfterAnother())
 
 
@@ -273,7 +273,7 @@ def _without_browsers(vm: VirtualMachine) -> VirtualMachine:
     )
 
 
-def _by_window(pieces: list[Piece], window_ms: float) -> dict[tuple[str, int], float]:
+def _by_window(pieces: list[TracePiece], window_ms: float) -> dict[tuple[str, int], float]:
     used: dict[tuple[str, int], float] = defaultdict(float)
     for piece in pieces:
         window = floor(piece.began / window_ms + 1e-9)
@@ -284,7 +284,7 @@ def _by_window(pieces: list[Piece], window_ms: float) -> dict[tuple[str, int], f
     return used
 
 
-def _most_ahead(pieces: list[Piece], vp: str, share: float) -> float:
+def _most_ahead(pieces: list[TracePiece], vp: str, share: float) -> float:
     """The most that the VP got more than its share between any two moments, in ms."""
     ahead = least = most = at = 0.0
     for piece in sorted((one for one in pieces if one.ran == vp), key=lambda one: one.began):
@@ -296,7 +296,7 @@ def _most_ahead(pieces: list[Piece], vp: str, share: float) -> float:
     return most
 
 
-def _most_behind(pieces: list[Piece], vp: str, share: float) -> float:
+def _most_behind(pieces: list[TracePiece], vp: str, share: float) -> float:
     """The most that the VP got less than its share between any two moments, in ms."""
     behind = least = most = at = 0.0
     for piece in sorted((one for one in pieces if one.ran == vp), key=lambda one: one.began):

@@ -17,7 +17,7 @@ _UNSEEN_VARIATION = 0.1  # of response times that are not shown, as a first gues
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Observation:
+class SettingObservation:
     """One setting as a point of a falling curve."""
 
     reserve: int
@@ -30,7 +30,7 @@ class Observation:
 class Question:
     """One index of one member: at which CR does the level fall to the target?"""
 
-    observations: tuple[Observation, ...]
+    observations: tuple[SettingObservation, ...]
     lowest: float  # the target's logarithm lies between these two; equal where the APT names it
     highest: float
     vague: float  # one standard deviation of both
@@ -71,8 +71,8 @@ def _question(history: Sequence[Trial], member: Member, index: str, threshold: T
 
 def _observations(
     found: Sequence[tuple[int, Series]], member: Member, index: str, *, sign: float
-) -> tuple[Observation, ...]:
-    points: list[Observation] = []
+) -> tuple[SettingObservation, ...]:
+    points: list[SettingObservation] = []
     for reserve, series in found:
         seen = estimate(index, series, member.run, error=_ONE_DEVIATION)
         if isinstance(seen, NoEstimate) or seen.value <= 0.0:
@@ -80,7 +80,7 @@ def _observations(
         above = (seen.upper if seen.upper < inf else 1.1 * seen.value) - seen.value
         level = sign * log(seen.value)
         points.append(
-            Observation(
+            SettingObservation(
                 reserve=reserve,
                 level=level,
                 error=max(above / seen.value, 1e-4),
@@ -159,13 +159,13 @@ def _unseen_question(found: Sequence[tuple[int, Series]], share: float) -> Quest
     """
     normal = NormalDist()
     wanted = normal.inv_cdf(share)
-    points: list[Observation] = []
+    points: list[SettingObservation] = []
     lowest, highest = -inf, inf
     for reserve, series in found:
         count, gained = len(series.samples), sum(values.successes(series.samples))
         level = log(series.elapsed_ms / count)
         points.append(
-            Observation(
+            SettingObservation(
                 reserve=reserve,
                 level=level,
                 error=_UNSEEN_VARIATION / sqrt(count),

@@ -12,7 +12,7 @@ from functools import lru_cache
 from math import ceil, exp, inf, log
 from statistics import NormalDist
 
-from rarms_iac.measuring.search.observations import Observation, Question
+from rarms_iac.measuring.search.observations import Question, SettingObservation
 
 Level = Callable[[float], float]
 
@@ -133,7 +133,7 @@ _TOP = 101  # stands for: no setting meets it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Kind:
+class _FamilyKind:
     """A family with its prior, how many curves are drawn for each guess, and how far off a good guess may be."""
 
     family: Family
@@ -144,11 +144,11 @@ class _Kind:
 
 
 KINDS = (
-    _Kind(family=hyperbola, prior=0.3, draws=40, off=0.004, astray=0.0),
-    _Kind(family=floor, prior=0.2, draws=40, off=0.004, astray=0.0),
-    _Kind(family=staircase, prior=0.2, draws=2, off=0.004, astray=0.0),
-    _Kind(family=cliff, prior=0.1, draws=2, off=0.004, astray=0.0),
-    _Kind(family=free, prior=0.2, draws=8, off=0.01, astray=0.15),
+    _FamilyKind(family=hyperbola, prior=0.3, draws=40, off=0.004, astray=0.0),
+    _FamilyKind(family=floor, prior=0.2, draws=40, off=0.004, astray=0.0),
+    _FamilyKind(family=staircase, prior=0.2, draws=2, off=0.004, astray=0.0),
+    _FamilyKind(family=cliff, prior=0.1, draws=2, off=0.004, astray=0.0),
+    _FamilyKind(family=free, prior=0.2, draws=8, off=0.01, astray=0.15),
 )
 
 
@@ -161,7 +161,7 @@ def chances(question: Question, failed: int, passed: int, processors: int) -> li
         found[_TOP] *= UNLIKELY
     shapeless = SHAPELESS * _HOPELESS ** (len(question.observations) - 1) / (passed - failed)
     least = max(failed + 1, min(passed, _least_served(question, processors)))
-    found = [one + shapeless if least <= reserve <= passed else 0.0 for reserve, one in enumerate(found)]
+    found = [weight + shapeless if least <= reserve <= passed else 0.0 for reserve, weight in enumerate(found)]
     return mixed(found, failed, passed)
 
 
@@ -178,7 +178,7 @@ def mixed(found: Sequence[float], failed: int, passed: int) -> list[float]:
     total = sum(found[failed + 1 : passed + 1])
     uniform = 1.0 / (passed - failed)
     part = UNIFORM if total > 0.0 else 1.0
-    inside = [(1.0 - part) * one / (total or 1.0) + part * uniform for one in found[failed + 1 : passed + 1]]
+    inside = [(1.0 - part) * weight / (total or 1.0) + part * uniform for weight in found[failed + 1 : passed + 1]]
     return [0.0] * (failed + 1) + inside + [0.0] * (_TOP - passed)
 
 
@@ -204,7 +204,11 @@ def _target(question: Question) -> float | None:
 
 
 def _of_kind(
-    kind: _Kind, points: Sequence[Observation], anchor: Observation, middle: float | None, processors: int
+    kind: _FamilyKind,
+    points: Sequence[SettingObservation],
+    anchor: SettingObservation,
+    middle: float | None,
+    processors: int,
 ) -> Iterator[_Curve]:
     number = 0
     for parallel, likely in _parallel(points, processors):
@@ -223,7 +227,7 @@ def _of_kind(
                 )
 
 
-def _parallel(points: Sequence[Observation], processors: int) -> list[tuple[int, float]]:
+def _parallel(points: Sequence[SettingObservation], processors: int) -> list[tuple[int, float]]:
     """On how many processors at once the component may work, with their probabilities: fewer are likelier.
 
     No more work than a CR serves can be done in a response: what was consumed rules the too few out.
@@ -239,7 +243,9 @@ def _parallel(points: Sequence[Observation], processors: int) -> list[tuple[int,
     return [(count, 1.0 / count / whole) for count in counts]
 
 
-def _through(points: Sequence[Observation], anchor: Observation, middle: float | None, parallel: int) -> Through:
+def _through(
+    points: Sequence[SettingObservation], anchor: SettingObservation, middle: float | None, parallel: int
+) -> Through:
     good = next((point for point in points if middle is not None and point.level <= middle), None)
     return Through(
         reserve=anchor.reserve,
@@ -250,7 +256,7 @@ def _through(points: Sequence[Observation], anchor: Observation, middle: float |
     )
 
 
-def _work(point: Observation, parallel: int) -> float:
+def _work(point: SettingObservation, parallel: int) -> float:
     return exp(point.level if point.served is None else point.served) / parallel
 
 
@@ -259,11 +265,11 @@ def _logarithm(guess: Guess) -> Callable[[float], float]:
 
 
 def _fit(
-    kind: _Kind,
+    kind: _FamilyKind,
     guess: Guess,
     base: Callable[[float], float],
-    points: Sequence[Observation],
-    anchor: Observation,
+    points: Sequence[SettingObservation],
+    anchor: SettingObservation,
 ) -> float:
     """How well the guess foretells the other settings: the product of their densities."""
     exponent, scale = 0.0, 1.0
@@ -283,7 +289,7 @@ def _fit(
 
 
 def _bent(
-    kind: _Kind, base: Callable[[float], float], points: Sequence[Observation], normals: Sequence[float]
+    kind: _FamilyKind, base: Callable[[float], float], points: Sequence[SettingObservation], normals: Sequence[float]
 ) -> Callable[[float], float]:
     """The guess with its misses at the measured settings taken away, straight between them on the CR's logarithm.
 

@@ -59,7 +59,7 @@ SHIPPED: Mapping[str, Values] = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Machine:
+class SimulatedMachine:
     """A machine of the host."""
 
     id: str
@@ -67,7 +67,7 @@ class Machine:
     state: RunState
     notes: str = ""
 
-    def now(self, state: RunState) -> "Machine":
+    def now(self, state: RunState) -> "SimulatedMachine":
         """The same machine in this state."""
         running = state is RunState.RUNNING
         return replace(self, state=state, settings=replace(self.settings, running=running))
@@ -92,7 +92,7 @@ class Content:
 
     id: str
     made: int = 0  # how many machines there ever were: no id comes twice
-    machines: Mapping[str, Machine] = field(default_factory=dict)  # by id
+    machines: Mapping[str, SimulatedMachine] = field(default_factory=dict)  # by id
     registries: Mapping[str, Registry] = field(default_factory=dict)  # by machine, "" the host's; absent: FRESH
     disks: tuple[Disk, ...] = ()  # by path
     struck: Mapping[str, int] = field(default_factory=dict)  # how often a fault of this name struck
@@ -101,7 +101,7 @@ class Content:
         """The registry of this machine's guest, of the host itself for the empty id."""
         return self.registries.get(machine, FRESH)
 
-    def with_machine(self, machine: Machine) -> "Content":
+    def with_machine(self, machine: SimulatedMachine) -> "Content":
         """With this machine, new or in place of the one of its id."""
         return replace(self, machines={**self.machines, machine.id: machine})
 
@@ -109,14 +109,14 @@ class Content:
         """Without the machine of this id and its guest; its disks stay."""
         return replace(
             self,
-            machines={one: value for one, value in self.machines.items() if one != machine},
-            registries={one: value for one, value in self.registries.items() if one != machine},
+            machines={key: value for key, value in self.machines.items() if key != machine},
+            registries={key: value for key, value in self.registries.items() if key != machine},
             disks=tuple(replace(disk, machine="") if disk.machine == machine else disk for disk in self.disks),
         )
 
     def with_disk(self, disk: Disk) -> "Content":
         """With one disk more."""
-        return replace(self, disks=tuple(sorted((*self.disks, disk), key=lambda one: one.path)))
+        return replace(self, disks=tuple(sorted((*self.disks, disk), key=lambda disk: disk.path)))
 
     def without_disk(self, path: str) -> "Content":
         """Without the disk of this path."""

@@ -28,7 +28,7 @@ from rarms_iac.model.system import (
 )
 from rarms_iac.providers.interface import Refused
 from rarms_iac.providers.measuring import PartitionWork, Work
-from rarms_iac.providers.simulated.content import Content, Machine
+from rarms_iac.providers.simulated.content import Content, SimulatedMachine
 from rarms_iac.providers.simulated.parse import description
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.providers.simulated.scheduling import machine as model
@@ -37,9 +37,9 @@ from rarms_iac.providers.simulated.scheduling.machine import (
     Arrival,
     Browsers,
     BusyLoops,
-    Demand,
     Every,
-    Load,
+    JobDemand,
+    ModelLoad,
     OneAfterAnother,
     Programs,
 )
@@ -54,7 +54,7 @@ class NoDemand(ValueError):
         self.component = component
 
 
-def demand_of(component: Component, priority: int = ORDINARY) -> Demand:
+def demand_of(component: Component, priority: int = ORDINARY) -> JobDemand:
     """The component's demand; its threads run at this priority.
 
     Raises:
@@ -63,7 +63,7 @@ def demand_of(component: Component, priority: int = ORDINARY) -> Demand:
     asked = component.simulation
     if asked is None:
         raise NoDemand(component.name)
-    return Demand(
+    return JobDemand(
         component=component.name,
         work_ms=float(asked.work),
         blocked_ms=float(asked.blocked),
@@ -76,7 +76,7 @@ def demand_of(component: Component, priority: int = ORDINARY) -> Demand:
     )
 
 
-def load_of(interference: Interference) -> Load:
+def load_of(interference: Interference) -> ModelLoad:
     """The load that interferes. Of another program nothing is known, so it is taken for one that never waits."""
     match interference:
         case BusyLoop(threads=threads):
@@ -102,7 +102,7 @@ GUEST = "Windows build {build}"
 
 MEBIBYTE = 2**20
 
-Simulate = Callable[[model.Machine, int], Iterator[model.JobDone]]
+Simulate = Callable[[model.ModelMachine, int], Iterator[model.JobDone]]
 """Runs a machine of the scheduler model from a seed: its jobs in the order in which they end, without an end."""
 
 
@@ -137,9 +137,9 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
     def run(self, work: Work) -> Iterator["Simulated"]:
         """As the interface says."""
         content = self.load()
-        machines = tuple(self._machine(content, one, work.application) for one in work.partitions)
+        machines = tuple(self._machine(content, partition, work.application) for partition in work.partitions)
         idle = self._idle(content, work)
-        machine = model.Machine(
+        machine = model.ModelMachine(
             lps=self._host.logical_processors, machines=(*machines, *idle), interrupts=model.QUIET_INTERRUPTS
         )
         jobs = self._simulate(machine, work.seed)
@@ -162,7 +162,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         demands = tuple(self._demand(component, content, found.id) for component in inside.components)
         return _partition(found, inside.partition, components=demands, loads=loads)
 
-    def _running(self, content: Content, partition: str, application: str) -> Machine:
+    def _running(self, content: Content, partition: str, application: str) -> SimulatedMachine:
         state: State = self._machines(content)
         found = resolve(state.partitions, partition, Scope(application=application, plan=""))
         if len(found) != 1 or not found[0].settings.running:
@@ -173,13 +173,14 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
 
     def _idle(self, content: Content, work: Work) -> tuple[model.VirtualMachine, ...]:
         """What else runs: it does nothing, and what it reserves is its own."""
-        busy = {self._running(content, one.partition, work.application).id for one in work.partitions if one.partition}
+        names = [work_there.partition for work_there in work.partitions if work_there.partition]
+        busy = {self._running(content, name, work.application).id for name in names}
         others = [
             machine for machine in content.machines.values() if machine.settings.running and machine.id not in busy
         ]
         return tuple(_partition(other, f"idle {other.id}") for other in sorted(others, key=lambda other: other.id))
 
-    def _demand(self, component: Component, content: Content, machine: str) -> model.Demand:
+    def _demand(self, component: Component, content: Content, machine: str) -> model.JobDemand:
         try:
             return demand_of(component, _priority(component.task, content, machine))
         except NoDemand:
@@ -224,7 +225,11 @@ class Simulated:
 
 
 def _partition(
-    machine: Machine, name: str, *, components: tuple[model.Demand, ...] = (), loads: tuple[model.Load, ...] = ()
+    machine: SimulatedMachine,
+    name: str,
+    *,
+    components: tuple[model.JobDemand, ...] = (),
+    loads: tuple[model.ModelLoad, ...] = (),
 ) -> model.VirtualMachine:
     """NOTE: not called by its id, which is another after each making: chance is drawn by this name."""
     settings = machine.settings
@@ -254,7 +259,7 @@ def _priority(task: str | None, content: Content, machine: str) -> int:
         return model.ORDINARY
     classes = {name.lower(): values for name, values in content.registry(machine).tasks.items()}
     values = {name.lower(): value for name, value in classes.get(task.lower(), {}).items()}
-    category = {one.value: one for one in TaskCategory}.get(str(_data(values, "scheduling category")))
+    category = {category.value: category for category in TaskCategory}.get(str(_data(values, "scheduling category")))
     priority, background = _data(values, "priority"), _data(values, "backgroundpriority")
     if category is None or not isinstance(priority, int):
         return model.ORDINARY

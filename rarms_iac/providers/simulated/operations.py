@@ -47,7 +47,7 @@ from rarms_iac.model.state import (
     ValueKind,
 )
 from rarms_iac.providers.marks import erase_mark, mark_for, write_mark
-from rarms_iac.providers.simulated.content import Content, Machine, Registry, next_id
+from rarms_iac.providers.simulated.content import Content, Registry, SimulatedMachine, next_id
 from rarms_iac.providers.simulated.rules import Refusal
 
 LONGEST_KEY = 255
@@ -89,7 +89,7 @@ def new_settings(operation: CreatePartition, scope: Scope) -> PartitionSettings:
 
 def with_new_machine(content: Content, settings: PartitionSettings) -> Content:
     """With one machine more."""
-    machine = Machine(id=next_id(content, settings.name), settings=settings, state=RunState.OFF)
+    machine = SimulatedMachine(id=next_id(content, settings.name), settings=settings, state=RunState.OFF)
     return replace(content, made=content.made + 1).with_machine(machine)
 
 
@@ -104,13 +104,13 @@ def refuse_disk_removal(content: Content, operation: RemoveDisk) -> Refusal | No
     """Why this disk cannot be deleted, None where it can."""
     live = disk_readings(content.disks, operation.path)
     if not live["exists"]:
-        return Refusal(says=f"there is no disk {operation.path}", advice="look at the host again: rarms plan")
+        return Refusal(message=f"there is no disk {operation.path}", advice="look at the host again: rarms plan")
     if live["used"]:
-        return Refusal(says=f"{operation.path} is in use", advice="remove what has it first")
+        return Refusal(message=f"{operation.path} is in use", advice="remove what has it first")
     return None
 
 
-def change_machine(content: Content, machine: Machine, operation: PartitionOperation) -> Content:
+def change_machine(content: Content, machine: SimulatedMachine, operation: PartitionOperation) -> Content:
     """The content after the operation on this machine."""
     settings = machine.settings
     match operation:
@@ -149,9 +149,9 @@ def refuse_task_change(registry: Registry, operation: TaskOperation) -> Refusal 
     match operation:
         case WriteTaskClass(task=task, values=values):
             problem = _impossible_key(task) or _impossible_values(values)
-            return Refusal(says=f"task class {task!r}: {problem}", advice="correct it") if problem else None
+            return Refusal(message=f"task class {task!r}: {problem}", advice="correct it") if problem else None
         case RemoveTaskClass(task=task) if key is None:
-            return Refusal(says=f"there is no task class {task}", advice="look at the host again: rarms plan")
+            return Refusal(message=f"there is no task class {task}", advice="look at the host again: rarms plan")
         case WriteTaskRecord(task=task, record=wanted) if record and record.application != wanted.application:
             return _belongs_to(task, record.application)
         case EraseTaskRecord(task=task, application=application) if record and record.application != application:
@@ -168,11 +168,13 @@ def change_registry(registry: Registry, operation: TaskOperation) -> Registry:
         case WriteTaskClass(values=values):
             return replace(registry, tasks={**registry.tasks, key: dict(values)})
         case RemoveTaskClass():
-            return replace(registry, tasks={name: one for name, one in registry.tasks.items() if name != key})
+            return replace(registry, tasks={name: values for name, values in registry.tasks.items() if name != key})
         case WriteTaskRecord(record=wanted):
             return replace(registry, records={**registry.records, record: wanted})
         case EraseTaskRecord():
-            return replace(registry, records={name: one for name, one in registry.records.items() if name != record})
+            return replace(
+                registry, records={name: known for name, known in registry.records.items() if name != record}
+            )
         case _:
             assert_never(operation)
 
@@ -183,9 +185,9 @@ def refuse_responsiveness_change(registry: Registry, operation: ResponsivenessOp
     match operation:
         case WriteResponsiveness(value=value):
             problem = _impossible_values({SYSTEM_RESPONSIVENESS: value})
-            return Refusal(says=problem, advice="correct it") if problem else None
+            return Refusal(message=problem, advice="correct it") if problem else None
         case EraseResponsiveness() if there.value is None:
-            return Refusal(says=f"there is no {SYSTEM_RESPONSIVENESS}", advice="look at the host again: rarms plan")
+            return Refusal(message=f"there is no {SYSTEM_RESPONSIVENESS}", advice="look at the host again: rarms plan")
         case WriteResponsivenessRecord(record=wanted):
             asks = wanted.application
         case EraseResponsivenessRecord(application=application):
@@ -194,8 +196,8 @@ def refuse_responsiveness_change(registry: Registry, operation: ResponsivenessOp
             return None
     if there.record is None or there.record.application == asks:
         return None
-    says = f"{SYSTEM_RESPONSIVENESS} belongs to the application {there.record.application}"
-    return Refusal(says=says, advice="set it in one of the two manifests")
+    message = f"{SYSTEM_RESPONSIVENESS} belongs to the application {there.record.application}"
+    return Refusal(message=message, advice="set it in one of the two manifests")
 
 
 def change_responsiveness(registry: Registry, operation: ResponsivenessOperation) -> Registry:
@@ -222,7 +224,7 @@ def _key(registry: Registry, task: str) -> str | None:
 
 def _belongs_to(task: str, application: str) -> Refusal:
     return Refusal(
-        says=f"the task class {task} belongs to the application {application}",
+        message=f"the task class {task} belongs to the application {application}",
         advice="use another class, or release it there",
     )
 

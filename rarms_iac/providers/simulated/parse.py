@@ -13,7 +13,7 @@ from functools import lru_cache
 from rarms_iac.model.state import Disk, HostFacts, Partition, Rights, RunState, State, TaskClass
 from rarms_iac.model.system import Host, SimulatedHost
 from rarms_iac.providers.marks import Judged, judge_marks
-from rarms_iac.providers.simulated.content import FRESH, SHIPPED, Content, Machine
+from rarms_iac.providers.simulated.content import FRESH, SHIPPED, Content, SimulatedMachine
 from rarms_iac.providers.simulated.rules import out_of_range
 from rarms_iac.storage.codec import NotDecodable, decode
 from rarms_iac.storage.digest import canonical, parse_json
@@ -46,7 +46,7 @@ def _file(text: str) -> bytes:
 
 
 @lru_cache(maxsize=10_000)  # one operation changes one machine: the others need not be written anew
-def _machine_text(machine: Machine) -> str:
+def _machine_text(machine: SimulatedMachine) -> str:
     return canonical(machine)
 
 
@@ -141,7 +141,7 @@ def _checksum(text: str) -> str:
     return hashlib.sha256(text.encode("ascii")).hexdigest()
 
 
-def _partition(machine: Machine, judged: Judged) -> Partition:
+def _partition(machine: SimulatedMachine, judged: Judged) -> Partition:
     return Partition(
         settings=machine.settings,
         id=machine.id,

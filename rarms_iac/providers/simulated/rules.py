@@ -18,7 +18,7 @@ from rarms_iac.model.operations import (
 from rarms_iac.model.quantities import show_bytes
 from rarms_iac.model.state import HostFacts, PartitionSettings, RunState
 from rarms_iac.model.system import SchedulerType
-from rarms_iac.providers.simulated.content import Content, Machine
+from rarms_iac.providers.simulated.content import Content, SimulatedMachine
 
 CAPACITY = 100  # per cent of a logical processor
 TRIES = 20_000
@@ -88,7 +88,7 @@ SERVER_2016, WINDOWS_10 = 14393, 10240
 class Refusal:
     """Why an operation is refused, and what would help."""
 
-    says: str
+    message: str
     advice: str
 
 
@@ -121,7 +121,7 @@ def _cpu_out_of_range(reserve: int, limit: int, weight: int) -> str:
 def refuse_without_rights(facts: HostFacts) -> Refusal:
     """What everything is answered with where the rights are missing."""
     return Refusal(
-        says=f"access to {facts.computer_name} is denied",
+        message=f"access to {facts.computer_name} is denied",
         advice="run as an administrator of the host (simulated.administrator: true)",
     )
 
@@ -129,11 +129,11 @@ def refuse_without_rights(facts: HostFacts) -> Refusal:
 def refuse_creation(operation: CreatePartition, settings: PartitionSettings) -> Refusal | None:
     """Why this machine cannot be made."""
     problem = out_of_range(settings)
-    return Refusal(says=f"{operation.partition} cannot be made: {problem}", advice="correct it") if problem else None
+    return Refusal(message=f"{operation.partition} cannot be made: {problem}", advice="correct it") if problem else None
 
 
 def refuse_change(
-    operation: Operation, machine: Machine, content: Content, facts: HostFacts, guest_build: int
+    operation: Operation, machine: SimulatedMachine, content: Content, facts: HostFacts, guest_build: int
 ) -> Refusal | None:
     """Why this cannot be done to this machine now, None where it can."""
     match operation:
@@ -150,32 +150,32 @@ def refuse_change(
         case StartPartition():
             return _refuse_start(machine, content, facts)
         case StopPartition() if machine.state is RunState.BUSY:
-            return Refusal(says=f"{machine.settings.name} is changing its state", advice="try again in a moment")
+            return Refusal(message=f"{machine.settings.name} is changing its state", advice="try again in a moment")
         case RemovePartition() if machine.state not in {RunState.OFF, RunState.SAVED}:
             return Refusal(
-                says=f"{machine.settings.name} is {machine.state.value}, and only a machine that is off can be removed",
+                message=f"{machine.settings.name} is {machine.state.value}; only a machine that is off can be removed",
                 advice="stop it first",
             )
         case _:
             return None
 
 
-def _refuse_running(machine: Machine, what: str) -> Refusal | None:
+def _refuse_running(machine: SimulatedMachine, what: str) -> Refusal | None:
     if machine.state is RunState.OFF:
         return None
     return Refusal(
-        says=f"{machine.settings.name} is {machine.state.value}, and {what} can only change while it is off",
+        message=f"{machine.settings.name} is {machine.state.value}, and {what} can only change while it is off",
         advice="stop it first",
     )
 
 
 def _refuse_settings(settings: PartitionSettings) -> Refusal | None:
     problem = out_of_range(settings)
-    return Refusal(says=f"{settings.name}: {problem}", advice="correct it") if problem else None
+    return Refusal(message=f"{settings.name}: {problem}", advice="correct it") if problem else None
 
 
 def _refuse_memory(
-    operation: SetMemory, machine: Machine, content: Content, facts: HostFacts, guest_build: int
+    operation: SetMemory, machine: SimulatedMachine, content: Content, facts: HostFacts, guest_build: int
 ) -> Refusal | None:
     settings = machine.settings
     wanted = replace(settings, memory=operation.memory, dynamic_memory=operation.dynamic)
@@ -198,24 +198,24 @@ def _resizes_while_running(facts: HostFacts, guest_build: int) -> bool:
     return facts.os_build >= host_needs and guest_build >= WINDOWS_10
 
 
-def _refuse_start(machine: Machine, content: Content, facts: HostFacts) -> Refusal | None:
+def _refuse_start(machine: SimulatedMachine, content: Content, facts: HostFacts) -> Refusal | None:
     if machine.state is RunState.RUNNING:
         return None
     if machine.state in {RunState.BUSY, RunState.CRITICAL}:
-        return Refusal(says=f"{machine.settings.name} is {machine.state.value}", advice="look at the host")
+        return Refusal(message=f"{machine.settings.name} is {machine.state.value}", advice="look at the host")
     return _refuse_lack_of_memory(machine.settings, machine, content, facts) or _refuse_lack_of_reserve(
         machine, content, facts
     )
 
 
 def _refuse_lack_of_memory(
-    wanted: PartitionSettings, machine: Machine, content: Content, facts: HostFacts
+    wanted: PartitionSettings, machine: SimulatedMachine, content: Content, facts: HostFacts
 ) -> Refusal | None:
     taken = sum(other.settings.memory for other in _others_with_resources(machine, content))
     if taken + wanted.memory <= facts.memory:
         return None
     return Refusal(
-        says=(
+        message=(
             f"{wanted.name} needs {show_bytes(wanted.memory)}, and of {show_bytes(facts.memory)} "
             f"{show_bytes(max(0, facts.memory - taken))} are free"
         ),
@@ -223,14 +223,14 @@ def _refuse_lack_of_memory(
     )
 
 
-def _refuse_lack_of_reserve(machine: Machine, content: Content, facts: HostFacts) -> Refusal | None:
+def _refuse_lack_of_reserve(machine: SimulatedMachine, content: Content, facts: HostFacts) -> Refusal | None:
     """The check comes at the start and not before; under the root scheduler reserves mean nothing (FACTS 1.2, 2)."""
     settings = machine.settings
     if settings.reserve == 0 or facts.scheduler in {SchedulerType.ROOT, SchedulerType.NONE}:
         return None
     if settings.processors > facts.logical_processors:
         return Refusal(
-            says=(
+            message=(
                 f"{settings.name} has {settings.processors} virtual processors with a reserve, "
                 f"and there are {facts.logical_processors} logical ones"
             ),
@@ -242,7 +242,7 @@ def _refuse_lack_of_reserve(machine: Machine, content: Content, facts: HostFacts
     if packs(sizes, facts.logical_processors):
         return None
     return Refusal(
-        says=(
+        message=(
             f"the reserve of {settings.name}, {settings.reserve} % of each of {settings.processors} processors, "
             f"does not fit {facts.logical_processors} logical processors beside what runs"
         ),
@@ -250,7 +250,8 @@ def _refuse_lack_of_reserve(machine: Machine, content: Content, facts: HostFacts
     )
 
 
-def _others_with_resources(machine: Machine, content: Content) -> list[Machine]:
+def _others_with_resources(machine: SimulatedMachine, content: Content) -> list[SimulatedMachine]:
     """The other machines that hold memory and processor time now: paused ones keep theirs."""
     without = {RunState.OFF, RunState.SAVED}
-    return [one for one in content.machines.values() if one.id != machine.id and one.state not in without]
+    others = (other for other in content.machines.values() if other.id != machine.id)
+    return [other for other in others if other.state not in without]

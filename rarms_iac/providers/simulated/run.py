@@ -29,7 +29,7 @@ from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import Fault, FaultEffect, Host
 from rarms_iac.providers.interface import Failed, HostDamaged, HostLocked, Refused
-from rarms_iac.providers.simulated.content import Content, Machine, empty, next_id
+from rarms_iac.providers.simulated.content import Content, SimulatedMachine, empty, next_id
 from rarms_iac.providers.simulated.files import (
     append_record,
     fetch,
@@ -254,7 +254,7 @@ class SimulatedHostProvider:
             return after
         return with_new_disk(after, next_id(content, settings.name), operation, state.facts.disk_folder, scope)
 
-    def _only(self, content: Content, state: State, address: Address, scope: Scope) -> Machine:
+    def _only(self, content: Content, state: State, address: Address, scope: Scope) -> SimulatedMachine:
         """The one machine that the name stands for."""
         found = resolve(state.partitions, address.partition, scope, address.machine)
         if len(found) != 1:
@@ -271,7 +271,7 @@ class SimulatedHostProvider:
         return None
 
     def _refused(self, refusal: Refusal) -> Refused:
-        return Refused(self.name, refusal.says, refusal.advice)
+        return Refused(self.name, refusal.message, refusal.advice)
 
     @contextmanager
     def _telling_damage(self, path: Path) -> Iterator[None]:

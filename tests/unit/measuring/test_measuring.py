@@ -23,7 +23,7 @@ from rarms_iac.model.measurement import run_of
 from rarms_iac.model.outcomes import Measure, NotAchievable, NotResolved, SettingFailed, Stopped, Sufficient, Swept
 from rarms_iac.model.system import SampleCount
 from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuringHost
-from rarms_iac.providers.simulated.scheduling.machine import JobDone, Machine
+from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
 from rarms_iac.statistics.curves import LeastReserve, curves_of, least_reserve
 from rarms_iac.storage import disk
 from rarms_iac.storage.datalog.identity import Subject, header_of, identity_of
@@ -66,7 +66,7 @@ class Bench:
         self.ran: list[float] = []  # what P1 reserved in each simulation that was begun
 
     def host(self, simulate: Simulate = fluid) -> SimulatedMeasuringHost:
-        def counted(machine: Machine, seed: int) -> Iterator[JobDone]:
+        def counted(machine: ModelMachine, seed: int) -> Iterator[JobDone]:
             self.ran += [one.reserve for one in machine.machines if one.components]
             return simulate(machine, seed)
 
@@ -192,7 +192,7 @@ def test_the_task_classes_of_the_members_are_in_p1_as_a_plan_would_set_them(tmp_
     )
     priorities: dict[str, int] = {}
 
-    def looking(machine: Machine, seed: int) -> Iterator[JobDone]:
+    def looking(machine: ModelMachine, seed: int) -> Iterator[JobDone]:
         priorities.update(
             {component.component: component.priority for each in machine.machines for component in each.components}
         )
@@ -264,7 +264,7 @@ def test_a_threshold_at_the_floor_is_never_met_for_sure(bench: Bench) -> None:
     vision = replace(an_experiment().members[0], apt={"mean_response_time": at_most(84)})
     bench.experiment = replace(an_experiment(), members=(vision,))
 
-    def flat(machine: Machine, seed: int) -> Iterator[JobDone]:
+    def flat(machine: ModelMachine, seed: int) -> Iterator[JobDone]:
         reserve = max(one.reserve for one in machine.machines if one.components)
         for number, job in enumerate(fluid(machine, seed)):
             yield replace(job, response=168.0 if reserve < 60 else 85.5 if number % 2 else 81.5)
@@ -279,7 +279,7 @@ def test_a_threshold_at_the_floor_is_never_met_for_sure(bench: Bench) -> None:
 
 
 def test_more_failed_samples_than_are_allowed_end_without_a_verdict(bench: Bench) -> None:
-    def dying(machine: Machine, seed: int) -> Iterator[JobDone]:
+    def dying(machine: ModelMachine, seed: int) -> Iterator[JobDone]:
         for number, job in enumerate(fluid(machine, seed)):
             yield replace(job, answered=False) if number == 7 else job
 

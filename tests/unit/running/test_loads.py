@@ -9,8 +9,8 @@ import pytest
 
 from rarms_iac.model.system import Browser, BusyLoop, CommandLoad
 from rarms_iac.running.component import run_in_parallel
-from rarms_iac.running.loads import BROWSERS, STREAMS, Load, LoadEnded, load_words
-from rarms_iac.running.samples import Ending
+from rarms_iac.running.loads import BROWSERS, STREAMS, InterferingLoad, LoadEnded, load_words
+from rarms_iac.running.samples import RunEnding
 from rarms_iac.running.start import CannotStart, StartContext
 from tests.effort import LONG
 from tests.unit.running.programs import a_run, component, same_everywhere
@@ -29,7 +29,7 @@ def processes_with(word: str) -> int:
 
 @pytest.mark.needs("linux")
 def test_a_busy_loop_uses_what_it_is_given(tmp_path: Path) -> None:
-    with Load("busy-loop", BusyLoop(threads=2), StartContext(base=tmp_path)) as load:
+    with InterferingLoad("busy-loop", BusyLoop(threads=2), StartContext(base=tmp_path)) as load:
         time.sleep(0.3)
         load.check()
         load.close()
@@ -42,7 +42,9 @@ def test_a_busy_loop_uses_what_it_is_given(tmp_path: Path) -> None:
 def test_a_command_runs_so_often_at_once(tmp_path: Path) -> None:
     program = "import os, time\nopen(f'ran-{os.getpid()}', 'w').close()\nwhile True: time.sleep(0.1)"
 
-    with Load("others", CommandLoad(command=(sys.executable, "-c", program), instances=3), StartContext(base=tmp_path)):
+    with InterferingLoad(
+        "others", CommandLoad(command=(sys.executable, "-c", program), instances=3), StartContext(base=tmp_path)
+    ):
         until = time.perf_counter() + 20
         while len(list(tmp_path.glob("ran-*"))) < 3 and time.perf_counter() < until:
             time.sleep(0.02)
@@ -54,7 +56,7 @@ def test_a_load_that_ends_is_told(tmp_path: Path) -> None:
     load = CommandLoad(command=(sys.executable, "-c", "import time, sys\ntime.sleep(0.3)\nsys.exit(5)"))
 
     def measure() -> None:
-        with Load("others", load, StartContext(base=tmp_path)) as running:
+        with InterferingLoad("others", load, StartContext(base=tmp_path)) as running:
             until = time.perf_counter() + 20
             while time.perf_counter() < until:
                 running.check()
@@ -67,7 +69,7 @@ def test_a_load_that_ends_is_told(tmp_path: Path) -> None:
 @same_everywhere
 def test_a_load_that_cannot_run_is_told(tmp_path: Path) -> None:
     with pytest.raises(CannotStart):
-        Load("others", CommandLoad(command=("no-such-program-anywhere",)), StartContext(base=tmp_path))
+        InterferingLoad("others", CommandLoad(command=("no-such-program-anywhere",)), StartContext(base=tmp_path))
 
 
 def test_a_browser_shows_a_page_of_ours_that_needs_no_network(tmp_path: Path) -> None:
@@ -88,7 +90,7 @@ if LONG:  # a browser takes its time to start
 
     @pytest.mark.needs("chromium")
     def test_browsers_stream_and_nothing_of_them_stays(tmp_path: Path) -> None:
-        with Load("browsers", Browser(instances=1), StartContext(base=tmp_path)) as load:
+        with InterferingLoad("browsers", Browser(instances=1), StartContext(base=tmp_path)) as load:
             load.check()
             assert processes_with("stream.html") > 0
 
@@ -104,7 +106,7 @@ def test_several_components_run_at_once(tmp_path: Path) -> None:
         found = [sample.response_ms for _, sample in samples]
 
     assert sorted(one or 0 for one in found) == [1.0] * 5 + [2.0] * 7
-    assert [run.ending for run in runs] == [Ending.UNTIL] * 2
+    assert [run.ending for run in runs] == [RunEnding.UNTIL] * 2
 
 
 @same_everywhere
@@ -115,7 +117,7 @@ def test_components_that_run_at_once_end_at_any_moment(tmp_path: Path) -> None:
     with run_in_parallel(runs) as samples:
         next(samples)
 
-    assert [run.ending for run in runs] == [Ending.CLOSED] * 2
+    assert [run.ending for run in runs] == [RunEnding.CLOSED] * 2
     assert all(run.series().elapsed_ms >= 0 for run in runs)
 
 

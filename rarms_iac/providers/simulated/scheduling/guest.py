@@ -2,7 +2,7 @@
 
 from heapq import heapify, heappop, heappush
 
-from rarms_iac.providers.simulated.scheduling.hypervisor import Hypervisor
+from rarms_iac.providers.simulated.scheduling.hypervisor import HypervisorScheduler
 from rarms_iac.providers.simulated.scheduling.machine import VirtualMachine
 from rarms_iac.providers.simulated.scheduling.processors import INSTANT, Thread, VirtualProcessor
 
@@ -15,7 +15,7 @@ class OperatingSystem:
 
     __slots__ = ("_asked", "_hypervisor", "_ready", "contended", "vps")
 
-    def __init__(self, machine: VirtualMachine, hypervisor: Hypervisor) -> None:
+    def __init__(self, machine: VirtualMachine, hypervisor: HypervisorScheduler) -> None:
         shares = (machine.reserve / 100.0, machine.limit / 100.0)
         self._hypervisor = hypervisor
         self._ready: list[tuple[int, int, Thread]] = []
@@ -57,7 +57,7 @@ class OperatingSystem:
         """The thread has nothing more to do, whatever it was at: its work is not wanted any more."""
         vp = next((processor for processor in self.vps if processor.thread is thread), None)
         if vp is None:
-            self._ready = [one for one in self._ready if one[2] is not thread]
+            self._ready = [entry for entry in self._ready if entry[2] is not thread]
             heapify(self._ready)
             self.contended = bool(self._ready)
             return

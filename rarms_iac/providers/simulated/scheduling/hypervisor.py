@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from math import inf
 
-from rarms_iac.providers.simulated.scheduling.machine import Piece
+from rarms_iac.providers.simulated.scheduling.machine import TracePiece
 from rarms_iac.providers.simulated.scheduling.processors import (
     CLAIM,
     INSTANT,
@@ -25,12 +25,12 @@ SLICE_MS = 10.0
 """How long one VP runs of what is left over before another of less use (by weight) takes its turn."""
 
 
-class Hypervisor:
+class HypervisorScheduler:
     """Places VPs on LPs; tells the guest (`finished`, `quantum_over`) when a thread's work or turn is over."""
 
     __slots__ = ("_agenda", "_taken", "_trace", "_waiting", "_window", "changed", "lps", "vps")
 
-    def __init__(self, agenda: Agenda, lps: int, window_ms: float, trace: Callable[[Piece], None] | None) -> None:
+    def __init__(self, agenda: Agenda, lps: int, window_ms: float, trace: Callable[[TracePiece], None] | None) -> None:
         self._agenda = agenda
         self._window = window_ms
         self._trace = trace
@@ -85,7 +85,7 @@ class Hypervisor:
         if elapsed <= 0.0:
             return
         if self._trace is not None:
-            self._trace(Piece(lp.number, lp.since, now, lp.doing()))
+            self._trace(TracePiece(lp.number, lp.since, now, lp.doing()))
         lp.since = now
         if lp.taken:
             lp.taken_left -= elapsed
@@ -148,7 +148,7 @@ class Hypervisor:
             vp.accrue(clock, inf)
             waiting.append((-self._standing(vp), -vp.saved(), vp.used, vp))
         if len(waiting) > 1:
-            waiting.sort(key=lambda one: one[:3])
+            waiting.sort(key=lambda rank: rank[:3])
         return [vp for *_, vp in waiting]
 
     def _standing(self, vp: VirtualProcessor) -> int:

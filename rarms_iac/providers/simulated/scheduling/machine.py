@@ -29,7 +29,7 @@ Arrival = OneAfterAnother | Every
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Demand:
+class JobDemand:
     """A component: what each of its jobs asks for. A job waits (`blocked_ms`), then works on all its threads."""
 
     component: str
@@ -64,7 +64,7 @@ class Programs:
     instances: int
 
 
-Load = BusyLoops | Browsers | Programs
+ModelLoad = BusyLoops | Browsers | Programs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,13 +77,13 @@ class VirtualMachine:
     limit: float = 100.0  # per cent of each VP, never passed in any window
     weight: int = 100  # its part of what is left over
     memory_mib: float | None = None  # None: more than it needs
-    components: tuple[Demand, ...] = ()
-    loads: tuple[Load, ...] = ()
+    components: tuple[JobDemand, ...] = ()
+    loads: tuple[ModelLoad, ...] = ()
     partitioned: bool = True  # whether its devices are the parent's, whose time its I/O then costs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Machine:
+class ModelMachine:
     """Logical processors and what shares them."""
 
     lps: int
@@ -115,7 +115,7 @@ class JobDone:
     answered: bool = True  # it was not ended by its component's time-out
 
 
-class Piece(NamedTuple):
+class TracePiece(NamedTuple):
     """What an LP did for a while: the trace of a simulation is made of these, each LP's without gap or overlap."""
 
     lp: int

@@ -81,7 +81,7 @@ class Thread:
         self.last: VirtualProcessor | None = None
 
 
-class Guest(Protocol):
+class GuestScheduler(Protocol):
     """What the hypervisor tells an operating system."""
 
     @property
@@ -120,7 +120,7 @@ class VirtualProcessor(Owner):
     home: "LogicalProcessor"
     due: Action
 
-    def __init__(self, guest: Guest, name: str, number: int, shares: tuple[float, float], weight: int) -> None:
+    def __init__(self, guest: GuestScheduler, name: str, number: int, shares: tuple[float, float], weight: int) -> None:
         super().__init__()
         self.guest = guest
         self.name = name

@@ -6,8 +6,8 @@ from math import ceil, inf, log, sqrt
 from random import Random
 
 from rarms_iac.providers.simulated.scheduling.guest import OperatingSystem
-from rarms_iac.providers.simulated.scheduling.hypervisor import Hypervisor
-from rarms_iac.providers.simulated.scheduling.machine import INTERRUPT, ORDINARY, PARENT, Demand, Every, JobDone
+from rarms_iac.providers.simulated.scheduling.hypervisor import HypervisorScheduler
+from rarms_iac.providers.simulated.scheduling.machine import INTERRUPT, ORDINARY, PARENT, Every, JobDemand, JobDone
 from rarms_iac.providers.simulated.scheduling.processors import (
     INSTANT,
     Account,
@@ -77,11 +77,16 @@ class Variation:
         return mean * self._random.lognormvariate(self._shift, self._sigma)
 
 
-class Component(Owner):
+class ComponentProgram(Owner):
     """Runs the jobs of one component."""
 
     def __init__(
-        self, demand: Demand, system: OperatingSystem, agenda: Agenda, random: Random, tell: Callable[[JobDone], None]
+        self,
+        demand: JobDemand,
+        system: OperatingSystem,
+        agenda: Agenda,
+        random: Random,
+        tell: Callable[[JobDone], None],
     ) -> None:
         super().__init__()
         self.account = Account()
@@ -163,7 +168,7 @@ class Component(Owner):
 class Devices:
     """How interrupts and the parent take LPs: in short pieces, on every LP in turn."""
 
-    def __init__(self, hypervisor: Hypervisor) -> None:
+    def __init__(self, hypervisor: HypervisorScheduler) -> None:
         self._hypervisor = hypervisor
         self._turn = 0
 
@@ -185,7 +190,7 @@ class Devices:
         return self._hypervisor.lps[self._turn]
 
 
-class Screen:
+class GuestScreen:
     """The one screen of a guest: who draws on it locks it, the others wait in the order in which they came."""
 
     def __init__(self) -> None:
@@ -208,7 +213,7 @@ class Screen:
             self._locked = False
 
 
-class Browser(Owner):
+class BrowserProgram(Owner):
     """Decodes and draws frames, 25 a second if it can; a frame that comes late is not made up for."""
 
     def __init__(
@@ -217,7 +222,7 @@ class Browser(Owner):
         agenda: Agenda,
         random: Random,
         devices: Devices,
-        screen: Screen | None,
+        screen: GuestScreen | None,
         absent: float,
     ) -> None:
         super().__init__()
@@ -265,11 +270,11 @@ class Browser(Owner):
         self._agenda.at(self._due, self, self._frame)
 
 
-class Interrupts(Owner):
+class InterruptSource(Owner):
     """ISRs and DPCs that take a given share of one LP, in pieces that come at random."""
 
     def __init__(
-        self, lp: LogicalProcessor, share: float, hypervisor: Hypervisor, agenda: Agenda, random: Random
+        self, lp: LogicalProcessor, share: float, hypervisor: HypervisorScheduler, agenda: Agenda, random: Random
     ) -> None:
         super().__init__()
         self._lp = lp

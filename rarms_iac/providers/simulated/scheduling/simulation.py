@@ -7,30 +7,30 @@ from random import Random
 from typing import Self, assert_never
 
 from rarms_iac.providers.simulated.scheduling.guest import OperatingSystem
-from rarms_iac.providers.simulated.scheduling.hypervisor import Hypervisor
+from rarms_iac.providers.simulated.scheduling.hypervisor import HypervisorScheduler
 from rarms_iac.providers.simulated.scheduling.machine import (
     Browsers,
     BusyLoops,
     JobDone,
-    Load,
-    Machine,
-    Piece,
+    ModelLoad,
+    ModelMachine,
     Programs,
+    TracePiece,
     VirtualMachine,
 )
 from rarms_iac.providers.simulated.scheduling.processors import Agenda
 from rarms_iac.providers.simulated.scheduling.programs import (
-    Browser,
-    Component,
+    BrowserProgram,
+    ComponentProgram,
     Devices,
-    Interrupts,
-    Screen,
+    GuestScreen,
+    InterruptSource,
     absent_share,
     busy_loop,
 )
 
 
-class Simulation:
+class SchedulerSimulation:
     """A machine that runs: an iterator of its jobs in the order in which they end.
 
     The same machine and seed give the same jobs. It ends at `until_ms`, if that is given, and may be left at any
@@ -39,25 +39,25 @@ class Simulation:
 
     def __init__(
         self,
-        machine: Machine,
+        machine: ModelMachine,
         seed: int,
         *,
         until_ms: float = inf,
-        trace: Callable[[Piece], None] | None = None,
+        trace: Callable[[TracePiece], None] | None = None,
     ) -> None:
         self._seed = seed
         self._until = until_ms
         self._agenda = Agenda()
-        self._hypervisor = Hypervisor(self._agenda, machine.lps, machine.window_ms, trace)
+        self._hypervisor = HypervisorScheduler(self._agenda, machine.lps, machine.window_ms, trace)
         self._devices = Devices(self._hypervisor)
         self._done: deque[JobDone] = deque()
-        self._components: dict[str, Component] = {}
-        for one in machine.machines:
-            self._start(one)
+        self._components: dict[str, ComponentProgram] = {}
+        for system in machine.machines:
+            self._start(system)
         if machine.interrupts:
             for lp in self._hypervisor.lps:
                 random = self._random(f"interrupts/{lp.number}")
-                Interrupts(lp, machine.interrupts / 100.0, self._hypervisor, self._agenda, random).start()
+                InterruptSource(lp, machine.interrupts / 100.0, self._hypervisor, self._agenda, random).start()
         self._hypervisor.decide()
 
     @property
@@ -102,17 +102,21 @@ class Simulation:
         system = OperatingSystem(machine, self._hypervisor)
         for demand in machine.components:
             random = self._random(f"component/{demand.component}")
-            component = Component(demand, system, self._agenda, random, self._done.append)
+            component = ComponentProgram(demand, system, self._agenda, random, self._done.append)
             self._components[demand.component] = component
             component.begin()
         playing = sum(load.instances for load in machine.loads if isinstance(load, Browsers))
         absent = absent_share(playing, machine.memory_mib)
-        screen = Screen() if machine.partitioned else None
+        screen = GuestScreen() if machine.partitioned else None
         for number, load in enumerate(machine.loads):
             self._start_load(load, machine, system, (f"{machine.name}/{number}", screen, absent))
 
     def _start_load(
-        self, load: Load, machine: VirtualMachine, system: OperatingSystem, place: tuple[str, Screen | None, float]
+        self,
+        load: ModelLoad,
+        machine: VirtualMachine,
+        system: OperatingSystem,
+        place: tuple[str, GuestScreen | None, float],
     ) -> None:
         name, screen, absent = place
         match load:
@@ -125,13 +129,13 @@ class Simulation:
             case Browsers(instances=instances):
                 for number in range(instances):
                     random = self._random(f"browser/{name}/{number}")
-                    Browser(system, self._agenda, random, self._devices, screen, absent).start()
+                    BrowserProgram(system, self._agenda, random, self._devices, screen, absent).start()
             case _:
                 assert_never(load)
 
 
 def simulate(
-    machine: Machine, seed: int, *, until_ms: float = inf, trace: Callable[[Piece], None] | None = None
-) -> Simulation:
-    """Starts the machine at time 0; see `Simulation`. `trace` is told what every LP did, piece by piece."""
-    return Simulation(machine, seed, until_ms=until_ms, trace=trace)
+    machine: ModelMachine, seed: int, *, until_ms: float = inf, trace: Callable[[TracePiece], None] | None = None
+) -> SchedulerSimulation:
+    """Starts the machine at time 0; see `SchedulerSimulation`. `trace` is told what every LP did, piece by piece."""
+    return SchedulerSimulation(machine, seed, until_ms=until_ms, trace=trace)

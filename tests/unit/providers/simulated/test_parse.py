@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.model.state import Checkpoints, PartitionSettings, RunState, StartAction, StopAction
-from rarms_iac.providers.simulated.content import Content, Machine, Registry, empty, next_id
+from rarms_iac.providers.simulated.content import Content, Registry, SimulatedMachine, empty, next_id
 from rarms_iac.providers.simulated.parse import FORMAT, read_content, write_content
 from rarms_iac.storage.codec import NotDecodable
 
@@ -25,7 +25,7 @@ SETTINGS = PartitionSettings(
     running=True,
 )
 ID = next_id(empty("onboard"), "vision")
-MACHINE = Machine(id=ID, settings=SETTINGS, state=RunState.RUNNING, notes='quotes " and \\ and \u2028')
+MACHINE = SimulatedMachine(id=ID, settings=SETTINGS, state=RunState.RUNNING, notes='quotes " and \\ and \u2028')
 CONTENT = replace(empty("onboard"), made=3).with_machine(MACHINE)
 
 

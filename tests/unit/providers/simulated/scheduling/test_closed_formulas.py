@@ -7,19 +7,25 @@ import pytest
 
 from rarms_iac.providers.simulated.scheduling.guest import QUANTUM_MS
 from rarms_iac.providers.simulated.scheduling.hypervisor import SHORTEST_TURN_MS
-from rarms_iac.providers.simulated.scheduling.machine import BusyLoops, Demand, Machine, Piece, VirtualMachine
+from rarms_iac.providers.simulated.scheduling.machine import (
+    BusyLoops,
+    JobDemand,
+    ModelMachine,
+    TracePiece,
+    VirtualMachine,
+)
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 
 LOOP = (BusyLoops(),)
 
 
-def spent(machine: Machine, until_ms: float) -> list[Piece]:
-    pieces: list[Piece] = []
+def spent(machine: ModelMachine, until_ms: float) -> list[TracePiece]:
+    pieces: list[TracePiece] = []
     list(simulate(machine, 1, until_ms=until_ms, trace=pieces.append))
     return pieces
 
 
-def supply(pieces: list[Piece], vp: str, begin: float, end: float) -> float:
+def supply(pieces: list[TracePiece], vp: str, begin: float, end: float) -> float:
     return sum(max(0.0, min(piece.ended, end) - max(piece.began, begin)) for piece in pieces if piece.ran == vp)
 
 
@@ -36,7 +42,7 @@ def supply_bound(time: float, period: float, budget: float) -> float:
 def test_without_reserves_weights_share_the_processor(weights: tuple[int, ...]) -> None:
     machines = [VirtualMachine(name=f"vm{n}", vps=1, weight=weight, loads=LOOP) for n, weight in enumerate(weights)]
 
-    pieces = spent(Machine(lps=1, machines=tuple(machines)), 10_000.0)
+    pieces = spent(ModelMachine(lps=1, machines=tuple(machines)), 10_000.0)
 
     for number, weight in enumerate(weights):
         assert supply(pieces, f"vm{number}.0", 0, 10_000) == pytest.approx(10_000 * weight / sum(weights), abs=25)
@@ -46,7 +52,7 @@ def test_what_is_left_over_goes_by_weight_beside_a_reserve() -> None:
     reserved = VirtualMachine(name="reserved", vps=1, reserve=40, loads=LOOP)
     other = VirtualMachine(name="other", vps=1, weight=200, loads=LOOP)
 
-    pieces = spent(Machine(lps=1, machines=(reserved, other)), 10_000.0)
+    pieces = spent(ModelMachine(lps=1, machines=(reserved, other)), 10_000.0)
 
     assert supply(pieces, "reserved.0", 0, 10_000) == pytest.approx(4_000 + 6_000 * 100 / 300, abs=50)
     assert supply(pieces, "other.0", 0, 10_000) == pytest.approx(6_000 * 200 / 300, abs=50)
@@ -57,7 +63,7 @@ def test_a_reserve_supplies_what_a_periodic_resource_does(reserve: int) -> None:
     """With the window as period; the rest is reserved and demanded too, so that nothing is left over."""
     steady = VirtualMachine(name="steady", vps=1, reserve=reserve, loads=LOOP)
     rest = VirtualMachine(name="rest", vps=1, reserve=100 - reserve, loads=LOOP)
-    pieces = spent(Machine(lps=1, machines=(steady, rest)), 900.0)
+    pieces = spent(ModelMachine(lps=1, machines=(steady, rest)), 900.0)
 
     for begin in (piece.ended for piece in pieces if piece.ran == "steady.0"):
         for time in range(20, 500, 35):
@@ -67,48 +73,48 @@ def test_a_reserve_supplies_what_a_periodic_resource_does(reserve: int) -> None:
 
 
 def test_two_equal_threads_of_one_system_take_turns() -> None:
-    job = Demand(component="job", work_ms=100)
+    job = JobDemand(component="job", work_ms=100)
     system = VirtualMachine(name="os", vps=1, components=(job,), loads=(BusyLoops(threads=1),))
 
-    jobs = list(islice(simulate(Machine(lps=1, machines=(system,)), 1), 40))
+    jobs = list(islice(simulate(ModelMachine(lps=1, machines=(system,)), 1), 40))
 
     assert (jobs[-1].began + jobs[-1].response) / 40 == pytest.approx(200, rel=0.02)
 
 
 def test_a_thread_that_wakes_has_a_whole_turn() -> None:
     """20 ms of work after a wait are less than a turn: once it runs, each job is done without a second wait."""
-    shy = Demand(component="shy", work_ms=20, blocked_ms=30)
+    shy = JobDemand(component="shy", work_ms=20, blocked_ms=30)
     system = VirtualMachine(name="os", vps=1, components=(shy,), loads=(BusyLoops(threads=1),))
 
-    responses = [job.response for job in islice(simulate(Machine(lps=1, machines=(system,)), 1), 40)]
+    responses = [job.response for job in islice(simulate(ModelMachine(lps=1, machines=(system,)), 1), 40)]
 
     assert all(50.0 <= response <= 50.0 + QUANTUM_MS for response in responses)
 
 
 def test_a_thread_that_does_not_wait_goes_on_with_its_turn() -> None:
     """Jobs of 20 ms one after another share the processor with the loop: no job begins a turn anew."""
-    steady = Demand(component="steady", work_ms=20)
+    steady = JobDemand(component="steady", work_ms=20)
     system = VirtualMachine(name="os", vps=1, components=(steady,), loads=(BusyLoops(threads=1),))
 
-    *_, last = islice(simulate(Machine(lps=1, machines=(system,)), 1), 200)
+    *_, last = islice(simulate(ModelMachine(lps=1, machines=(system,)), 1), 200)
 
     assert (last.began + last.response) / 200 == pytest.approx(40.0, rel=0.02)
 
 
 def test_a_higher_thread_never_waits_for_a_lower_one() -> None:
-    urgent = Demand(component="urgent", work_ms=20, blocked_ms=5, priority=30)
+    urgent = JobDemand(component="urgent", work_ms=20, blocked_ms=5, priority=30)
     system = VirtualMachine(name="os", vps=1, components=(urgent,), loads=(BusyLoops(threads=3),))
 
-    jobs = list(islice(simulate(Machine(lps=1, machines=(system,)), 1), 10))
+    jobs = list(islice(simulate(ModelMachine(lps=1, machines=(system,)), 1), 10))
 
     assert {round(job.response, 6) for job in jobs} == {25.0}
 
 
 def test_interrupts_take_their_share_from_the_highest_thread_too() -> None:
-    job = Demand(component="job", work_ms=30, priority=31)
+    job = JobDemand(component="job", work_ms=30, priority=31)
     system = VirtualMachine(name="os", vps=1, reserve=100, components=(job,))
 
-    jobs = list(islice(simulate(Machine(lps=1, machines=(system,), interrupts=25), 1), 200))
+    jobs = list(islice(simulate(ModelMachine(lps=1, machines=(system,), interrupts=25), 1), 200))
 
     assert (jobs[-1].began + jobs[-1].response) / 200 == pytest.approx(40, rel=0.03)
 
@@ -117,11 +123,11 @@ def test_more_than_there_is_cannot_be_reserved() -> None:
     greedy = VirtualMachine(name="greedy", vps=2, reserve=80)
 
     with pytest.raises(ValueError, match="160 % of one LP are reserved, and 1 LPs have 100 %"):
-        Machine(lps=1, machines=(greedy,))
+        ModelMachine(lps=1, machines=(greedy,))
 
 
 def test_a_name_stands_for_one_thing() -> None:
     one = VirtualMachine(name="P1", vps=1)
 
     with pytest.raises(ValueError, match="a name stands twice in P1, P1"):
-        Machine(lps=1, machines=(one, one))
+        ModelMachine(lps=1, machines=(one, one))

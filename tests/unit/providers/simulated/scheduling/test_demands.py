@@ -4,13 +4,13 @@ import pytest
 
 from rarms_iac.model.system import Browser, BusyLoop, CommandLoad
 from rarms_iac.providers.simulated.measuring import NoDemand, demand_of, load_of
-from rarms_iac.providers.simulated.scheduling.machine import Browsers, BusyLoops, Demand, Every, Programs
+from rarms_iac.providers.simulated.scheduling.machine import Browsers, BusyLoops, Every, JobDemand, Programs
 from tests.builders import a_component, a_run, a_simulation
 
 
 def test_a_component_s_simulation_is_its_demand() -> None:
     asked = a_simulation(work="61.6 ms", blocked="26.4 ms", varies="5 %", threads=2, within="400 ms")
-    wanted = Demand(
+    wanted = JobDemand(
         component="vision",
         work_ms=61.6,
         blocked_ms=26.4,

@@ -4,23 +4,23 @@ from itertools import islice
 
 from rarms_iac.providers.simulated.scheduling.machine import (
     BusyLoops,
-    Demand,
     Every,
+    JobDemand,
     JobDone,
-    Machine,
+    ModelMachine,
     OneAfterAnother,
     VirtualMachine,
 )
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 
 
-def face_detection(varies: float = 0) -> Demand:
-    return Demand(component="face-detection", work_ms=61.6, blocked_ms=26.4, varies=varies)
+def face_detection(varies: float = 0) -> JobDemand:
+    return JobDemand(component="face-detection", work_ms=61.6, blocked_ms=26.4, varies=varies)
 
 
-def bench(demand: Demand, reserve: float, *, lps: int = 2) -> Machine:
+def bench(demand: JobDemand, reserve: float, *, lps: int = 2) -> ModelMachine:
     """The test partitions P1 with the component and P2 with a busy loop a VP."""
-    return Machine(
+    return ModelMachine(
         lps=lps,
         machines=(
             VirtualMachine(name="P1", vps=lps, reserve=reserve, components=(demand,)),
@@ -29,12 +29,12 @@ def bench(demand: Demand, reserve: float, *, lps: int = 2) -> Machine:
     )
 
 
-def first(machine: Machine, count: int, seed: int = 1) -> list[JobDone]:
+def first(machine: ModelMachine, count: int, seed: int = 1) -> list[JobDone]:
     return list(islice(simulate(machine, seed), count))
 
 
 def test_alone_a_job_takes_its_blocked_time_and_its_work() -> None:
-    machine = Machine(lps=1, machines=(VirtualMachine(name="P1", vps=1, components=(face_detection(),)),))
+    machine = ModelMachine(lps=1, machines=(VirtualMachine(name="P1", vps=1, components=(face_detection(),)),))
 
     jobs = first(machine, 3)
 
@@ -60,8 +60,8 @@ def test_the_same_seed_gives_the_same_jobs_and_another_seed_others() -> None:
 
 
 def test_a_periodic_job_that_is_late_counts_from_when_it_was_due() -> None:
-    overrun = Demand(component="video", work_ms=15, arrival=Every(period_ms=10), success_within_ms=24)
-    machine = Machine(lps=1, machines=(VirtualMachine(name="P1", vps=1, components=(overrun,)),))
+    overrun = JobDemand(component="video", work_ms=15, arrival=Every(period_ms=10), success_within_ms=24)
+    machine = ModelMachine(lps=1, machines=(VirtualMachine(name="P1", vps=1, components=(overrun,)),))
 
     jobs = first(machine, 3)
 
@@ -74,9 +74,9 @@ def test_a_periodic_job_that_is_late_counts_from_when_it_was_due() -> None:
 
 def test_a_job_that_takes_too_long_is_ended_and_uses_nothing_more() -> None:
     """60 ms of work every 50 ms, ended after 20 ms each: 40 % are used, and the busy loop below has the rest."""
-    late = Demand(component="late", work_ms=60, arrival=Every(period_ms=50), timeout_ms=20, priority=20)
-    behind = Demand(component="behind", work_ms=30)
-    machine = Machine(lps=1, machines=(VirtualMachine(name="P1", vps=1, components=(late, behind)),))
+    late = JobDemand(component="late", work_ms=60, arrival=Every(period_ms=50), timeout_ms=20, priority=20)
+    behind = JobDemand(component="behind", work_ms=30)
+    machine = ModelMachine(lps=1, machines=(VirtualMachine(name="P1", vps=1, components=(late, behind)),))
     simulation = simulate(machine, 1, until_ms=1000)
 
     jobs = list(simulation)
@@ -92,11 +92,11 @@ def test_a_job_that_takes_too_long_is_ended_and_uses_nothing_more() -> None:
 
 
 def test_a_job_is_ended_also_while_it_waits_or_has_no_processor() -> None:
-    waits = Demand(component="waits", work_ms=1, blocked_ms=30, timeout_ms=10)
-    starved = Demand(component="starved", work_ms=5, timeout_ms=10, priority=1)
+    waits = JobDemand(component="waits", work_ms=1, blocked_ms=30, timeout_ms=10)
+    starved = JobDemand(component="starved", work_ms=5, timeout_ms=10, priority=1)
     first_of_all = VirtualMachine(name="P1", vps=1, components=(waits, starved), loads=(BusyLoops(threads=1),))
 
-    simulation = simulate(Machine(lps=1, machines=(first_of_all,)), 1, until_ms=100)
+    simulation = simulate(ModelMachine(lps=1, machines=(first_of_all,)), 1, until_ms=100)
     jobs = list(simulation)
 
     assert [job.component for job in jobs].count("waits") == 10
@@ -106,15 +106,15 @@ def test_a_job_is_ended_also_while_it_waits_or_has_no_processor() -> None:
 
 
 def test_a_job_that_is_in_time_ends_the_watch_over_it() -> None:
-    quick = Demand(component="quick", work_ms=8, timeout_ms=10)
-    machine = Machine(lps=1, machines=(VirtualMachine(name="P1", vps=1, components=(quick,)),))
+    quick = JobDemand(component="quick", work_ms=8, timeout_ms=10)
+    machine = ModelMachine(lps=1, machines=(VirtualMachine(name="P1", vps=1, components=(quick,)),))
 
     assert all(job.answered and round(job.response, 6) == 8.0 for job in first(machine, 50))
 
 
 def test_parallel_work_is_done_on_all_vps_at_once() -> None:
-    wide = Demand(component="wide", work_ms=40, threads=2, arrival=OneAfterAnother())
-    machine = Machine(lps=2, machines=(VirtualMachine(name="P1", vps=2, components=(wide,)),))
+    wide = JobDemand(component="wide", work_ms=40, threads=2, arrival=OneAfterAnother())
+    machine = ModelMachine(lps=2, machines=(VirtualMachine(name="P1", vps=2, components=(wide,)),))
 
     assert round(first(machine, 1)[0].response, 6) == 20.0
 
