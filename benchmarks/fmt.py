@@ -4,7 +4,7 @@ import sys
 
 from benchmarks.fleet import manifest
 from benchmarks.timing import Figure, interleaved, median_ratio, report
-from rarms_iac.manifest.fmt import format_text
+from rarms_iac.manifest.edit.formatting import format_text
 
 ROUNDS = 5
 

@@ -10,7 +10,7 @@ from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.select import HostHeadroom, SelectedLevel, Selection
 from rarms_iac.cli.datalogs import Measurements, measured_reservations
 from rarms_iac.cli.levels import advice_beyond, far_from
-from rarms_iac.manifest.edit import set_value
+from rarms_iac.manifest.edit.values import set_value
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.indexes import PerformanceIndex, find_index, threshold_of

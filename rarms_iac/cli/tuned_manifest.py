@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rarms_iac.app.files import write_file
 from rarms_iac.app.manifests import Manifest
-from rarms_iac.manifest.edit import remove_value, set_value
+from rarms_iac.manifest.edit.values import remove_value, set_value
 from rarms_iac.model.system import System
 from rarms_iac.planner.combining.oracle import Coi
 from rarms_iac.planner.groups import most_critical_first

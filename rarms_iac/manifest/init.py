@@ -2,7 +2,7 @@
 
 import re
 
-from rarms_iac.manifest.edit import set_value
+from rarms_iac.manifest.edit.values import set_value
 from rarms_iac.model.names import WINDOWS_DEVICES
 from rarms_iac.storage.shipped import shipped_text
 

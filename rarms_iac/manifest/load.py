@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
-from rarms_iac.manifest.characters import EMPTY
-from rarms_iac.manifest.opening import STANDARD_INPUT
 from rarms_iac.manifest.overlays import Combined, combine
-from rarms_iac.manifest.places import NoPlaces
-from rarms_iac.manifest.reading import Tree, read
+from rarms_iac.manifest.text.characters import EMPTY
+from rarms_iac.manifest.text.positions import FirstLine
+from rarms_iac.manifest.text.reading import STANDARD_INPUT, ParsedText, read
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places, has_errors, in_order
 from rarms_iac.model.system import System
 
@@ -69,19 +68,19 @@ def load(
 
     Never raises for what a user wrote: that stands in the diagnostics.
     """
-    trees = [read(path), *(read(overlay, overlay=True) for overlay in overlays)]
-    if any(not tree.readable for tree in trees):
-        return _loaded(trees, None, NoPlaces(trees[0].source.file), [])
-    empty = [_is_empty(tree, overlay=tree is not trees[0]) for tree in trees if tree.value is None]
+    texts = [read(path), *(read(overlay, overlay=True) for overlay in overlays)]
+    if any(not text.readable for text in texts):
+        return _loaded(texts, None, FirstLine(texts[0].source.file), [])
+    empty = [_is_empty(text, overlay=text is not texts[0]) for text in texts if text.value is None]
     if empty:
-        return _loaded(trees, None, NoPlaces(trees[0].source.file), empty)
-    combined = combine(trees)
+        return _loaded(texts, None, FirstLine(texts[0].source.file), empty)
+    combined = combine(texts)
     if combined.diagnostics:
-        return _loaded(trees, None, combined.places, list(combined.diagnostics))
+        return _loaded(texts, None, combined.places, list(combined.diagnostics))
     system, found = _to_system(combined)
     if system is not None:
         found = [*found, *checks(system, combined.places, today)]
-    return _loaded(trees, system, combined.places, found)
+    return _loaded(texts, system, combined.places, found)
 
 
 def _to_system(combined: Combined) -> tuple[System | None, list[Diagnostic]]:
@@ -89,18 +88,18 @@ def _to_system(combined: Combined) -> tuple[System | None, list[Diagnostic]]:
     from pydantic import ValidationError
 
     from rarms_iac.manifest.document.manifest import ManifestDocument
-    from rarms_iac.manifest.errors import in_words
+    from rarms_iac.manifest.document.messages import findings_of_structure
     from rarms_iac.manifest.to_system import to_system
 
     try:
         return to_system(ManifestDocument.model_validate(combined.value)), []
     except ValidationError as problem:
-        return None, in_words(problem, combined.value, combined.places)
+        return None, findings_of_structure(problem, combined.value, combined.places)
 
 
-def _is_empty(tree: Tree, *, overlay: bool) -> Diagnostic:
+def _is_empty(text: ParsedText, *, overlay: bool) -> Diagnostic:
     return EMPTY.at(
-        Place(file=tree.source.file, line=1, column=1),
+        Place(file=text.source.file, line=1, column=1),
         "There is nothing in it but comments.",
         "Write what differs from the manifest, or leave the overlay out."
         if overlay
@@ -108,16 +107,16 @@ def _is_empty(tree: Tree, *, overlay: bool) -> Diagnostic:
     )
 
 
-def _loaded(trees: list[Tree], system: System | None, places: Places, found: list[Diagnostic]) -> Loaded:
+def _loaded(texts: list[ParsedText], system: System | None, places: Places, found: list[Diagnostic]) -> Loaded:
     digest = hashlib.sha256()
-    for tree in trees:
-        digest.update(hashlib.sha256(tree.source.data).digest())
-    said = [*(diagnostic for tree in trees for diagnostic in tree.diagnostics), *found]
+    for text in texts:
+        digest.update(hashlib.sha256(text.source.data).digest())
+    said = [*(diagnostic for text in texts for diagnostic in text.diagnostics), *found]
     return Loaded(
-        system=None if has_errors([diagnostic for tree in trees for diagnostic in tree.diagnostics]) else system,
+        system=None if has_errors([diagnostic for text in texts for diagnostic in text.diagnostics]) else system,
         places=places,
         diagnostics=in_order(said),
-        sources={tree.source.file: tree.source.lines for tree in trees},
-        folder=trees[0].source.folder or os.curdir,
+        sources={text.source.file: text.source.lines for text in texts},
+        folder=texts[0].source.folder or os.curdir,
         digest=digest.hexdigest(),
     )

@@ -8,14 +8,14 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import Any
+from typing import Any, TypeGuard
 
-from rarms_iac.manifest.nodes import Branch, Entry, Items, Leaf, Node, plain, read_nodes
-from rarms_iac.manifest.places import ManifestPlaces
-from rarms_iac.manifest.reading import Tree
+from rarms_iac.manifest.text.positions import ManifestPlaces
+from rarms_iac.manifest.text.reading import ParsedText
+from rarms_iac.manifest.text.tree import Collection, Node, entries_by_key, is_null, place_of_node, plain
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity
 
-NOT_A_MAP = Finding(code="RARMS013", severity=Severity.ERROR, summary="An overlay that is not a map")
+NOT_A_MAP = Finding(code="RARMS013", severity=Severity.ERROR, summary="The overlay is not a map")
 
 _WHOLE = (
     ("components", "*", "apt", "*"),
@@ -33,7 +33,7 @@ _COMMANDS = (
     ("interference", "*", "command", "*"),
 )
 
-Path_ = tuple[str | int, ...]
+YamlPath = tuple[str | int, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,72 +45,63 @@ class Combined:
     diagnostics: tuple[Diagnostic, ...]
 
 
-def combine(trees: Sequence[Tree]) -> Combined:
+def combine(texts: Sequence[ParsedText]) -> Combined:
     """A manifest and its overlays as one; later overlays win."""
-    manifest, *overlays = trees
+    manifest, *overlays = texts
     if not overlays:
-        return Combined(
-            value=manifest.value, places=ManifestPlaces(lambda: read_nodes(manifest.source)), diagnostics=()
-        )
-    merged = read_nodes(manifest.source)
+        return Combined(value=manifest.value, places=ManifestPlaces(manifest.source.positions), diagnostics=())
+    merged = manifest.source.positions()
     wrong = []
     for overlay in overlays:
-        node = read_nodes(overlay.source)
-        if isinstance(node, Branch) and isinstance(merged, Branch):
-            merged = _merged(merged, _relative(node, overlay.source.folder, manifest.source.folder, ()), ())
-        elif not isinstance(node, Branch):
+        node = overlay.source.positions()
+        if not _is_mapping(node):
             advice = "Write the keys that differ, as in the manifest."
-            wrong.append(NOT_A_MAP.at(node.place, "An overlay is a map, as the manifest itself.", advice))
+            wrong.append(NOT_A_MAP.at(place_of_node(node), "An overlay is a map, like the manifest.", advice))
+        elif _is_mapping(merged):
+            merged = _merged(merged, _relative(node, overlay.source.folder, manifest.source.folder, ()), ())
     whole = merged
     return Combined(value=plain(whole), places=ManifestPlaces(lambda: whole), diagnostics=tuple(wrong))
 
 
-def _merged(below: Branch, above: Branch, path: Path_) -> Branch:
-    entries = dict(below.entries)
-    for key, entry in above.entries.items():
+def _is_mapping(node: Node) -> TypeGuard[Collection]:
+    return isinstance(node, Collection) and node.is_mapping
+
+
+def _merged(below: Collection, above: Collection, path: YamlPath) -> Collection:
+    entries = entries_by_key(below)
+    for key, entry in entries_by_key(above).items():
         at = (*path, key)
         old = entries.get(key)
-        if _is_null(entry.node):
+        if is_null(entry.value):
             entries.pop(key, None)
-        elif old and isinstance(old.node, Branch) and isinstance(entry.node, Branch) and not _fits(at, _WHOLE):
-            entries[key] = Entry(old.key, _merged(old.node, entry.node, at))
-        elif isinstance(entry.node, Branch) and not _fits(at, _WHOLE):
-            entries[key] = Entry(entry.key, _merged(replace(entry.node, entries={}), entry.node, at))
-        else:
+        elif not _is_mapping(entry.value) or _fits(at, _WHOLE):
             entries[key] = entry
-    return replace(below, entries=entries)
+        elif old and _is_mapping(old.value):
+            entries[key] = replace(old, value=_merged(old.value, entry.value, at))
+        else:
+            entries[key] = replace(entry, value=_merged(replace(entry.value, entries=[]), entry.value, at))
+    return replace(below, entries=list(entries.values()))
 
 
-def _is_null(node: Node) -> bool:
-    return isinstance(node, Leaf) and node.value is None
-
-
-def _fits(path: Path_, patterns: tuple[tuple[str, ...], ...]) -> bool:
+def _fits(path: YamlPath, patterns: tuple[tuple[str, ...], ...]) -> bool:
     return any(
         len(pattern) == len(path) and all(want in ("*", step) for want, step in zip(pattern, path, strict=True))
         for pattern in patterns
     )
 
 
-def _relative(node: Node, said_in: str, to: str, path: Path_) -> Any:
+def _relative(node: Any, written_in: str, to: str, path: YamlPath) -> Any:
     """The same tree with its paths relative to another folder."""
-    match node:
-        case Branch(entries=entries):
-            return replace(
-                node,
-                entries={
-                    key: replace(entry, node=_relative(entry.node, said_in, to, (*path, key)))
-                    for key, entry in entries.items()
-                },
-            )
-        case Items(items=items):
-            return replace(
-                node, items=tuple(_relative(item, said_in, to, (*path, at)) for at, item in enumerate(items))
-            )
-        case Leaf(value=str(text)) if _fits(path, _PATHS) or (_fits(path, _COMMANDS) and _names_a_file(text, said_in)):
-            return replace(node, value=moved_path(text, said_in, to))
-        case _:
-            return node
+    if isinstance(node, Collection):
+        entries = [
+            replace(entry, value=_relative(entry.value, written_in, to, (*path, entry.key.value if entry.key else at)))
+            for at, entry in enumerate(node.entries)
+        ]
+        return replace(node, entries=entries)
+    is_path = _fits(path, _PATHS) or (_fits(path, _COMMANDS) and _names_a_file(node.value, written_in))
+    if is_path and isinstance(plain(node), str):
+        return replace(node, value=moved_path(node.value, written_in, to), style="'")
+    return node
 
 
 def _names_a_file(word: str, folder: str) -> bool:
@@ -123,14 +114,14 @@ def _names_a_file(word: str, folder: str) -> bool:
         return False
 
 
-def moved_path(text: str, said_in: str, to: str) -> str:
+def moved_path(text: str, written_in: str, to: str) -> str:
     """A path relative to one folder, as seen from another; an absolute one stays."""
     if PurePosixPath(text).is_absolute() or PureWindowsPath(text).is_absolute():
         return text
     try:
-        folder = os.path.relpath(said_in or os.curdir, to or os.curdir)
+        folder = os.path.relpath(written_in or os.curdir, to or os.curdir)
     except ValueError:  # on Windows: another drive
-        folder = str(Path(said_in).resolve())
+        folder = str(Path(written_in).resolve())
     if folder == os.curdir:
         return text
     return PurePosixPath(Path(folder).as_posix(), text).as_posix()

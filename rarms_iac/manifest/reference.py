@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from textwrap import dedent
 from typing import Any
 
-from rarms_iac.manifest.json_schema import manifest_schema
+from rarms_iac.manifest.document.schema import manifest_schema
 from rarms_iac.model.names import NAME_PATTERN, TASK_PATTERN
 
 Schema = dict[str, Any]

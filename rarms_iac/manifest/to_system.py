@@ -3,32 +3,205 @@
 from collections.abc import Callable, Mapping
 from typing import TypeVar, assert_never
 
-from rarms_iac.manifest.document.components import ComponentBlock, CpuBlock, SimulationBlock
-from rarms_iac.manifest.document.interference import BrowserBlock, BusyLoopBlock, CommandLoadBlock
-from rarms_iac.manifest.document.manifest import ManifestDocument
-from rarms_iac.manifest.document.partitions import GuestBlock, HypervPartitionBlock, PartitionBlock, PartitionStopBlock
-from rarms_iac.manifest.document.policy import AcceptanceBlock, PolicyBlock, TaskBlock
-from rarms_iac.manifest.hosts_to_system import to_connect, to_host
-from rarms_iac.manifest.run_to_system import to_run
+from rarms_iac.manifest.document.components import (
+    ComponentBlock,
+    CpuBlock,
+    EveryBlock,
+    FieldBlock,
+    FromEnvironmentBlock,
+    RunBlock,
+    SamplesBlock,
+    SimulationBlock,
+    StopBlock,
+    TimeFieldBlock,
+    UntilBlock,
+)
+from rarms_iac.manifest.document.hosts import (
+    ConnectBlock,
+    FaultBlock,
+    HostBlock,
+    HypervHostBlock,
+    KeepForHostBlock,
+    LinuxBlock,
+    SimulatedBlock,
+)
+from rarms_iac.manifest.document.manifest import (
+    AcceptanceBlock,
+    BrowserBlock,
+    BusyLoopBlock,
+    CommandLoadBlock,
+    GuestBlock,
+    HypervPartitionBlock,
+    ManifestDocument,
+    PartitionBlock,
+    PartitionStopBlock,
+    PolicyBlock,
+    TaskBlock,
+)
+from rarms_iac.model.quantities import UNITS, Unit
 from rarms_iac.model.system import (
     Acceptance,
     Application,
     Browser,
     BusyLoop,
+    Call,
+    Closed,
+    Command,
     CommandLoad,
     Component,
+    Connect,
     CpuWish,
+    Elapsed,
+    Fault,
+    Field,
+    FromEnvironment,
     Guest,
+    Host,
+    HostSettings,
+    HypervHost,
     HypervPartition,
     Interference,
+    KeepForHost,
+    LinuxHost,
     Measured,
     PartitionWish,
+    Periodic,
     Policy,
+    ProviderKind,
+    Run,
     RunsOn,
+    SampleCount,
+    Samples,
+    SimulatedHost,
     Simulation,
+    Stop,
     System,
     TaskWish,
 )
+
+
+def to_host(name: str, block: HostBlock) -> Host:
+    """A host with its defaults; its platform is its own name unless it says otherwise."""
+    keep = block.keep_for_host or KeepForHostBlock()
+    return Host(
+        name=name,
+        provider=block.provider,
+        logical_processors=block.logical_processors,
+        memory=block.memory,
+        keep_for_host=KeepForHost(processor=keep.processor, memory=keep.memory),
+        platform=block.platform or name,
+        connect=to_connect(block.connect) if block.connect else None,
+        settings=_settings(block),
+        system_responsiveness=block.system_responsiveness,
+    )
+
+
+def to_connect(block: ConnectBlock) -> Connect:
+    """How a remote system is reached."""
+    return Connect(ssh=block.ssh, shell=block.shell)
+
+
+def _settings(block: HostBlock) -> HostSettings:
+    match block.provider:
+        case ProviderKind.SIMULATED:
+            return _simulated(block.simulated or SimulatedBlock())
+        case ProviderKind.HYPERV:
+            hyperv = block.hyperv or HypervHostBlock()
+            return HypervHost(
+                switch=hyperv.switch, image=hyperv.image, vm_path=hyperv.vm_path, generation=hyperv.generation
+            )
+        case ProviderKind.LINUX:
+            linux = block.linux or LinuxBlock()
+            return LinuxHost(slice=linux.slice, control_groups=linux.control_groups)
+        case _:
+            assert_never(block.provider)
+
+
+def _simulated(block: SimulatedBlock) -> SimulatedHost:
+    return SimulatedHost(
+        windows_build=block.windows_build,
+        guest_windows_build=block.guest_windows_build,
+        client=block.client,
+        scheduler=block.scheduler,
+        smt=block.smt,
+        administrator=block.administrator,
+        faults={name: _fault(fault) for name, fault in (block.faults or {}).items()},
+    )
+
+
+def _fault(block: FaultBlock) -> Fault:
+    return Fault(operation=block.operation, at=block.at, effect=block.effect, delay=block.delay, times=block.times)
+
+
+_CLOSED = Closed()
+_PER_RUN = Samples(source="per_run")
+_STOP = Stop()
+_UNTIL = SampleCount(samples=200)
+
+
+def to_run(block: RunBlock) -> Run:
+    """How a component is run; the deadline of a periodic job is its period unless it says otherwise."""
+    arrival = _arrival(block.arrival)
+    deadline = block.deadline
+    if deadline is None and isinstance(arrival, Periodic):
+        deadline = arrival.period
+    return Run(
+        start=_start(block),
+        files=tuple(block.files or ()),
+        environment={name: _variable(value) for name, value in (block.environment or {}).items()},
+        folder=block.folder,
+        until=_until(block.until) if block.until else _UNTIL,
+        timeout=block.timeout,
+        stop=_stop(block.stop) if block.stop else _STOP,
+        arrival=arrival,
+        samples=_samples(block.samples) if block.samples else _PER_RUN,
+        deadline=deadline,
+        failures=block.failures,
+    )
+
+
+def _start(block: RunBlock) -> Command | Call:
+    if block.call is None:
+        return Command(words=tuple(block.command or ()))
+    module, _, function = block.call.partition(":")
+    return Call(module=module, function=function)
+
+
+def _variable(value: str | FromEnvironmentBlock) -> str | FromEnvironment:
+    return value if isinstance(value, str) else FromEnvironment(name=value.from_env)
+
+
+def _until(block: UntilBlock) -> SampleCount | Elapsed:
+    if block.elapsed is not None:
+        return Elapsed(time=block.elapsed)
+    return _UNTIL if block.samples is None else SampleCount(samples=block.samples)
+
+
+def _stop(block: StopBlock) -> Stop:
+    return Stop(signal=block.signal, grace=block.grace)
+
+
+def _arrival(value: str | EveryBlock | None) -> Closed | Periodic:
+    return Periodic(period=value.every) if isinstance(value, EveryBlock) else _CLOSED
+
+
+def _samples(block: SamplesBlock) -> Samples:
+    return Samples(
+        source=block.source,
+        pattern=block.pattern or "",
+        response_time=_time_field(block.response_time),
+        success=_field(block.success),
+        count=_field(block.count),
+    )
+
+
+def _time_field(block: TimeFieldBlock | None) -> Field | None:
+    return None if block is None else Field(name=block.field, factor=UNITS[Unit.TIME][block.unit])
+
+
+def _field(block: FieldBlock | None) -> Field | None:
+    return None if block is None else Field(name=block.field)
+
 
 B = TypeVar("B")
 V = TypeVar("V")

@@ -5,9 +5,9 @@ from typing import Any
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from rarms_iac.manifest.edit import remove_value, rename, set_value
-from rarms_iac.manifest.fmt import format_text
-from rarms_iac.manifest.reading import read_text
+from rarms_iac.manifest.edit.formatting import format_text
+from rarms_iac.manifest.edit.values import remove_value, rename, set_value
+from rarms_iac.manifest.text.reading import read_text
 from rarms_iac.model.diagnostics import has_errors
 from tests.badly_written import comments, manifests
 

@@ -6,13 +6,13 @@ from typing import Any
 from hypothesis import assume, event, given
 from hypothesis import strategies as st
 
-from rarms_iac.manifest.fmt import CannotFormat, format_text
-from rarms_iac.manifest.reading import Tree, read_text
+from rarms_iac.manifest.edit.formatting import CannotFormat, format_text
+from rarms_iac.manifest.text.reading import ParsedText, read_text
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from tests.badly_written import comments, manifests
 
 
-def _read(text: str) -> Tree:
+def _read(text: str) -> ParsedText:
     return read_text(text.encode(), "rarms.yaml", "")
 
 

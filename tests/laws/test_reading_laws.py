@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from rarms_iac.manifest.document.manifest import ManifestDocument
-from rarms_iac.manifest.errors import in_words
+from rarms_iac.manifest.document.messages import findings_of_structure
 from rarms_iac.manifest.load import load
-from rarms_iac.manifest.nodes import plain, read_nodes
-from rarms_iac.manifest.places import ManifestPlaces
-from rarms_iac.manifest.reading import read_text
+from rarms_iac.manifest.text.positions import ManifestPlaces
+from rarms_iac.manifest.text.reading import read_text
+from rarms_iac.manifest.text.tree import plain
 from rarms_iac.model.diagnostics import Severity
 from tests.effort import examples
 from tests.laws.test_schema_agrees import DOCUMENT, _mutate
@@ -56,7 +56,7 @@ def test_positions_and_values_come_from_the_same_text(text: str) -> None:
     read = read_text(text.encode(), "rarms.yaml", ".")
 
     if read.readable:
-        assert plain(read_nodes(read.source)) == read.value
+        assert plain(read.source.positions()) == read.value
 
 
 @settings(max_examples=examples(200))
@@ -74,7 +74,7 @@ def test_every_error_has_words_of_its_own(seed: int) -> None:
     try:
         ManifestDocument.model_validate(read.value)
     except ValidationError as problem:
-        told = in_words(problem, read.value, ManifestPlaces(lambda: read_nodes(read.source)))
+        told = findings_of_structure(problem, read.value, ManifestPlaces(read.source.positions))
         assert "RARMS029" not in {diagnostic.code for diagnostic in told}
         assert all(
             diagnostic.place and diagnostic.place.file == "rarms.yaml" and diagnostic.detail and diagnostic.advice

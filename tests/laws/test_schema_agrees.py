@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from rarms_iac.manifest.document.manifest import ManifestDocument
-from rarms_iac.manifest.json_schema import manifest_schema
-from rarms_iac.manifest.reading import read_text
+from rarms_iac.manifest.document.schema import manifest_schema
+from rarms_iac.manifest.text.reading import read_text
 from tests.effort import examples
 from tests.unit.manifest.examples import EVERYTHING
 

@@ -16,10 +16,10 @@ from rarms_iac.apply.run_report import Ending, SilentReporter
 from rarms_iac.apply.run_steps import held
 from rarms_iac.cli.datalogs import Measurements, measured_reservations
 from rarms_iac.manifest.checks import run_checks
-from rarms_iac.manifest.fmt import format_text
-from rarms_iac.manifest.json_schema import manifest_schema
+from rarms_iac.manifest.document.schema import manifest_schema
+from rarms_iac.manifest.edit.formatting import format_text
 from rarms_iac.manifest.load import Loaded, load
-from rarms_iac.manifest.reading import read_text
+from rarms_iac.manifest.text.reading import read_text
 from rarms_iac.model.diagnostics import Severity
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.quantities import ProcessorTime

@@ -10,11 +10,10 @@ from rarms_iac.app.files import write_file
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import json_option, manifest_option
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.manifest.characters import BYTE_ORDER_MARK
-from rarms_iac.manifest.fmt import CannotFormat, diff_text, format_tree
+from rarms_iac.manifest.edit.formatting import CannotFormat, diff_text, format_tree
 from rarms_iac.manifest.load import manifest_path
-from rarms_iac.manifest.opening import STANDARD_INPUT
-from rarms_iac.manifest.reading import Tree, read
+from rarms_iac.manifest.text.characters import BYTE_ORDER_MARK
+from rarms_iac.manifest.text.reading import STANDARD_INPUT, ParsedText, read
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.views.as_json import as_json as to_json
 from rarms_iac.views.output.told import FmtOutput, FormattedFileOutput
@@ -97,7 +96,7 @@ def _write(session: Session, formatted: list[Formatted]) -> None:
             write_file(one.path, one.after.encode())
 
 
-def _as_stored(tree: Tree) -> bytes:
+def _as_stored(parsed: ParsedText) -> bytes:
     """The file's bytes; the reader takes a byte order mark away and notes it."""
-    marked = any(diagnostic.code == BYTE_ORDER_MARK.code for diagnostic in tree.diagnostics)
-    return BOM_UTF8 + tree.source.data if marked else tree.source.data
+    marked = any(diagnostic.code == BYTE_ORDER_MARK.code for diagnostic in parsed.diagnostics)
+    return BOM_UTF8 + parsed.source.data if marked else parsed.source.data

@@ -1,15 +1,158 @@
 """`components`: the components of interest (CoIs), and those that are merely there."""
 
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import ConfigDict, Discriminator, Field, Tag
 
-from rarms_iac.manifest.document.base import Block, Maybe, needed, optional
-from rarms_iac.manifest.document.quantities import PositiveAmount, PositiveMemory, PositiveTime, Reserve, Share, Time
-from rarms_iac.manifest.document.run import RunBlock
-from rarms_iac.manifest.document.texts import Name, TaskName
-from rarms_iac.manifest.document.thresholds import Thresholds
+from rarms_iac.manifest.document.fields import (
+    VARIABLE_PATTERN,
+    Block,
+    CallTarget,
+    Filled,
+    KeysLike,
+    Maybe,
+    Name,
+    TaskName,
+    Variable,
+    exactly_one,
+    needed,
+    optional,
+)
+from rarms_iac.manifest.document.quantities import (
+    PositiveAmount,
+    PositiveMemory,
+    PositiveTime,
+    Reserve,
+    Share,
+    Thresholds,
+    Time,
+)
 from rarms_iac.model.system import RunsOn
+
+SIGNALS = ("TERM", "INT", "HUP", "QUIT", "USR1", "USR2", "KILL")
+TIME_UNITS = ("us", "ms", "s", "min", "h")
+
+
+class UntilBlock(Block):
+    """When a setting has been measured enough."""
+
+    model_config = ConfigDict(json_schema_extra=dict(exactly_one("samples", "elapsed")))
+
+    samples: Maybe[Annotated[int, Field(ge=1, le=10_000_000)]] = optional("After so many samples.")
+    elapsed: Maybe[PositiveTime] = optional("After so long: `20 s`.")
+
+
+class StopBlock(Block):
+    """How a component is asked to end."""
+
+    signal: Literal["TERM", "INT", "HUP", "QUIT", "USR1", "USR2", "KILL"] = optional("The signal it gets.", "TERM")
+    grace: Time = optional("How long it may take before it is killed: `5 s`.", "5 s")
+
+
+class EveryBlock(Block):
+    """A periodic job: its response counts from its scheduled start."""
+
+    every: PositiveTime = needed(
+        "The period: `33 ms`. rarms starts the jobs of `per_run` and of `call` itself; a command that writes lines "
+        "paces itself and finds the period in the variable RARMS_PERIOD_MS."
+    )
+
+
+def _arrival_kind(value: Any) -> str:
+    return "periodic" if isinstance(value, dict | EveryBlock) else "closed"
+
+
+Arrival = Annotated[
+    Annotated[Literal["closed"], Tag("closed")] | Annotated[EveryBlock, Tag("periodic")], Discriminator(_arrival_kind)
+]
+
+
+class FromEnvironmentBlock(Block):
+    """A value that rarms reads from its own environment, so that no secret stands in git."""
+
+    from_env: Variable = needed("The name of the variable in rarms' own environment.")
+
+
+def _variable_kind(value: Any) -> str:
+    return "from_env" if isinstance(value, dict | FromEnvironmentBlock) else "text"
+
+
+VariableValue = Annotated[
+    Annotated[str, Tag("text")] | Annotated[FromEnvironmentBlock, Tag("from_env")], Discriminator(_variable_kind)
+]
+
+
+class TimeFieldBlock(Block):
+    """Where a time stands in a sample."""
+
+    field: Filled = needed(
+        "The key of the JSON object (`job.took`: in an object below), or the named group of the pattern."
+    )
+    unit: Literal["us", "ms", "s", "min", "h"] = needed("The unit of the numbers there.")
+
+
+class FieldBlock(Block):
+    """Where a value stands in a sample."""
+
+    field: Filled = needed(
+        "The key of the JSON object (`job.frames`: in an object below), or the named group of the pattern."
+    )
+
+
+def _pattern_only_where_it_is_read() -> dict[str, Any]:
+    reads = {"properties": {"from": {"const": "pattern"}}, "required": ["from"]}
+    return {"if": reads, "then": {"required": ["pattern"]}, "else": {"not": {"required": ["pattern"]}}}
+
+
+class SamplesBlock(Block):
+    """How the component's output becomes samples."""
+
+    model_config = ConfigDict(json_schema_extra=_pattern_only_where_it_is_read())
+
+    source: Literal["json_lines", "pattern", "per_run"] = optional(
+        "`json_lines`: a JSON object a line; `pattern`: a line that matches; "
+        "`per_run`: wall time from start to exit, exit code 0 is success.",
+        "per_run",
+        alias="from",
+    )
+    pattern: Maybe[Filled] = optional("An RE2 pattern with named groups, for `from: pattern`.")
+    response_time: Maybe[TimeFieldBlock] = optional(
+        "Where the job's response time stands; null there is a job without an answer."
+    )
+    success: Maybe[FieldBlock] = optional("Where it stands whether the job succeeded (1 or 0, true or false).")
+    count: Maybe[FieldBlock] = optional("Where it stands how much was done (frames, bytes); throughput counts it.")
+
+
+class RunBlock(Block):
+    """How a component is started, fed, watched and ended."""
+
+    model_config = ConfigDict(json_schema_extra=dict(exactly_one("command", "call")))
+
+    command: Maybe[Annotated[list[str], Field(min_length=1)]] = optional(
+        "The program and its arguments, word by word; no shell reads them. "
+        "Words that name files are relative to the file that says them."
+    )
+    call: Maybe[CallTarget] = optional("A Python function, `module:function`, that a small runner drives.")
+    files: Maybe[list[Filled]] = optional(
+        "Globs of files that belong to the component: when one changes, its measurements are stale."
+    )
+    environment: Maybe[Annotated[dict[Variable, VariableValue], KeysLike(VARIABLE_PATTERN)]] = optional(
+        "Environment variables beside rarms' own: a text, or `{from_env: NAME}`."
+    )
+    folder: Filled = optional("The folder it runs in, relative to the file that says it.", ".")
+    until: Maybe[UntilBlock] = optional("When a setting has been measured enough; absent: after 200 samples.")
+    timeout: PositiveTime = optional("A job that takes longer is a failed sample: `60 s`.", "60 s")
+    stop: Maybe[StopBlock] = optional("How it is asked to end; absent: TERM, and 5 s of grace.")
+    arrival: Maybe[Arrival] = optional(
+        "`closed`: the next job starts when the last one ended; `{every: 33 ms}`: a job every period, counted from its "
+        "scheduled start; an overrun does not shift the schedule. Absent: closed."
+    )
+    samples: Maybe[SamplesBlock] = optional("How its output becomes samples; absent: one a run.")
+    deadline: Maybe[PositiveTime] = optional("When a job's answer is late; absent: the period, if it is periodic.")
+    failures: int = optional(
+        "How many failed samples a setting may have before it ends without a verdict.", 0, ge=0, le=1_000_000
+    )
+
 
 Weight = Annotated[int, Field(ge=1, le=10_000)]
 

@@ -4,10 +4,20 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field
 
-from rarms_iac.manifest.document.base import Block, Maybe, needed, optional
+from rarms_iac.manifest.document.fields import (
+    Block,
+    Filled,
+    Maybe,
+    Name,
+    Operation,
+    SliceName,
+    SshTarget,
+    by_name,
+    needed,
+    optional,
+)
 from rarms_iac.manifest.document.quantities import Amount, Memory, PositiveMemory, Time
 from rarms_iac.manifest.document.rules import BLOCK_OF
-from rarms_iac.manifest.document.texts import Filled, Name, Operation, SliceName, SshTarget, by_name
 from rarms_iac.model.system import FaultEffect, ProviderKind, SchedulerType
 
 

@@ -4,15 +4,139 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, ModelWrapValidatorHandler, ValidationError, model_validator
 
-from rarms_iac.manifest.document.base import Block, KeysLike, Maybe, needed, optional
-from rarms_iac.manifest.document.components import ComponentBlock
-from rarms_iac.manifest.document.hosts import HostBlock
-from rarms_iac.manifest.document.interference import InterferenceBlock
-from rarms_iac.manifest.document.partitions import PartitionBlock
-from rarms_iac.manifest.document.policy import PolicyBlock, TaskBlock
+from rarms_iac.manifest.document.components import ComponentBlock, CpuBlock
+from rarms_iac.manifest.document.fields import (
+    CODE_PATTERN,
+    Block,
+    Code,
+    Day,
+    Filled,
+    KeysLike,
+    Maybe,
+    Name,
+    TaskName,
+    by_name,
+    needed,
+    optional,
+)
+from rarms_iac.manifest.document.hosts import ConnectBlock, HostBlock
+from rarms_iac.manifest.document.quantities import PositiveMemory, Wait
 from rarms_iac.manifest.document.rules import TOO_MANY_TO_LIST, broken_rules, with_rules
-from rarms_iac.manifest.document.texts import Name, TaskName, by_name
 from rarms_iac.model.names import TASK_PATTERN
+from rarms_iac.model.system import Disruption, Headroom, Minimise, StartMode, TaskCategory
+
+Level = Annotated[int, Field(ge=1, le=8)]
+
+
+class AcceptanceBlock(Block):
+    """A finding that is known and borne."""
+
+    at: Annotated[list[Filled], Field(min_length=1)] = needed("Where: addresses as the finding names them.")
+    reason: str = optional("Why it is borne.", "")
+    until: Maybe[Day] = optional("The last day (UTC) it is borne: `2027-01-31`; absent: for good.")
+
+
+class PolicyBlock(Block):
+    """What rarms may do and prefers."""
+
+    interference: Name = optional("The load that reservations must stand up to.", "busy-loop")
+    minimise: Annotated[Minimise, Field(strict=False)] = optional(
+        "`combining`: rather reserve more than combine; `reservation`: rather combine than reserve more.", "combining"
+    )
+    headroom: Annotated[Headroom, Field(strict=False)] = optional(
+        "Who gets what is left over: `by_criticality`, `equal` or `none`.", "by_criticality"
+    )
+    max_disruption: Annotated[Disruption, Field(strict=False)] = optional(
+        "The most that a change may disturb: `live`, `partition_stop`, `host_restart` or `removal`.", "host_restart"
+    )
+    accept: Maybe[Annotated[dict[Code, AcceptanceBlock], KeysLike(CODE_PATTERN)]] = optional(
+        "Findings that are known and borne, by their id."
+    )
+
+
+class TaskBlock(Block):
+    """What is fixed of a robotic task class; the rest is left to the planner."""
+
+    category: Maybe[Annotated[TaskCategory, Field(strict=False)]] = optional(
+        "The band of thread priorities: `High` (one priority for all), `Medium` or `Low`."
+    )
+    priority: Maybe[Level] = optional(
+        "1 to 8, larger goes first; orders threads in category Medium only, where 8 counts as 7."
+    )
+    background_priority: Maybe[Level] = optional("1 to 8, larger goes first; orders threads in category Low only.")
+    replace_shipped: bool = optional("Needed to change a task class that comes with Windows.", False)
+
+
+Instances = Annotated[int, Field(ge=1, le=1000)]
+
+
+class BusyLoopBlock(Block):
+    """Threads that never wait (BLP)."""
+
+    kind: Literal["busy_loop"] = needed("Threads that never wait.")
+    threads: Maybe[Annotated[int, Field(ge=1, le=4096)]] = optional("How many; absent: one a logical processor.")
+
+
+class BrowserBlock(Block):
+    """Browsers that stream video: their interrupts run above every thread."""
+
+    kind: Literal["browser"] = needed("Browsers that stream video.")
+    instances: Instances = optional("How many at once.", 1)
+
+
+class CommandLoadBlock(Block):
+    """Any other program."""
+
+    kind: Literal["command"] = needed("Any other program.")
+    command: Annotated[list[str], Field(min_length=1)] = needed("The program and its arguments, word by word.")
+    instances: Instances = optional("How many at once.", 1)
+
+
+InterferenceBlock = Annotated[BusyLoopBlock | BrowserBlock | CommandLoadBlock, Field(discriminator="kind")]
+
+
+class HypervPartitionBlock(Block):
+    """What only Hyper-V needs to know; absent: as the host's own `hyperv` block says."""
+
+    generation: Maybe[Annotated[int, Field(ge=1, le=2)]] = optional("1 or 2; it never changes after creation.")
+    switch: Maybe[Filled] = optional("The virtual switch it is connected to.")
+    image: Maybe[Filled] = optional("The disk image its disk is a child of.")
+    vm_path: Maybe[Filled] = optional("The folder on the host where it is kept.")
+
+
+class GuestBlock(Block):
+    """How rarms reaches inside."""
+
+    connect: Maybe[ConnectBlock] = optional("How the guest is reached.")
+    credential: Maybe[Filled] = optional("The name under which a credential is kept; never the credential itself.")
+
+
+class PartitionStopBlock(Block):
+    """How a partition is stopped, where a change needs it off: its guest is asked, then it is turned off."""
+
+    grace: Wait = optional(
+        "How long its guest may take to shut down before it is turned off: `90 s`; at most 1 h.", "120 s"
+    )
+
+
+class PartitionBlock(Block):
+    """What is fixed of a partition."""
+
+    components: Maybe[Annotated[list[Name], Field(min_length=1)]] = optional(
+        "The components in it; absent: the component of its name."
+    )
+    processors: Maybe[Annotated[int, Field(ge=1, le=2048)]] = optional(
+        "Its virtual processors; absent: the most that one of its components asks for."
+    )
+    memory: Maybe[PositiveMemory] = optional("Its memory; absent: the sum of its components'.")
+    cpu: Maybe[CpuBlock] = optional("What is fixed of its CPU; absent: as its components say.")
+    protect: bool = optional("Whether its removal is an error.", False)
+    start: Annotated[StartMode, Field(strict=False)] = optional(
+        "`automatic`: it is wanted running; `manual`: rarms leaves that to you.", "automatic"
+    )
+    stop: Maybe[PartitionStopBlock] = optional("How it is stopped; absent: its guest has 120 s of grace.")
+    hyperv: Maybe[HypervPartitionBlock] = optional("What only Hyper-V needs to know.")
+    guest: Maybe[GuestBlock] = optional("How rarms reaches inside.")
 
 
 class ApplicationBlock(Block):

@@ -4,7 +4,7 @@ from textwrap import dedent
 
 import pytest
 
-from rarms_iac.manifest.edit import NoSuchPlace, Value, remove_value, rename, set_value
+from rarms_iac.manifest.edit.values import NoSuchPlace, Value, remove_value, rename, set_value
 
 ROBOT = dedent("""\
     # The robot.

@@ -4,7 +4,7 @@ from textwrap import dedent
 
 import pytest
 
-from rarms_iac.manifest.fmt import CannotFormat, diff_text, format_text
+from rarms_iac.manifest.edit.formatting import CannotFormat, diff_text, format_text
 
 
 def formatted(text: str) -> str:

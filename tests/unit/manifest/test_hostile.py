@@ -18,8 +18,8 @@ MEASURE = """
 import resource, sys
 from datetime import date
 from rarms_iac.manifest.load import load
-import rarms_iac.manifest.errors, rarms_iac.manifest.to_system, rarms_iac.manifest.checks
-from rarms_iac.manifest.json_schema import manifest_schema
+import rarms_iac.manifest.document.errors, rarms_iac.manifest.to_system, rarms_iac.manifest.checks
+from rarms_iac.manifest.document.schema import manifest_schema
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 loaded = load(sys.argv[1], today=date(2026, 1, 1))
 after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -69,7 +69,7 @@ def test_a_file_of_100_mb_is_not_read(tmp_path: Path) -> None:
     finding = load(str(path), today=TODAY).diagnostics[0]
 
     assert finding.code == "RARMS003"
-    assert "100,000,000 bytes" in finding.detail
+    assert "more than 8 MiB" in finding.detail
 
 
 def test_a_missing_file(tmp_path: Path) -> None:

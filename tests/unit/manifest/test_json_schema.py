@@ -9,9 +9,9 @@ from typing import Any
 import jsonschema
 import pytest
 
-from rarms_iac.manifest.json_schema import as_text, manifest_schema
+from rarms_iac.manifest.document.schema import as_text, manifest_schema
 from rarms_iac.manifest.load import load, no_checks
-from rarms_iac.manifest.reading import read_text
+from rarms_iac.manifest.text.reading import read_text
 from tests.unit.manifest.examples import EVERYTHING
 
 SCHEMAS = Path(__file__).parents[3] / "schemas"

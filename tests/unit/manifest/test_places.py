@@ -2,10 +2,10 @@
 
 import pytest
 
-from rarms_iac.manifest.nodes import plain, read_nodes
-from rarms_iac.manifest.places import ManifestPlaces, dotted
-from rarms_iac.manifest.reading import read_text
-from rarms_iac.manifest.source import Lines, source
+from rarms_iac.manifest.text.builder import build_positions
+from rarms_iac.manifest.text.positions import ManifestPlaces, dotted
+from rarms_iac.manifest.text.reading import Lines, read_text
+from rarms_iac.manifest.text.tree import plain
 from tests.unit.manifest.examples import EVERYTHING
 
 TEXT = """\
@@ -14,7 +14,7 @@ a:
 "e f":
   g: 1
 """
-PLACES = ManifestPlaces(lambda: read_nodes(source("f.yaml", ".", TEXT.encode())))
+PLACES = ManifestPlaces(lambda: build_positions(TEXT, "f.yaml"))
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def test_a_path_is_written_as_people_do() -> None:
 def test_positions_and_values_come_from_the_same_text() -> None:
     data = EVERYTHING.encode()
 
-    assert plain(read_nodes(source("f", ".", data))) == read_text(data, "f", ".").value
+    assert plain(build_positions(data.decode(), "f")) == read_text(data, "f", ".").value
 
 
 def test_lines_end_as_editors_end_them() -> None:

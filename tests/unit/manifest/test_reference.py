@@ -6,11 +6,11 @@ from typing import Any
 import jsonschema
 import pytest
 
-from rarms_iac.manifest.fmt import format_text
-from rarms_iac.manifest.formatting.shape import MANIFEST, Shape
-from rarms_iac.manifest.json_schema import manifest_schema
-from rarms_iac.manifest.reading import read_text
+from rarms_iac.manifest.document.schema import manifest_schema
+from rarms_iac.manifest.edit.formatting import format_text
+from rarms_iac.manifest.edit.order import MANIFEST, Shape
 from rarms_iac.manifest.reference import examples, reference_markdown
+from rarms_iac.manifest.text.reading import read_text
 
 _NAMED = {"HostBlock", "ComponentBlock", "PartitionBlock", "TaskBlock", "AcceptanceBlock"}
 _NAMED |= {"BusyLoopBlock", "BrowserBlock", "CommandLoadBlock"}

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from rarms_iac.manifest.scalars import NotKept, plain_scalar
+from rarms_iac.manifest.text.scalars import NotKept, plain_scalar
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from datetime import date
 from fractions import Fraction
 
 from rarms_iac.manifest.document.manifest import ManifestDocument
-from rarms_iac.manifest.reading import read_text
+from rarms_iac.manifest.text.reading import read_text
 from rarms_iac.manifest.to_system import to_system
 from rarms_iac.model import system as m
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, Milliseconds, Percent, ProcessorTime, ShareOfHost

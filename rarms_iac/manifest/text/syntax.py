@@ -104,7 +104,7 @@ _PLAINLY: tuple[tuple[str, str, str], ...] = (
 )
 
 
-def said_plainly(problem: str, context: str) -> tuple[str, str]:
+def explain_syntax(problem: str, context: str) -> tuple[str, str]:
     """What the parser found wrong and what to do, as (detail, advice)."""
     for complaint in (problem, context):
         for words, detail, advice in _PLAINLY:

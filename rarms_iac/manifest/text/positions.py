@@ -1,11 +1,12 @@
-"""Where a value or its key stands, after overlays: looked up only when something is to be told."""
+"""Where a value or its key stands, after overlays: looked up only when there is something to report."""
 
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 
-from rarms_iac.manifest.nodes import Branch, Entry, Items, Node
+from rarms_iac.manifest.text.tree import Collection, Entry, Node, entries_by_key, place_of_node
 from rarms_iac.model.diagnostics import Place
 
 _SIMPLE_KEY = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_ -]{0,80}")
@@ -28,6 +29,7 @@ class ManifestPlaces:
 
     def __init__(self, read: Callable[[], Node]) -> None:
         self._read = read
+        self._entries: dict[int, dict[str, Entry]] = {}  # of each mapping that was asked for, by its identity
 
     @cached_property
     def _root(self) -> Node:
@@ -36,41 +38,41 @@ class ManifestPlaces:
     def value(self, *path: str | int) -> Place:
         """The place of the value at this path; the key of its nearest parent where it does not exist."""
         node, key, steps = self._walk(path)
-        place = node.place if steps == len(path) or key is None else key
-        return _at(place, path)
+        return _at(node if steps == len(path) or key is None else key, path)
 
     def key(self, *path: str | int) -> Place:
         """The place of the key at this path, or of the item of a list; of its nearest parent's likewise."""
         node, key, _ = self._walk(path)
-        return _at(node.place if key is None else key, path)
+        return _at(node if key is None else key, path)
 
-    def _walk(self, path: tuple[str | int, ...]) -> tuple[Node, Place | None, int]:
-        node: Node = self._root
-        key: Place | None = None
+    def _walk(self, path: tuple[str | int, ...]) -> tuple[Node, Node | None, int]:
+        """How far the path leads: the last node, its key (of a list: the item), and the steps that are there."""
+        node = self._root
+        key: Node | None = None
         for steps, step in enumerate(path):
-            child = _child(node, step)
-            if child is None:
+            entry = self._entry(node, step)
+            if entry is None:
                 return node, key, steps
-            node, key = child
+            node, key = entry.value, entry.key or entry.value
         return node, key, len(path)
 
-
-def _child(node: Node, step: str | int) -> tuple[Node, Place] | None:
-    match node, step:
-        case Branch(entries=entries), str() if step in entries:
-            entry: Entry = entries[step]
-            return entry.node, entry.key
-        case Items(items=items), int() if 0 <= step < len(items):
-            return items[step], items[step].place
-        case _:
-            return None
-
-
-def _at(place: Place, path: tuple[str | int, ...]) -> Place:
-    return Place(file=place.file, line=place.line, column=place.column, path=dotted(path), length=place.length)
+    def _entry(self, node: Node, step: str | int) -> Entry | None:
+        match node, step:
+            case Collection(is_mapping=True), str():
+                if id(node) not in self._entries:
+                    self._entries[id(node)] = entries_by_key(node)
+                return self._entries[id(node)].get(step)
+            case Collection(is_mapping=False, entries=entries), int() if 0 <= step < len(entries):
+                return entries[step]
+            case _:
+                return None
 
 
-class NoPlaces:
+def _at(node: Node, path: tuple[str | int, ...]) -> Place:
+    return replace(place_of_node(node), path=dotted(path))
+
+
+class FirstLine:
     """Answers for a manifest that could not be read at all: its first line."""
 
     def __init__(self, file: str) -> None:

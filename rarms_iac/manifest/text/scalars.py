@@ -7,7 +7,7 @@ from functools import lru_cache
 MAX_DIGITS = 15
 """Digits of a whole number: every program that reads JSON keeps so many."""
 
-Scalar = bool | int | float | str | None
+PlainValue = bool | int | float | str | None
 
 _WORDS: dict[str, bool | None] = {
     **dict.fromkeys(("", "~", "null", "Null", "NULL"), None),
@@ -26,7 +26,7 @@ class NotKept(ValueError):
     """A number that cannot be kept exactly; the message says why."""
 
 
-def plain_scalar(text: str) -> Scalar:
+def plain_scalar(text: str) -> PlainValue:
     """The value of a word without quotes.
 
     Raises:
@@ -38,7 +38,7 @@ def plain_scalar(text: str) -> Scalar:
 
 
 @lru_cache(maxsize=4096)
-def _resolved(text: str) -> Scalar:
+def _resolved(text: str) -> PlainValue:
     if text in _WORDS:
         return _WORDS[text]
     if _DECIMAL.fullmatch(text):
@@ -50,19 +50,19 @@ def _resolved(text: str) -> Scalar:
     if _FLOAT.fullmatch(text):
         return _finite(text)
     if _NOT_FINITE.fullmatch(text):
-        raise NotKept(f"{text} is not a number that anything can be compared with")
+        raise NotKept(f"{text} cannot be compared with other numbers")
     return text
 
 
 def _whole(digits: str, base: int) -> int:
     if len(digits.lstrip("+-0")) > MAX_DIGITS:
-        raise NotKept(f"a whole number has at most {MAX_DIGITS} digits; this one has {len(digits.lstrip('+-'))}")
+        raise NotKept(f"a whole number has at most {MAX_DIGITS} digits, this one has {len(digits.lstrip('+-'))}")
     return int(digits, base)
 
 
 def _finite(text: str) -> int | float:
     value = float(text)
     if not math.isfinite(value):
-        raise NotKept("the number is larger than any that can be kept")
+        raise NotKept("it is too large")
     # 2.0 is the whole number 2, as JSON Schema has it.
     return int(value) if value.is_integer() and abs(value) < 10**MAX_DIGITS else value

@@ -2,13 +2,11 @@
 
 import re
 import unicodedata
-from dataclasses import dataclass
 
-from rarms_iac.manifest.opening import Refused
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
 
 NOT_UTF8 = Finding(code="RARMS004", severity=Severity.ERROR, summary="The file is not UTF-8 text")
-UNSEEN = Finding(code="RARMS005", severity=Severity.ERROR, summary="A character that cannot be seen")
+UNSEEN = Finding(code="RARMS005", severity=Severity.ERROR, summary="An invisible character")
 BYTE_ORDER_MARK = Finding(code="RARMS006", severity=Severity.NOTE, summary="The file starts with a byte order mark")
 EMPTY = Finding(code="RARMS012", severity=Severity.ERROR, summary="The file is empty")
 
@@ -31,54 +29,49 @@ _HIDDEN_BYTES = re.compile(
 _MOST = 20  # places shown of a kind: a file full of them needs no million lines
 
 
-@dataclass(frozen=True, slots=True)
-class Text:
-    """UTF-8 that may be parsed, and what there is to note about it."""
+class UnreadableText(Exception):
+    """Reading a text stops here; `diagnostics` say why."""
 
-    data: bytes
-    notes: tuple[Diagnostic, ...]
+    def __init__(self, *diagnostics: Diagnostic) -> None:
+        super().__init__(*diagnostics)
+        self.diagnostics = diagnostics
 
 
-def as_text(data: bytes, file: str) -> Text:
-    """The file's text without its byte order mark.
+def check_text(data: bytes, file: str) -> tuple[bytes, tuple[Diagnostic, ...]]:
+    """Check the characters of a text.
+
+    Returns:
+        The text without its byte order mark, and a note where it had one.
 
     Raises:
-        Refused: it is empty, not UTF-8, or holds characters that cannot be seen.
+        UnreadableText: it is empty, not UTF-8, or holds invisible characters.
     """
+    start = Place(file=file, line=1, column=1)
     if data.startswith(_UTF16_32):
-        raise Refused(
-            NOT_UTF8.at(
-                Place(file=file, line=1, column=1), "It looks like UTF-16 or UTF-32.", "Save it as UTF-8 and try again."
-            )
+        raise UnreadableText(
+            NOT_UTF8.at(start, "The file seems to be UTF-16 or UTF-32.", "Save it as UTF-8 and try again.")
         )
     marked = data.startswith(_BOM)
     data = data.removeprefix(_BOM)
     if not data.strip():
-        raise Refused(
-            EMPTY.at(
-                Place(file=file, line=1, column=1),
-                "There is nothing in it.",
-                "Write a manifest, or let `rarms init` write one.",
-            )
+        raise UnreadableText(
+            EMPTY.at(start, "The file has no content.", "Write a manifest, or let `rarms init` write one.")
         )
     _check_utf8(data, file)
     _check_hidden(data, file)
-    return Text(data, (_bom_note(file),) if marked else ())
-
-
-def _bom_note(file: str) -> Diagnostic:
-    return BYTE_ORDER_MARK.at(
-        Place(file=file, line=1, column=1),
-        "The three bytes EF BB BF at the start mean nothing in UTF-8; the file is read without them.",
+    note = BYTE_ORDER_MARK.at(
+        start,
+        "The three bytes EF BB BF at the start mean nothing in UTF-8. rarms reads the file without them.",
         "Save it as UTF-8 without a byte order mark, or let `rarms fmt` do it.",
     )
+    return data, (note,) if marked else ()
 
 
 def _check_utf8(data: bytes, file: str) -> None:
     try:
         data.decode("utf-8")
     except UnicodeDecodeError as problem:
-        raise Refused(
+        raise UnreadableText(
             NOT_UTF8.at(
                 place_of(data, problem.start, file),
                 f"The byte {data[problem.start]:02X} (hexadecimal) at this place is not UTF-8.",
@@ -94,7 +87,7 @@ def _check_hidden(data: bytes, file: str) -> None:
             break
         found.append(hidden(match.group().decode("utf-8"), place_of(data, match.start(), file)))
     if found:
-        raise Refused(*found)
+        raise UnreadableText(*found)
 
 
 def hidden(character: str, place: Place) -> Diagnostic:
@@ -103,7 +96,7 @@ def hidden(character: str, place: Place) -> Diagnostic:
     name = unicodedata.name(character, "control character" if code < 0xA0 else "no character")
     return UNSEEN.at(
         place,
-        f"U+{code:04X} ({name.lower()}) can hide what the text says.",
+        f"U+{code:04X} ({name.lower()}) is invisible and can change how the text is read.",
         "Remove it.",
     )
 

@@ -3,10 +3,10 @@
 import re
 from dataclasses import dataclass
 
-from rarms_iac.manifest.formatting.build import comments_in
-from rarms_iac.manifest.formatting.shape import MANIFEST, Shape
-from rarms_iac.manifest.formatting.tree import Collection, Entry, Node, Scalar
-from rarms_iac.manifest.formatting.write import write_entry, write_flow, write_key
+from rarms_iac.manifest.edit.order import MANIFEST, Shape
+from rarms_iac.manifest.edit.write import write_entry, write_flow, write_key
+from rarms_iac.manifest.text.builder import comments_in
+from rarms_iac.manifest.text.tree import Collection, Entry, Node, Scalar
 
 _COLON = re.compile(r"(?:\s|#[^\n]*\n)*:")
 _COMMA = re.compile(r"(?:\s|#[^\n]*\n)*(,)")

@@ -3,9 +3,9 @@
 import sys
 from dataclasses import dataclass
 
-from rarms_iac.manifest.formatting.scalars import block_lines, one_line
-from rarms_iac.manifest.formatting.shape import MANIFEST, VALUE, Shape
-from rarms_iac.manifest.formatting.tree import Collection, Entry, Node, Scalar
+from rarms_iac.manifest.edit.order import MANIFEST, VALUE, Shape
+from rarms_iac.manifest.edit.scalars import block_lines, one_line
+from rarms_iac.manifest.text.tree import Collection, Entry, Node, Scalar
 
 WIDTH = 100
 """Characters that a flow collection may fill, its key included; text is never broken for it."""

@@ -1,4 +1,4 @@
-"""Which unit somebody probably meant; words are in `model/spelling.py`."""
+"""Which unit of a quantity somebody probably meant."""
 
 from collections.abc import Iterable
 
@@ -49,4 +49,4 @@ def nearest_unit(unit: str, fitting: Iterable[str]) -> str | None:
     usual = _USUAL_UNITS.get(unit.lower())
     if usual in units:
         return usual
-    return next((one for one in units if one.lower() == unit.lower()), None)
+    return next((known for known in units if known.lower() == unit.lower()), None)

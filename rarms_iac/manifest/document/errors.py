@@ -1,39 +1,54 @@
-"""pydantic's errors -> findings in a user's words, at the exact place; never pydantic's own text."""
+"""pydantic's errors -> cases with the exact path and value in the manifest; `messages.py` puts them into words."""
 
-from collections.abc import Callable
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 from pydantic import ValidationError
 
-from rarms_iac.manifest import structure
-from rarms_iac.manifest.case import Case, Path
 from rarms_iac.manifest.document.manifest import ManifestDocument
 from rarms_iac.manifest.document.rules import TOO_MANY_TO_LIST
-from rarms_iac.manifest.json_schema import manifest_schema
-from rarms_iac.model.diagnostics import Diagnostic, Places
+from rarms_iac.manifest.document.schema import Path, manifest_schema
+from rarms_iac.manifest.text.positions import dotted
+from rarms_iac.model.diagnostics import Place, Places
+
+MOST_ERRORS = 1000
+"""Errors shown of one document: who made more mends a generator, and would wait a minute for 400,000 of them."""
 
 _TAGGED = (("interference", "*"), ("components", "*", "run", "arrival"), ("components", "*", "run", "environment", "*"))
 """Where pydantic puts the name of an alternative into the path; it is not in the text."""
 
 
-MOST = 1000
-"""Errors told of one document: who made more mends a generator, and would wait a minute for 400,000 of them."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StructureError:
+    """One error of the structure, and the value of the manifest at its place."""
+
+    kind: str
+    path: Path
+    facts: Mapping[str, Any]
+    value: Any
+    is_key: bool
+    places: Places
+
+    @property
+    def name(self) -> str:
+        """The path as people write it."""
+        return dotted(self.path) or "the manifest"
+
+    @property
+    def place(self) -> Place:
+        """Where it stands: the key for what is wrong with a key, else the value."""
+        return self.places.key(*self.path) if self.is_key else self.places.value(*self.path)
 
 
-def in_words(problem: ValidationError, document: Any, places: Places) -> list[Diagnostic]:
-    """Every error of the document as a finding; of more than `MOST`, the first ones and how many follow."""
-    number = problem.error_count()
-    errors = _listable(problem, document).errors(include_url=False, include_input=False)
-    cases = [_case(error, document, places) for error in errors[:MOST]]
-    # A key that is missing because it is misspelt is told once: where it is misspelt.
-    misspelt = {meant for case in cases if (meant := structure.probably_meant(case)) is not None}
-    told = [_told(case) for case in cases if not (case.kind == "missing" and case.path in misspelt)]
-    more = number - len(cases)
-    return [*told, structure.and_more(more, told[-1].place)] if more else told
+def structure_errors(problem: ValidationError, document: Any, places: Places) -> list[StructureError]:
+    """The errors of the document, of more than `MOST_ERRORS` the first ones."""
+    errors = _with_listable_errors(problem, document).errors(include_url=False, include_input=False)
+    return [_structure_error(error, document, places) for error in errors[:MOST_ERRORS]]
 
 
-def _listable(problem: ValidationError, document: Any) -> ValidationError:
+def _with_listable_errors(problem: ValidationError, document: Any) -> ValidationError:
     """The errors of the document's first parts, where the whole has too many to be listed."""
     for most in (1000, 100, 10):
         if problem.error_count() <= TOO_MANY_TO_LIST:
@@ -50,27 +65,22 @@ def _listable(problem: ValidationError, document: Any) -> ValidationError:
 def _first(value: Any, most: int) -> Any:
     """The first entries of every map and list; keys that are fields stay, so that none is missing."""
     if isinstance(value, dict):
-        kept = (key for number, key in enumerate(value) if number < most or key in _fields())
-        return {key: _first(value[key], most) for key in kept}
+        keys = (key for number, key in enumerate(value) if number < most or key in _field_names())
+        return {key: _first(value[key], most) for key in keys}
     if isinstance(value, list):
         return [_first(item, most) for item in value[:most]]
     return value
 
 
 @cache
-def _fields() -> frozenset[str]:
+def _field_names() -> frozenset[str]:
     blocks = (manifest_schema(), *manifest_schema()["$defs"].values())
     return frozenset(name for block in blocks for name in block.get("properties", {}))
 
 
-def _told(case: Case) -> Diagnostic:
-    say: Callable[[Case], Diagnostic] = structure.WORDS.get(case.kind, structure.otherwise)
-    return say(case)
-
-
-def _case(error: Any, document: Any, places: Places) -> Case:
+def _structure_error(error: Any, document: Any, places: Places) -> StructureError:
     path, is_key = _path(error["loc"])
-    return Case(
+    return StructureError(
         kind=error["type"],
         path=path,
         facts=error.get("ctx", {}),

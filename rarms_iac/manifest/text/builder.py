@@ -1,4 +1,8 @@
-"""Text -> tree. The parser forgets comments: they are what is left between its tokens, whose marks it tells."""
+"""Text -> tree with positions, the one builder of YAML trees; comments are read where a text will be written again.
+
+It reads text that `events.read_events` has checked, so it may trust sizes and features. The parser drops comments: they
+are found between its tokens, whose positions it reports.
+"""
 
 import re
 from collections.abc import Iterator
@@ -6,7 +10,10 @@ from dataclasses import dataclass
 from itertools import takewhile
 from typing import Any
 
-from rarms_iac.manifest.formatting.tree import Collection, Entry, Node, Scalar
+from yaml._yaml import CParser
+from yaml.events import AliasEvent, CollectionEndEvent, MappingStartEvent, ScalarEvent, SequenceStartEvent
+
+from rarms_iac.manifest.text.tree import Collection, Entry, Node, Scalar
 
 _COMMENT = re.compile("#[^\\n\\x85\\u2028\\u2029]*")  # the parser breaks lines at these four
 _HEADER_COMMENT = re.compile("[|>][-+0-9]*[ \\t]+(#[^\\n]*)")
@@ -18,8 +25,15 @@ def unified(text: str) -> str:
 
 
 def build_tree(text: str) -> Collection:
-    """The document in `text`, as `unified` leaves it: one mapping that `reading.read_text` had nothing against."""
-    return _Builder(text).root()
+    """Build the tree with comments of a text as `unified` leaves it: one mapping without any finding."""
+    root = _Builder(text, "", _comments_between(text)).root()
+    assert isinstance(root, Collection), "the text was checked: it holds one mapping"
+    return root
+
+
+def build_positions(text: str, file: str) -> Node:
+    """Build the tree of any text that was read before, without comments; `file` is how messages name it."""
+    return _Builder(text, file, []).root()
 
 
 def comments_in(text: str, start: int, end: int) -> list[str]:
@@ -34,8 +48,6 @@ def comments_in(text: str, start: int, end: int) -> list[str]:
 
 def _events(text: str) -> Iterator[Any]:
     """The parser's events, made anew each time: a list of them would keep the garbage collector busier than we are."""
-    from yaml._yaml import CParser
-
     return iter(CParser(text).get_event, None)
 
 
@@ -48,7 +60,7 @@ class _Comment:
 
 
 @dataclass(slots=True)
-class _Open:
+class _OpenCollection:
     """A collection that has not ended yet, and the key that waits for its value."""
 
     collection: Collection
@@ -59,24 +71,25 @@ class _Open:
 class _Builder:
     """Walks the events once; comments found on the way wait until somebody takes them."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, file: str, comments: list[_Comment]) -> None:
         self.text = text
-        self.comments = _comments_between(text)
+        self.file = file
+        self.comments = comments
         self.next_comment = 0
         self.pending: list[_Comment] = []  # comments of their own lines, not yet anybody's
         self.seen = 0  # end of the last token or comment
         self.last: Entry | None = None  # whose line we are on
-        self.open: list[_Open] = []
-        self.result: Collection | None = None
+        self.open: list[_OpenCollection] = []
+        self.result: Node = Scalar("", "", 0, 0, file=file)
 
-    def root(self) -> Collection:
-        """The whole document."""
-        from yaml import CollectionEndEvent, MappingStartEvent, ScalarEvent, SequenceStartEvent
-
+    def root(self) -> Node:
+        """The whole document; an empty one is an empty scalar."""
         for event in _events(self.text):
             match event:
                 case ScalarEvent():
-                    self._scalar(event)
+                    self._scalar(event, event.value, event.style or "")
+                case AliasEvent():  # refused when it was read
+                    self._scalar(event, "*" if self._expects_key() else "", "")
                 case MappingStartEvent():
                     self._start(event, is_mapping=True)
                 case SequenceStartEvent():
@@ -85,21 +98,26 @@ class _Builder:
                     self._end(event)
                 case _:  # where stream and document begin and end
                     pass
-        assert self.result is not None, "the text was checked: it holds one mapping"
         self._take_comments(len(self.text) + 1)
-        self.result.tail += _lines(self.pending)
+        if isinstance(self.result, Collection):
+            self.result.tail += _lines(self.pending)
         return self.result
 
-    def _scalar(self, event: Any) -> None:
-        start, end = event.start_mark.index, event.end_mark.index
-        style = event.style or ""
+    def _expects_key(self) -> bool:
+        return bool(self.open) and self.open[-1].collection.is_mapping and self.open[-1].waiting is None
+
+    def _scalar(self, event: Any, value: str, style: str) -> None:
+        mark, end_mark = event.start_mark, event.end_mark
+        start, end = mark.index, end_mark.index
         is_empty = start == end
         top = self.open[-1] if self.open else None
         in_mapping = top is not None and top.collection.is_mapping
         if not is_empty or not in_mapping:  # the place of an empty value of a key may lie beyond what follows it
             self._take_comments(start)
-        scalar = Scalar(event.value, style, start, end, event.start_mark.line != event.end_mark.line)
-        assert top is not None, "the text was checked: its root is a mapping"
+        scalar = Scalar(value, style, start, end, mark.line != end_mark.line, self.file, mark.line, mark.column)
+        if top is None:
+            self.result = scalar
+            return
         if top.collection.is_mapping and top.waiting is None:
             self._new_entry(top, scalar, scalar, start)
         else:
@@ -115,14 +133,17 @@ class _Builder:
         start = event.start_mark.index
         self._take_comments(start)
         top = self.open[-1] if self.open else None
-        column = event.start_mark.column
+        line, column = event.start_mark.line, event.start_mark.column
+        indent = -1
         if top is not None:
-            column = max(column, top.collection.column + 1, 1)  # a list may start below its key's first letter
-        collection = Collection(is_mapping, bool(event.flow_style), column if top else -1, start, start)
+            indent = max(column, top.collection.indent + 1, 1)  # a list may start below its key's first letter
+        collection = Collection(
+            is_mapping, bool(event.flow_style), indent, start, start, file=self.file, line=line, column=column
+        )
         owner = self._place(top, collection, start) if top else None
         if collection.flow:
             self.seen = event.end_mark.index
-        self.open.append(_Open(collection, owner))
+        self.open.append(_OpenCollection(collection, owner))
 
     def _end(self, event: Any) -> None:
         self._take_comments(event.start_mark.index)
@@ -134,7 +155,7 @@ class _Builder:
             self.last = done.owner
             collection.end = event.end_mark.index
         else:
-            inside = list(takewhile(lambda comment: comment.column >= collection.column, self.pending))
+            inside = list(takewhile(lambda comment: comment.column >= collection.indent, self.pending))
             self.pending = self.pending[len(inside) :]
             collection.end = self.seen
         if collection.entries or done.owner is None:
@@ -148,7 +169,7 @@ class _Builder:
         if not self.open:
             self.result = collection
 
-    def _new_entry(self, top: _Open, key: Scalar | None, value: Node, start: int) -> Entry:
+    def _new_entry(self, top: _OpenCollection, key: Scalar | None, value: Node, start: int) -> Entry:
         before = _lines(self.pending)
         if self.text.count("\n", self.seen, start) > 1:
             before.append("")
@@ -159,7 +180,7 @@ class _Builder:
         self.last = entry
         return entry
 
-    def _place(self, top: _Open, value: Node, start: int) -> Entry:
+    def _place(self, top: _OpenCollection, value: Node, start: int) -> Entry:
         """Puts a value behind the key that waits for it, or makes it an item."""
         entry = top.waiting
         if entry is None:
@@ -199,8 +220,6 @@ def _comments_between(text: str) -> list[_Comment]:
 
 
 def _scalar_spans(text: str) -> Iterator[tuple[int, int]]:
-    from yaml import ScalarEvent
-
     for event in _events(text):
         if type(event) is ScalarEvent:
             start: Any = event.start_mark  # the parser always marks; its types do not say so

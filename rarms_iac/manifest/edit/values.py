@@ -5,9 +5,8 @@ A path is the keys from the top: `("components", "vision", "cpu", "reserve")`. A
 
 from collections.abc import Callable, Sequence
 
-from rarms_iac.manifest.fmt import CannotFormat, format_text
-from rarms_iac.manifest.formatting.build import build_tree, unified
-from rarms_iac.manifest.formatting.splice import (
+from rarms_iac.manifest.edit.formatting import CannotFormat, format_text
+from rarms_iac.manifest.edit.splice import (
     Route,
     commented,
     comments_at,
@@ -18,8 +17,9 @@ from rarms_iac.manifest.formatting.splice import (
     replaced,
     walk,
 )
-from rarms_iac.manifest.formatting.tree import Collection, Entry, Node, Scalar
-from rarms_iac.manifest.formatting.write import write_key
+from rarms_iac.manifest.edit.write import write_key
+from rarms_iac.manifest.text.builder import build_tree, unified
+from rarms_iac.manifest.text.tree import Collection, Entry, Node, Scalar
 
 Value = str | int | float | bool | None | Sequence["Value"] | dict[str, "Value"]
 Path = Sequence[str]

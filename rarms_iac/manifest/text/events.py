@@ -1,8 +1,8 @@
 """One pass over PyYAML's events: plain values out of text, which stops at the first excess.
 
 It is the only thing that sees unchecked text, and it is what `rarms validate` spends its time in: so it is one
-loop over locals, makes nothing but the values, and remembers no positions (`nodes.py` finds those again when
-something is to be told).
+loop over locals, makes nothing but the values, and remembers no positions (`builder.py` finds those again when
+there is something to report).
 """
 
 from dataclasses import dataclass, field
@@ -20,38 +20,51 @@ from yaml.events import (
     SequenceStartEvent,
 )
 
-from rarms_iac.manifest.characters import HIDDEN, hidden, place_of
-from rarms_iac.manifest.limits import MAX_DEPTH, MAX_NODES, MAX_SCALAR, NOT_ALLOWED, NOT_KEPT, NOT_YAML, TOO_MUCH
-from rarms_iac.manifest.opening import Refused
-from rarms_iac.manifest.scalars import NotKept, plain_scalar
-from rarms_iac.manifest.syntax import said_plainly
-from rarms_iac.model.diagnostics import Diagnostic, Place
+from rarms_iac.manifest.text.characters import HIDDEN, UnreadableText, hidden, place_of
+from rarms_iac.manifest.text.scalars import NotKept, plain_scalar
+from rarms_iac.manifest.text.syntax import explain_syntax
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
+
+MAX_DEPTH = 32
+MAX_NODES = 400_000
+MAX_SCALAR = 64 * 2**10  # characters
+
+NOT_YAML = Finding(code="RARMS007", severity=Severity.ERROR, summary="Not valid YAML")
+NOT_ALLOWED = Finding(code="RARMS008", severity=Severity.ERROR, summary="A YAML feature that rarms does not read")
+SAME_KEY = Finding(code="RARMS009", severity=Severity.ERROR, summary="The same key occurs twice")
+TOO_MUCH = Finding(code="RARMS010", severity=Severity.ERROR, summary="The manifest exceeds a limit")
+NOT_KEPT = Finding(code="RARMS011", severity=Severity.ERROR, summary="A number that rarms cannot represent exactly")
+
 
 _NO_KEY: Final = object()
 _MOST = 20  # cases shown of one kind of problem
 
 
+DuplicateKey = tuple[tuple[str | int, ...], Place]
+"""The path of a key and its later place."""
+
+
 @dataclass(slots=True)
-class Read:
-    """What one pass found."""
+class EventValues:
+    """What one pass found: the values, the keys that occur twice, and everything that rarms does not read."""
 
     value: Any = None
-    twice: list[tuple[tuple[str | int, ...], Place]] = field(default_factory=list)  # path of the key, later place
+    duplicates: list[DuplicateKey] = field(default_factory=list)
     problems: list[Diagnostic] = field(default_factory=list)
 
 
-def read_events(data: bytes, file: str) -> Read:
+def read_events(data: bytes, file: str) -> EventValues:
     """Plain values (dict, list, text, number, truth, None) of checked bytes, keys as written.
 
-    A key that comes twice keeps its first value and is told in `twice`.
+    A key that occurs twice keeps its first value and is listed in `duplicates`.
 
     Raises:
-        Refused: it is not YAML, or passes a limit; nothing after that place was looked at.
+        UnreadableText: it is not YAML, or passes a limit; nothing after that place was looked at.
     """
     try:
         return _Pass(file).run(CParser(data))
     except YAMLError as problem:
-        raise Refused(_syntax(problem, data, file)) from None
+        raise UnreadableText(_syntax(problem, data, file)) from None
 
 
 class _Pass:
@@ -59,11 +72,11 @@ class _Pass:
 
     def __init__(self, file: str) -> None:
         self.file = file
-        self.read = Read()
+        self.read = EventValues()
         self.stack: list[tuple[Any, Any]] = []  # the containers around, each with the key or _NO_KEY
         self.said: dict[str, int] = {}
 
-    def run(self, parser: Any) -> Read:
+    def run(self, parser: Any) -> EventValues:
         # NOTE: long and flat on purpose. Every call saved here is 40,000 calls saved for 1,000 components.
         get_event, stack, resolve = parser.get_event, self.stack, plain_scalar
         root: list[Any] = []
@@ -77,17 +90,17 @@ class _Pass:
                 text = event.value
                 style = event.style
                 if nodes > MAX_NODES or len(text) > MAX_SCALAR:
-                    raise Refused(self.excess(event, nodes))
+                    raise UnreadableText(self.excess(event, nodes))
                 if event.tag is not None or event.anchor is not None:
                     self.refuse_marks(event)
                 if style == '"' and HIDDEN.search(text):
                     self.escape(event)
                 if type(container) is dict and key is _NO_KEY:
                     if style == "" and text == "<<":
-                        self.refuse(event, "merge keys (<<)", "Write the keys out.")
+                        self.refuse(event, "merge keys (<<)", "Write the keys themselves.")
                     if text in container:
                         self.same_key(event, text)
-                        text = _Twice(text)
+                        text = _RepeatedKey(text)
                     key = text
                     continue
                 value: Any = text
@@ -99,11 +112,11 @@ class _Pass:
             elif kind is MappingStartEvent or kind is SequenceStartEvent:
                 nodes += 1
                 if nodes > MAX_NODES or len(stack) >= MAX_DEPTH:
-                    raise Refused(self.excess(event, nodes))
+                    raise UnreadableText(self.excess(event, nodes))
                 if event.tag is not None or event.anchor is not None:
                     self.refuse_marks(event)
                 if type(container) is dict and key is _NO_KEY:
-                    raise Refused(self.not_a_key(event))
+                    raise UnreadableText(self.not_a_key(event))
                 stack.append((container, key))
                 container = {} if kind is MappingStartEvent else []
                 key = _NO_KEY
@@ -114,8 +127,8 @@ class _Pass:
             elif kind is AliasEvent:
                 nodes += 1
                 if nodes > MAX_NODES:
-                    raise Refused(self.excess(event, nodes))
-                self.refuse(event, "aliases (*name)", "Write the value out.")
+                    raise UnreadableText(self.excess(event, nodes))
+                self.refuse(event, "aliases (*name)", "Write the value itself.")
                 value = None
                 if type(container) is dict and key is _NO_KEY:
                     key = "*"
@@ -137,13 +150,13 @@ class _Pass:
     def start_document(self, event: DocumentStartEvent, documents: int) -> None:
         if documents > 1:
             self.refuse(event, "several documents in one file", "Put each into a file of its own.")
-            raise Refused(*self.read.problems)
+            raise UnreadableText(*self.read.problems)
         if event.tags or (event.version or (1, 2)) != (1, 2):
             self.refuse(event, "directives other than %YAML 1.2", "Remove the line.")
 
     def refuse_marks(self, event: Any) -> None:
         if event.anchor is not None:
-            self.refuse(event, "anchors (&name)", "Remove it, and write the value out where it is wanted.")
+            self.refuse(event, "anchors (&name)", "Remove it, and write the value in every place that needs it.")
         if event.tag is not None:
             self.refuse(event, "tags (!name)", "Remove the tag: a field knows its own type.")
 
@@ -153,7 +166,7 @@ class _Pass:
         self.read.problems.append(
             NOT_ALLOWED.at(
                 place_at(event.start_mark, self.file),
-                f"rarms does not read {what}: a manifest says everything where it stands.",
+                f"rarms does not read {what}.",
                 advice,
             )
         )
@@ -164,17 +177,19 @@ class _Pass:
 
     def path(self) -> tuple[str | int, ...]:
         inner = [len(container) if key is _NO_KEY else key for container, key in self.stack[1:]]
-        return tuple(str(step) if isinstance(step, _Twice) else step for step in inner)
+        return tuple(str(step) if isinstance(step, _RepeatedKey) else step for step in inner)
 
     def same_key(self, event: ScalarEvent, text: str) -> None:
         if not self.often_said("same key"):
-            self.read.twice.append(((*self.path(), text), place_at(event.start_mark, self.file, len(text))))
+            self.read.duplicates.append(((*self.path(), text), place_at(event.start_mark, self.file, len(text))))
 
     def not_kept(self, event: ScalarEvent, problem: NotKept) -> None:
         if not self.often_said("not kept"):
             place = place_at(event.start_mark, self.file, len(event.value))
-            advice = "Write a number that can be kept, or put it into quotes if it is a text."
-            self.read.problems.append(NOT_KEPT.at(place, f"The number cannot be kept: {problem}.", advice))
+            advice = "Write another number, or put it into quotes if it is a text."
+            self.read.problems.append(
+                NOT_KEPT.at(place, f"rarms cannot represent this number exactly: {problem}.", advice)
+            )
 
     def escape(self, event: ScalarEvent) -> None:
         found = HIDDEN.search(event.value)
@@ -184,26 +199,24 @@ class _Pass:
     def not_a_key(self, event: Any) -> Diagnostic:
         return NOT_ALLOWED.at(
             place_at(event.start_mark, self.file),
-            "A map or a list stands where a key is expected; a key is a text.",
-            "Write a name there, followed by a colon.",
+            "A map or a list is in the place of a key. A key must be a text.",
+            "Write a name followed by a colon.",
         )
 
     def excess(self, event: Any, nodes: int) -> Diagnostic:
-        place = place_at(event.start_mark, self.file)
         if nodes > MAX_NODES:
-            return TOO_MUCH.at(
-                place, f"A manifest has at most {MAX_NODES:,} values; here is one more.", "Split it into several."
-            )
-        if len(self.stack) >= MAX_DEPTH:
-            return TOO_MUCH.at(
-                place, f"A manifest nests at most {MAX_DEPTH} levels deep.", "Check for brackets that are not closed."
-            )
-        return TOO_MUCH.at(
-            place, f"A text has at most {MAX_SCALAR:,} characters; this one has more.", "Put it into a file."
-        )
+            detail = f"A manifest has at most {MAX_NODES:,} values. This file has more."
+            advice = "Split it into several manifests."
+        elif len(self.stack) >= MAX_DEPTH:
+            detail = f"A manifest has at most {MAX_DEPTH} levels of nesting. This file has more."
+            advice = "Check for brackets that are not closed."
+        else:
+            detail = f"A text has at most {MAX_SCALAR:,} characters. This one has more."
+            advice = "Put the text into a file of its own."
+        return TOO_MUCH.at(place_at(event.start_mark, self.file), detail, advice)
 
 
-class _Twice:
+class _RepeatedKey:
     """Stands for a key that is there already: its value is read and dropped."""
 
     def __init__(self, text: str) -> None:
@@ -223,7 +236,7 @@ def _syntax(problem: YAMLError, data: bytes, file: str) -> Diagnostic:
     said = str(getattr(problem, "problem", ""))
     if mark is not None and data.decode("utf-8")[mark.index : mark.index + 1] == "\t":
         said = "found a tab character"
-    detail, advice = said_plainly(said, str(getattr(problem, "context", "") or ""))
+    detail, advice = explain_syntax(said, str(getattr(problem, "context", "") or ""))
     # The parser puts what is missing at the end onto a line of its own, which may not exist.
     end = place_of(data, len(data.rstrip()), file)
     place = end if mark is None or mark.line + 1 > end.line else place_at(mark, file)

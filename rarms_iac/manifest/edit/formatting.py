@@ -1,16 +1,16 @@
 """The canonical form of a manifest (`rarms fmt`): one way to write it, comments kept, its meaning untouched.
 
-Two spaces of indentation, LF, the order of `formatting/shape.py`; flow collections stay on their line while they
+Two spaces of indentation, LF, the order of `order.py`; flow collections stay on their line while they
 are short; quotes only where some YAML would read something else; one space between a number and its unit.
 """
 
 from difflib import unified_diff
 
-from rarms_iac.manifest.characters import EMPTY
-from rarms_iac.manifest.formatting.build import build_tree, unified
-from rarms_iac.manifest.formatting.write import KeyTooLong, write_tree
-from rarms_iac.manifest.reading import Tree, read_text
-from rarms_iac.manifest.structure import NOT_A_NAME, WRONG_KIND
+from rarms_iac.manifest.document.messages import NOT_A_NAME, WRONG_KIND
+from rarms_iac.manifest.edit.write import KeyTooLong, write_tree
+from rarms_iac.manifest.text.builder import build_tree, unified
+from rarms_iac.manifest.text.characters import EMPTY
+from rarms_iac.manifest.text.reading import ParsedText, read_text
 from rarms_iac.model.diagnostics import Diagnostic, Place, has_errors
 
 
@@ -31,29 +31,29 @@ def format_text(text: str, file: str) -> str:
     return format_tree(read_text(text.encode("utf-8", errors="surrogatepass"), file, ""))
 
 
-def format_tree(tree: Tree) -> str:
+def format_tree(parsed: ParsedText) -> str:
     """The same of a file that was read already (`reading.read`).
 
     Raises:
         CannotFormat: the text is no manifest.
     """
-    diagnostics = (*tree.diagnostics, *_no_mapping(tree))
+    diagnostics = (*parsed.diagnostics, *_no_mapping(parsed))
     if has_errors(diagnostics):
         raise CannotFormat(diagnostics)
-    text = unified(tree.source.data.decode())
+    text = unified(parsed.source.data.decode())
     try:
         return write_tree(build_tree(text), text)
     except KeyTooLong as problem:
         before = text[: problem.key.start]
-        place = Place(file=tree.source.file, line=before.count("\n") + 1, column=len(before) - before.rfind("\n"))
+        place = Place(file=parsed.source.file, line=before.count("\n") + 1, column=len(before) - before.rfind("\n"))
         raise CannotFormat((NOT_A_NAME.at(place, f"It is too long: {problem}.", "Use a shorter name."),)) from None
 
 
-def _no_mapping(tree: Tree) -> list[Diagnostic]:
-    place = Place(file=tree.source.file, line=1, column=1)
-    if not tree.readable or isinstance(tree.value, dict):
+def _no_mapping(parsed: ParsedText) -> list[Diagnostic]:
+    place = Place(file=parsed.source.file, line=1, column=1)
+    if not parsed.readable or isinstance(parsed.value, dict):
         return []
-    if tree.value is None:
+    if parsed.value is None:
         advice = "Write a manifest, or let `rarms init` write one."
         return [EMPTY.at(place, "There is nothing in it but comments.", advice)]
     return [WRONG_KIND.at(place, "A manifest is a map of keys to values.", "Begin with `schema: rarms/v1`.")]

@@ -2,7 +2,7 @@
 
 import re
 
-from rarms_iac.manifest.formatting.tree import Scalar
+from rarms_iac.manifest.text.tree import Scalar
 
 # What some YAML, 1.1 or 1.2, would not read as text; quotes that a user put around these stay.
 _NOT_TEXT = re.compile(

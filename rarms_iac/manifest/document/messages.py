@@ -1,0 +1,310 @@
+"""Errors of structure, units and names -> findings in a user's words, at the exact place; never pydantic's own text."""
+
+import json
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from pydantic import ValidationError
+
+from rarms_iac.manifest.document.errors import StructureError, structure_errors
+from rarms_iac.manifest.document.fields import FORMS
+from rarms_iac.manifest.document.schema import Path, choices_at, describe, keys_at
+from rarms_iac.manifest.document.units import nearest_unit
+from rarms_iac.manifest.text.positions import dotted
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity
+from rarms_iac.model.indexes import INDEXES
+from rarms_iac.model.names import NAME_PATTERN, TASK_PATTERN
+from rarms_iac.model.wording import did_you_mean, in_a_row, question
+
+UNKNOWN_KEY = Finding(code="RARMS015", severity=Severity.ERROR, summary="Unknown key")
+MISSING_KEY = Finding(code="RARMS016", severity=Severity.ERROR, summary="A key is missing")
+WRONG_KIND = Finding(code="RARMS017", severity=Severity.ERROR, summary="The wrong kind of value")
+NOT_A_CHOICE = Finding(code="RARMS018", severity=Severity.ERROR, summary="Not one of the values allowed here")
+NOT_A_QUANTITY = Finding(code="RARMS019", severity=Severity.ERROR, summary="Not a quantity with a unit that fits")
+NOT_A_NAME = Finding(code="RARMS020", severity=Severity.ERROR, summary="Not a valid name")
+OUT_OF_RANGE = Finding(code="RARMS021", severity=Severity.ERROR, summary="A number out of range")
+NOT_TOGETHER = Finding(code="RARMS022", severity=Severity.ERROR, summary="Keys that exclude each other")
+UNKNOWN_INDEX = Finding(code="RARMS023", severity=Severity.ERROR, summary="Unknown performance index")
+WRONG_WAY = Finding(code="RARMS024", severity=Severity.ERROR, summary="The threshold has the wrong direction")
+FOREIGN_BLOCK = Finding(code="RARMS025", severity=Severity.ERROR, summary="A block of another provider")
+NOTHING_THERE = Finding(code="RARMS026", severity=Severity.ERROR, summary="The value is empty")
+WRONG_FORM = Finding(code="RARMS027", severity=Severity.ERROR, summary="The text has the wrong form")
+NO_SUCH_DAY = Finding(code="RARMS028", severity=Severity.ERROR, summary="The day is not in the calendar")
+NOT_READ = Finding(code="RARMS029", severity=Severity.ERROR, summary="The value cannot be read")
+AND_MORE = Finding(code="RARMS030", severity=Severity.ERROR, summary="More errors than are shown")
+
+_KINDS = {
+    "string_type": "a text",
+    "int_type": "a whole number",
+    "bool_type": "true or false",
+    "dict_type": "a map",
+    "rarms_map": "a map",
+    "model_type": "a map",
+    "model_attributes_type": "a map",
+    "list_type": "a list",
+}
+
+
+def findings_of_structure(problem: ValidationError, document: Any, places: Places) -> list[Diagnostic]:
+    """Put every error of a document into words.
+
+    Args:
+        problem: what the validation of the document raised.
+        document: the plain values that were validated.
+        places: where each value stands.
+
+    Returns:
+        A finding an error; of more than `MOST_ERRORS` errors the first ones, and how many follow.
+    """
+    errors = structure_errors(problem, document, places)
+    # A key that is missing because it is misspelt is reported once: where it is misspelt.
+    misspelt = {meant for error in errors if (meant := _meant_key(error)) is not None}
+    shown = [
+        _MESSAGES.get(error.kind, _not_read)(error)
+        for error in errors
+        if not (error.kind == "missing" and error.path in misspelt)
+    ]
+    following = problem.error_count() - len(errors)
+    if following:
+        detail = f"{following:,} more errors follow."
+        shown.append(AND_MORE.at(shown[-1].place, detail, "Correct the errors that are shown first."))
+    return shown
+
+
+def _show(value: Any) -> str:
+    """A value as a message shows it, short."""
+    text = json.dumps(value, ensure_ascii=False, default=str)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _kind_of(value: Any) -> str:
+    match value:
+        case None:
+            return "null"
+        case bool():
+            return f"{_show(value)} (true or false)"
+        case int() | float():
+            return f"the number {_show(value)}"
+        case str():
+            return f"the text {_show(value)}"
+        case dict():
+            return "a map"
+        case _:
+            return "a list"
+
+
+def _unknown_key(error: StructureError) -> Diagnostic:
+    *around, key = error.path
+    known = keys_at(tuple(around))
+    advice = question(did_you_mean(str(key), known)) or f"The keys allowed here are {', '.join(known)}."
+    return UNKNOWN_KEY.at(error.places.key(*error.path), f"{error.name}: there is no key {_show(key)} here.", advice)
+
+
+def _meant_key(error: StructureError) -> Path | None:
+    """The key that was probably meant by one that does not exist; None of every other error."""
+    if error.kind != "extra_forbidden":
+        return None
+    *around, key = error.path
+    meant = did_you_mean(str(key), keys_at(tuple(around)))
+    return None if meant is None else (*around, meant)
+
+
+def _missing(error: StructureError) -> Diagnostic:
+    *around, key = error.path
+    owner = dotted(tuple(around)) or "A manifest"
+    match choices_at(error.path):
+        case [only]:
+            advice = f"Write {key}: {only}."
+        case _:
+            advice = f"Write {key}: {describe(error.path)}".rstrip(": ")
+    return MISSING_KEY.at(error.place, f"{owner} needs the key {key}.", advice)
+
+
+def _wrong_kind(error: StructureError) -> Diagnostic:
+    needed = _KINDS[error.kind]
+    advice = describe(error.path) or f"Write {needed}."
+    if error.value is None:
+        advice = "Write a value, or remove the key. Only in an overlay, null removes a value."
+    elif error.kind == "string_type" and isinstance(error.value, bool | int | float):
+        advice = f'Put it into quotes: "{_show(error.value)}".'
+    return WRONG_KIND.at(error.place, f"{error.name} must be {needed}, but it is {_kind_of(error.value)}.", advice)
+
+
+def _choice(error: StructureError) -> Diagnostic:
+    return _choice_finding(error, error.path, error.value)
+
+
+def _choice_finding(error: StructureError, path: Path, value: Any) -> Diagnostic:
+    known = choices_at(path)
+    allowed = in_a_row(known, "or")
+    advice = question(did_you_mean(value, known) if isinstance(value, str) else None) or f"Write {allowed}."
+    detail = f"{dotted(path)} is {_show(value)}. It must be {allowed}."
+    return NOT_A_CHOICE.at(error.places.value(*path), detail, advice)
+
+
+def _tag(error: StructureError) -> Diagnostic:
+    """An alternative that is chosen by `kind`."""
+    if not isinstance(error.value, dict):
+        detail = f"{error.name} must be a map, but it is {_kind_of(error.value)}."
+        return WRONG_KIND.at(error.place, detail, "Write a map with the key kind.")
+    path = (*error.path, "kind")
+    if "kind" not in error.value:
+        advice = f"Write kind: {in_a_row(choices_at(path), 'or')}."
+        return MISSING_KEY.at(error.places.value(*path), f"{error.name} needs the key kind.", advice)
+    return _choice_finding(error, path, error.value["kind"])
+
+
+def _quantity(error: StructureError) -> Diagnostic:
+    units: tuple[str, ...] = error.facts["units"]
+    fitting, word = ", ".join(units), error.facts["also"]
+    example = " or ".join(error.facts["examples"]) + (f", or the word {word}" if word else "")
+    advice = f"Write a number with one of the units {fitting}. Example: {example}."
+    match error.value:
+        case bool() | None | dict() | list():
+            detail = f"{error.name} must be a number with a unit, but it is {_kind_of(error.value)}."
+        case int() | float():
+            detail = f"{error.name} is {_show(error.value)}, a number without a unit. It needs one of {fitting}."
+        case text:
+            problem, better = _quantity_problem(str(text), units, positive=error.facts["positive"])
+            detail = f"{error.name} is {_show(text)}{problem}."
+            meant = did_you_mean(str(text), (word,)) if word else None
+            advice = question(meant) or better or advice
+    return NOT_A_QUANTITY.at(error.place, detail, advice)
+
+
+def _quantity_problem(text: str, units: tuple[str, ...], *, positive: bool) -> tuple[str, str]:
+    """What is wrong with a text that is no such quantity, and what to write; empty where only the form helps."""
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(.*?)\s*", text[:100])
+    if any(character.isdigit() and not character.isascii() for character in text):
+        return ". Only the digits 0 to 9 are allowed", ""
+    if match is None:
+        return ", which is not a number with a unit", ""
+    number, unit = match.groups()
+    if not unit:
+        return f", a number without a unit. It needs one of {', '.join(units)}", ""
+    if unit not in units:
+        better = nearest_unit(unit, units)
+        advice = question(f"{number} {better}") if better else ""
+        return f", but {_show(unit)} is not a unit that fits. Units that fit are {', '.join(units)}", advice
+    if positive and not number.strip("0."):
+        return ". It must be more than zero", ""
+    return ". A number has at most 15 digits on each side of the point, and one space before its unit", ""
+
+
+def _pattern(error: StructureError) -> Diagnostic:
+    pattern = error.facts["pattern"]
+    kind, form = FORMS[pattern]
+    finding = NOT_A_NAME if pattern in (NAME_PATTERN, TASK_PATTERN) else WRONG_FORM
+    better = _as_name(str(error.value)) if pattern == NAME_PATTERN else None
+    around = dotted(error.path[:-1]) if error.is_key else error.name
+    prefix = f"{around}: " if around else ""
+    return finding.at(
+        error.place, f"{prefix}{_show(error.value)} is not {kind}.", f"{form} {question(better)}".rstrip()
+    )
+
+
+def _as_name(text: str) -> str | None:
+    """The name that is most like this text; None if too little of it is left."""
+    name = re.sub(r"-+", "-", re.sub(r"[^a-z0-9]", "-", text.lower())).strip("-")[:63].strip("-")
+    return name if len(name) * 2 > len(text) else None
+
+
+def _range(error: StructureError) -> Diagnostic:
+    bound = "at least" if error.kind == "greater_than_equal" else "at most"
+    limit = error.facts.get("ge", error.facts.get("le"))
+    detail = f"{error.name} is {_show(error.value)}. It must be {bound} {limit}."
+    return OUT_OF_RANGE.at(error.place, detail, describe(error.path))
+
+
+def _empty(error: StructureError) -> Diagnostic:
+    is_text = error.kind == "string_too_short"
+    detail = f"{error.name} is an empty text." if is_text else f"{error.name} is empty. It needs at least one entry."
+    return NOTHING_THERE.at(error.place, detail, describe(error.path) or "Write one, or remove the key.")
+
+
+def _exactly_one(error: StructureError) -> Diagnostic:
+    names, written = error.facts["names"], error.facts["written"]
+    choice = in_a_row(names, "or")
+    if not written:
+        return MISSING_KEY.at(error.place, f"{error.name} needs one of the keys {choice}.", f"Write {choice}.")
+    return NOT_TOGETHER.at(
+        error.places.key(*error.path, written[-1]),
+        f"{error.name} has {in_a_row(written)}. Only one of them is allowed.",
+        f"Remove {in_a_row(tuple(reversed(written)), 'or')}.",
+    )
+
+
+def _together(error: StructureError) -> Diagnostic:
+    key, needs = error.facts["key"], error.facts["needs"]
+    if error.facts["missing"]:
+        return MISSING_KEY.at(error.place, f"{error.name} has {needs}, so it needs the key {key}.", f"Write {key}.")
+    return NOT_TOGETHER.at(
+        error.places.key(*error.path, key),
+        f"{error.name} has {key}, which has an effect only with {needs}.",
+        f"Write {needs}, or remove {key}.",
+    )
+
+
+def _index(error: StructureError) -> Diagnostic:
+    name = str(error.path[-1])
+    known = (*INDEXES, "p50_response_time", "p95_response_time", "p99_response_time", "p99.9_response_time")
+    advice = f"The indexes are {', '.join(INDEXES)}, and percentiles such as p95_response_time."
+    return UNKNOWN_INDEX.at(
+        error.places.key(*error.path),
+        f"{error.name}: there is no performance index {_show(name)}.",
+        question(did_you_mean(name, known)) or advice,
+    )
+
+
+def _direction(error: StructureError) -> Diagnostic:
+    index, word = error.facts["index"], error.facts["direction"]
+    better = "smaller" if error.facts["smaller"] else "larger"
+    return WRONG_WAY.at(
+        error.places.key(*error.path),
+        f"{error.name}: a {better} {index} is better, but {error.path[-1]} asks for the opposite.",
+        f"Write {word}.",
+    )
+
+
+def _foreign_block(error: StructureError) -> Diagnostic:
+    block, provider = error.facts["block"], error.facts["provider"]
+    return FOREIGN_BLOCK.at(
+        error.places.key(*error.path),
+        f"{error.name} is allowed only with provider: {block}, but this host has provider: {provider}.",
+        f"Remove it, or write provider: {block}.",
+    )
+
+
+def _no_such_day(error: StructureError) -> Diagnostic:
+    detail = f"{error.name} is {error.value}. There is no such day."
+    return NO_SUCH_DAY.at(error.place, detail, "Check the month and the day.")
+
+
+def _not_read(error: StructureError) -> Diagnostic:
+    """Whatever has no words of its own: still a place, the value, and what the field is for."""
+    advice = describe(error.path) or "Check the manifest reference."
+    return NOT_READ.at(error.place, f"{error.name} cannot be {_show(error.value)}.", advice)
+
+
+_MESSAGES: Mapping[str, Callable[[StructureError], Diagnostic]] = {
+    **dict.fromkeys(_KINDS, _wrong_kind),
+    "extra_forbidden": _unknown_key,
+    "missing": _missing,
+    "enum": _choice,
+    "literal_error": _choice,
+    "union_tag_invalid": _tag,
+    "union_tag_not_found": _tag,
+    "string_pattern_mismatch": _pattern,
+    "greater_than_equal": _range,
+    "less_than_equal": _range,
+    "too_short": _empty,
+    "string_too_short": _empty,
+    "rarms_quantity": _quantity,
+    "rarms_exactly_one": _exactly_one,
+    "rarms_together": _together,
+    "rarms_index": _index,
+    "rarms_direction": _direction,
+    "rarms_foreign_block": _foreign_block,
+    "rarms_no_day": _no_such_day,
+}

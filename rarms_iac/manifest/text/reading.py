@@ -1,0 +1,178 @@
+"""A file that a user names -> plain values, with everything that is wrong in its text."""
+
+import os
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, overload
+
+from rarms_iac.manifest.text.builder import build_positions
+from rarms_iac.manifest.text.characters import UnreadableText, check_text
+from rarms_iac.manifest.text.events import SAME_KEY, DuplicateKey, read_events
+from rarms_iac.manifest.text.positions import ManifestPlaces, dotted
+from rarms_iac.manifest.text.tree import Node
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related, Severity
+from rarms_iac.storage.reading import NotRegular, TooLarge, read_file
+
+NOT_READABLE = Finding(code="RARMS001", severity=Severity.ERROR, summary="The file cannot be read")
+NOT_REGULAR = Finding(code="RARMS002", severity=Severity.ERROR, summary="Not a regular file")
+TOO_LARGE = Finding(code="RARMS003", severity=Severity.ERROR, summary="The file is too large")
+
+MAX_BYTES = 8 * 2**20
+"""The largest manifest or overlay (DESIGN section 1, Reading)."""
+
+STANDARD_INPUT = "-"
+
+_LINE_END = re.compile("\r\n|\n|\r")
+_SPLIT_BELOW = 2**20  # characters; a larger text is searched line by line, so that 4 million empty lines cost nothing
+
+
+class Lines(Sequence[str]):
+    """The lines of a text without their ends, split only when one is shown."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+        self._split: list[str] | None = None
+
+    @overload
+    def __getitem__(self, index: int) -> str: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[str]: ...
+    def __getitem__(self, index: int | slice) -> str | list[str]:
+        """The line at this index, counted from 0; IndexError past the end."""
+        if isinstance(index, slice):
+            return [self[at] for at in range(*index.indices(len(self)))]
+        if self._split is None and len(self._data) < _SPLIT_BELOW:
+            self._split = list(self)
+        if self._split is not None:
+            return self._split[index]
+        for number, line in enumerate(self):
+            if number == index:
+                return line
+        raise IndexError(index)
+
+    def __len__(self) -> int:
+        """How many lines there are."""
+        return sum(1 for _ in self) if self._split is None else len(self._split)
+
+    def __iter__(self) -> Iterator[str]:
+        """One line after the other."""
+        text = self._data.decode("utf-8", errors="replace")
+        start = 0
+        for end in _LINE_END.finditer(text):
+            yield text[start : end.start()]
+            start = end.end()
+        yield text[start:]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """A file as it was read: UTF-8 without a byte order mark."""
+
+    file: str  # as messages name it: with slashes, `<stdin>` for standard input
+    folder: str  # what its paths are relative to
+    data: bytes
+    lines: Lines = field(compare=False)
+
+    def positions(self) -> Node:
+        """The tree of a text that was read without problems; it is built at each call."""
+        return build_positions(self.data.decode(), self.file)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParsedText:
+    """A text and its values; `value` is worth reading only where `readable`."""
+
+    source: Source
+    value: Any
+    readable: bool  # nothing was refused: the values are what the text says
+    diagnostics: tuple[Diagnostic, ...]
+
+
+def read(path: str, *, overlay: bool = False) -> ParsedText:
+    """Read a manifest or overlay; what is wrong stands in `diagnostics`.
+
+    Args:
+        path: a regular file of at most `MAX_BYTES`, or `-` for standard input.
+        overlay: whether it is an overlay, for which the advice is another where it is missing.
+    """
+    file = shown_path(path)
+    folder = os.curdir if path == STANDARD_INPUT else str(Path(path).parent)
+    try:
+        data = _standard_input() if path == STANDARD_INPUT else read_file(path, MAX_BYTES)
+    except (OSError, ValueError) as problem:  # ValueError: a NUL in the name
+        diagnostic = _not_readable(file, problem, overlay=overlay)
+        return ParsedText(source=_source(file, folder, b""), value=None, readable=False, diagnostics=(diagnostic,))
+    return read_text(data, file, folder)
+
+
+def read_text(data: bytes, file: str, folder: str) -> ParsedText:
+    """Read bytes that are here already, under the name that messages use."""
+    try:
+        text, notes = check_text(data, file)
+        values = read_events(text, file)
+    except UnreadableText as refused:
+        source = _source(file, folder, data)
+        return ParsedText(source=source, value=None, readable=False, diagnostics=refused.diagnostics)
+    same = _same_keys(text, file, values.duplicates)
+    return ParsedText(
+        source=_source(file, folder, text),
+        value=values.value,
+        readable=not values.problems,
+        diagnostics=(*notes, *values.problems, *same),
+    )
+
+
+def shown_path(path: str) -> str:
+    """How messages name a file: with slashes on every system, so that output is the same bytes everywhere."""
+    return "<stdin>" if path == STANDARD_INPUT else Path(path).as_posix()
+
+
+def _source(file: str, folder: str, data: bytes) -> Source:
+    return Source(file=file, folder=folder, data=data, lines=Lines(data))
+
+
+def _standard_input() -> bytes:
+    data = sys.stdin.buffer.read(MAX_BYTES + 1)
+    if len(data) > MAX_BYTES:
+        raise TooLarge(STANDARD_INPUT, MAX_BYTES)
+    return data
+
+
+def _not_readable(file: str, problem: OSError | ValueError, *, overlay: bool) -> Diagnostic:
+    place = Place(file=file, line=1, column=1)
+    match problem:
+        case NotRegular(kind=kind):
+            return NOT_REGULAR.at(place, f"{file} is {kind}.", "Name a file, or - for standard input.")
+        case TooLarge():
+            advice = "Check that it is the manifest, or move what differs between machines into overlays."
+            return TOO_LARGE.at(place, f"{file} has more than 8 MiB, the largest size of a manifest.", advice)
+        case FileNotFoundError():
+            advice = "Check the path, or create a manifest with `rarms init`."
+            if overlay:
+                advice = "Check the path. An overlay is a file with the keys that differ from the manifest."
+            return NOT_READABLE.at(place, f"There is no file {file!r}.", advice)
+        case PermissionError():
+            return NOT_READABLE.at(place, f"rarms has no permission to read {file!r}.", "Check the file's permissions.")
+        case OSError():
+            reason = problem.strerror or type(problem).__name__
+            return NOT_READABLE.at(place, f"The system reports: {reason}.", "Check the path.")
+        case _:
+            return NOT_READABLE.at(place, "No file can have this name.", "Check the path.")
+
+
+def _same_keys(text: bytes, file: str, duplicates: Sequence[DuplicateKey]) -> list[Diagnostic]:
+    if not duplicates:
+        return []
+    places = ManifestPlaces(lambda: build_positions(text.decode(), file))
+    return [
+        SAME_KEY.at(
+            Place(file=later.file, line=later.line, column=later.column, path=dotted(path), length=later.length),
+            f"{dotted(path)} is here and on line {places.key(*path).line}.",
+            "Remove one of the two.",
+            related=(Related(place=places.key(*path), says="the first one"),),
+        )
+        for path, later in duplicates
+    ]
