@@ -96,6 +96,6 @@ def _chosen(session: Session, source: ManifestSource, name: str, at: str) -> boo
     edit = edit_of(choice, manifest)
     if edit.after != edit.before:
         write_file(edit.file, edit.after.encode("utf-8"))
-    session.terminal.talk(selection_text(selected.selection).rstrip("\n"))
+    session.terminal.talk(selection_text(selected.selection))
     session.terminal.talk(f"Written to {Path(edit.file).as_posix()}.")
     return True

@@ -151,7 +151,7 @@ def _run_group(
     ]
     for one, process in zip(ran, runs, strict=True):
         if live:
-            session.terminal.data(summary_text(one))
+            session.terminal.show(summary_text(one))
         if one.failed and process.tail.strip():
             session.terminal.talk(f"{one.component.name} wrote last on standard error:\n{_tail(process)}")
     return ran

@@ -1,22 +1,23 @@
 """What `rarms run` shows: each sample of a component as it happens, and what they come to beside the APT."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from math import isfinite
+from typing import TYPE_CHECKING
 
 from rarms_iac.app.run_component import ComponentRunResult, meets, noise
+from rarms_iac.measuring.findings import show_value
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import Sample
 from rarms_iac.model.outcomes import Estimate, NoEstimate
-from rarms_iac.model.quantities import Unit
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.running.samples import RunEnding
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.diagnostics.layout import visible
-from rarms_iac.views.diagnostics.text import counted
+from rarms_iac.views.console import counted, paragraph, stack, table, visible
+from rarms_iac.views.measure import index_unit, show_bound
 from rarms_iac.views.output.runs import ComponentRunOutput, RanComponentOutput, RanIndexOutput, SampleOutput
 
-UNIT_NAMES = {Unit.TIME: "ms", Unit.SHARE: "%", Unit.RATE: "/s"}
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
 ENDINGS = {
     RunEnding.UNTIL: "",
@@ -40,48 +41,42 @@ def sample_text(component: str, number: int, sample: Sample) -> str:
     return "  ".join(parts) + "\n"
 
 
-def summary_text(ran: ComponentRunResult) -> str:
-    """What the samples come to: a line, and one an index of the APT."""
-    return "".join(f"{line}\n" for line in _summary(ran))
+def summary_text(ran: ComponentRunResult) -> "RenderableType":
+    """What the samples come to: a line, and a row an index of the APT."""
+    rows = [
+        (index, _estimate(index, estimate), *_beside(ran.component.apt.get(index), index, estimate))
+        for index, estimate in ran.estimates.items()
+    ]
+    return stack(paragraph(_head(ran)), table(rows, wrap=(1,), indent=2))
 
 
-def _summary(ran: ComponentRunResult) -> Iterator[str]:
+def _head(ran: ComponentRunResult) -> str:
     series = ran.series
     cpu = "" if series.cpu_ms is None else f"; {figure(series.cpu_ms / 1000)} s of processor time, its start included"
     failed = f", {ran.failed} failed" if ran.failed else ""
-    yield (
-        f"{ran.component.name}: {counted(len(series.samples), 'sample')}{failed} in "
-        f"{figure(series.elapsed_ms / 1000)} s{ENDINGS[ran.ending]}{cpu}"
-    )
-    for index, found in ran.estimates.items():
-        yield f"  {index}: {_estimate(index, found)}{_beside(ran.component.apt.get(index), index, found)}"
+    elapsed = figure(series.elapsed_ms / 1000)
+    samples = counted(len(series.samples), "sample")
+    return f"{ran.component.name}: {samples}{failed} in {elapsed} s{ENDINGS[ran.ending]}{cpu}"
 
 
-def _estimate(index: str, found: Estimate | NoEstimate) -> str:
-    match found:
-        case NoEstimate(reason=why):
-            return why
+def _estimate(index: str, estimate: Estimate | NoEstimate) -> str:
+    match estimate:
+        case NoEstimate(reason=reason):
+            return reason
         case Estimate(value=value, lower=lower, upper=upper):
-            sure = [figure(one) for one in (lower, upper) if isfinite(one)]
-            between = f" ({sure[0]} to {sure[1]})" if len(sure) == 2 and sure[0] != sure[1] else ""
-            return f"{figure(value)} {unit_of(index)}{between}"
+            bounded = isfinite(lower) and isfinite(upper) and lower != upper
+            return show_value(index, value) + (f" ({figure(lower)} to {figure(upper)})" if bounded else "")
 
 
-def _beside(threshold: Threshold | None, index: str, found: Estimate | NoEstimate) -> str:
+def _beside(threshold: Threshold | None, index: str, estimate: Estimate | NoEstimate) -> tuple[str, str]:
+    """The threshold, and whether it was met on this machine."""
     if threshold is None:
-        return ""
-    wanted = "at most" if isinstance(threshold, AtMost) else "at least"
-    says = ""
-    if isinstance(found, Estimate):
-        says = ", met here" if meets(found.value, threshold) else ", missed here"
-        says += " within the noise" if noise(found, threshold) else ""
-    return f"; APT {wanted} {figure(float(threshold.value))} {unit_of(index)}{says}"
-
-
-def unit_of(index: str) -> str:
-    """The unit in which an index's values are given."""
-    known = find_index(index)
-    return "" if known is None else UNIT_NAMES.get(known.unit, "")
+        return "", ""
+    bound = show_bound(index, threshold).removeprefix(f"{index} ")
+    if isinstance(estimate, NoEstimate):
+        return bound, ""
+    verdict = "met here" if meets(estimate.value, threshold) else "missed here"
+    return bound, verdict + (" within the noise" if noise(estimate, threshold) else "")
 
 
 def figure(value: float) -> str:
@@ -104,7 +99,9 @@ def _output(ran: ComponentRunResult) -> RanComponentOutput:
         elapsed_ms=series.elapsed_ms,
         cpu_ms=series.cpu_ms,
         failed=ran.failed,
-        indexes=tuple(_index(index, found, ran.component.apt.get(index)) for index, found in ran.estimates.items()),
+        indexes=tuple(
+            _index(index, estimate, ran.component.apt.get(index)) for index, estimate in ran.estimates.items()
+        ),
         samples=tuple(
             SampleOutput(
                 began_ms=sample.began_ms,
@@ -118,11 +115,11 @@ def _output(ran: ComponentRunResult) -> RanComponentOutput:
     )
 
 
-def _index(index: str, found: Estimate | NoEstimate, threshold: Threshold | None) -> RanIndexOutput:
-    known = found if isinstance(found, Estimate) else None
+def _index(index: str, estimate: Estimate | NoEstimate, threshold: Threshold | None) -> RanIndexOutput:
+    known = estimate if isinstance(estimate, Estimate) else None
     return RanIndexOutput(
         index=index,
-        unit=unit_of(index),
+        unit=index_unit(index),
         value=known.value if known else None,
         lower=known.lower if known and isfinite(known.lower) else None,
         upper=known.upper if known and isfinite(known.upper) else None,

@@ -59,8 +59,8 @@ def why_not_less(explanation: Explanation, less: int) -> Iterator[str]:
         yield f"{less} %, one less: it was measured, and gave no verdict, so nothing says that it would do"
     elif inconclusive:
         yield (
-            f"{less} %, one less: not measured; lower settings gave no verdict ({_listed(inconclusive)}), so nothing says "
-            "that it would do"
+            f"{less} %, one less: not measured; lower settings gave no verdict ({_listed(inconclusive)}), "
+            "so nothing says that it would do"
         )
     else:
         yield f"{less} %, one less: nothing so low was measured, so nothing says that it would do"

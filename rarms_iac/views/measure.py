@@ -10,8 +10,18 @@ from rarms_iac.measuring.findings import show_value
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, shortfall_at
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import Setting
-from rarms_iac.model.outcomes import Conclusion, NotAchievable, NotResolved, SettingFailed, Stopped, Sufficient, Swept
+from rarms_iac.model.outcomes import (
+    Conclusion,
+    Estimate,
+    NotAchievable,
+    NotResolved,
+    SettingFailed,
+    Stopped,
+    Sufficient,
+    Swept,
+)
 from rarms_iac.model.quantities import guaranteed, plain, show_processors
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.model.wording import in_a_row
@@ -19,6 +29,7 @@ from rarms_iac.statistics.verdicts import show_error
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import counted, paragraph, stack, table
 from rarms_iac.views.output.measuring import ExperimentOutput, IndexOutput, MeasureOutput, SettingOutput
+from rarms_iac.views.reports.scale import UNIT_TEXT
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -52,6 +63,12 @@ def show_bound(index: str, threshold: Threshold) -> str:
     """`mean_response_time <= 100 ms`, which leaves room in a table."""
     sign = "<=" if isinstance(threshold, AtMost) else ">="
     return f"{index} {sign} {show_value(index, float(threshold.value))}"
+
+
+def index_unit(name: str) -> str:
+    """The unit in which an index's values are given: `ms`."""
+    index = find_index(name)
+    return "" if index is None else UNIT_TEXT[index.unit]
 
 
 def _outcome(result: ExperimentResult) -> tuple[str, str, str]:
@@ -155,14 +172,18 @@ def settings_text(result: ExperimentResult) -> "RenderableType":
     return table(rows, header=("CR", *heads), wrap=range(1, len(heads) + 1))
 
 
-def show_band(index: MeasuredIndex) -> str:
-    """`97.7 ms (97.1 to 98.2 ms)`; of an extreme, what was seen; without an estimate, why."""
-    if index.estimate is None:
-        return index.reason
-    value, lower, upper = (
-        show_value(index.index, each) for each in (index.estimate.value, index.estimate.lower, index.estimate.upper)
-    )
-    return value if index.estimate.beyond is not None else f"{value} ({lower.rpartition(' ')[0]} to {upper})"
+def show_band(index: Shown) -> str:
+    """`97.7 ms (97.1 to 98.2)`; without an estimate, why."""
+    return index.why if index.estimate is None else show_estimate(index.index, index.estimate)
+
+
+def show_estimate(index: str, estimate: Estimate) -> str:
+    """A value with its interval: `97.7 ms (97.1 to 98.2)`; of an extreme, which has none, what was seen."""
+    value, lower, upper = (show_value(index, each) for each in (estimate.value, estimate.lower, estimate.upper))
+    bounded = isfinite(estimate.lower) and isfinite(estimate.upper) and lower != upper
+    if not bounded or estimate.beyond is not None:
+        return value
+    return f"{value} ({lower.rpartition(' ')[0]} to {upper.rpartition(' ')[0]})"
 
 
 def measure_json(

@@ -2,17 +2,25 @@
 
 from collections.abc import Iterator
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 from rarms_iac.app.select import SelectedLevel, Selection
 from rarms_iac.model.indexes import PerformanceIndex, find_index, show_threshold, show_value
-from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
+from rarms_iac.model.quantities import guaranteed, show_processors
 from rarms_iac.views.as_json import as_json
+from rarms_iac.views.console import paragraph, stack
 from rarms_iac.views.output.measuring import HeadroomOutput, LevelOutput, SelectionOutput
 
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
-def selection_text(selection: Selection) -> str:
-    """The level, the reservation and the headroom, complete without colour."""
-    return "\n".join(_lines(selection, _index(selection))) + "\n"
+
+def selection_text(selection: Selection) -> "RenderableType":
+    """The level, the reservation and the headroom."""
+    index = _index(selection)
+    before = "none" if selection.before is None else show_threshold(index, selection.before)
+    head = f"{selection.component}: {index.name} {before} -> {show_threshold(index, selection.after)}"
+    return stack(paragraph(head), *(paragraph(line, indent=2) for line in _consequences(selection, index)))
 
 
 def selection_json(selection: Selection, file: str, *, written: bool) -> str:
@@ -55,21 +63,21 @@ def _index(selection: Selection) -> PerformanceIndex:
     return found
 
 
-def _lines(selection: Selection, index: PerformanceIndex) -> Iterator[str]:
-    before = "none" if selection.before is None else show_threshold(index, selection.before)
-    yield f"{selection.component}: {index.name} {before} -> {show_threshold(index, selection.after)}"
+def _consequences(selection: Selection, index: PerformanceIndex) -> Iterator[str]:
     for level in selection.levels:
-        share = show_percent(100 * guaranteed(level.reserve, level.processors) / level.host_processors)
-        each = f"{level.reserve} % of each of its {level.processors} virtual processors, {share} of {level.host}"
-        yield f"  reservation on {level.platform}: {each}"
+        amount = show_processors(guaranteed(level.reserve, level.processors))
+        yield (
+            f"partition {level.partition} on {level.host}: {level.reserve} % of each of its {level.processors} virtual "
+            f"processors, {amount} of {show_processors(level.host_processors)}"
+        )
         if level.expected is not None:
             value, lower, upper = (show_value(index, Fraction(each).limit_denominator(10)) for each in level.expected)
             how = "looked up" if level.interpolated else "measured"
-            yield f"  {how} there: {value} ({lower} to {upper})"
+            yield f"{how} there: {value} ({lower} to {upper})"
     if not selection.rests_on_a_log:
-        yield "  the manifest fixes its reserve: say `cpu: { reserve: measured }`, and it follows the APT"
-    for room in selection.headrooms:
-        share = show_percent(100 * room.processors / room.host_processors)
-        yield f"  left on {room.host}: {show_processors(room.processors)}, {share}"
+        yield "the manifest fixes its reserve: with `cpu: { reserve: measured }` it follows the APT"
+    for headroom in selection.headrooms:
+        whole = show_processors(headroom.host_processors)
+        yield f"headroom of {headroom.host}: {show_processors(headroom.processors)} of {whole}"
     if selection.why_no_headroom:
-        yield f"  no room is left to tell of: {selection.why_no_headroom}"
+        yield f"the headroom is not known: {selection.why_no_headroom}"

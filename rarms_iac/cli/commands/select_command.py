@@ -60,7 +60,7 @@ def command(
     if as_json:
         session.terminal.data(selection_json(selected.selection, file, written=not dry_run))
     else:
-        session.terminal.data(selection_text(selected.selection))
+        session.terminal.show(selection_text(selected.selection))
         tell(session.terminal, selected.findings, manifest.sources)
         session.terminal.talk("Nothing was written." if dry_run else f"Written to {file}.")
     return ExitCode.DONE
