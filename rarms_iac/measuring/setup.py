@@ -47,15 +47,15 @@ def experiment_of(
     """
     names = tuple(sorted(members))
     components = tuple(system.components[name] for name in names)
-    wish = _wish(system, names)
-    processors = wish.processors or max(component.processors or host.logical_processors for component in components)
+    request = _requested_partition(system, names)
+    processors = request.processors or max(component.processors or host.logical_processors for component in components)
     setup = EnvironmentSetup(
         members=names,
         interference=interference,
         processors=processors,
-        memory=int(wish.memory if wish.memory is not None else sum(component.memory for component in components)),
-        limit=_limit(wish, components, host, processors),
-        weight=wish.cpu.weight or max(component.cpu.weight or USUAL_WEIGHT for component in components),
+        memory=int(request.memory if request.memory is not None else sum(component.memory for component in components)),
+        limit=_limit(request, components, host, processors),
+        weight=request.cpu.weight or max(component.cpu.weight or USUAL_WEIGHT for component in components),
     )
     return Experiment(
         application=system.application.name,
@@ -80,17 +80,19 @@ def interference_of(system: System, members: tuple[str, ...]) -> str:
     return only or system.policy.interference
 
 
-def _wish(system: System, names: tuple[str, ...]) -> PartitionWish:
+def _requested_partition(system: System, names: tuple[str, ...]) -> PartitionWish:
     """What the manifest says of the partition of just these components."""
-    for wish in system.partitions.values():
-        if tuple(sorted(wish.components)) == names:
-            return wish
+    for request in system.partitions.values():
+        if tuple(sorted(request.components)) == names:
+            return request
     return PartitionWish(name=names[0], components=names)
 
 
-def _limit(wish: PartitionWish, components: tuple[Component, ...], host: Host, processors: int) -> int:
+def _limit(request: PartitionWish, components: tuple[Component, ...], host: Host, processors: int) -> int:
     """Fixed by the manifest, in the provider's grain; open: none, as a cap would falsify what is measured."""
-    amounts = [wish.cpu.limit] if wish.cpu.limit is not None else [component.cpu.limit for component in components]
+    amounts = (
+        [request.cpu.limit] if request.cpu.limit is not None else [component.cpu.limit for component in components]
+    )
     total = Fraction(0)
     for amount in amounts:
         if amount is None:

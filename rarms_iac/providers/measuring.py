@@ -36,10 +36,10 @@ class RunningWork(Protocol):
     """Components at work."""
 
     def samples(self) -> Iterator[tuple[str, Sample]]:
-        """A component's name and what a job of it showed, in the order in which the jobs ended.
+        """Yield a component's name and the sample of a job of it, in the order in which the jobs ended.
 
         It ends when every component had its `until`; a component that has enough goes on meanwhile, so that the
-        others see it. Whoever has seen enough before stops asking.
+        others see it. Whoever has seen enough before stops asking. Called once; each step waits for the next job.
 
         Raises:
             HostError: it cannot go on.
@@ -47,11 +47,18 @@ class RunningWork(Protocol):
         ...
 
     def elapsed_ms(self) -> float:
-        """The time on the host's clock since all of it began to run."""
+        """Return the time, in ms on the host's clock, since all of it began to run. Cheap: asked at every look."""
         ...
 
     def cpu_ms(self, component: str) -> float | None:
-        """The processor time that the component consumed so far; None where it cannot be told."""
+        """Return the processor time, in ms, that a component consumed so far. Cheap: asked at every look.
+
+        Args:
+            component: One of the work, by name.
+
+        Returns:
+            None where it cannot be told.
+        """
         ...
 
 
@@ -60,7 +67,7 @@ class MeasuringHost(StepwiseHost, Protocol):
     """A host on which components can be run and looked at."""
 
     def bench(self) -> Bench:
-        """What of this machine can change what is measured on it.
+        """Describe what of this machine can change what is measured on it, equal as long as that is equal.
 
         Raises:
             HostError: the host cannot be reached or read.
@@ -69,6 +76,10 @@ class MeasuringHost(StepwiseHost, Protocol):
 
     def run(self, work: Work) -> AbstractContextManager[RunningWork]:
         """Have all of it running while the context lasts; when it ends, whatever still runs of it is ended.
+
+        Args:
+            work: Its partitions are there and run; nothing is made for it here. At most one work runs at a time, and
+                the caller holds the host's lock.
 
         Raises:
             Refused: a partition is not there or does not run, or something of the work cannot run on this host.

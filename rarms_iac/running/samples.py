@@ -237,7 +237,7 @@ class _Job:
 
 def samples_of_runs(supervisor: Supervisor, record: SampleRecord) -> Generator[Sample, None, None]:
     """Job after job; a periodic one counts from its scheduled start, and no overrun shifts the schedule."""
-    supervisor.unheard()
+    supervisor.ignore_output()
     number = 0
     while record.ending is RunEnding.RUNNING:
         due = _due(record, number)

@@ -84,9 +84,9 @@ class Supervisor:
         self._events: queue.Queue[list[Event | dict[str, Any]]] = queue.Queue(WAITING)
         self._ready: list[Event | dict[str, Any]] = []
         self._tail = b""
-        self._deaf = threading.Event()
+        self._closing = threading.Event()
         self._interrupted = threading.Event()
-        self._quiet = threading.Event()  # nobody reads lines: they go nowhere
+        self._output_ignored = threading.Event()  # nobody reads lines: they go nowhere
         self._cpu_ms: float | None = None
         self._process = subprocess.Popen(
             [sys.executable, "-I", "-S", str(Path(__file__).resolve().with_name(_PROGRAM))],
@@ -97,24 +97,24 @@ class Supervisor:
             start_new_session=True,  # a Ctrl-C in the terminal is for rarms, which then stops the component
         )
         self._threads = [
-            threading.Thread(target=listens, args=(stream,), daemon=True)
-            for listens, stream in ((self._hear, self._process.stdout), (self._remember, self._process.stderr))
+            threading.Thread(target=self._read_output, args=(self._process.stdout,), daemon=True),
+            threading.Thread(target=self._read_errors, args=(self._process.stderr,), daemon=True),
         ]
         for thread in self._threads:
             thread.start()
-        self._tell(json.dumps(self._as_json(order)))
+        self._send(json.dumps(self._as_json(order)))
 
     def start(self, at: float = 0.0) -> None:
         """Start the process when `time.perf_counter` is so far."""
-        self._tell(f"start {at!r}")
+        self._send(f"start {at!r}")
 
     def stop(self) -> None:
         """Ask the process to end, and kill it with all that it started after its grace; `ProcessEnded` tells when."""
-        self._tell("stop")
+        self._send("stop")
 
-    def unheard(self) -> None:
-        """Nobody reads the lines of this component."""
-        self._quiet.set()
+    def ignore_output(self) -> None:
+        """Drop the lines of this component from now on: nobody reads them."""
+        self._output_ignored.set()
 
     def interrupt(self) -> None:
         """Have `next` raise `ReadingInterrupted` from now on, in whatever thread it waits."""
@@ -137,25 +137,25 @@ class Supervisor:
         if self._interrupted.is_set():
             raise ReadingInterrupted
         event = self._ready.pop()
-        return event if not isinstance(event, dict) else self._word(event)
+        return event if not isinstance(event, dict) else self._event_of(event)
 
     def close(self) -> None:
         """End it all and wait for it; may be called twice."""
-        self._deaf.set()
+        self._closing.set()
         with contextlib.suppress(OSError):
             self._commands().close()
         deadline = time.perf_counter() + self._grace_s + GOING_S
         while self._process.poll() is None and time.perf_counter() < deadline:
             with contextlib.suppress(queue.Empty):
-                self._note(self._events.get(timeout=0.02))
+                self._note_cpu_time(self._events.get(timeout=0.02))
         if self._process.poll() is None:
             self._process.kill()
         self._process.wait()
         while any(thread.is_alive() for thread in self._threads) and time.perf_counter() < deadline:
             with contextlib.suppress(queue.Empty):
-                self._note(self._events.get(timeout=0.02))
+                self._note_cpu_time(self._events.get(timeout=0.02))
         while not self._events.empty():
-            self._note(self._events.get_nowait())
+            self._note_cpu_time(self._events.get_nowait())
         if not any(thread.is_alive() for thread in self._threads):  # else: something escaped with the pipe in its hand
             for pipe in (self._process.stdout, self._process.stderr):
                 if pipe is not None:
@@ -191,36 +191,36 @@ class Supervisor:
             "grace_ms": float(order.stop.grace),
         }
 
-    def _tell(self, line: str) -> None:
+    def _send(self, line: str) -> None:
         try:
             self._commands().write(line.encode("ascii") + b"\n")
         except OSError as error:
             raise SupervisorLost(self._name, f"its supervisor (process {self._process.pid}) is gone") from error
 
-    def _word(self, said: dict[str, Any]) -> Event:
-        match said:
+    def _event_of(self, message: dict[str, Any]) -> Event:
+        match message:
             case {"event": "started", "at": at}:
                 return ProcessStarted(at=at)
             case {"event": "ended", "at": at, "code": code, "signal": number}:
                 return ProcessEnded(at=at, code=code, signal=number)
-            case {"event": "cannot", "message": message}:
-                raise CannotStart(self._name, message)
+            case {"event": "cannot", "message": reason}:
+                raise CannotStart(self._name, reason)
             case _:
                 raise SupervisorLost(
                     self._name, f"its supervisor (process {self._process.pid}) ended: {self.tail[-200:]}"
                 )
 
-    def _note(self, events: list[Event | dict[str, Any]]) -> None:
+    def _note_cpu_time(self, events: list[Event | dict[str, Any]]) -> None:
         for event in events:
             if isinstance(event, dict) and event.get("event") == "bye":
                 self._cpu_ms = event["cpu_ms"]
 
-    def _hear(self, stream: IO[bytes]) -> None:
+    def _read_output(self, stream: IO[bytes]) -> None:
         """In a thread: read standard output to its end."""
         lines = _Lines(self._mark)
         while piece := _read(stream):
             events = lines.cut(piece, time.perf_counter())
-            if self._deaf.is_set() or self._quiet.is_set():
+            if self._closing.is_set() or self._output_ignored.is_set():
                 events = [event for event in events if not isinstance(event, OutputLine | OverlongLine)]
             if events:
                 self._put(events)
@@ -229,7 +229,7 @@ class Supervisor:
     def _put(self, events: list[Event | dict[str, Any]]) -> None:
         self._events.put(events)
 
-    def _remember(self, stream: IO[bytes]) -> None:
+    def _read_errors(self, stream: IO[bytes]) -> None:
         """In a thread: keep the end of standard error."""
         while piece := _read(stream):
             self._tail = (self._tail + piece)[-TAIL:]

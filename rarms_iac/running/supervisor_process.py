@@ -53,14 +53,14 @@ class PosixSupervisor:
         os.set_blocking(self._woken, False)
         signal.set_wakeup_fd(self._wake)
         signal.signal(signal.SIGCHLD, lambda *_: None)
-        self._obey()
+        self._handle_commands()
         while not (self._ending and not self._pid):
             self._wait()
             self._reap()
             self._kill()
             if self._due is not None and not self._pid and time.perf_counter() >= self._due:
                 self._start()
-        self._say(event="bye", cpu_ms=cpu_ms())
+        self._send_event(event="bye", cpu_ms=cpu_ms())
 
     def _wait(self) -> None:
         now = time.perf_counter()
@@ -72,13 +72,13 @@ class PosixSupervisor:
             with contextlib.suppress(BlockingIOError):
                 os.read(self._woken, 4096)
         if 0 in ready:
-            said = os.read(0, 65536)
-            self._commands += said
-            if not said:
+            received = os.read(0, 65536)
+            self._commands += received
+            if not received:
                 self._commands += b"end\n"
-            self._obey()
+            self._handle_commands()
 
-    def _obey(self) -> None:
+    def _handle_commands(self) -> None:
         while b"\n" in self._commands:
             line, _, self._commands = self._commands.partition(b"\n")
             word, _, value = line.decode("ascii").partition(" ")
@@ -97,31 +97,31 @@ class PosixSupervisor:
         if self._order["signal"] == "KILL":
             self._kill_at = time.perf_counter()
         else:
-            self._send(getattr(signal, "SIG" + self._order["signal"]))
+            self._signal_all(getattr(signal, "SIG" + self._order["signal"]))
 
-    def _send(self, number: int) -> None:
+    def _signal_all(self, number: int) -> None:
         for pid in descendants(os.getpid()) if self._prctl else [-self._pid]:  # negative: its process group
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.kill(pid, number)
 
     def _start(self) -> None:
         self._due = None
-        problem, says = os.pipe()  # closed by a successful exec
-        self._say(event="started", at=time.perf_counter())
+        problem, report = os.pipe()  # closed by a successful exec
+        self._send_event(event="started", at=time.perf_counter())
         self._pid = os.fork()
         if not self._pid:
-            self._become(says)
-        os.close(says)
-        wrong = b""
+            self._exec_component(report)
+        os.close(report)
+        problem_text = b""
         while piece := os.read(problem, 4096):
-            wrong += piece
+            problem_text += piece
         os.close(problem)
-        if wrong:
+        if problem_text:
             os.waitpid(self._pid, 0)
             self._pid = 0
-            self._say(event="cannot", message=wrong.decode("utf-8", "replace"))
+            self._send_event(event="cannot", message=problem_text.decode("utf-8", "replace"))
 
-    def _become(self, says: int) -> None:
+    def _exec_component(self, report: int) -> None:
         """In the new process: become the component, or say why not."""
         try:
             os.setsid()
@@ -138,7 +138,7 @@ class PosixSupervisor:
         except BaseException as error:  # noqa: BLE001 - whatever it is, this process must not go on as a second supervisor
             named = f"{error.filename}: " if isinstance(error, OSError) and error.filename else ""
             text = (error.strerror if isinstance(error, OSError) else "") or str(error) or type(error).__name__
-            os.write(says, (named + text).encode("utf-8", "replace")[:4000])
+            os.write(report, (named + text).encode("utf-8", "replace")[:4000])
         finally:
             os._exit(127)
 
@@ -165,7 +165,7 @@ class PosixSupervisor:
             return
         until = time.perf_counter() + KILLING_S
         while self._pid and time.perf_counter() < until:
-            self._send(signal.SIGKILL)
+            self._signal_all(signal.SIGKILL)
             select.select([self._woken], [], [], PAUSE_S)
             with contextlib.suppress(BlockingIOError):
                 os.read(self._woken, 4096)
@@ -175,12 +175,12 @@ class PosixSupervisor:
             self._ended()
 
     def _ended(self) -> None:
-        self._say(event="ended", **(self._exit or {}))
+        self._send_event(event="ended", **(self._exit or {}))
         self._pid, self._exit, self._asked, self._kill_at = 0, None, False, None
 
-    def _say(self, **what: object) -> None:
+    def _send_event(self, **fields: object) -> None:
         """One write, which a pipe does not tear; the component may have left a line without end."""
-        os.write(1, b"\n" + self._mark + json.dumps(what).encode() + b"\n")
+        os.write(1, b"\n" + self._mark + json.dumps(fields).encode() + b"\n")
 
 
 def descendants(of: int) -> list[int]:
@@ -208,13 +208,13 @@ def cpu_ms() -> float:
 
 def main() -> None:
     """Read the order, then keep."""
-    said = b""
-    while b"\n" not in said:
+    received = b""
+    while b"\n" not in received:
         piece = os.read(0, 65536)
         if not piece:
             return
-        said += piece
-    order, _, commands = said.partition(b"\n")
+        received += piece
+    order, _, commands = received.partition(b"\n")
     with contextlib.suppress(BrokenPipeError):
         PosixSupervisor(json.loads(order), commands).run()
 

@@ -65,7 +65,7 @@ class WindowsSupervisor:
     def __init__(self, order: dict[str, Any], jobs: JobObjects) -> None:
         self._order = order
         self._jobs = jobs
-        self._said: queue.Queue[tuple[str, float]] = queue.Queue()
+        self._commands: queue.Queue[tuple[str, float]] = queue.Queue()
         self._due: float | None = None
         self._process: subprocess.Popen[bytes] | None = None
         self._job = 0
@@ -74,7 +74,7 @@ class WindowsSupervisor:
 
     def run(self) -> None:
         """Obey until standard input ends."""
-        threading.Thread(target=self._listen, daemon=True).start()
+        threading.Thread(target=self._read_commands, daemon=True).start()
         ending = False
         while not (ending and self._process is None):
             word, at = self._next()
@@ -91,25 +91,25 @@ class WindowsSupervisor:
                 self._kill_at = None
             if self._due is not None and self._process is None and now >= self._due:
                 self._start()
-        self._say(event="bye", cpu_ms=self._cpu_ms)
+        self._send_event(event="bye", cpu_ms=self._cpu_ms)
 
-    def _listen(self) -> None:
+    def _read_commands(self) -> None:
         for line in sys.stdin.buffer:
             word, _, value = line.decode("ascii").strip().partition(" ")
-            self._said.put((word, float(value or 0)))
-        self._said.put(("end", 0.0))
+            self._commands.put((word, float(value or 0)))
+        self._commands.put(("end", 0.0))
 
     def _next(self) -> tuple[str, float]:
         due = self._due if self._process is None else None
         soon = [moment - time.perf_counter() for moment in (due, self._kill_at) if moment is not None]
         try:
-            return self._said.get(timeout=max(0.0, min(soon)) if soon else None)
+            return self._commands.get(timeout=max(0.0, min(soon)) if soon else None)
         except queue.Empty:
             return "", 0.0
 
     def _start(self) -> None:
         self._due = None
-        self._say(event="started", at=time.perf_counter())
+        self._send_event(event="started", at=time.perf_counter())
         try:
             self._process = subprocess.Popen(
                 self._order["words"],
@@ -119,7 +119,7 @@ class WindowsSupervisor:
                 creationflags=NEW_GROUP,
             )
         except OSError as error:
-            self._say(event="cannot", message=f"{self._order['words'][0]}: {error.strerror or error}")
+            self._send_event(event="cannot", message=f"{self._order['words'][0]}: {error.strerror or error}")
             return
         self._job = self._jobs.make()
         self._jobs.put(self._job, int(self._process._handle))  # type: ignore[attr-defined]  # noqa: SLF001 - Windows only
@@ -127,7 +127,7 @@ class WindowsSupervisor:
 
     def _watch(self, process: "subprocess.Popen[bytes]") -> None:
         process.wait()
-        self._said.put(("exit", time.perf_counter()))
+        self._commands.put(("exit", time.perf_counter()))
 
     def _stop(self) -> None:
         self._due = None
@@ -145,10 +145,10 @@ class WindowsSupervisor:
         self._cpu_ms = None if used is None or self._cpu_ms is None else self._cpu_ms + used
         self._process, self._kill_at = None, None
         crashed = code % 2**32 >= CRASHED
-        self._say(event="ended", at=at, code=0 if crashed else code, signal=code % 2**32 if crashed else 0)
+        self._send_event(event="ended", at=at, code=0 if crashed else code, signal=code % 2**32 if crashed else 0)
 
-    def _say(self, **what: object) -> None:
-        os.write(1, b"\n" + self._order["mark"].encode() + json.dumps(what).encode() + b"\n")
+    def _send_event(self, **fields: object) -> None:
+        os.write(1, b"\n" + self._order["mark"].encode() + json.dumps(fields).encode() + b"\n")
 
 
 def main() -> None:

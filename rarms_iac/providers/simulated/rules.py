@@ -152,10 +152,8 @@ def refuse_change(
         case StopPartition() if machine.state is RunState.BUSY:
             return Refusal(message=f"{machine.settings.name} is changing its state", advice="try again in a moment")
         case RemovePartition() if machine.state not in {RunState.OFF, RunState.SAVED}:
-            return Refusal(
-                message=f"{machine.settings.name} is {machine.state.value}; only a machine that is off can be removed",
-                advice="stop it first",
-            )
+            state = f"{machine.settings.name} is {machine.state.value}"
+            return Refusal(message=f"{state}, and only a machine that is off can be removed", advice="stop it first")
         case _:
             return None
 

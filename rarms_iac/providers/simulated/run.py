@@ -85,8 +85,8 @@ class SimulatedHostProvider:
         self._journal_path = path.with_name(f"{path.stem}.journal.jsonl")
         self._lock_path = path.with_name(f"{path.stem}.lock")
         self._sleep = sleep
-        self._known: tuple[bytes, Content] | None = None  # what bytes mean: to read the same ones again costs nothing
-        self._seen: tuple[Content, State] | None = None  # likewise
+        self._last_content: tuple[bytes, Content] | None = None  # by its bytes: read again, they cost nothing
+        self._last_state: tuple[Content, State] | None = None  # by its content
 
     @property
     def name(self) -> str:
@@ -95,7 +95,7 @@ class SimulatedHostProvider:
 
     def observe(self) -> State:
         """As the interface says."""
-        with self._telling_damage(self._journal_path):
+        with self._report_damage(self._journal_path):
             serials = read_serials(self._journal_path)
         return to_state(self.load(), self._host, serials)
 
@@ -103,7 +103,7 @@ class SimulatedHostProvider:
     def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
         """As the interface says."""
         with ExitStack() as held:
-            with self._telling_failure(self._lock_path):
+            with self._report_failure(self._lock_path):
                 make_room(self._lock_path)
                 held.enter_context(hold(self._lock_path, owner, timeout_ms))
             yield
@@ -127,29 +127,29 @@ class SimulatedHostProvider:
         if fault is None:
             self.save(after)
             return
-        name, asked = fault
-        if asked.effect is FaultEffect.REFUSE:
-            self.save(_struck(before, name))
+        name, effect = fault[0], fault[1].effect
+        if effect is FaultEffect.REFUSE:
+            self.save(_with_strike(before, name))
             raise Refused(self.name, f"the fault {name} refuses {operation.kind}", "take it out of the manifest")
-        self.save(_struck(after, name))
-        if asked.effect is FaultEffect.LATE:
-            self._sleep(float(asked.delay) / 1000)
+        self.save(_with_strike(after, name))
+        if effect is FaultEffect.LATE:
+            self._sleep(float(fault[1].delay) / 1000)
             return
         raise Failed(self.name, f"the fault {name} makes {operation.kind} fail", "take it out of the manifest")
 
     def journal(self) -> Journal | None:
         """As the interface says."""
-        with self._telling_damage(self._journal_path):
+        with self._report_damage(self._journal_path):
             return read_journal(self._journal_path)
 
     def unfinished(self) -> Journal | None:
         """As the interface says."""
-        with self._telling_damage(self._journal_path):
+        with self._report_damage(self._journal_path):
             return read_unfinished(self._journal_path)
 
     def start_run(self, started: RunStarted) -> None:
         """As the interface says; also removes what killed writers left behind."""
-        with self._telling_failure(self._journal_path):
+        with self._report_failure(self._journal_path):
             make_room(self._journal_path)
             for path in (self._path, self._journal_path):
                 remove_leftovers(path)
@@ -157,7 +157,7 @@ class SimulatedHostProvider:
 
     def record(self, record: JournalRecord) -> None:
         """As the interface says."""
-        with self._telling_failure(self._journal_path):
+        with self._report_failure(self._journal_path):
             append_record(self._journal_path, record)
 
     def load(self) -> Content:
@@ -166,13 +166,13 @@ class SimulatedHostProvider:
         Raises:
             HostDamaged: the file cannot be read, or is not as it was written.
         """
-        with self._telling_damage(self._path):
+        with self._report_damage(self._path):
             data = fetch(self._path)
             if data is None:
                 return empty(self.name)
-            if self._known is None or self._known[0] != data:
-                self._known = (data, read_content(data))
-            return self._known[1]
+            if self._last_content is None or self._last_content[0] != data:
+                self._last_content = (data, read_content(data))
+            return self._last_content[1]
 
     def save(self, content: Content) -> None:
         """Have this on the host, in one replacement of its file. Not for rarms: tests make machines of others with it.
@@ -190,15 +190,15 @@ class SimulatedHostProvider:
                 f"{self._path} cannot be written: {problem.strerror or problem}",
                 "make room, or mend its rights",
             ) from None
-        self._known = (data, content)
+        self._last_content = (data, content)
 
     def _machines(self, content: Content) -> State:
         """The state as far as names need it to be resolved, without task classes."""
-        if self._seen is None or self._seen[0] is not content:
+        if self._last_state is None or self._last_state[0] is not content:
             facts = facts_of(content, self._host)
             visible = partitions_of(content) if facts.rights is Rights.PROVEN else ()
-            self._seen = (content, State(facts=facts, partitions=visible, disks=visible_disks(content, facts)))
-        return self._seen[1]
+            self._last_state = (content, State(facts=facts, partitions=visible, disks=visible_disks(content, facts)))
+        return self._last_state[1]
 
     def _after(self, content: Content, operation: Operation, scope: Scope) -> Content:
         state = self._machines(content)
@@ -274,7 +274,7 @@ class SimulatedHostProvider:
         return Refused(self.name, refusal.message, refusal.advice)
 
     @contextmanager
-    def _telling_damage(self, path: Path) -> Iterator[None]:
+    def _report_damage(self, path: Path) -> Iterator[None]:
         advice = f"restore {path} from a copy, or move it away to go on without it"
         try:
             yield
@@ -288,7 +288,7 @@ class SimulatedHostProvider:
             raise HostDamaged(self.name, f"{path.name} cannot be read: {problem.strerror or problem}", advice) from None
 
     @contextmanager
-    def _telling_failure(self, path: Path) -> Iterator[None]:
+    def _report_failure(self, path: Path) -> Iterator[None]:
         try:
             yield
         except Locked as locked:
@@ -299,5 +299,5 @@ class SimulatedHostProvider:
             ) from None
 
 
-def _struck(content: Content, fault: str) -> Content:
+def _with_strike(content: Content, fault: str) -> Content:
     return replace(content, struck={**content.struck, fault: content.struck.get(fault, 0) + 1})
