@@ -172,9 +172,9 @@ def settings_text(result: ExperimentResult) -> "RenderableType":
     return table(rows, header=("CR", *heads), wrap=range(1, len(heads) + 1))
 
 
-def show_band(index: Shown) -> str:
+def show_band(index: MeasuredIndex) -> str:
     """`97.7 ms (97.1 to 98.2)`; without an estimate, why."""
-    return index.why if index.estimate is None else show_estimate(index.index, index.estimate)
+    return index.reason if index.estimate is None else show_estimate(index.index, index.estimate)
 
 
 def show_estimate(index: str, estimate: Estimate) -> str:
