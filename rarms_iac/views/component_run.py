@@ -5,7 +5,6 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.run_component import ComponentRunResult, meets, noise
-from rarms_iac.measuring.findings import show_value
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Sample
 from rarms_iac.model.outcomes import Estimate, NoEstimate
@@ -13,7 +12,7 @@ from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.running.samples import RunEnding
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import counted, paragraph, stack, table, visible
-from rarms_iac.views.measure import index_unit, show_bound
+from rarms_iac.views.measure import index_unit, show_bound, show_estimate
 from rarms_iac.views.output.runs import ComponentRunOutput, RanComponentOutput, RanIndexOutput, SampleOutput
 
 if TYPE_CHECKING:
@@ -63,9 +62,8 @@ def _estimate(index: str, estimate: Estimate | NoEstimate) -> str:
     match estimate:
         case NoEstimate(reason=reason):
             return reason
-        case Estimate(value=value, lower=lower, upper=upper):
-            bounded = isfinite(lower) and isfinite(upper) and lower != upper
-            return show_value(index, value) + (f" ({figure(lower)} to {figure(upper)})" if bounded else "")
+        case Estimate():
+            return show_estimate(index, estimate)
 
 
 def _beside(threshold: Threshold | None, index: str, estimate: Estimate | NoEstimate) -> tuple[str, str]:
