@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from rarms_iac.manifest.places import NoPlaces
+from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.measuring.partitions import (
     Classes,
     HostBudget,
@@ -242,7 +242,7 @@ def _make_bench(experiment: Experiment, context: MeasuringContext, ends: ExitSta
 
 def _task_classes(experiment: Experiment) -> Classes:
     """The task classes that the members name, as a plan would set them in a partition of just these."""
-    decided = classes_of(experiment.members, experiment.tasks, P1, NoPlaces(file="")).classes
+    decided = classes_of(experiment.members, experiment.tasks, P1, FirstLine(file="")).classes
     return {class_values.name: registry_values(class_values) for class_values in decided}
 
 

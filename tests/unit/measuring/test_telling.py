@@ -2,7 +2,7 @@
 
 import pytest
 
-from rarms_iac.manifest.places import NoPlaces
+from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.measuring.findings import findings_of
 from rarms_iac.measuring.setup import experiment_of
 from rarms_iac.model.measurement import Setting
@@ -17,7 +17,7 @@ EXPERIMENT = experiment_of(SYSTEM, SYSTEM.hosts["onboard"], ("vision",), "busy-l
 
 def told(times: list[float]) -> list[str]:
     settings = (a_setting(100, a_series("vision", times)),)
-    found = list(findings_of(EXPERIMENT, NotAchievable(reserve=100, error=0.01), settings, NoPlaces("")))
+    found = list(findings_of(EXPERIMENT, NotAchievable(reserve=100, error=0.01), settings, FirstLine("")))
     assert {diagnostic.code for diagnostic in found} == {"RARMS110"}
     return [diagnostic.detail for diagnostic in found]
 
@@ -61,7 +61,7 @@ def test_less_that_may_be_enough_is_told_of_where_settings_between_say_nothing(
     system = a_system(components=[component])
     experiment = experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
 
-    found = list(findings_of(experiment, end, tuple(map(drifting, inconclusive)), NoPlaces("")))
+    found = list(findings_of(experiment, end, tuple(map(drifting, inconclusive)), FirstLine("")))
 
     assert [diagnostic.code for diagnostic in found] == (["RARMS267"] if says else [])
     assert all(says is not None and says in diagnostic.detail for diagnostic in found)
@@ -74,7 +74,7 @@ def test_a_reservation_that_is_fixed_and_measured_is_told_of(reserve: str | None
     system = a_system(components=[component])
     experiment = experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
 
-    found = list(findings_of(experiment, Sufficient(reserve=21, failed=20, error=0.03), (), NoPlaces("")))
+    found = list(findings_of(experiment, Sufficient(reserve=21, failed=20, error=0.03), (), FirstLine("")))
 
     assert [diagnostic.code for diagnostic in found] == codes
     assert all("21 %" in diagnostic.detail and "reserves 30 %" in diagnostic.detail for diagnostic in found)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.manifest.places import NoPlaces
+from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.measuring.findings import findings_of
 from rarms_iac.measuring.loop import (
     LoopResult,
@@ -96,7 +96,7 @@ def test_a_first_setting_without_a_steady_state_costs_no_reservation(case: str, 
     assert shortfall_at(ended.conclusion.failed, ended.settings, experiment) != "no steady state"
     assert ended.conclusion.inconclusive == ()
     assert len(ended.settings) <= 9
-    assert list(findings_of(experiment, ended.conclusion, ended.settings, NoPlaces(""))) == []
+    assert list(findings_of(experiment, ended.conclusion, ended.settings, FirstLine(""))) == []
 
 
 def test_once_one_was_unsteady_no_setting_ends_early(tmp_path: Path) -> None:
@@ -115,7 +115,7 @@ def test_where_nothing_close_below_is_steady_it_says_that_it_does_not_know(tmp_p
     assert set(end.inconclusive) <= unsteady(ended.settings)
     assert end.failed not in unsteady(ended.settings)
     assert all((end.failed or 0) < one < end.reserve for one in end.inconclusive)
-    (told,) = findings_of(experiment, end, ended.settings, NoPlaces(""))
+    (told,) = findings_of(experiment, end, ended.settings, FirstLine(""))
     assert told.code == "RARMS267"
     assert f"coi: {end.reserve} % is enough" in told.detail
     assert f"coi at {end.inconclusive[-1]} %: its response times still changed within 200 samples" in told.detail
