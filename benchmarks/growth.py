@@ -37,6 +37,7 @@ from rarms_iac.model.system import (
 )
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.reservations import FixedReservations
+from rarms_iac.views.console import render
 from rarms_iac.views.plan import plan_text
 
 SMALL, LARGE = 1_000, 4_000
@@ -152,7 +153,7 @@ class Case:
             held = hold_back(found.changes, wish.budget)
             if not isinstance(order(plan_changes(held.kept, wish.context), wish.budget), OrderedSteps):
                 raise TypeError("a fleet with room to spare has an order")
-        if "to change" not in plan_text(self.plan):
+        if "to change" not in render(plan_text(self.plan)):
             raise ValueError("the plan's text does not count its changes")
 
 

@@ -163,6 +163,11 @@ def _host_part(request: Request, goal: HostGoal, layout: Layout | None) -> _Host
         scripts={},
         totals=totals_of(goal.observed, goal.desired, application, held.kept, steps),
         threads=goal.threads,
+        components={
+            partition.name: partition.components
+            for partition in (() if layout is None else layout.partitions)
+            if partition.host == goal.name
+        },
     )
     locate = goal.rules.locate
     tasks = (guest_task(task, application, goal.rules.replaceable, locate) for task in goal.by_hand)

@@ -1,5 +1,6 @@
 """What became of a run: told host by host, and how the whole of it ended."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Protocol
@@ -68,8 +69,16 @@ class TitledStep:
 class RunReporter(Protocol):
     """Told while a run goes on; must not raise."""
 
-    def run_started(self, host: str, run: RunKind, plan: str, *, done: int) -> None:
-        """A host's run begins, or goes on after so many steps that were done earlier."""
+    def run_started(self, host: str, run: RunKind, plan: str, *, done: int, addresses: Sequence[str] = ()) -> None:
+        """A host's run begins, or goes on after so many steps that were done earlier.
+
+        Args:
+            host: its name.
+            run: apply or undo.
+            plan: its id.
+            done: how many steps were done earlier.
+            addresses: of the steps to come, in order; empty where only the script that runs knows them.
+        """
         ...
 
     def step_started(self, host: str, number: int, total: int, step: ToldStep) -> None:
@@ -88,7 +97,7 @@ class RunReporter(Protocol):
 class SilentReporter:
     """The default: tells nobody."""
 
-    def run_started(self, host: str, run: RunKind, plan: str, *, done: int) -> None:
+    def run_started(self, host: str, run: RunKind, plan: str, *, done: int, addresses: Sequence[str] = ()) -> None:
         """Nothing."""
 
     def step_started(self, host: str, number: int, total: int, step: ToldStep) -> None:

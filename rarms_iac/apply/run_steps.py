@@ -28,7 +28,8 @@ def walk(host: StepwiseHost, journal: Journal, reporter: RunReporter, should_sto
         record.number: record.status for record in journal.steps if record.status is not StepStatus.BEGUN
     }
     begun = journal.touched() - set(done)
-    reporter.run_started(host.name, started.run, started.plan, done=len(done))
+    addresses = [str(step.address) for number, step in enumerate(started.steps) if number not in done]
+    reporter.run_started(host.name, started.run, started.plan, done=len(done), addresses=addresses)
     resumed = bool(journal.steps)
     scope = Scope(application=started.application, plan=started.plan)
 

@@ -17,27 +17,29 @@ from rarms_iac.cli.options import RunOptions
 from rarms_iac.cli.planning import Wish, make_plan
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.telling import tell
+from rarms_iac.model.diagnostics import Sources
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.providers.interface import LiveHost
 from rarms_iac.storage.plan_file import write_plan
-from rarms_iac.views.diagnostics import Sources
 from rarms_iac.views.plan import plan_text
-from rarms_iac.views.plan_colour import coloured_plan
 from rarms_iac.views.plan_json import plan_json
-from rarms_iac.views.progress import StepProgress
-from rarms_iac.views.run import run_json, run_text
+from rarms_iac.views.run import RunProgress, run_json, run_text
 
 
-def reporter_of(session: Session) -> StepProgress:
+def reporter_of(session: Session) -> RunProgress:
     """Progress on standard error."""
     terminal = session.terminal
-    return StepProgress(terminal.status, time.monotonic, lively=terminal.lively, width=terminal.width)
+    return RunProgress(terminal.status, time.monotonic, terminal.live() if terminal.lively else None)
 
 
-def shown_plan(session: Session, plan: Plan, sources: Sources | None = None, *, steps: bool = False) -> str:
-    """The plan's text as this terminal takes it."""
-    text = plan_text(plan, sources=sources, steps=steps, width=min(session.terminal.width, 100))
-    return coloured_plan(text) if session.terminal.colour else text
+def show_plan(
+    session: Session, plan: Plan, sources: Sources | None = None, *, as_json: bool, verbose: bool = False
+) -> None:
+    """Show the plan to who asked for it: a person, or a program."""
+    if as_json:
+        session.terminal.data(plan_json(plan))
+    else:
+        session.terminal.show(plan_text(plan, sources=sources, verbose=verbose))
 
 
 def write_plan_file(session: Session, path: str, plan: Plan) -> None:
@@ -52,8 +54,8 @@ def write_plan_file(session: Session, path: str, plan: Plan) -> None:
 
 def finish_first(session: Session, live: tuple[LiveHost, ...], how: RunOptions) -> RunReport | None:
     """Finish what an earlier run left on these hosts, asking nothing; None where nothing was left."""
-    with hold_hosts(live, how.lock_timeout_ms), session.interrupts.gently():
-        report = finish_unfinished(live, reporter_of(session), session.interrupts.should_stop, how.waits)
+    with hold_hosts(live, how.lock_timeout_ms), session.interrupts.gently(), reporter_of(session) as reporter:
+        report = finish_unfinished(live, reporter, session.interrupts.should_stop, how.waits)
     if report is not None and report.ending is Ending.DONE:
         session.terminal.talk("That finished the run that was begun earlier. Nothing else was done: run again to plan.")
     return report
@@ -76,11 +78,11 @@ def plan_ask_apply(
             click.get_current_context(),
         )
     plan = make_plan(hosts, wish)
-    text = shown_plan(session, plan, hosts.manifest.sources)
+    text = plan_text(plan, sources=hosts.manifest.sources)
     if as_json:
-        session.terminal.talk(text.rstrip("\n"))
+        session.terminal.talk(text)
     else:
-        session.terminal.data(text)
+        session.terminal.show(text)
     if not any(part.steps for part in plan.hosts):
         return ended(session, RunReport(ending=Ending.NOTHING), as_json=as_json, quiet=True)
     if not how.auto_approve:
@@ -95,8 +97,9 @@ def _writing(purpose: Purpose) -> str:
 
 def run(session: Session, plan: Plan, live: Mapping[str, LiveHost], how: RunOptions) -> RunReport:
     """Do what the plan says on these hosts; the first signal stops after the running step."""
-    with hold_hosts(tuple(live.values()), how.lock_timeout_ms), session.interrupts.gently():
-        return apply_plan(plan, live, owner(), reporter_of(session), session.interrupts.should_stop, how.waits)
+    hosts = tuple(live.values())
+    with hold_hosts(hosts, how.lock_timeout_ms), session.interrupts.gently(), reporter_of(session) as reporter:
+        return apply_plan(plan, live, owner(), reporter, session.interrupts.should_stop, how.waits)
 
 
 def ask(session: Session, question: str) -> None:
@@ -123,8 +126,8 @@ def ended(session: Session, report: RunReport, *, as_json: bool, quiet: bool = F
     tell(session.terminal, report.diagnostics)
     if as_json and not (session.answer_follows and report.ending in {Ending.DONE, Ending.NOTHING}):
         session.terminal.data(run_json(report))
-    elif not quiet and (text := run_text(report, width=session.terminal.width)):
-        session.terminal.talk(text.rstrip("\n"))
+    elif not quiet:
+        session.terminal.talk(run_text(report))
     return code_of(session, report.ending)
 
 
@@ -142,6 +145,6 @@ def code_of(session: Session, ending: Ending) -> ExitCode:
 
 
 def _only_written(session: Session, plan: Plan, out: str, sources: Sources, *, as_json: bool) -> ExitCode:
-    session.terminal.data(plan_json(plan) if as_json else shown_plan(session, plan, sources))
+    show_plan(session, plan, sources, as_json=as_json)
     write_plan_file(session, out, plan)
     return ExitCode.FOUND if plan.has_changes else ExitCode.DONE

@@ -16,7 +16,9 @@ from rarms_iac.cli.terminal import Terminal, this_terminal
 from rarms_iac.model.diagnostics import Diagnostic
 
 if TYPE_CHECKING:
-    from rarms_iac.views.diagnostics import Sources
+    from rich.console import RenderableType
+
+    from rarms_iac.model.diagnostics import Sources
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -42,7 +44,7 @@ def guarded(
     except click.exceptions.Exit as ending:
         return ExitCode(ending.exit_code)
     except click.UsageError as error:
-        terminal.talk(usage_text(error, terminal.width))
+        terminal.talk(usage_text(error))
         _tell_programs(session, [misused(_says(error), _path(error))])
         return ExitCode.USAGE
     except UseCaseError as problem:
@@ -52,7 +54,9 @@ def guarded(
         )
     except (Interrupted, KeyboardInterrupt) as interrupt:
         code = interrupt.code if isinstance(interrupt, Interrupted) else ExitCode.INTERRUPTED
-        terminal.talk("\n" + _wrapped(f"rarms was {code.name.lower()}. {GO_ON}", terminal.width))
+        from rarms_iac.views.console import paragraph, stack
+
+        terminal.talk(stack("", paragraph(f"rarms was {code.name.lower()}. {GO_ON}")))
         return code
     except OSError as error:
         _trace(terminal)
@@ -72,10 +76,12 @@ def _invoke(session: Session, arguments: Sequence[str]) -> ExitCode:
     return ExitCode(answer)
 
 
-def usage_text(error: click.UsageError, width: int) -> str:
+def usage_text(error: click.UsageError) -> "RenderableType":
     """What was wrong with the words, and where the right ones are listed."""
-    usage = f"{error.ctx.get_usage()}\n" if error.ctx else ""
-    return f"{usage}{_wrapped(_says(error), width)}\n`{_path(error)} --help` lists what it takes."
+    from rarms_iac.views.console import paragraph, stack
+
+    usage = paragraph(error.ctx.get_usage()) if error.ctx else None
+    return stack(usage, paragraph(_says(error)), paragraph(f"`{_path(error)} --help` lists what it takes."))
 
 
 def _code_of(session: Session, outcome: Outcome) -> ExitCode:
@@ -90,12 +96,6 @@ def _says(error: click.UsageError) -> str:
 
 def _path(error: click.UsageError) -> str:
     return error.ctx.command_path if error.ctx else "rarms"
-
-
-def _wrapped(text: str, width: int) -> str:
-    from rarms_iac.views.diagnostics.layout import wrap
-
-    return "\n".join(wrap(text, width, ""))
 
 
 def _tell(
@@ -116,9 +116,9 @@ def _tell_programs(session: Session, diagnostics: Sequence[Diagnostic], certific
     """Why there is no answer, for who asked for one in JSON; an answer that is there already stays the only one."""
     if session.as_json and not session.terminal.answered:
         from rarms_iac.model.diagnostics import in_order
-        from rarms_iac.views.diagnostics.as_json import as_json
+        from rarms_iac.views.finding_forms import findings_json
 
-        session.terminal.data(as_json(in_order(tuple(diagnostics)), certificate=certificate))
+        session.terminal.data(findings_json(in_order(tuple(diagnostics)), certificate=certificate))
 
 
 def _trace(terminal: Terminal) -> None:

@@ -13,7 +13,7 @@ from rarms_iac.cli.session import Session
 from rarms_iac.model.names import is_name
 from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
 from rarms_iac.model.system import Disruption
-from rarms_iac.views.diagnostics import BadOutput, OutputFormat, parse_outputs
+from rarms_iac.views.finding_forms import BadOutput, OutputFormat, parse_outputs
 
 SILENCE_MS = 600_000
 

@@ -19,8 +19,7 @@ from rarms_iac.running.loads import InterferingLoad, LoadEnded
 from rarms_iac.running.samples import RunEnding
 from rarms_iac.running.start import CannotStart, RunningError, StartContext
 from rarms_iac.views.component_run import sample_text, summary_text
-from rarms_iac.views.diagnostics.layout import visible
-from rarms_iac.views.diagnostics.text import counted
+from rarms_iac.views.console import counted, visible
 
 CANNOT_START = Finding(code="RARMS285", severity=Severity.ERROR, summary="A component cannot be run")
 TOO_MANY_FAILURES = Finding(code="RARMS286", severity=Severity.ERROR, summary="More failed samples than allowed")

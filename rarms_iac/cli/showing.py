@@ -21,7 +21,8 @@ from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.plan import Plan
 from rarms_iac.powershell.difference import difference
 from rarms_iac.views.as_json import as_json as written
-from rarms_iac.views.diagnostics import OutputFormat, render
+from rarms_iac.views.finding_forms import findings_json
+from rarms_iac.views.findings import findings_text
 from rarms_iac.views.output.scripts import ScriptOutput, ScriptsOutput
 from rarms_iac.views.script import script_text
 from rarms_iac.views.script_difference import difference_json, difference_text
@@ -63,9 +64,10 @@ def show_scripts(session: Session, plan: Plan, options: ScriptOptions) -> ExitCo
 def show_check(session: Session, path: str, *, as_json: bool) -> ExitCode:
     """What is wrong with a script that somebody edited; nothing else is looked at."""
     text, found = check_file(path)
-    form = OutputFormat.JSON if as_json else OutputFormat.TEXT
-    if as_json or found:
-        session.terminal.data(render(form, found, {path: text}))
+    if as_json:
+        session.terminal.data(findings_json(found))
+    elif found:
+        session.terminal.show(findings_text(found, {path: text}))
     else:
         session.terminal.data(f"{path} may run: it is made as rarms makes its scripts, whatever values it holds.\n")
     return ExitCode.FOUND if has_errors(found) else ExitCode.DONE

@@ -1,7 +1,7 @@
 """A Plan: the whole instruction, sealed, used once (DESIGN section 4)."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Literal
 
@@ -123,6 +123,9 @@ class HostPlan:
     scripts: Mapping[str, str]  # file name -> text, one an operating system
     totals: Totals | None = None  # for the reader; nothing is decided by it
     threads: tuple[ThreadClass, ...] = ()  # by operating system, highest priority first; for the reader, too
+    components: Mapping[str, tuple[str, ...]] = field(
+        default_factory=dict
+    )  # by partition of the layout; for the reader
 
 
 class Purpose(StrEnum):

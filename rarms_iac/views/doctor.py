@@ -2,15 +2,20 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from rarms_iac.model.condition import HostCondition
-from rarms_iac.model.diagnostics import Diagnostic, Severity, Sources
+from rarms_iac.model.diagnostics import Diagnostic, Sources
 from rarms_iac.model.quantities import show_bytes, show_processors
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.diagnostics.layout import columns, visible
-from rarms_iac.views.diagnostics.text import as_text
+from rarms_iac.views.console import STRONG, stack, styled, table
+from rarms_iac.views.finding_forms import count_severities
+from rarms_iac.views.findings import findings_text
 from rarms_iac.views.output.hosts import DoctorOutput, ExaminedOutput
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
 HEALTHY = "Nothing here makes a plan void or unsafe."
 
@@ -26,21 +31,16 @@ class Examined:
 
 def doctor_text(
     application: str, hosts: Sequence[Examined], sources: Sources, accepted: Sequence[Diagnostic] = ()
-) -> str:
-    """The whole answer as text without colour, ending with a line end."""
-    lines = [line for host in hosts for line in (*_facts(host, application), "")]
-    found = [finding for host in hosts for finding in host.findings]
-    told = as_text(found, sources, accepted=accepted) if found or accepted else HEALTHY + "\n"
-    return "\n".join([*lines, told])
-
-
-def _facts(examined: Examined, application: str) -> Iterator[str]:
-    facts = examined.state.facts
-    yield f"Host {facts.name} ({facts.provider.value})"
-    rows = [(name, visible(says, keep="")) for name, says in _rows(examined, application) if says]
-    widest = max(columns(name) for name, _ in rows)
-    for name, says in rows:
-        yield f"  {name}{' ' * (widest - columns(name))}  {says}"
+) -> "RenderableType":
+    """Show the facts of each host, then the findings of all."""
+    parts: list[RenderableType] = []
+    for host in hosts:
+        facts = host.state.facts
+        rows = [row for row in _rows(host, application) if row[1]]
+        parts += [styled((f"Host {facts.name} ({facts.provider.value})", STRONG)), table(rows, wrap=(1,), indent=2), ""]
+    findings = [finding for host in hosts for finding in host.findings]
+    healthy = not findings and not accepted
+    return stack(*parts, HEALTHY if healthy else findings_text(findings, sources, accepted=accepted))
 
 
 def _rows(examined: Examined, application: str) -> Iterator[tuple[str, str]]:
@@ -65,7 +65,7 @@ def _module(condition: HostCondition) -> str:
 
 
 def _processors(facts: HostFacts, condition: HostCondition) -> str:
-    seen = condition.seen_processors
+    seen = condition.seen_processors  # by the host's own Windows
     parts = [show_processors(facts.logical_processors)]
     parts += ["SMT"] if facts.smt else []
     parts += [f"{seen} of them seen by its own Windows"] if seen not in {None, facts.logical_processors} else []
@@ -75,23 +75,20 @@ def _processors(facts: HostFacts, condition: HostCondition) -> str:
 def _machines(state: State, application: str) -> str:
     if not state.partitions:
         return "none seen"
-    ours = len(state.of(application).partitions)
+    managed = len(state.of(application).partitions)
     running = sum(partition.settings.running for partition in state.partitions)
-    return f"{len(state.partitions)}: {ours} of {application}, {running} running"
+    return f"{len(state.partitions)}: {managed} of {application}, {running} running"
 
 
 def doctor_json(application: str, hosts: Sequence[Examined], accepted: Sequence[Diagnostic] = ()) -> str:
     """The same for programs."""
-    found = [finding for host in hosts for finding in host.findings]
+    findings = [finding for host in hosts for finding in host.findings]
     return as_json(
         DoctorOutput(
             application=application,
             hosts=tuple(_examined(host, application) for host in hosts),
             accepted=tuple(accepted),
-            counts={
-                f"{severity.value}s": sum(diagnostic.severity is severity for diagnostic in found)
-                for severity in Severity
-            },
+            counts=count_severities(findings),
         )
     )
 

@@ -2,18 +2,19 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.changes import Address, Change
 from rarms_iac.model.state import HostFacts
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.attributes import attributes_of
-from rarms_iac.views.diagnostics.layout import hanging, visible, wrap
-from rarms_iac.views.diagnostics.text import counted
+from rarms_iac.views.changes import attributes_of
+from rarms_iac.views.console import STRONG, counted, paragraph, stack, styled
 from rarms_iac.views.output.hosts import DriftedOutput, DriftOutput
 from rarms_iac.views.plan_json import change_output
 
-WIDTH = 80
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,25 +36,27 @@ TITLES = {
 }
 
 
-def drift_text(hosts: Sequence[HostDrift], *, width: int = WIDTH) -> str:
-    """The whole answer: of each difference what is there, and what the manifest wants."""
-    lines = [line for host in hosts if host.drifted for line in ("", *_host(host, width))]
-    if any(one.kind is not DriftKind.UNUSED for host in hosts for one in host.drifted):
-        lines += ["", *wrap("`rarms plan` shows what would make it as the manifest wants it.", width, "")]
-    return "\n".join([*lines, "", *wrap(_summary(hosts), width, "")]).lstrip("\n") + "\n"
+def drift_text(hosts: Sequence[HostDrift]) -> "RenderableType":
+    """Show of each difference what is there, and what the manifest wants."""
+    parts = [part for host in hosts if host.drifted for part in _host(host)]
+    if any(drifted.kind is not DriftKind.UNUSED for host in hosts for drifted in host.drifted):
+        parts.append(paragraph("`rarms plan` shows what would make it as the manifest wants it."))
+    return stack(*parts, paragraph(styled((_summary(hosts), STRONG))))
 
 
-def _host(host: HostDrift, width: int) -> Iterator[str]:
-    yield f"Host {host.facts.name}"
-    for one in host.drifted:
-        yield ""
-        yield from hanging("  ", f"{one.address}: {TITLES[one.kind]}", width, more=4)
-        yield from wrap(one.message, width, "      ")
-        change = host.changes.get(one.address)
-        for attribute in attributes_of(change, host.facts) if change is not None else ():
-            if attribute.differs and attribute.before is not None and attribute.after is not None:
-                before, after = visible(attribute.before, keep=""), visible(attribute.after, keep="")
-                yield from hanging("      ", f"{attribute.name} is {before}, wanted {after}", width, more=2)
+def _host(host: HostDrift) -> "Iterator[RenderableType]":
+    yield styled((f"Host {host.facts.name}", STRONG))
+    for drifted in host.drifted:
+        change = host.changes.get(drifted.address)
+        differing = "; ".join(
+            f"{attribute.name} is {attribute.before}, wanted {attribute.after}"
+            for attribute in (attributes_of(change, host.facts) if change is not None else ())
+            if attribute.differs and attribute.before is not None and attribute.after is not None
+        )
+        name = str(drifted.address).removeprefix("partition/")
+        text = styled((name, STRONG), f": {TITLES[drifted.kind]}; {differing or drifted.message}")
+        yield paragraph(text, indent=2, more=4)
+    yield ""
 
 
 def _summary(hosts: Sequence[HostDrift]) -> str:
@@ -73,7 +76,7 @@ def drift_json(application: str, hosts: Sequence[HostDrift]) -> str:
     return as_json(
         DriftOutput(
             application=application,
-            drifted=tuple(_drifted(host, one) for host in hosts for one in host.drifted),
+            drifted=tuple(_drifted(host, drifted) for host in hosts for drifted in host.drifted),
         )
     )
 

@@ -10,7 +10,7 @@ from rarms_iac.model.quantities import guaranteed, in_processors, show_bytes, sh
 from rarms_iac.model.system import AtMost, Component, Threshold
 from rarms_iac.statistics.curves import Point, holds
 from rarms_iac.statistics.verdicts import describe_error
-from rarms_iac.views.placement import placement_says
+from rarms_iac.views.plan import describe_placement
 
 
 def verdicts(explanation: Explanation) -> Iterator[str]:
@@ -311,7 +311,7 @@ def _host(explanation: Explanation) -> Iterator[str]:
     taken += sum((amount for _, amount in explanation.on_host.beside), Fraction(0))
     yield f"left over: {share(explanation.on_host.capacity - taken)}"
     if explanation.on_host.placement is not None:
-        yield placement_says(explanation.on_host.placement)
+        yield describe_placement(explanation.on_host.placement)
 
 
 def _limit_and_weight(explanation: Explanation) -> Iterator[str]:

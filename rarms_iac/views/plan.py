@@ -1,195 +1,221 @@
-"""A plan as a person reviews it: what changes, why, what it disturbs, and a last line that counts."""
+"""A plan as a person reviews it: a line a partition, what it disturbs and for how long, and a last line that counts.
 
-from collections.abc import Iterator, Sequence
-from typing import assert_never
+`plan_text` takes a Plan and returns a renderable; `plan_json` has the same for programs.
+"""
 
-from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Update
-from rarms_iac.model.diagnostics import Diagnostic, Place, Sources
-from rarms_iac.model.operations import RemoveDisk
+from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
+from typing import TYPE_CHECKING, assert_never
+
+from rarms_iac.model.changes import Change, Create, Delete, Update
+from rarms_iac.model.diagnostics import Place, Sources
+from rarms_iac.model.layout import Placement
+from rarms_iac.model.operations import RemoveDisk, StartPartition, StopPartition
 from rarms_iac.model.plan import HostPlan, Plan, Purpose, Step, UndoLevel
-from rarms_iac.model.quantities import show_bytes, show_processors
-from rarms_iac.model.system import Disruption
-from rarms_iac.views.attributes import Attribute, attributes_of
-from rarms_iac.views.diagnostics.layout import columns, visible, wrap
-from rarms_iac.views.diagnostics.text import as_text, counted
-from rarms_iac.views.placement import placement_says
-from rarms_iac.views.threads import threads_lines
-from rarms_iac.views.totals import totals_lines
+from rarms_iac.model.quantities import (
+    guaranteed,
+    in_processors,
+    show_bytes,
+    show_milliseconds,
+    show_percent,
+    show_processors,
+)
+from rarms_iac.model.state import Partition
+from rarms_iac.views.changes import Attribute, attributes_of, count, describe_disruption, symbol
+from rarms_iac.views.console import (
+    BAD,
+    CHANGED,
+    DIM,
+    GOOD,
+    NOTE,
+    STRONG,
+    counted,
+    paragraph,
+    stack,
+    styled,
+    table,
+    visible,
+)
+from rarms_iac.views.findings import findings_text
 
-WIDTH = 80
-LEGEND = {"+": "create", "~": "change", "-/+": "replace", "-": "remove", ">": "adopt", "<": "release"}
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.text import Text
+
+STYLES = {"+": GOOD, "~": CHANGED, "-/+": BAD, "-": BAD, ">": NOTE, "<": NOTE}
+TITLES = {
+    Purpose.APPLY: "What the manifest asks for",
+    Purpose.DESTROY: "Removing what rarms made",
+    Purpose.IMPORT: "Taking over",
+    Purpose.RELEASE: "Letting go",
+}
 
 
-def plan_text(plan: Plan, *, sources: Sources | None = None, steps: bool = False, width: int = WIDTH) -> str:
-    """The whole plan as text without colour, ending with a line end.
+def plan_text(plan: Plan, *, sources: Sources | None = None, verbose: bool = False) -> "RenderableType":
+    """Show the plan, a line a partition.
 
     Args:
         plan: what is shown.
         sources: texts of the files that findings point into.
-        steps: show the order of the steps, too.
-        width: columns; only text is wrapped to it.
+        verbose: show every attribute, reason and manifest line, the thread priorities and the order of the steps, too.
     """
-    lines = [*_head(plan, width)]
-    told = [part for part in plan.hosts if is_worth_showing(part)]
-    for part in told:
-        lines += ["", *_host(part, plan, width, steps=steps)]
-    if told:
-        lines += _as_wanted([part.host.name for part in plan.hosts if part not in told], width)
-    if told and plan.placement is not None:
-        lines += ["", *wrap(placement_says(plan.placement), min(width, WIDTH), "")]
+    changed = [part for part in plan.hosts if part.changes or part.steps or part.held_back or part.unused]
+    parts: list[RenderableType] = []
+    if changed:
+        manifest = visible(plan.manifest, keep="")
+        title = f"{TITLES[plan.purpose]}: {plan.application} (plan {plan.id}, from {manifest})"
+        parts += [paragraph(title), *(piece for part in changed for piece in _host(part, plan, verbose=verbose))]
+        quiet = [part.host.name for part in plan.hosts if part not in changed]
+        if quiet:
+            parts.append(paragraph(f"No changes on {counted(len(quiet), 'more host')}: {', '.join(quiet)}."))
+        if verbose and plan.placement is not None:
+            parts.append(paragraph(describe_placement(plan.placement)))
+        parts.append("")
     if plan.findings:
-        lines += ["", *_findings(plan.findings, sources or {}, min(width, WIDTH))]
+        parts += [findings_text(plan.findings, sources or {}), ""]
     if plan.accepted:
-        lines += ["", f"{counted(len(plan.accepted), 'finding')} accepted by the policy."]
-    return "\n".join([*lines, "", *wrap(summary(plan), width, "")]).lstrip("\n") + "\n"
+        parts += [f"{counted(len(plan.accepted), 'finding')} accepted by the policy.", ""]
+    return stack(*parts, paragraph(styled((summary(plan), STRONG))))
 
 
 def summary(plan: Plan) -> str:
     """The last line: how many of each, or that there is nothing to do."""
-    held = sum(len(part.held_back) for part in plan.hosts)
-    told = f"{held} held back." if held else ""
+    number = sum(len(part.held_back) for part in plan.hosts)
+    held = f"{number} held back." if number else ""
     if not any(part.changes or part.steps for part in plan.hosts):
-        return f"No changes to make now; {told}" if held else _nothing(plan)
+        return f"No changes to make now; {held}" if held else _nothing(plan)
     counts = count(change for part in plan.hosts for change in part.changes)
     parts = [f"{counts['add']} to add", f"{counts['change']} to change", f"{counts['remove']} to remove"]
     parts += [f"{counts[name]} to {name}" for name in ("adopt", "release") if counts[name]]
-    return f"Plan: {', '.join(parts)}.{' ' + told if told else ''}"
+    return f"Plan: {', '.join(parts)}.{' ' + held if held else ''}"
 
 
-def count(changes: Iterator[Change]) -> dict[str, int]:
-    """How many of each; one that is made again counts as removed and as added."""
-    counts = dict.fromkeys(("add", "change", "remove", "adopt", "release"), 0)
-    for change in changes:
-        for name in _COUNTED[symbol(change)]:
-            counts[name] += 1
-    return counts
-
-
-_COUNTED = {
-    "+": ("add",),
-    "~": ("change",),
-    "-/+": ("add", "remove"),
-    "-": ("remove",),
-    ">": ("adopt",),
-    "<": ("release",),
-}
-
-
-def symbol(change: Change) -> str:
-    """What stands before a change: a key of `LEGEND`."""
-    match change:
-        case Create():
-            return "+"
-        case Update():
-            return "-/+" if change.disruption is Disruption.REMOVAL else "~"
-        case Delete():
-            return "-"
-        case Adopt():
-            return ">"
-        case Release():
-            return "<"
-        case _:
-            assert_never(change)
-
-
-def is_worth_showing(part: HostPlan) -> bool:
-    """Whether a host has anything to be told but that all is as wanted."""
-    return bool(part.changes or part.steps or part.held_back or part.unused)
+def describe_placement(placement: Placement) -> str:
+    """How good the choice of hosts is, in a sentence."""
+    if placement.verdict == "optimal":
+        return "The choice of hosts is optimal: no other reserves less, and none that reserves as much moves fewer."
+    gap = show_processors(Fraction(placement.reserved - placement.reserved_bound, 100))
+    return f"The choice of hosts is within {gap} and {placement.moves - placement.moves_bound} moves of the bound."
 
 
 def _nothing(plan: Plan) -> str:
-    who = "The host is" if len(plan.hosts) == 1 else "The hosts are"
+    hosts, are, them = ("The host", "is", "it") if len(plan.hosts) == 1 else ("The hosts", "are", "them")
     match plan.purpose:
         case Purpose.APPLY:
-            return f"No changes. {who} as the manifest wants {'it' if len(plan.hosts) == 1 else 'them'}."
+            return f"No changes. {hosts} {are} as the manifest wants {them}."
         case Purpose.DESTROY:
-            return (
-                f"No changes. Nothing on {'the host' if len(plan.hosts) == 1 else 'the hosts'} is of this application."
-            )
+            return f"No changes. Nothing on {hosts.lower()} is of this application."
         case Purpose.IMPORT | Purpose.RELEASE:
             return "No changes."
         case _:
             assert_never(plan.purpose)
 
 
-def _as_wanted(hosts: Sequence[str], width: int) -> Iterator[str]:
-    if hosts:
-        yield ""
-        yield from wrap(f"No changes on {counted(len(hosts), 'more host')}: {', '.join(hosts)}.", width, "  ")
-
-
-def _head(plan: Plan, width: int) -> Iterator[str]:
-    if not any(is_worth_showing(part) for part in plan.hosts):
-        return
-    match plan.purpose:
-        case Purpose.APPLY:
-            what = "What the manifest asks for"
-        case Purpose.DESTROY:
-            what = "Removing what rarms made"
-        case Purpose.IMPORT:
-            what = "Taking over"
-        case Purpose.RELEASE:
-            what = "Letting go"
-        case _:
-            assert_never(plan.purpose)
-    yield from wrap(f"{what}: {plan.application} (plan {plan.id}, from {visible(plan.manifest, keep='')})", width, "")
-    used = {symbol(change) for part in plan.hosts for change in _all_changes(part)}
-    if used:
-        yield ""
-        yield "  " + "   ".join(f"{sign} {says}" for sign, says in LEGEND.items() if sign in used)
-
-
-def _all_changes(part: HostPlan) -> tuple[Change, ...]:
-    return (*part.changes, *(held.change for held in part.held_back))
-
-
-def _host(part: HostPlan, plan: Plan, width: int, *, steps: bool) -> Iterator[str]:
+def _host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[RenderableType]":
     facts = part.facts
-    yield (
-        f"Host {part.host.name} ({facts.provider.value}, {show_processors(facts.logical_processors)}, "
-        f"{show_bytes(facts.memory)})"
-    )
-    new = _made_here(part)
+    yield ""
+    head = f"Host {part.host.name} ({facts.provider.value}, {show_processors(facts.logical_processors)}, "
+    yield styled((f"{head}{show_bytes(facts.memory)})", STRONG))
+    if verbose:
+        for change in part.changes:
+            yield from _in_full(change, part)
+    else:
+        yield from _in_short(part)
+    if verbose and part.unchanged:
+        yield paragraph(f"{counted(part.unchanged, 'unchanged resource')} hidden.", indent=2)
+    yield from _held_back(part, plan)
+    for name in part.unused:
+        yield paragraph(
+            f"partition/{name} is unused and stopped: the manifest no longer wants it. "
+            f"Remove it with `rarms destroy --target partition/{name}`.",
+            indent=2,
+        )
+    yield from _not_undone(part)
+    if verbose:
+        yield from _threads(part)
+        yield from _steps(part)
+    if part.totals is not None:
+        yield paragraph(_totals(part), indent=2)
+
+
+def _in_short(part: HostPlan) -> "Iterator[RenderableType]":
+    """A table of the partitions that come and go, then a line for every other change."""
+    whole = [change for change in part.changes if isinstance(change, Create | Delete) and not _is_inside(change)]
+    machines = [change for change in whole if isinstance(_resource(change), Partition)]
+    created = {change.address.partition for change in machines if isinstance(change, Create)}
+    classes: dict[str, list[str]] = {}
     for change in part.changes:
-        yield ""
-        yield from _change(change, part, new, width)
-    if part.unchanged:
-        yield ""
-        yield f"  {counted(part.unchanged, 'unchanged resource')} hidden."
-    yield from _held_back(part, plan, width)
-    yield from _unused(part, width)
-    yield from _not_undone(part, width)
-    yield from _disruption(part, width)
-    if steps and part.steps:
-        yield from _steps(part, width)
-    yield from threads_lines(part, width)
-    yield from totals_lines(part)
+        if isinstance(change, Create) and change.address.task and change.address.partition in created:
+            classes.setdefault(change.address.partition, []).append(change.address.task)
+    if machines:
+        yield table([_row(change, part, classes) for change in machines], right=(1, 2, 3), wrap=(4,), indent=2)
+    for change in part.changes:
+        if change not in machines and not (_is_inside(change) and change.address.partition in created):
+            yield _line(change, part)
 
 
-def _change(change: Change, part: HostPlan, new: frozenset[str], width: int) -> Iterator[str]:
-    note = _note_on(change, part, new)
-    head = f"  {symbol(change)} {change.address}" + (f", {note}" if note else "")
-    place = _at(change.reason.place)
-    yield from [head + place] if columns(head + place) <= width else [head, f"     {place}"]
-    yield from wrap(change.reason.says, width, "      ")
-    attributes = attributes_of(change, part.facts)
-    if isinstance(change, Delete):
-        attributes = tuple(attribute for attribute in attributes if attribute.name in _OF_THE_REMOVED)
-    yield from _attributes(attributes, whole=isinstance(change, Create))
+def _is_inside(change: Change) -> bool:
+    return bool(change.address.partition and change.address.task)
 
 
-def _made_here(part: HostPlan) -> frozenset[str]:
-    """The partitions that this plan makes."""
-    made = (change.address for change in part.changes if isinstance(change, Create) and not change.address.task)
-    return frozenset(address.partition for address in made if address.partition)
+def _resource(change: Create | Delete) -> object:
+    return change.after if isinstance(change, Create) else change.before
 
 
-def _note_on(change: Change, part: HostPlan, new: frozenset[str]) -> str:
-    """What the change disturbs here: the guest of a machine that is only being made starts with its task classes."""
-    inside = change.address.partition if change.address.task else ""
+def _row(change: Create | Delete, part: HostPlan, classes: Mapping[str, Sequence[str]]) -> "tuple[Text | str, ...]":
+    """`+ hmi [hmi, historian]  29 %  1.16 LP  1 GiB  task Localization`."""
+    machine = _resource(change)
+    assert isinstance(machine, Partition)
+    settings, total = machine.settings, part.facts.logical_processors
+    reserved = Fraction(guaranteed(settings.reserve, settings.processors))
+    tasks = ", ".join(classes.get(change.address.partition, ()))
+    note = f"task {tasks}" if tasks else ""
+    return (
+        _name(change, part),
+        show_percent(reserved * 100 / total) if total else "",
+        show_processors(reserved),
+        show_bytes(settings.memory),
+        note if isinstance(change, Create) else _note(change, part),
+    )
+
+
+def _name(change: Change, part: HostPlan) -> "Text":
+    sign, address = symbol(change), str(change.address).removeprefix("partition/")
+    members = () if change.address.task else part.components.get(change.address.partition, ())
+    beside = f" [{', '.join(members)}]" if members and members != (change.address.partition,) else ""
+    return styled((sign, STYLES[sign]), " ", (address, STRONG), beside)
+
+
+def _line(change: Change, part: HostPlan) -> "RenderableType":
+    """`~ vision  reserve 70 % -> 40 %; stopped for up to 60 s to shut down, and the start after it`."""
+    differing = [attribute for attribute in attributes_of(change, part.facts) if attribute.differs]
+    says = ", ".join(f"{attribute.name} {_value(attribute)}" for attribute in differing)
+    if isinstance(change, Create | Delete):
+        says = ""
+    note = _note(change, part)
+    text = "; ".join(words for words in (says, note) if words)
+    return paragraph(styled(_name(change, part), "  ", text), indent=2, more=4)
+
+
+def _note(change: Change, part: HostPlan) -> str:
+    """What the change disturbs on this host, and for how long."""
+    if change.address.task:
+        created = any(
+            isinstance(other, Create) and other.address.partition == change.address.partition and not other.address.task
+            for other in part.changes
+        )
+        # the guest of a machine that is only being made starts with its task classes
+        return "" if created and change.address.partition else describe_disruption(change)
     if any(isinstance(step.operation, RemoveDisk) and is_part_of(step, change) for step in part.steps):
         return "removed with a disk"
-    return "" if inside in new else disturbs(change)
+    stops = [step.operation for step in part.steps if is_part_of(step, change)]
+    for operation in stops:
+        if isinstance(operation, StopPartition) and isinstance(change, Update):
+            again = any(isinstance(other, StartPartition) for other in stops)
+            start = ", then for its start" if again else ""
+            made_again = "made again; " if symbol(change) == "-/+" else ""
+            return f"{made_again}stopped for up to {show_milliseconds(operation.grace_ms)} to shut down{start}"
+    return describe_disruption(change)
 
 
 def is_part_of(step: Step, change: Change) -> bool:
@@ -197,107 +223,102 @@ def is_part_of(step: Step, change: Change) -> bool:
     return not change.address.task and step.address.partition == change.address.partition
 
 
-_OF_THE_REMOVED = ("processors", "reserve", "memory")
+def _in_full(change: Change, part: HostPlan) -> "Iterator[RenderableType]":
+    note = _note(change, part)
+    yield paragraph(
+        styled(_name(change, part), f", {note}" if note else "", _at(change.reason.place)), indent=2, more=4
+    )
+    yield paragraph(change.reason.says, indent=6)
+    yield table([_attribute(attribute) for attribute in attributes_of(change, part.facts)], wrap=(1, 2), indent=6)
 
 
-def disturbs(change: Change) -> str:
-    """What a change does to what runs, in words; nothing where it is live."""
-    match change.disruption:
-        case Disruption.LIVE:
-            return ""
-        case Disruption.PARTITION_STOP:
-            return "when its partition starts again" if change.address.task else "stops the partition"
-        case Disruption.HOST_RESTART:
-            return "when the host starts again"
-        case Disruption.REMOVAL:
-            return "made again" if isinstance(change, Update) else "removed, its disks stay"
-        case _:
-            assert_never(change.disruption)
-
-
-def _attributes(attributes: Sequence[Attribute], *, whole: bool) -> Iterator[str]:
-    shown = [attribute for attribute in attributes if whole or attribute.differs]
-    widest = max((columns(attribute.name) for attribute in shown), default=0)
-    for one in shown:
-        yield f"      {one.name}{' ' * (widest - columns(one.name))}  {_value(one)}{_note(one)}"
-    hidden = len(attributes) - len(shown)
-    if hidden:
-        yield f"      ({counted(hidden, 'unchanged attribute')} hidden)"
+def _attribute(attribute: Attribute) -> "tuple[Text | str, ...]":
+    note = f"({attribute.note})" if attribute.note else ""
+    return attribute.name, _value(attribute), styled((note, BAD if attribute.note.startswith("forces") else DIM))
 
 
 def _value(attribute: Attribute) -> str:
-    before, after = (None if text is None else visible(text, keep="") for text in (attribute.before, attribute.after))
+    before, after = attribute.before, attribute.after
     if before is None or after is None or before == after:
         return str(before if after is None else after)
     return f"{before} -> {after}"
-
-
-def _note(attribute: Attribute) -> str:
-    return f"  ({attribute.note})" if attribute.note else ""
 
 
 def _at(place: Place | None) -> str:
     return "" if place is None else f"  ({visible(f'{place.file}:{place.line}', keep='')})"
 
 
-def _held_back(part: HostPlan, plan: Plan, width: int) -> Iterator[str]:
-    if not part.held_back:
-        return
-    yield ""
-    yield f"  Held back, not in the plan (it may disturb at most: {plan.max_disruption.value}):"
+def _held_back(part: HostPlan, plan: Plan) -> "Iterator[RenderableType]":
+    if part.held_back:
+        yield f"  Held back, not in the plan (it may disturb at most: {plan.max_disruption.value}):"
     for held in part.held_back:
-        yield f"  {symbol(held.change)} {held.change.address}" + _at(held.change.reason.place)
-        yield from wrap(held.why, width, "      ")
-        yield from _attributes(attributes_of(held.change, part.facts), whole=False)
+        yield _line(held.change, part)
+        yield paragraph(held.why, indent=6)
 
 
-def _unused(part: HostPlan, width: int) -> Iterator[str]:
-    if part.unused:
-        yield ""
-        yield "  Unused: the manifest no longer wants them; they are stopped and stay."
-        for name in part.unused:
-            yield from wrap(
-                f"partition/{name}: remove it with `rarms destroy --target partition/{name}`", width, "    "
-            )
-
-
-def _not_undone(part: HostPlan, width: int) -> Iterator[str]:
+def _not_undone(part: HostPlan) -> "Iterator[RenderableType]":
     lasting = [step for step in part.steps if step.undo.level is not UndoLevel.FULL]
     if lasting:
-        yield ""
         yield "  What `rarms undo` cannot bring back:"
-        for step in lasting:
-            level = "partly" if step.undo.level is UndoLevel.PARTIAL else "not at all"
-            yield from wrap(f"{step.address}, {step.title}: {level}; {step.undo.says}", width, "    ")
+    for step in lasting:
+        level = "partly" if step.undo.level is UndoLevel.PARTIAL else "not at all"
+        yield paragraph(f"{step.address}, {step.title}: {level}; {step.undo.says}", indent=4)
 
 
-def _disruption(part: HostPlan, width: int) -> Iterator[str]:
-    by_kind: dict[str, list[str]] = {}
-    new = _made_here(part)
-    for change in part.changes:
-        note = _note_on(change, part, new)
-        if note:
-            by_kind.setdefault(note, []).append(str(change.address))
-    if by_kind:
-        yield ""
-        yield "  Disturbs what runs:"
-        for note, addresses in sorted(by_kind.items()):
-            yield from wrap(f"{note}: {', '.join(addresses)}", width, "    ")
+def _threads(part: HostPlan) -> "Iterator[RenderableType]":
+    """What the threads of robotic task classes run at, where the plan or a guest's script changes task classes."""
+    changes = any(change.address.task for change in part.changes) or any(".guest." in name for name in part.scripts)
+    if not changes or not part.threads:
+        return
+    yield "  Thread priorities, once its Windows has started again:"
+    rows = [
+        (
+            f"partition/{thread.inside}" if thread.inside else "the host itself",
+            str(thread.thread_priority),
+            thread.task,
+            thread.category,
+            ", ".join(thread.components),
+        )
+        for thread in part.threads
+    ]
+    yield table(rows, right=(1,), wrap=(4,), indent=4)
 
 
-def _steps(part: HostPlan, width: int) -> Iterator[str]:
-    yield ""
-    yield "  Steps, in this order:"
+def _steps(part: HostPlan) -> "Iterator[RenderableType]":
+    if part.steps:
+        yield "  Steps, in this order:"
     reasons = {change.address: change.reason.says for change in part.changes}
-    digits = len(str(len(part.steps)))
-    indent = " " * (digits + 4)
     for number, step in enumerate(part.steps, 1):
-        head = wrap(f"{step.address}: {visible(step.title, keep='')}{_at(step.place)}", width, indent)
-        yield f"  {number:>{digits}}. {next(head).lstrip()}"
-        yield from head
         # The change's own reason stands above, beside the change.
-        yield from wrap(step.comment.removeprefix(f"{reasons.get(step.address, '')}; "), width, indent)
+        comment = step.comment.removeprefix(f"{reasons.get(step.address, '')}; ")
+        start = f"  {number:>{len(str(len(part.steps)))}}. "
+        yield paragraph(f"{step.address}: {visible(step.title, keep='')}{_at(step.place)}", start=start)
+        yield paragraph(comment, indent=len(start))
 
 
-def _findings(findings: Sequence[Diagnostic], sources: Sources, width: int) -> list[str]:
-    return as_text(findings, sources, width=width).rstrip("\n").splitlines()
+def _totals(part: HostPlan) -> str:
+    """What the host has promised once the plan is done, in one sentence."""
+    totals = part.totals
+    assert totals is not None
+    processors, kept_memory = part.facts.logical_processors, part.host.keep_for_host.memory
+    kept = Fraction(in_processors(part.host.keep_for_host.processor, processors))
+    reserved, others = Fraction(totals.percent, 100), Fraction(totals.others_percent, 100)
+    share = show_percent(reserved * 100 / processors) if processors else "0 %"
+    amount = show_processors(reserved).removesuffix(" LP")
+    sentences = [f"{amount} of {show_processors(processors)} ({share}) and {show_bytes(totals.memory)} reserved"]
+    if totals.idle_percent or totals.idle_memory:
+        idle = _amount(Fraction(totals.idle_percent, 100), totals.idle_memory)
+        sentences.append(f"of these, {idle} by partitions that do not run")
+    if totals.others_percent or totals.others_memory:
+        sentences.append(f"unmanaged machines have {_amount(others, totals.others_memory)}")
+    if kept or kept_memory:
+        sentences.append(f"{_amount(kept, kept_memory)} kept for the host")
+    memory = part.facts.memory - totals.memory - totals.others_memory - kept_memory
+    sentences.append(f"{show_processors(processors - reserved - others - kept)} and {show_bytes(memory)} free")
+    return f"Afterwards: {'; '.join(sentences)}."
+
+
+def _amount(processors: Fraction, memory: int) -> str:
+    """`0.2 LP and 1 GiB`, without what is none."""
+    parts = [show_processors(processors)] if processors else []
+    return " and ".join([*parts, show_bytes(memory)] if memory else parts)

@@ -7,9 +7,10 @@ from typing import Literal, assert_never
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Resource, Update
 from rarms_iac.model.layout import Placement
 from rarms_iac.model.plan import HostPlan, Plan, Step, ThreadClass, Totals
+from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import Partition, Responsiveness, TaskClass
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.attributes import forced_by
+from rarms_iac.views.changes import count, forced_by, symbol
 from rarms_iac.views.output.plan import (
     AttributeOutput,
     ChangeOutput,
@@ -24,7 +25,6 @@ from rarms_iac.views.output.plan import (
     UndoOutput,
     Value,
 )
-from rarms_iac.views.plan import count, symbol
 
 ACTIONS: Mapping[str, Literal["create", "update", "replace", "delete", "adopt", "release"]] = {
     "+": "create",
@@ -78,12 +78,14 @@ def _host(part: HostPlan) -> HostOutput:
         logical_processors=part.facts.logical_processors,
         memory=part.facts.memory,
         serial=part.serial,
-        changes=tuple(map(change_output, part.changes)),
+        changes=tuple(change_output(change, part) for change in part.changes),
         steps=tuple(map(_step, part.steps)),
-        held_back=tuple(HeldBackOutput(change=change_output(one.change), why=one.why) for one in part.held_back),
+        held_back=tuple(
+            HeldBackOutput(change=change_output(held.change, part), why=held.why) for held in part.held_back
+        ),
         unused=part.unused,
         unchanged=part.unchanged,
-        totals=None if part.totals is None else _totals(part.totals),
+        totals=None if part.totals is None else _totals(part.totals, part),
         threads=tuple(map(_threads, part.threads)),
     )
 
@@ -98,8 +100,10 @@ def _threads(task_class: ThreadClass) -> ThreadsOutput:
     )
 
 
-def _totals(totals: Totals) -> TotalsOutput:
+def _totals(totals: Totals, part: HostPlan) -> TotalsOutput:
     return TotalsOutput(
+        logical_processors=part.facts.logical_processors,
+        reserved_processors=totals.percent / 100,
         reserved_percent=totals.percent,
         reserved_memory=totals.memory,
         unmanaged_percent=totals.others_percent,
@@ -109,15 +113,22 @@ def _totals(totals: Totals) -> TotalsOutput:
     )
 
 
-def change_output(change: Change) -> ChangeOutput:
-    """One change, with the attributes that it touches."""
+def change_output(change: Change, part: HostPlan | None = None) -> ChangeOutput:
+    """One change, with the attributes that it touches; `part` knows which components its partition holds."""
     before, after = _sides(change)
+    machine = None if isinstance(change, Delete) else change.after
     return ChangeOutput(
         address=str(change.address),
         action=ACTIONS[symbol(change)],
         disruption=change.disruption.value,
         reason=change.reason.says,
         place=change.reason.place,
+        components=part.components.get(change.address.partition, ()) if part is not None else (),
+        reserved_processors=(
+            float(guaranteed(machine.settings.reserve, machine.settings.processors))
+            if isinstance(machine, Partition)
+            else None
+        ),
         attributes=tuple(
             AttributeOutput(name=name, before=before.get(name), after=after.get(name), forces=forced_by(change, name))
             for name in dict.fromkeys([*before, *after])

@@ -1,27 +1,192 @@
-"""How a run ended, host by host."""
+"""Applying and undoing: what is going to be done, what goes on, and how it ended; `run_json` is for programs.
 
-from collections.abc import Iterator
+`RunProgress` is a `RunReporter` that shows a line a partition: updated in place on a terminal, else whole lines.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
 
 from rarms_iac.apply.refusals import UNDO_PARTIAL
-from rarms_iac.apply.run_report import Ending, HostReport, RunReport
-from rarms_iac.model.journal import RunKind
+from rarms_iac.apply.run_report import Ending, HostReport, RunReport, ToldStep
+from rarms_iac.apply.run_script import TakenBack
+from rarms_iac.model.journal import RunKind, RunStarted, ScriptStarted, StepStatus
+from rarms_iac.model.plan import UndoLevel
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.diagnostics.layout import wrap
-from rarms_iac.views.diagnostics.text import counted
+from rarms_iac.views.changes import count
+from rarms_iac.views.console import counted, paragraph, stack, visible
 from rarms_iac.views.output.runs import HostRunOutput, RunOutput
-from rarms_iac.views.plan import count
+
+if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
+    from rich.progress import Progress, TaskID
 
 GO_ON = "Run `rarms apply` to finish it, `rarms undo` to take it back, or `rarms apply --abandon` to leave it as it is."
+LONGEST = 500
+"""Characters that are shown of a line that a host says beside its steps."""
 
 
-def run_text(report: RunReport, *, width: int) -> str:
-    """A sentence a host, and what to do next where it is not done; findings are told elsewhere."""
-    return "".join(f"{line}\n" for sentence in _sentences(report) for line in wrap(sentence, width, ""))
+def undo_text(host: str, started: RunStarted | ScriptStarted, steps: Sequence[TakenBack]) -> "RenderableType":
+    """Say what is going to be taken back, in that order; what cannot be is said to stay."""
+    head = (
+        f"To take back plan {started.plan} on {host}, applied by {visible(started.started_by, keep='')}, this is done, "
+    )
+    shown = [paragraph(_taken_back(step), indent=2, more=2) for step in steps]
+    return stack(paragraph(f"{head}the last change first:"), *(shown or ["  no step of it changed anything"]))
+
+
+def _taken_back(step: TakenBack) -> str:
+    stays = "stays done: " if step.level is UndoLevel.NONE else ""
+    partly = " (in part)" if step.level is UndoLevel.PARTIAL else ""
+    return f"{step.address}: {stays}{visible(step.title, keep='')}{partly}"
+
+
+@dataclass(slots=True, kw_only=True)
+class _PartitionProgress:
+    """How far a run is with one partition, or with one thing of the host itself."""
+
+    name: str
+    total: int  # steps; 0: nobody said how many
+    since: float = 0.0
+    took: float = 0.0  # seconds in its steps
+    done: int = 0
+    changed: int = 0
+    row: "TaskID | None" = None
+
+
+class RunProgress:
+    """A `RunReporter` that writes to a person, a line a partition. Use it as a context manager.
+
+    Args:
+        write: takes a piece of text and shows it at once.
+        clock: seconds, from any start.
+        console: where lines are updated in place; None: every line is whole and written once.
+    """
+
+    def __init__(self, write: Callable[[str], None], clock: Callable[[], float], console: "Console | None") -> None:
+        self._write = write
+        self._clock = clock
+        self._console = console
+        self._live: Progress | None = None
+        self._partitions: dict[str, _PartitionProgress] = {}
+
+    def __enter__(self) -> Self:
+        """Nothing is shown before a run starts."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Leave the lines as they are; show those of partitions that were not finished."""
+        self._end_host()
+
+    def run_started(self, host: str, run: RunKind, plan: str, *, done: int, addresses: Sequence[str] = ()) -> None:
+        """Say what begins or goes on."""
+        self._end_host()
+        kind = "Applying" if run is RunKind.APPLY else "Undoing"
+        goes_on = f", going on after step {done}" if done else ""
+        self._write(f"{kind} plan {plan} on {host}{goes_on}\n")
+        for address in addresses:
+            self._partition(address).total += 1
+        if self._console is not None:
+            from rich.progress import Progress, TextColumn, TimeElapsedColumn
+            from rich.table import Column
+
+            status = Column(no_wrap=True, overflow="crop", ratio=1)
+            self._live = Progress(
+                TextColumn("  {task.description}", markup=False, table_column=Column(no_wrap=True)),
+                TextColumn("{task.completed} steps", markup=False, table_column=Column(no_wrap=True)),
+                TextColumn("{task.fields[status]}", markup=False, table_column=status),
+                TimeElapsedColumn(),
+                expand=True,
+                console=self._console,
+                redirect_stdout=False,
+                redirect_stderr=False,
+            )
+            self._live.start()
+
+    def step_started(
+        self,
+        host: str,  # noqa: ARG002 - `run_started` names it, and hosts are walked one at a time
+        number: int,  # noqa: ARG002 - a person follows partitions, not steps
+        total: int,  # noqa: ARG002 - likewise
+        step: ToldStep,
+    ) -> None:
+        """Show the step beside its partition."""
+        partition = self._partition(str(step.address))
+        partition.since = self._clock()
+        if self._live is not None:
+            if partition.row is None:
+                partition.row = self._live.add_task(visible(partition.name, keep=""), total=None, status="")
+            self._live.update(partition.row, status=visible(step.title, keep=""), refresh=True)
+
+    def step_ended(
+        self,
+        host: str,  # noqa: ARG002 - one host at a time
+        number: int,  # noqa: ARG002 - likewise
+        total: int,  # noqa: ARG002 - likewise
+        step: ToldStep,
+        status: StepStatus,
+    ) -> None:
+        """Count it; show the partition once its last step is done."""
+        partition = self._partition(str(step.address))
+        partition.took += self._clock() - partition.since
+        partition.done += 1
+        partition.changed += status is not StepStatus.UNCHANGED
+        if self._live is not None and partition.row is not None:
+            self._live.update(partition.row, advance=1, refresh=True)
+        if partition.done == partition.total:
+            self._end(partition)
+
+    def said(self, host: str, line: str) -> None:
+        """Show it apart from the partitions, without whatever would move the cursor."""
+        text = f"  {host} says: {visible(line[:LONGEST], keep='')}"
+        if self._live is not None:
+            self._live.console.print(text, markup=False)
+        else:
+            self._write(f"{text}\n")
+
+    def _partition(self, address: str) -> _PartitionProgress:
+        name = "/".join(address.split("/")[1:2] if address.startswith("partition/") else [address])
+        return self._partitions.setdefault(name, _PartitionProgress(name=name, total=0))
+
+    def _end(self, partition: _PartitionProgress) -> None:
+        """Show the partition for the last time."""
+        steps = counted(partition.done, "step")
+        if partition.total > partition.done:
+            steps = f"{partition.done} of {counted(partition.total, 'step')}"
+        status = f"{steps} in {show_seconds(partition.took)}" if partition.changed else f"{steps}, as wanted already"
+        if self._live is not None and partition.row is not None:
+            self._live.stop_task(partition.row)
+            self._live.update(partition.row, status="done" if partition.changed else "as wanted already", refresh=True)
+        else:
+            self._write(f"  {visible(partition.name, keep='')}: {status}\n")
+        del self._partitions[partition.name]
+
+    def _end_host(self) -> None:
+        for partition in list(self._partitions.values()):
+            if partition.done and self._live is None:
+                self._end(partition)
+        self._partitions.clear()
+        if self._live is not None:
+            self._live.stop()
+            self._live = None
+
+
+def show_seconds(time: float) -> str:
+    """`0.1 s`, `75 s`: no more digits than a person reads."""
+    return f"{time:.1f} s" if time < 10 else f"{time:.0f} s"
+
+
+def run_text(report: RunReport) -> "RenderableType":
+    """A sentence a host, and what to do next where it is not done; findings are shown elsewhere."""
+    return stack(*map(paragraph, _sentences(report)))
 
 
 def _sentences(report: RunReport) -> Iterator[str]:
     for host in report.hosts:
-        yield f"{host.host}: {_host(host, lasting=_lasting(report))}"
+        yield f"{host.host}: {_host(host, partial=_undo_is_partial(report))}"
     match report.ending:
         case Ending.NOTHING:
             yield "Nothing to do."
@@ -31,30 +196,33 @@ def _sentences(report: RunReport) -> Iterator[str]:
             pass
 
 
-def _lasting(report: RunReport) -> bool:
+def _undo_is_partial(report: RunReport) -> bool:
     """Whether something of what an undo was to take back cannot be."""
     return any(diagnostic.code == UNDO_PARTIAL.code for diagnostic in report.diagnostics)
 
 
-def _host(report: HostReport, *, lasting: bool) -> str:
-    what = "Apply" if report.run is RunKind.APPLY else "Undo"
-    begun = f"{what} of plan {report.plan}{', begun earlier,' if report.resumed else ''}"
+def _host(report: HostReport, *, partial: bool) -> str:
+    kind = "Apply" if report.run is RunKind.APPLY else "Undo"
+    begun = f"{kind} of plan {report.plan}{', begun earlier,' if report.resumed else ''}"
     if report.run is RunKind.UNDO and report.ending is Ending.DONE and not report.total:
-        return f"{begun}: nothing of it can be taken back." if lasting else f"{begun}: it had changed nothing."
+        return f"{begun}: nothing of it can be taken back." if partial else f"{begun}: it had changed nothing."
     steps = f"{counted(report.changed, 'step')} changed something, {report.unchanged} found all as wanted"
     if report.ending is not Ending.DONE:
-        left = report.total - report.changed - report.unchanged
-        return f"{begun} not complete: {steps}, {left} of {report.total} left."
+        remaining = report.total - report.changed - report.unchanged
+        return f"{begun} not complete: {steps}, {remaining} of {report.total} left."
     if report.changes:
-        steps = f"{_resources(report)} ({counted(report.total, 'step')}; {report.unchanged} found all as wanted)"
+        found = f", {report.unchanged} found all as wanted" if report.unchanged else ""
+        steps = f"{_resources(report)} ({counted(report.total, 'step')}{found})"
     return f"{begun} complete: {steps}."
 
 
 def _resources(report: HostReport) -> str:
     counts = count(iter(report.changes))
-    told = [f"{counts['add']} added", f"{counts['change']} changed", f"{counts['remove']} removed"]
-    told += [f"{counts[name]} {says}" for name, says in (("adopt", "adopted"), ("release", "released")) if counts[name]]
-    return ", ".join(told)
+    parts = [f"{counts['add']} added", f"{counts['change']} changed", f"{counts['remove']} removed"]
+    parts += [
+        f"{counts[name]} {word}" for name, word in (("adopt", "adopted"), ("release", "released")) if counts[name]
+    ]
+    return ", ".join(parts)
 
 
 def run_json(report: RunReport) -> str:

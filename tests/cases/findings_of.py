@@ -10,7 +10,7 @@ from pathlib import Path
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES, checks_beside
 from rarms_iac.manifest.load import load
-from rarms_iac.views.diagnostics import OutputFormat, render
+from rarms_iac.views.finding_forms import OutputFormat, render_findings
 
 FINDINGS = Path(__file__).parent / "findings"
 TODAY = date(2026, 11, 21)
@@ -26,9 +26,9 @@ def findings_of(folder: Path) -> str:
         overlays = sorted(path.as_posix() for path in Path().rglob("*.yaml") if path.as_posix() != "rarms.yaml")
         loaded = load("rarms.yaml", overlays, today=TODAY, checks=checks_beside(Path()))
     if loaded.system is None:
-        return render(OutputFormat.TEXT, loaded.diagnostics, loaded.sources)
+        return render_findings(OutputFormat.TEXT, loaded.diagnostics, loaded.sources)
     kept, accepted = apply_acceptances(loaded.diagnostics, loaded.system.policy, loaded.places, TODAY, codes=CODES)
-    return render(OutputFormat.TEXT, kept, loaded.sources, accepted=accepted)
+    return render_findings(OutputFormat.TEXT, kept, loaded.sources, accepted=accepted)
 
 
 if __name__ == "__main__":

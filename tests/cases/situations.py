@@ -7,11 +7,13 @@ it is committed. The scripts hold the whole runtime: a change of it changes all 
 
 import contextlib
 import json
+import os
 from dataclasses import dataclass
 from datetime import date
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from unittest.mock import patch
 
 from rarms_iac.apply.prepare import Request, prepare
 from rarms_iac.manifest.load import load
@@ -19,7 +21,8 @@ from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.providers.hyperv.observation import read_observation
 from rarms_iac.providers.hyperv.parse import to_state
 from rarms_iac.storage.plan_file import read_plan
-from rarms_iac.views.diagnostics import OutputFormat, render
+from rarms_iac.views.console import render
+from rarms_iac.views.finding_forms import OutputFormat, render_findings
 from rarms_iac.views.plan import plan_text
 from tests.twin.host import WindowsHost
 from tests.twin.observing import host_from
@@ -62,7 +65,8 @@ def made(folder: Path, seen: bytes | None = None) -> Made:
 
 
 def _by_command(words: list[str]) -> tuple[Plan | None, dict[str, str]]:
-    ran = rarms(*words, "--snapshot", "host.json", "--out", "made.plan", "--today", TODAY.isoformat())
+    with patch.dict(os.environ, {"COLUMNS": "80"}):  # a reviewer reads what was made beside the situation
+        ran = rarms(*words, "--snapshot", "host.json", "--out", "made.plan", "--today", TODAY.isoformat())
     plan = read_plan(Path("made.plan").read_bytes()) if Path("made.plan").exists() else None
     return plan, {"plan.txt": ran.out, "findings.txt": f"{ran.err}exit {ran.code}\n"}
 
@@ -86,8 +90,8 @@ def _by_library(words: list[str]) -> tuple[Plan | None, dict[str, str]]:
         remove_disks="--remove-disks" in words,
     )
     prepared = prepare(request, {name: to_state(read_observation(Path("host.json").read_bytes()), name)})
-    shown = plan_text(prepared.plan, sources=loaded.sources) if prepared.plan else ""
-    findings = render(OutputFormat.TEXT, prepared.findings, loaded.sources, accepted=prepared.accepted)
+    shown = render(plan_text(prepared.plan, sources=loaded.sources)) if prepared.plan else ""
+    findings = render_findings(OutputFormat.TEXT, prepared.findings, loaded.sources, accepted=prepared.accepted)
     return prepared.plan, {"plan.txt": shown, "findings.txt": findings}
 
 

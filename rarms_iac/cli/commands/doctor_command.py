@@ -11,15 +11,18 @@ from rarms_iac.cli.options import host_or_snapshot_options, manifest_options, ou
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.model.diagnostics import Diagnostic, has_errors, in_order
-from rarms_iac.views.diagnostics import Output, OutputFormat, render
+from rarms_iac.views.console import render
 from rarms_iac.views.doctor import Examined, doctor_json, doctor_text
+from rarms_iac.views.finding_forms import OutputFormat, OutputTarget, render_findings
 
 
 @rarms_command("doctor")
 @manifest_options
 @host_or_snapshot_options
 @output_option
-def command(session: Session, *, source: ManifestSource, where: HostSelection, outputs: tuple[Output, ...]) -> ExitCode:
+def command(
+    session: Session, *, source: ManifestSource, where: HostSelection, outputs: tuple[OutputTarget, ...]
+) -> ExitCode:
     """Look at the hosts and tell what makes a plan void or unsafe there, with what to do. Only reads.
 
     A host is looked at live, or as `rarms snapshot` or the observe script wrote it down (--snapshot). Errors end with
@@ -34,17 +37,17 @@ def command(session: Session, *, source: ManifestSource, where: HostSelection, o
     for output in outputs:
         match output.format:
             case OutputFormat.TEXT:
-                text = doctor_text(system.application.name, examined, sources, accepted)
+                content = doctor_text(system.application.name, examined, sources, accepted)
+                if output.path is None:
+                    session.terminal.show(content)
+                    continue
+                text = render(content)
             case OutputFormat.JSON:
                 text = doctor_json(system.application.name, examined, accepted)
             case other:
-                text = render(other, found, sources, accepted=accepted)
+                text = render_findings(other, found, sources, accepted=accepted)
         if output.path is not None:
             write_file(output.path, text.encode("utf-8", errors="backslashreplace"))
-        elif output.format is OutputFormat.TEXT and session.terminal.colour:
-            from rarms_iac.views.diagnostics.colour import coloured
-
-            session.terminal.data(coloured(text))
         else:
             session.terminal.data(text)
     return ExitCode.FOUND if has_errors(found) else ExitCode.DONE

@@ -13,7 +13,6 @@ from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.system import Disruption
-from rarms_iac.views.diagnostics.layout import wrap
 from rarms_iac.views.drift import HostDrift, drift_json, drift_text
 
 
@@ -52,13 +51,15 @@ def command(session: Session, *, source: ManifestSource, where: HostSelection, a
         if name in hosts.chosen
     ]
     name = system.application.name
-    width = session.terminal.text_width
-    session.terminal.data(drift_json(name, shown) if as_json else drift_text(shown, width=width))
+    if as_json:
+        session.terminal.data(drift_json(name, shown))
+    else:
+        session.terminal.show(drift_text(shown))
     for host, journal in journals.items():
         if journal is None or not journal.unfinished:
             continue
         says = f"{host}: a run of plan {journal.started.plan} is unfinished; what it has yet to do is told as changed."
-        session.terminal.talk("\n".join(wrap(says, session.terminal.width, "")))
+        session.terminal.talk(says)
     return code_of([one.kind for host in shown for one in host.drifted])
 
 

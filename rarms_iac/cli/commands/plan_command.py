@@ -5,12 +5,11 @@ import click
 from rarms_iac.app.hosts import refuse_unfinished, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits
-from rarms_iac.cli.applying import shown_plan, write_plan_file
+from rarms_iac.cli.applying import show_plan, write_plan_file
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import change_options, host_or_snapshot_options, json_option, manifest_options
 from rarms_iac.cli.planning import Wish, make_plan
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.views.plan_json import plan_json
 
 
 @rarms_command("plan")
@@ -18,7 +17,7 @@ from rarms_iac.views.plan_json import plan_json
 @host_or_snapshot_options
 @change_options
 @click.option("--out", metavar="FILE", help="Write the plan, sealed, for `rarms apply FILE`.")
-@click.option("--steps", is_flag=True, help="Show every step, in order.")
+@click.option("--verbose", "-v", is_flag=True, help="Show every attribute, reason and step, too.")
 @json_option
 def command(
     session: Session,
@@ -27,7 +26,7 @@ def command(
     where: HostSelection,
     limits: PlanLimits,
     out: str | None,
-    steps: bool,
+    verbose: bool,
     as_json: bool,
 ) -> ExitCode:
     """Show what would change on the hosts, and change nothing.
@@ -38,8 +37,7 @@ def command(
     hosts = select_hosts(manifest, where)
     refuse_unfinished(hosts)
     plan = make_plan(hosts, Wish(limits=limits))
-    shown = plan_json(plan) if as_json else shown_plan(session, plan, manifest.sources, steps=steps)
-    session.terminal.data(shown)
+    show_plan(session, plan, manifest.sources, as_json=as_json, verbose=verbose)
     if out is not None:
         write_plan_file(session, out, plan)
     return ExitCode.FOUND if plan.has_changes else ExitCode.DONE

@@ -6,19 +6,18 @@ from rarms_iac.app.files import read_plan_file
 from rarms_iac.app.hosts import refuse_unfinished, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.cli.applying import shown_plan
+from rarms_iac.cli.applying import show_plan
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import host_or_snapshot_options, json_option, manifest_options
 from rarms_iac.cli.planning import Wish, make_plan
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.showing import ScriptOptions, show_check, show_scripts, show_transport
 from rarms_iac.model.plan import Plan
-from rarms_iac.views.plan_json import plan_json
 
 
 @rarms_command("show")
 @click.argument("plan_file", metavar="[PLAN]", required=False)
-@click.option("--steps", is_flag=True, help="Show every step, in order.")
+@click.option("--verbose", "-v", is_flag=True, help="Show every attribute, reason and step, too.")
 @click.option("--script", is_flag=True, help="Show the scripts: a Hyper-V host's own, or what one would get.")
 @click.option("--guest", metavar="PARTITION", default="", help="With --script: the one for this partition's guest.")
 @click.option("--undo", is_flag=True, help="With --script: the one that takes it back.")
@@ -35,7 +34,7 @@ def command(
     session: Session,
     *,
     plan_file: str | None,
-    steps: bool,
+    verbose: bool,
     script: bool,
     guest: str,
     undo: bool,
@@ -67,7 +66,7 @@ def command(
         if plan_file is None:
             raise click.UsageError("Missing argument '[PLAN]'.", click.get_current_context())
         plan = read_plan_file(plan_file)
-        session.terminal.data(plan_json(plan) if as_json else shown_plan(session, plan, steps=steps))
+        show_plan(session, plan, as_json=as_json, verbose=verbose)
         return ExitCode.DONE
     return show_scripts(session, _plan(plan_file, source, where), options)
 

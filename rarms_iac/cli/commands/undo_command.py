@@ -16,7 +16,7 @@ from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.telling import tell
 from rarms_iac.model.journal import Journal, ScriptRun
 from rarms_iac.providers.interface import LiveHost
-from rarms_iac.views.undo import undo_text
+from rarms_iac.views.run import undo_text
 
 
 @rarms_command("undo")
@@ -45,10 +45,8 @@ def command(
     if not how.auto_approve and any(journal is not None and can_be_undone(journal) for _, journal in meant):
         _show_and_ask(session, meant)
     taken = tuple(host for host, _ in meant)
-    with hold_hosts(taken, how.lock_timeout_ms), session.interrupts.gently():
-        reports = [
-            undo(host, owner(), reporter_of(session), session.interrupts.should_stop, how.waits) for host in taken
-        ]
+    with hold_hosts(taken, how.lock_timeout_ms), session.interrupts.gently(), reporter_of(session) as reporter:
+        reports = [undo(host, owner(), reporter, session.interrupts.should_stop, how.waits) for host in taken]
     return ended(session, worst(reports), as_json=as_json)
 
 
@@ -66,6 +64,6 @@ def _show_and_ask(session: Session, meant: Found) -> None:
     for host, journal in meant:
         if journal is not None:
             steps = told_to_undo(journal)
-            session.terminal.talk(undo_text(host.name, journal.started, steps, width=session.terminal.width))
+            session.terminal.talk(undo_text(host.name, journal.started, steps))
             tell(session.terminal, not_taken_back(host.name, journal))
     ask(session, "Take this back?")

@@ -5,14 +5,14 @@ from dataclasses import replace
 import click
 
 from rarms_iac.app.files import write_file
-from rarms_iac.app.manifests import CheckedManifest, check_manifest
+from rarms_iac.app.manifests import check_manifest
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import manifest_options, output_option
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.cli.terminal import DEFAULT_WIDTH
 from rarms_iac.model.diagnostics import in_order
-from rarms_iac.views.diagnostics import Output, OutputFormat, Sources, render
+from rarms_iac.views.finding_forms import OutputFormat, OutputTarget, render_findings
+from rarms_iac.views.findings import findings_text
 
 
 @rarms_command("validate")
@@ -20,7 +20,7 @@ from rarms_iac.views.diagnostics import Output, OutputFormat, Sources, render
 @manifest_options
 @output_option
 def command(
-    session: Session, *, files: tuple[str, ...], source: ManifestSource, outputs: tuple[Output, ...]
+    session: Session, *, files: tuple[str, ...], source: ManifestSource, outputs: tuple[OutputTarget, ...]
 ) -> ExitCode:
     """Check manifests and say everything that is wrong or odd at once.
 
@@ -28,22 +28,16 @@ def command(
     No host is asked. Errors end with exit code 2; warnings and notes do not.
     """
     manifests = [check_manifest(replace(source, manifest=file), planning=False) for file in files or (source.manifest,)]
-    for output in outputs:
-        text = told(output.format, manifests, DEFAULT_WIDTH if output.path is not None else session.terminal.text_width)
-        if output.path is not None:
-            write_file(output.path, text.encode("utf-8", errors="backslashreplace"))
-        elif output.format is OutputFormat.TEXT and session.terminal.colour:
-            from rarms_iac.views.diagnostics.colour import coloured
-
-            session.terminal.data(coloured(text))
-        else:
-            session.terminal.data(text)
-    return ExitCode.FOUND if any(manifest.has_errors for manifest in manifests) else ExitCode.DONE
-
-
-def told(form: OutputFormat, manifests: list[CheckedManifest], width: int) -> str:
-    """The findings of all manifests in that form; a file that several share is told of once."""
     findings = in_order(tuple(dict.fromkeys(finding for manifest in manifests for finding in manifest.findings)))
     accepted = tuple(dict.fromkeys(finding for manifest in manifests for finding in manifest.accepted))
-    sources: Sources = {file: lines for manifest in manifests for file, lines in manifest.loaded.sources.items()}
-    return render(form, findings, sources, accepted=accepted, width=width)
+    sources = {file: lines for manifest in manifests for file, lines in manifest.loaded.sources.items()}
+    for output in outputs:
+        if output.path is None and output.format is OutputFormat.TEXT:
+            session.terminal.show(findings_text(findings, sources, accepted=accepted))
+            continue
+        text = render_findings(output.format, findings, sources, accepted=accepted)
+        if output.path is None:
+            session.terminal.data(text)
+        else:
+            write_file(output.path, text.encode("utf-8", errors="backslashreplace"))
+    return ExitCode.FOUND if any(manifest.has_errors for manifest in manifests) else ExitCode.DONE

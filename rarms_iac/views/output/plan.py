@@ -28,6 +28,8 @@ class ChangeOutput:
     disruption: Literal["live", "partition_stop", "host_restart", "removal"]
     reason: str
     place: Place | None
+    components: tuple[str, ...]  # of the partition, the most critical first; empty where the plan does not place it
+    reserved_processors: float | None  # logical processors that the partition is guaranteed afterwards
     attributes: tuple[AttributeOutput, ...]
 
 
@@ -66,6 +68,8 @@ class TotalsOutput:
     `idle` is that part of `reserved` which is promised to partitions that do not run then.
     """
 
+    logical_processors: int  # of the host
+    reserved_processors: float
     reserved_percent: int
     reserved_memory: int
     unmanaged_percent: int

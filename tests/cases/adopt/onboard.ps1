@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         32a7f498de10, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         e7a8e072c248, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -576,12 +576,12 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '32a7f498de10'
+        Plan = 'e7a8e072c248'
         Application = 'robot'
         Serial = 0
         Total = 1
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'ce3e008417fa4ec46ce3e1476a448ff7706df31639c94f2b060ee745647f709e'
+        UndoDigest = 'ff275b9c2b7ea1d74d35f6a27041c392317a54d7a1bc14d28195f2014aeff687'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

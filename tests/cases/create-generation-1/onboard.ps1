@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         4bf46dceb810, manifest df17c0ec8df0, rarms 0.1.0
+# Plan         883f4eb0ab14, manifest df17c0ec8df0, rarms 0.1.0
 # Steps        8
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '4bf46dceb810'
+        Plan = '883f4eb0ab14'
         Application = 'robot'
         Serial = 0
         Total = 8
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '6eabec5e04dff4595f4c3f8dce3c102195def55ca07673a9caeee120e4c22d5b'
+        UndoDigest = '616dccf7ba9dcbed9f6e424039f6473d3f99552e916cff25a91d1dd707243455'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -648,7 +648,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 1; 'memory' = 536870912 }
         Set = {
-            Hyper-V\New-VM -Name 'speech.rarms-4bf46dceb810' -Generation 1 -MemoryStartupBytes 536870912 -NoVHD -SwitchName 'lab'
+            Hyper-V\New-VM -Name 'speech.rarms-883f4eb0ab14' -Generation 1 -MemoryStartupBytes 536870912 -NoVHD -SwitchName 'lab'
         }
     }
 

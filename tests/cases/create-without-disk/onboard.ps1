@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         7f41ff08416c, manifest 3f7d02250fb2, rarms 0.1.0
+# Plan         f790a43eb912, manifest 3f7d02250fb2, rarms 0.1.0
 # Steps        9
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '7f41ff08416c'
+        Plan = 'f790a43eb912'
         Application = 'robot'
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'd0b27da4ddbb73035f33e4804df5647fde115b7be99b44d9c9d28aeb51dce8b4'
+        UndoDigest = '4737e5608b3b8740cd8c7097d063f5f68e3fbd959adefb30ebe4c0a67a0bd79d'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -648,7 +648,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 536870912 }
         Set = {
-            Hyper-V\New-VM -Name 'speech.rarms-7f41ff08416c' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
+            Hyper-V\New-VM -Name 'speech.rarms-f790a43eb912' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
         }
     }
 

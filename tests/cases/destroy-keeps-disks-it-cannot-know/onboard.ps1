@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         fa17d6d17fbf, manifest d692ce1616c2, rarms 0.1.0
+# Plan         c57fb37dd657, manifest d692ce1616c2, rarms 0.1.0
 # Steps        6
 # Parts        lock, journal, host, machines, stop, tasks: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -703,12 +703,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'fa17d6d17fbf'
+        Plan = 'c57fb37dd657'
         Application = 'robot'
         Serial = 1
         Total = 6
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '533587cb5702426fceef38111b8bd3dc85fc30c638c0d3eb75aa6420bf237194'
+        UndoDigest = '5c993ec827945e18107250b6b6ae695665cc06b3f402d037521d9d4213713e6b'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         4806338d96d8, manifest d692ce1616c2, rarms 0.1.0
+# Plan         25e7c5339ac3, manifest d692ce1616c2, rarms 0.1.0
 # Steps        7
 # Parts        lock, journal, host, machines, stop, disks, tasks: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -757,12 +757,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '4806338d96d8'
+        Plan = '25e7c5339ac3'
         Application = 'robot'
         Serial = 1
         Total = 7
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'c1167789d959cda50a808fad33eaaec5d9dd630b13089011e4c2c7b35f39e868'
+        UndoDigest = 'b7f92f60466126e7c8af9aab0994b9e39184a4bd2c5d2da40d17769821436147'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

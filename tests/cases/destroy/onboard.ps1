@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         7390034ffc9c, manifest ecb1b47be5b8, rarms 0.1.0
+# Plan         0994eb5eb88e, manifest ecb1b47be5b8, rarms 0.1.0
 # Steps        6
 # Parts        lock, journal, host, machines, stop, tasks: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -703,12 +703,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '7390034ffc9c'
+        Plan = '0994eb5eb88e'
         Application = 'robot'
         Serial = 1
         Total = 6
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '134c1c6f8bf9e808e6f6f9bfd4569864b14708e7fe4cc8cf9b4248c37d334a6b'
+        UndoDigest = '9193147eb5d16b8987fd1c744d7a29beda1fbe4a18efdd0c13c03b5e148f3c8c'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         f966ab05362c, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         6190dafd700f, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        9
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'f966ab05362c'
+        Plan = '6190dafd700f'
         Application = 'robot'
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'dee8d5f182be1d7d249960e338f47c433088061e5e9c2328adc4d9c15e3a3cb4'
+        UndoDigest = '4f04bead44c99d344c84a7b78bc287d4150bce7a336bb995c0647c41e9ebd729'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -648,7 +648,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-f966ab05362c' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-6190dafd700f' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

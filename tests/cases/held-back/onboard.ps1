@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         0ff225e3d49f, manifest 07e858a72e54, rarms 0.1.0
+# Plan         8f84c93cbf8d, manifest 07e858a72e54, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -576,12 +576,12 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '0ff225e3d49f'
+        Plan = '8f84c93cbf8d'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '16def51b43bf953fc26ae5fe10eeeb1a31e47ebc0e18ec5636e7276549cd9690'
+        UndoDigest = '4b5e40f3454846c791644fa7ad4982a401af8a8f2dab1cf3d265c09130236764'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         dd7f8599f39f, manifest 4d23db3f84bd, rarms 0.1.0
+# Plan         2b3ed3d81294, manifest 4d23db3f84bd, rarms 0.1.0
 # Steps        8
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'dd7f8599f39f'
+        Plan = '2b3ed3d81294'
         Application = 'robot'
         Serial = 0
         Total = 8
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '82ec0e68631b7e09e8d663c2746b1498ef2b0f7e591cc897aae166d5654aaec2'
+        UndoDigest = '7567ad0c51f088fb01c114328d732c283802ce4ee4943f1ae801111ed7186047'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -648,7 +648,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-dd7f8599f39f' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName ('' + 'lab ''a'' ' + [char]0x2018 + 'b' + [char]0x2019 + ' ' + [char]0x201A + 'c' + [char]0x201B + ' $(x) `n') -Path ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)')
+            Hyper-V\New-VM -Name 'vision.rarms-2b3ed3d81294' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName ('' + 'lab ''a'' ' + [char]0x2018 + 'b' + [char]0x2019 + ' ' + [char]0x201A + 'c' + [char]0x201B + ' $(x) `n') -Path ('' + 'D:\it''s ' + [char]0x2019 + ' $env:TEMP $(t)')
         }
     }
 

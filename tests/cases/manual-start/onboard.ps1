@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         48ac71e1f3d5, manifest 33e57ee050a8, rarms 0.1.0
+# Plan         a5bfe4863ecd, manifest 33e57ee050a8, rarms 0.1.0
 # Steps        17
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '48ac71e1f3d5'
+        Plan = 'a5bfe4863ecd'
         Application = 'robot'
         Serial = 0
         Total = 17
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '70c8ebf94804a0f1db8426edc52878241c68f8e9a7dd878322bac3b2387cbba4'
+        UndoDigest = '6f1b2fac128ed393af6b3b8d13cc2d2cec77aaa4cac375afde5983857769b085'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -648,7 +648,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 536870912 }
         Set = {
-            Hyper-V\New-VM -Name 'speech.rarms-48ac71e1f3d5' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
+            Hyper-V\New-VM -Name 'speech.rarms-a5bfe4863ecd' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
         }
     }
 
@@ -787,7 +787,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-48ac71e1f3d5' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-a5bfe4863ecd' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         5c933f3b9678, manifest 67dca71b7024, rarms 0.1.0
+# Plan         a092d7601fd5, manifest 67dca71b7024, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, machines, capacity, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -638,12 +638,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '5c933f3b9678'
+        Plan = 'a092d7601fd5'
         Application = 'robot'
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'b322e73146a78bc0d972e23afb2d8118a764efe345538fc47273b16a7edf13a6'
+        UndoDigest = '711486657a81f6cf0761f4bdd87b7635f09efa0f3a766a6de00bc8904b6fd2fc'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

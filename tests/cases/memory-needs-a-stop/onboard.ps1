@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         00dd01dac1fd, manifest ebb8198705b8, rarms 0.1.0
+# Plan         f7b191f0453a, manifest ebb8198705b8, rarms 0.1.0
 # Steps        3
 # Parts        lock, journal, host, machines, capacity, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -638,12 +638,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '00dd01dac1fd'
+        Plan = 'f7b191f0453a'
         Application = 'robot'
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'ed5d6b44f42f73f2a8453d81d67522bfef399346fe5ea5f4e2818e94aed9ae8c'
+        UndoDigest = '8c1d87fe41dead2da8b726ef56077131c6055d11d8ae798faac0ef3f48857191'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

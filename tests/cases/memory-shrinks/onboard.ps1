@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         133d1697e9b6, manifest 8730f6de8bc7, rarms 0.1.0
+# Plan         2288bf02158a, manifest 8730f6de8bc7, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, machines, capacity, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -638,12 +638,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '133d1697e9b6'
+        Plan = '2288bf02158a'
         Application = 'robot'
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'd3428ade6e5eb80a519e07d4e5fec9920631a9f84167c95bbafcd9dff367a1b7'
+        UndoDigest = 'eae44f7a4a5f2b08a334a7d93d21fdb3e01b21195922f927f5535a1593e01662'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

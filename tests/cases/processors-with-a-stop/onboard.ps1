@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         ba07e955328b, manifest e002180b1f5c, rarms 0.1.0
+# Plan         c03957f01cd0, manifest e002180b1f5c, rarms 0.1.0
 # Steps        5
 # Parts        lock, journal, host, machines, capacity, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -638,12 +638,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'ba07e955328b'
+        Plan = 'c03957f01cd0'
         Application = 'robot'
         Serial = 1
         Total = 5
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'a4335288595fb216f8a2cb8eb0a1d63bf53a8de1479a8e51923936c979ba866a'
+        UndoDigest = '73874944ddb494a4292450ebfd03495509d2301654d34d2f29203c7c522b8379'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         13f61269b248, manifest bbb4806d4bbf, rarms 0.1.0
+# Plan         38da7b7c3296, manifest bbb4806d4bbf, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -576,12 +576,12 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '13f61269b248'
+        Plan = '38da7b7c3296'
         Application = 'robot'
         Serial = 1
         Total = 1
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '474e639ecd02d892d3a1989ac84707cd8585cd40454361f4847de629432c2936'
+        UndoDigest = '4b9b5cbae7d3dd47ef30c798d38b124c22489055ef4d6a221804908d321d3a48'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

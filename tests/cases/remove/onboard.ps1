@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         c98fa4d1ba86, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         761daab3ef3a, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -595,12 +595,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'c98fa4d1ba86'
+        Plan = '761daab3ef3a'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '90f0d52d12ff72279282e8313466a9337750f299e5dad2f8ec619c080eacac86'
+        UndoDigest = '46bf7e5ea9640dcff9075691efb14f984647bd33fed178299b4727267e016317'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         1f9e3832ae46, manifest 6c594f432f20, rarms 0.1.0
+# Plan         396035f547fd, manifest 6c594f432f20, rarms 0.1.0
 # Steps        3
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -576,12 +576,12 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '1f9e3832ae46'
+        Plan = '396035f547fd'
         Application = 'robot'
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'c216e2fc6c56badb9f938cf60414818bcd208b34a39238670e73ba20ebeeba4d'
+        UndoDigest = 'c8c8569b4ae70cddf7da971b62d37c1472928c4b7ff2dbbcdb9f09b6a928f2eb'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         d31d47ea6585, manifest 83441c1046fd, rarms 0.1.0
+# Plan         c2a696c601f9, manifest 83441c1046fd, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -576,12 +576,12 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'd31d47ea6585'
+        Plan = 'c2a696c601f9'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'f31c7b792a6fefb4ad2c1c0eff00a4b7f7258ec076145a5955178c04bcb1a3da'
+        UndoDigest = 'bae45ad61b610cd94ee1dbc8531b22ee042753e41be85de2e5039050dc57f3e4'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

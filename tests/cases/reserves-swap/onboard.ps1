@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         3574c50c595c, manifest 964de3a17dd7, rarms 0.1.0
+# Plan         c1983dab224b, manifest 964de3a17dd7, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '3574c50c595c'
+        Plan = 'c1983dab224b'
         Application = 'robot'
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'a9f73cd82ebd283854a4a383662528f3d56e9f7053e22682239d7a2722df7546'
+        UndoDigest = 'e57946c9dd6c1c642db2f1bd39613173f4f354a16bfad2534676681284a4e4bc'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         a1b3bffc2938, manifest 263e743597f3, rarms 0.1.0
+# Plan         8894936bbfe9, manifest 263e743597f3, rarms 0.1.0
 # Steps        9
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'a1b3bffc2938'
+        Plan = '8894936bbfe9'
         Application = 'robot'
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '874c82504b0400ab1bd58c5c7c72be55c063ba1c16d69e54d4e67adbf6b87bc9'
+        UndoDigest = 'a727b3cdf90b6503d2db5a8fe2d0746d881aeb4fdabdc7f2ff820263c11e7728'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -648,7 +648,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-a1b3bffc2938' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-8894936bbfe9' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         e924a17a06ce, manifest ebb8198705b8, rarms 0.1.0
+# Plan         eccb74536f05, manifest ebb8198705b8, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'e924a17a06ce'
+        Plan = 'eccb74536f05'
         Application = 'robot'
         Serial = 1
         Total = 1
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'c2e5d74fdd96d41aaa6dc30978854831b17377517ce5f645aa3aef11375d717f'
+        UndoDigest = '343e7831d2ebd7374133ba698271008e6a7c4b5ebd13d5284b97590283d1acdb'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

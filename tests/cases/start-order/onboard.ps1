@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         9fabb87d3c88, manifest b1bd658d1c20, rarms 0.1.0
+# Plan         3f27e166a596, manifest b1bd658d1c20, rarms 0.1.0
 # Steps        27
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '9fabb87d3c88'
+        Plan = '3f27e166a596'
         Application = 'robot'
         Serial = 0
         Total = 27
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '707b07289a5a7f0753ce20fb092021eb420fe5fc1711ecf47568d2712a5e6bb3'
+        UndoDigest = 'eff57869743184bda79a399829bac6ecd72efc98c742001a4ce4a10ca85b7489'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -648,7 +648,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 268435456 }
         Set = {
-            Hyper-V\New-VM -Name 'door.rarms-9fabb87d3c88' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD
+            Hyper-V\New-VM -Name 'door.rarms-3f27e166a596' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD
         }
     }
 
@@ -787,7 +787,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 536870912 }
         Set = {
-            Hyper-V\New-VM -Name 'speech.rarms-9fabb87d3c88' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
+            Hyper-V\New-VM -Name 'speech.rarms-3f27e166a596' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
         }
     }
 
@@ -926,7 +926,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-9fabb87d3c88' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-3f27e166a596' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

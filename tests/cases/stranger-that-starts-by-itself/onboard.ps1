@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         14a58d2ee127, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         fed447739f3a, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        9
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '14a58d2ee127'
+        Plan = 'fed447739f3a'
         Application = 'robot'
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '4ec2ba33d76dee5810fb03f1d2774b7c029cbdd5a8b884dda24ddb34d99f79fe'
+        UndoDigest = '53dc0f11867f630585cc0991a62fddd7e666befd42c65579737df6c3f7a5a84c'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -648,7 +648,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-14a58d2ee127' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-fed447739f3a' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         4108cc7bdc16, manifest 7785495c2f80, rarms 0.1.0
+# Plan         57b14f551e18, manifest 7785495c2f80, rarms 0.1.0
 # Steps        9
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '4108cc7bdc16'
+        Plan = '57b14f551e18'
         Application = 'robot'
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'c8eed930da4b6041af1c89b86ae881cc2928bf4b404d5f1d44fccefaa302375b'
+        UndoDigest = 'a322c27dc8a0a116c330631d3afa84ed3b0b7d739004e35d092e3df4c2476954'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -648,7 +648,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-4108cc7bdc16' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-57b14f551e18' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         302241b11214, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         72067a464e14, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        9
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '302241b11214'
+        Plan = '72067a464e14'
         Application = 'robot'
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'bcd289d4572661828b7d145645bdad6ef0d1a68fe2dd62e46bba827127b9044c'
+        UndoDigest = '8279770b866a7f6402aa169a66179ddb221d8aa0494f0f35d606179945798cb6'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -648,7 +648,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-302241b11214' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-72067a464e14' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

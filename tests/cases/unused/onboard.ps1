@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         46b21f17dcca, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         ccbf6723a7c1, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        3
 # Parts        lock, journal, host, machines, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -594,12 +594,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '46b21f17dcca'
+        Plan = 'ccbf6723a7c1'
         Application = 'robot'
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '7fc45277161b953a3735e02d258f06020295a5c74bba81a94c37154437c2f4a2'
+        UndoDigest = 'b1373fa27eefb3ab93178437e3a620081adba54afa1b4bf666f568be8e93e545'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -74,7 +74,7 @@ class Told:
     def __init__(self) -> None:
         self.lines: list[str] = []
 
-    def run_started(self, host: str, run: RunKind, plan: str, *, done: int) -> None:
+    def run_started(self, host: str, run: RunKind, plan: str, *, done: int, addresses: Sequence[str] = ()) -> None:
         self.lines.append(f"{run.value} on {host}, {done} done")
 
     def step_started(self, host: str, number: int, total: int, step: ToldStep) -> None:

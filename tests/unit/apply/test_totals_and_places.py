@@ -5,6 +5,7 @@ from rarms_iac.model.changes import Address
 from rarms_iac.model.plan import Claim, Purpose, Step, Totals
 from rarms_iac.model.state import State
 from rarms_iac.model.system import StartMode
+from rarms_iac.views.console import UNLIMITED, render
 from rarms_iac.views.plan import plan_text
 from tests.builders import a_component, a_host, a_partition, a_system, the_delivery_robot
 from tests.builders_plan import facts, partition, settings, step
@@ -65,7 +66,7 @@ def test_a_partition_that_is_started_by_hand_is_promised_what_the_planner_counts
     assert not eyes.settings.running
     assert first.hosts[0].totals == Totals(percent=80, memory=memory, idle_percent=80, idle_memory=memory)
     assert again.hosts[0].totals == first.hosts[0].totals
-    assert "      not running    0.8 LP     40 %" in plan_text(first)
+    assert "of these, 0.8 LP and 512 MiB by partitions that do not run" in render(plan_text(first), UNLIMITED)
 
 
 def step_with(step: Step, claim: Claim) -> Step:

@@ -38,7 +38,7 @@ def test_the_example_is_planned_from_its_recorded_host(cell: Path) -> None:
     ran = plan(cell, "--snapshot", f"cell={cell / 'host.json'}", "--out", str(cell / "plan"))
 
     assert ran.code == 2
-    assert "+ partition/torch-motion" in ran.out
+    assert "+ torch-motion" in ran.out
     (part,) = read_plan((cell / "plan").read_bytes()).hosts
     assert sorted(part.scripts) == [
         "cell.guest.seam-tracking.ps1",
@@ -128,7 +128,7 @@ def test_a_guest_that_was_looked_into_takes_part(cell: Path) -> None:
     ran = plan(cell, "--snapshot", f"cell={with_torch(cell)}", *looked, "--out", str(cell / "plan"))
 
     assert ran.code == 2
-    assert "+ partition/torch-motion/task/MotionControl" in ran.out
+    assert "+ torch-motion/task/MotionControl" in ran.out
     (part,) = read_plan((cell / "plan").read_bytes()).hosts
     assert "Read-TaskClass" in part.scripts["cell.guest.torch-motion.ps1"].rpartition("# --- end of the ")[2]
     assert "Read-GuestTaskClass" in part.scripts["cell.guest.seam-tracking.ps1"].rpartition("# --- end of the ")[2]

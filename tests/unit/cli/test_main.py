@@ -76,7 +76,8 @@ def test_an_option_without_its_value_is_told_by_its_own_command() -> None:
     assert "`rarms apply --help`" in answer.err
 
 
-def test_wrong_usage_is_wrapped() -> None:
+def test_wrong_usage_is_wrapped(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
     answer = rarms("plan", "--max-disruption", "none")
 
     assert answer.code == 64

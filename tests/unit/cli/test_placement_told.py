@@ -54,8 +54,8 @@ def test_how_good_it_is_stands_in_the_json_and_in_the_sealed_plan(fleet: Path) -
 
 
 def test_plan_show_and_explain_say_that_it_is_optimal(fleet: Path) -> None:
-    planned = rarms("plan", "-f", str(fleet), "--out", str(fleet / "plan.json"))
-    shown = rarms("show", str(fleet / "plan.json"))
+    planned = rarms("plan", "-v", "-f", str(fleet), "--out", str(fleet / "plan.json"))
+    shown = rarms("show", "-v", str(fleet / "plan.json"))
     explained = rarms("explain", "a", "-f", str(fleet))
 
     for answer in (planned, shown, explained):
@@ -65,7 +65,7 @@ def test_plan_show_and_explain_say_that_it_is_optimal(fleet: Path) -> None:
 def test_a_plan_that_carries_a_certificate_is_to_be_made_anew(fleet: Path) -> None:
     """Plans that an earlier version wrote held one."""
     plan = fleet / "plan.json"
-    rarms("plan", "-f", str(fleet), "--out", str(plan))
+    rarms("plan", "-v", "-f", str(fleet), "--out", str(plan))
     document = json.loads(plan.read_text(encoding="utf-8"))
     del document["seal"]
     document["placement"]["certificate"] = "{}"

@@ -6,7 +6,7 @@ from rarms_iac.model.changes import Address, Create, Delete, Update
 from rarms_iac.model.operations import EraseResponsiveness, WriteResponsiveness, WriteResponsivenessRecord
 from rarms_iac.model.state import RegistryValue, Responsiveness, State, TaskRecord, ValueKind
 from rarms_iac.model.system import Disruption, System
-from rarms_iac.views.plan import disturbs
+from rarms_iac.views.changes import describe_disruption
 from tests.builders import a_host, a_system, codes
 from tests.planning import Route, route
 from tests.pure_host import PureHost
@@ -43,7 +43,7 @@ def test_a_value_of_windows_is_taken_over_with_what_was_there() -> None:
     (change,) = of_it(found)
     assert isinstance(change, Update)
     assert change.disruption is Disruption.HOST_RESTART
-    assert disturbs(change) == "when the host starts again"
+    assert describe_disruption(change) == "when the host starts again"
     assert isinstance(change.after, Responsiveness)
     assert change.after.record is not None
     assert change.after.record.before == {"SystemResponsiveness": dword(20)}

@@ -1,16 +1,21 @@
+import io
 import json
 from dataclasses import replace
 
+from rich.console import Console
+
 from rarms_iac.apply.refusals import UNDO_PARTIAL
 from rarms_iac.apply.run_report import Ending, HostReport, RunReport
+from rarms_iac.apply.run_script import TakenBack
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind, RunStarted, StepStatus
 from rarms_iac.model.layout import Layout
+from rarms_iac.model.plan import Step, UndoLevel
+from rarms_iac.views.console import live_console, render
 from rarms_iac.views.drift import HostDrift, drift_json, drift_text
 from rarms_iac.views.graph import GraphFormat, dot_quoted, graph_json, graph_nodes, graph_text, mermaid_quoted
-from rarms_iac.views.progress import StepProgress, fitting
-from rarms_iac.views.run import run_json, run_text
+from rarms_iac.views.run import RunProgress, run_json, run_text, undo_text
 from tests.builders import the_delivery_robot
 from tests.builders_plan import create, facts, host_plan, partition, placed, plan, settings, step, update
 from tests.unit.views.test_json import check
@@ -23,14 +28,13 @@ def a_drift(*kinds: DriftKind) -> list[HostDrift]:
 
 
 def test_no_drift_is_one_line() -> None:
-    assert drift_text(a_drift()) == "No drift. What rarms wrote is as it was, and as the manifest wants it.\n"
+    assert render(drift_text(a_drift())) == "No drift. What rarms wrote is as it was, and as the manifest wants it.\n"
 
 
 def test_drift_says_what_differs_and_who_moved() -> None:
-    shown = drift_text(a_drift(DriftKind.HOST_CHANGED, DriftKind.NOT_APPLIED)).splitlines()
+    shown = render(drift_text(a_drift(DriftKind.HOST_CHANGED, DriftKind.NOT_APPLIED))).splitlines()
 
-    assert "  partition/vision: changed on the host" in shown
-    assert "      reserve is 50 %, wanted 40 %" in shown
+    assert "  vision: changed on the host; reserve is 50 %, wanted 40 %" in shown
     assert shown[-1].startswith("Drift: 1 changed on the host, 1 not applied yet.")
 
 
@@ -49,8 +53,8 @@ def a_report(ending: Ending, changed: int = 2) -> RunReport:
 
 
 def test_a_run_says_how_it_ended_and_what_is_left() -> None:
-    done = run_text(a_report(Ending.DONE, changed=3), width=100)
-    stopped = run_text(a_report(Ending.INTERRUPTED), width=80)
+    done = render(run_text(a_report(Ending.DONE, changed=3)), 100)
+    stopped = render(run_text(a_report(Ending.INTERRUPTED)), 80)
 
     assert done == "onboard: Apply of plan 0123456789ab complete: 3 steps changed something, 1 found all as wanted.\n"
     assert "1 of 4 left" in stopped
@@ -63,9 +67,9 @@ def test_an_apply_counts_the_resources_as_the_plan_did() -> None:
     changes = (create(partition(settings("speech"))), update(partition(settings()), partition(settings(reserve=30))))
     done = replace(report, hosts=tuple(replace(host, changes=changes) for host in report.hosts))
 
-    assert run_text(done, width=120) == (
+    assert render(run_text(done), 120) == (
         "onboard: Apply of plan 0123456789ab complete: 1 added, 1 changed, 0 removed "
-        "(4 steps; 1 found all as wanted).\n"
+        "(4 steps, 1 found all as wanted).\n"
     )
 
 
@@ -76,8 +80,8 @@ def test_an_undo_without_a_step_says_why() -> None:
     idle = RunReport(ending=Ending.DONE, hosts=(host,))
     lost = replace(idle, diagnostics=(UNDO_PARTIAL.at(None, "what", "do"),))
 
-    assert run_text(idle, width=100) == "onboard: Undo of plan 0123456789ab: it had changed nothing.\n"
-    assert run_text(lost, width=100) == "onboard: Undo of plan 0123456789ab: nothing of it can be taken back.\n"
+    assert render(run_text(idle), 100) == "onboard: Undo of plan 0123456789ab: it had changed nothing.\n"
+    assert render(run_text(lost), 100) == "onboard: Undo of plan 0123456789ab: nothing of it can be taken back.\n"
 
 
 def a_start() -> RunStarted:
@@ -92,25 +96,56 @@ def a_start() -> RunStarted:
     )
 
 
-def progress(*, lively: bool) -> str:
+def progress(console: Console | None, *steps: Step, ended: int) -> str:
     said: list[str] = []
-    times = iter([10.0, 10.25])
-    reporter = StepProgress(said.append, lambda: next(times), lively=lively, width=40)
-    reporter.run_started("onboard", RunKind.APPLY, plan().id, done=0)
-    reporter.step_started("onboard", 1, 1, step())
-    reporter.step_ended("onboard", 1, 1, step(), StepStatus.CHANGED)
+    times = iter(number / 4 for number in range(100))
+    with RunProgress(said.append, lambda: next(times), console) as reporter:
+        reporter.run_started(
+            "onboard", RunKind.APPLY, plan().id, done=0, addresses=[str(step.address) for step in steps]
+        )
+        for number, shown in enumerate(steps[:ended], 1):
+            reporter.step_started("onboard", number, len(steps), shown)
+            reporter.step_ended("onboard", number, len(steps), shown, StepStatus.CHANGED)
+        reporter.said("onboard", "\x1b[2Jwarning")
     return "".join(said)
 
 
-def test_progress_is_whole_lines_where_nothing_can_be_written_over() -> None:
-    assert progress(lively=False) == (
-        "Applying plan 0123456789ab on onboard\n  [1/1] partition/vision: reserve 70 -> 40 %: done in 0.2 s\n"
-    )
+STEPS = (step(), step(Address(partition="speech")), step(Address(partition="vision", task="MotionControl")))
 
 
-def test_progress_writes_over_its_line_on_a_terminal() -> None:
-    assert progress(lively=True).count("\r\x1b[K") == 2
-    assert fitting("x" * 50, 40) == "x" * 39
+def test_a_run_is_a_line_a_partition_once_its_last_step_is_done() -> None:
+    assert progress(None, *STEPS, ended=3).splitlines() == [
+        "Applying plan 0123456789ab on onboard",
+        "  speech: 1 step in 0.2 s",
+        "  vision: 2 steps in 0.5 s",
+        "  onboard says: <U+001B>[2Jwarning",
+    ]
+
+
+def test_a_run_that_ends_early_says_how_far_each_partition_is() -> None:
+    assert progress(None, *STEPS, ended=1).splitlines()[-1] == "  vision: 1 of 2 steps in 0.2 s"
+
+
+def test_a_terminal_updates_a_line_a_partition_in_place() -> None:
+    stream = io.StringIO()
+    progress(live_console(stream, 60, colour=False), *STEPS, ended=3)
+
+    last = stream.getvalue().split("\x1b[2K")[-1].splitlines()
+    assert last[0].split()[:4] == ["vision", "2", "steps", "done"]
+    assert last[1].split()[:4] == ["speech", "1", "steps", "done"]
+    assert "\x1b[2J" not in stream.getvalue()
+
+
+def test_an_undo_says_what_comes_back_and_what_stays() -> None:
+    steps = [
+        TakenBack(address="partition/vision", title="reserve 40 -> 70 %", level=UndoLevel.FULL),
+        TakenBack(address="partition/old", title="remove the machine", level=UndoLevel.NONE),
+    ]
+
+    assert render(undo_text("onboard", a_start(), steps)).splitlines()[-2:] == [
+        "  partition/vision: reserve 40 -> 70 %",
+        "  partition/old: stays done: remove the machine",
+    ]
 
 
 def a_layout() -> Layout:

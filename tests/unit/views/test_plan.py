@@ -3,8 +3,10 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.model.changes import Adopt, Change, Release
-from rarms_iac.model.plan import Plan, Purpose
+from rarms_iac.model.operations import StartPartition, StopPartition
+from rarms_iac.model.plan import HostPlan, Plan, Purpose, ThreadClass
 from rarms_iac.model.system import Disruption
+from rarms_iac.views.console import render
 from rarms_iac.views.plan import plan_text, summary
 from tests.builders import a_component, a_host, a_system
 from tests.builders_plan import (
@@ -25,17 +27,17 @@ from tests.builders_plan import (
 from tests.lab import a_lab
 
 
-def lines_of(shown: Plan) -> list[str]:
-    return plan_text(shown).splitlines()
+def lines_of(shown: Plan, *, verbose: bool = False, width: int = 80) -> list[str]:
+    return render(plan_text(shown, verbose=verbose), width).splitlines()
 
 
-def one(change: Change) -> list[str]:
+def shown_alone(change: Change, *, verbose: bool = False) -> list[str]:
     """The text of a plan with this change alone."""
-    return lines_of(plan(host_plan(changes=[change])))
+    return lines_of(plan(host_plan(changes=[change])), verbose=verbose)
 
 
 def test_no_changes_is_one_line() -> None:
-    assert plan_text(plan()) == "No changes. The host is as the manifest wants it.\n"
+    assert lines_of(plan()) == ["No changes. The host is as the manifest wants it."]
     assert summary(plan(purpose=Purpose.DESTROY)) == "No changes. Nothing on the host is of this application."
 
 
@@ -51,69 +53,84 @@ def test_adopted_and_released_partitions_are_counted_apart() -> None:
     shown = lines_of(plan(host_plan(changes=[adopt, release])))
 
     assert shown[-1] == "Plan: 0 to add, 0 to change, 0 to remove, 1 to adopt, 1 to release."
-    assert "      mark  none -> robot/vision" in shown
-    assert "      mark  robot/vision -> none" in shown
-    assert "  > adopt   < release" in shown
+    assert "  > vision  mark none -> robot/vision" in shown
+    assert "  < vision  mark robot/vision -> none" in shown
 
 
-def test_a_change_shows_what_differs_its_reason_and_its_line_and_hides_the_rest_with_a_count() -> None:
-    shown = one(
-        update(partition(settings(reserve=70)), partition(settings(reserve=40)), reason=because("asked", line=7))
+def test_a_partition_that_is_new_is_one_line_with_its_components_share_and_memory() -> None:
+    part = replace(
+        host_plan(changes=[create(partition(settings(processors=1, reserve=30))), create(task(inside="vision"))]),
+        components={"vision": ("vision", "speech")},
     )
 
-    start = shown.index("  ~ partition/vision  (rarms.yaml:7)")
-    assert shown[start + 1 : start + 4] == [
-        "      asked",
-        "      reserve  70 % -> 40 %",
-        "      (11 unchanged attributes hidden)",
+    assert "  + vision [vision, speech]  15 %  0.3 LP  512 MiB  task MotionControl" in lines_of(plan(part))
+
+
+def test_a_change_shows_what_differs_and_verbosely_its_reason_its_line_and_the_rest() -> None:
+    change = update(partition(settings(reserve=70)), partition(settings(reserve=40)), reason=because("asked", line=7))
+
+    assert "  ~ vision  reserve 70 % -> 40 %" in shown_alone(change)
+    shown = shown_alone(change, verbose=True)
+    start = shown.index("  ~ vision  (rarms.yaml:7)")
+    assert shown[start + 1 : start + 3] == ["      asked", "      name                  vision"]
+    assert "      reserve               70 % -> 40 %" in shown
+
+
+def test_a_stop_says_how_long_it_may_take() -> None:
+    before, after = partition(settings(processors=1, reserve=20)), partition(settings(processors=2, reserve=10))
+    change = update(before, after, disruption=Disruption.PARTITION_STOP)
+    steps = [
+        step(change.address, operation=StopPartition(partition="vision", grace_ms=60_000)),
+        step(change.address, operation=StartPartition(partition="vision")),
     ]
+
+    shown = " ".join(" ".join(lines_of(plan(host_plan(changes=[change], steps=steps)))).split())
+
+    assert "~ vision processors 1 -> 2, reserve 20 % -> 10 %; stopped for up to 1 min to shut down, then for" in shown
 
 
 def test_what_forces_a_restart_stands_beside_its_attribute() -> None:
     before, after = partition(settings(processors=1, reserve=20)), partition(settings(processors=2, reserve=10))
 
-    shown = one(update(before, after, disruption=Disruption.PARTITION_STOP))
+    shown = shown_alone(update(before, after, disruption=Disruption.PARTITION_STOP), verbose=True)
 
-    assert "  ~ partition/vision, stops the partition  (rarms.yaml:31)" in shown
-    assert "      processors  1 -> 2  (forces restart)" in shown
-    assert "      reserve     20 % -> 10 %" in shown
+    assert "  ~ vision, stops the partition  (rarms.yaml:31)" in shown
+    assert any(line.split() == ["processors", "1", "->", "2", "(forces", "restart)"] for line in shown)
 
 
 def test_a_live_change_forces_nothing() -> None:
-    shown = one(update(partition(settings(ram="512 MiB")), partition(settings(ram="1 GiB"))))
+    shown = shown_alone(update(partition(settings(ram="512 MiB")), partition(settings(ram="1 GiB"))))
 
-    assert "      memory  512 MiB -> 1 GiB" in shown
-    assert not any("stops" in line for line in shown)
+    assert "  ~ vision  memory 512 MiB -> 1 GiB" in shown
 
 
 def test_what_must_be_made_again_says_so_and_counts_twice() -> None:
     before, after = partition(settings(generation=1)), partition(settings(generation=2))
 
-    shown = one(update(before, after, disruption=Disruption.REMOVAL))
+    shown = shown_alone(update(before, after, disruption=Disruption.REMOVAL))
 
-    assert "  -/+ partition/vision, made again  (rarms.yaml:31)" in shown
-    assert "      generation  1 -> 2  (forces replacement)" in shown
+    assert "  -/+ vision  generation 1 -> 2; made again" in shown
     assert shown[-1] == "Plan: 1 to add, 0 to change, 1 to remove."
 
 
 def test_a_reserve_is_shown_as_a_share_of_the_host_where_that_is_another_number() -> None:
-    assert "      reserve               30 %  (0.3 LP, 15 % of the host)" in one(
-        create(partition(settings(processors=1, reserve=30)))
-    )
-    assert "      reserve               30 %" in one(create(partition(settings(processors=2, reserve=30))))
+    narrow = shown_alone(create(partition(settings(processors=1, reserve=30))), verbose=True)
+    wide = shown_alone(create(partition(settings(processors=2, reserve=30))), verbose=True)
+
+    assert "      reserve               30 %       (0.3 LP, 15 % of the host)" in narrow
+    assert "      reserve               30 %" in wide
 
 
 def test_a_removal_says_that_disks_stay() -> None:
-    assert "  - partition/vision, removed, its disks stay" in one(delete(partition()))
+    assert "  - vision  40 %  0.8 LP  512 MiB  removed, its disks stay" in shown_alone(delete(partition()))
 
 
 def test_a_task_class_shows_its_types_and_when_it_takes_effect() -> None:
     change = update(task(priority=3), task(priority=5), disruption=Disruption.HOST_RESTART)
 
-    shown = one(change)
+    text = " ".join(" ".join(shown_alone(change)).split())
 
-    assert "  ~ task/MotionControl, when the host starts again  (rarms.yaml:31)" in shown
-    assert "      Priority  3 (dword) -> 5 (dword)" in shown
+    assert "~ task/MotionControl Priority 3 (dword) -> 5 (dword); when the host starts again" in text
 
 
 def test_held_back_changes_are_listed_apart_with_why() -> None:
@@ -129,12 +146,10 @@ def test_held_back_changes_are_listed_apart_with_why() -> None:
     [
         "Host onboard (simulated, 2 LP, 4 GiB)",
         "Host workshop (simulated, 4 LP, 4 GiB)",
-        "  3 unchanged resources hidden.",
-        "    partition/former: remove it with `rarms destroy --target partition/former`",
+        "  partition/former is unused and stopped: the manifest no longer wants it.",
         "    partition/old, remove the machine: not at all; it is not made again",
-        "    stops the partition: partition/speech",
-        "    reserved      1.9 LP     95 %      2 GiB",
-        "    free          0.1 LP      5 %      2 GiB",
+        "  ~ speech  processors 1 -> 2; stops the partition",
+        "  Afterwards: 1.9 of 2 LP (95 %) and 2 GiB reserved; 0.1 LP and 2 GiB free.",
         "warning[RARMS041] A change restarts or stops a partition",
     ],
 )
@@ -143,22 +158,21 @@ def test_a_reviewer_sees_what_else_matters(line: str) -> None:
 
 
 def test_steps_are_shown_on_request_in_their_order() -> None:
-    shown = plan_text(a_rich_plan(), steps=True).splitlines()
+    shown = lines_of(a_rich_plan(), verbose=True)
 
-    assert "  1. partition/vision: reserve 70 -> 40 % (rarms.yaml:31)" in shown
-    assert "  2. partition/old: remove the machine (rarms.yaml:31)" in shown
-    assert "  1. partition/vision: reserve 70 -> 40 % (rarms.yaml:31)" not in lines_of(a_rich_plan())
+    assert "  1. partition/vision: reserve 70 -> 40 %  (rarms.yaml:31)" in shown
+    assert "  2. partition/old: remove the machine  (rarms.yaml:31)" in shown
+    assert "  1. partition/vision: reserve 70 -> 40 %  (rarms.yaml:31)" not in lines_of(a_rich_plan())
 
 
 def test_a_step_does_not_repeat_the_reason_of_its_change() -> None:
     change = create(partition(), because("asked"))
 
-    shown = plan_text(
-        plan(host_plan(changes=[change], steps=[step(change.address, comment="asked; why here")])), steps=True
-    )
+    steps = [step(change.address, comment="asked; why here")]
+    shown = lines_of(plan(host_plan(changes=[change], steps=steps)), verbose=True)
 
-    assert shown.count("asked") == 1
-    assert "     why here\n" in shown
+    assert [line.strip() for line in shown].count("asked") == 1
+    assert "     why here" in shown
 
 
 def test_nothing_is_wider_than_80_columns() -> None:
@@ -167,15 +181,15 @@ def test_nothing_is_wider_than_80_columns() -> None:
     titled = step(
         change.address, title="mark it as an-application/with-a-long-name, set 0123456789ab", comment="why " * 40
     )
-    shown = plan_text(plan(host_plan(changes=[change], steps=[titled])), steps=True).splitlines()
+    shown = lines_of(plan(host_plan(changes=[change], steps=[titled])), verbose=True)
 
-    assert max(map(len, [*shown, *plan_text(a_rich_plan(), steps=True).splitlines()])) <= 80
+    assert max(map(len, [*shown, *lines_of(a_rich_plan(), verbose=True)])) <= 80
 
 
 def test_hostile_names_cannot_act_on_a_terminal() -> None:
     hostile = update(partition(settings("\x1b[2Jboom")), partition(settings("vision")))
 
-    assert "\x1b" not in plan_text(plan(host_plan(changes=[hostile])))
+    assert "\x1b" not in "".join(lines_of(plan(host_plan(changes=[hostile])), verbose=True))
 
 
 def test_hosts_without_changes_are_one_line_together() -> None:
@@ -185,12 +199,52 @@ def test_hosts_without_changes_are_one_line_together() -> None:
     lines = lines_of(plan(changed, *quiet))
 
     assert [line for line in lines if line.startswith("Host ")] == ["Host onboard (simulated, 2 LP, 4 GiB)"]
-    assert "  No changes on 2 more hosts: spare, workshop." in lines
+    assert "No changes on 2 more hosts: spare, workshop." in lines
     assert lines_of(plan(*quiet)) == ["No changes. The hosts are as the manifest wants them."]
 
 
 def test_a_step_speaks_of_the_host_in_the_words_of_the_plan() -> None:
     with a_lab(a_system(components=[a_component("eyes")])) as lab:
-        shown = plan_text(lab.plan(), steps=True, width=120)
+        shown = "\n".join(lines_of(lab.plan(), verbose=True, width=120))
 
     assert "partition/eyes: when the host starts: start, when it stops: shut down; no checkpoints" in shown
+
+
+def a_class(task: str, priority: int, *components: str, inside: str = "") -> ThreadClass:
+    return ThreadClass(inside=inside, task=task, category="Medium", thread_priority=priority, components=components)
+
+
+CLASSES = (
+    a_class("MotionControl", 23, "arm"),
+    a_class("ObjectIdentification", 23, "camera", "lidar", inside="vision"),
+    a_class("Localization", 21, "map", inside="vision"),
+)
+
+
+def threads_of(part: HostPlan) -> list[str]:
+    lines = lines_of(plan(part), verbose=True)
+    start = next((at for at, line in enumerate(lines) if "Thread priorities" in line), len(lines))
+    return [line for line in lines[start : start + 4] if line.startswith("  ")]
+
+
+def test_thread_priorities_stand_by_operating_system_highest_first() -> None:
+    part = replace(host_plan(changes=[create(task())]), threads=CLASSES)
+
+    assert threads_of(part) == [
+        "  Thread priorities, once its Windows has started again:",
+        "    the host itself   23  MotionControl         Medium  arm",
+        "    partition/vision  23  ObjectIdentification  Medium  camera, lidar",
+        "    partition/vision  21  Localization          Medium  map",
+    ]
+
+
+def test_a_guest_whose_script_is_run_by_hand_has_one_too() -> None:
+    part = replace(host_plan(scripts={"onboard.guest.vision.ps1": "..."}, unused=["old"]), threads=CLASSES)
+
+    assert len(threads_of(part)) == 4
+
+
+def test_a_plan_that_changes_no_class_says_nothing_of_threads() -> None:
+    part = replace(host_plan(changes=[create(partition())]), threads=CLASSES)
+
+    assert threads_of(part) == []

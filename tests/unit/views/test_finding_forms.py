@@ -9,12 +9,19 @@ import pytest
 from hypothesis import given
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related, Severity
-from rarms_iac.views.diagnostics import OutputFormat, render
-from rarms_iac.views.diagnostics.as_json import as_json
-from rarms_iac.views.diagnostics.github import as_github
-from rarms_iac.views.diagnostics.junit import as_junit
-from rarms_iac.views.diagnostics.sarif import as_sarif, file_uri
-from tests.unit.views.diagnostics.test_text import diagnostics
+from rarms_iac.views.finding_forms import (
+    BadOutput,
+    OutputFormat,
+    OutputTarget,
+    as_github,
+    as_junit,
+    as_sarif,
+    file_uri,
+    findings_json,
+    parse_outputs,
+    render_findings,
+)
+from tests.unit.views.test_findings import diagnostics
 
 EXCEEDED = Finding(code="RARMS014", severity=Severity.ERROR, summary="Reservations exceed the platform")
 RESTART = Finding(code="RARMS041", severity=Severity.WARNING, summary="A change restarts a partition")
@@ -23,11 +30,11 @@ ERROR = EXCEEDED.at(
     PLACE, "It needs 120 %.", "Relax an APT.", address="host/onboard", related=(Related(place=PLACE, says="here"),)
 )
 WARNING = RESTART.at(None, "It stops.", "Wait.", address="partition/vision")
-SARIF_SCHEMA = Path(__file__).parents[5] / "shared" / "sarif" / "sarif-schema-2.1.0.json"
+SARIF_SCHEMA = Path(__file__).parents[4] / "shared" / "sarif" / "sarif-schema-2.1.0.json"
 
 
 def test_json_is_versioned_and_whole() -> None:
-    document = json.loads(as_json([ERROR, WARNING], accepted=[WARNING]))
+    document = json.loads(findings_json([ERROR, WARNING], accepted=[WARNING]))
 
     assert document["format_version"] == "rarms-output/1"
     assert document["counts"] == {"errors": 1, "warnings": 1, "notes": 0}
@@ -98,7 +105,7 @@ def test_sarif_obeys_the_published_schema() -> None:
     for text in (
         as_sarif([ERROR, WARNING], page=lambda _code: None, accepted=[WARNING]),
         as_sarif([], page=lambda _code: None),
-        render(OutputFormat.SARIF, [ERROR, WARNING], {}),
+        render_findings(OutputFormat.SARIF, [ERROR, WARNING], {}),
     ):
         assert list(validator.iter_errors(json.loads(text))) == []
 
@@ -145,7 +152,7 @@ def test_github_calls_a_note_a_notice_and_needs_no_place() -> None:
 
 @given(diagnostics)
 def test_hostile_text_breaks_no_form(diagnostic: Diagnostic) -> None:
-    assert json.loads(as_json([diagnostic]))["findings"][0]["code"] == diagnostic.code
+    assert json.loads(findings_json([diagnostic]))["findings"][0]["code"] == diagnostic.code
     assert (
         json.loads(as_sarif([diagnostic], page=lambda _code: None))["runs"][0]["results"][0]["ruleId"]
         == diagnostic.code
@@ -155,7 +162,7 @@ def test_hostile_text_breaks_no_form(diagnostic: Diagnostic) -> None:
     assert commands.count("\n") == 1
     assert re.match(r"::(error|warning|notice) ", commands)
     for text in (
-        as_json([diagnostic]),
+        findings_json([diagnostic]),
         as_sarif([diagnostic], page=lambda _code: None),
         as_junit([diagnostic]),
         commands,
@@ -165,5 +172,37 @@ def test_hostile_text_breaks_no_form(diagnostic: Diagnostic) -> None:
 
 @pytest.mark.parametrize("form", list(OutputFormat))
 def test_every_form_renders_nothing_and_something(form: OutputFormat) -> None:
-    assert "RARMS014" in render(form, [ERROR], {})
-    assert "RARMS014" not in render(form, [], {})
+    assert "RARMS014" in render_findings(form, [ERROR], {})
+    assert "RARMS014" not in render_findings(form, [], {})
+
+
+def test_without_a_wish_text_goes_to_standard_output() -> None:
+    assert parse_outputs([]) == (OutputTarget(format=OutputFormat.TEXT, path=None),)
+
+
+def test_several_outputs_come_from_one_run() -> None:
+    assert parse_outputs(["sarif=findings.sarif", "text", "junit=a=b.xml"]) == (
+        OutputTarget(format=OutputFormat.SARIF, path="findings.sarif"),
+        OutputTarget(format=OutputFormat.TEXT, path=None),
+        OutputTarget(format=OutputFormat.JUNIT, path="a=b.xml"),
+    )
+
+
+def test_a_dash_is_standard_output() -> None:
+    assert parse_outputs(["json=-"]) == (OutputTarget(format=OutputFormat.JSON, path=None),)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (["sraif"], 'Did you mean "sarif"'),
+        (["SARIF=x"], "text, json, sarif, junit, github"),
+        ([""], "is no form of output"),
+        (["sarif="], "names no file"),
+        (["text", "json"], "two outputs go to standard output"),
+        (["json=x", "sarif=x"], "two outputs go to x"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_with_what_can(values: list[str], message: str) -> None:
+    with pytest.raises(BadOutput, match=message):
+        parse_outputs(values)

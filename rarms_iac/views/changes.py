@@ -1,6 +1,10 @@
-"""What a change does to each attribute, in the words and units of the manifest."""
+"""Changes in words, for every view: their symbols and counts, and what each does to each attribute.
 
-from collections.abc import Mapping
+Everything here is text in the words and units of the manifest; nothing is laid out.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal, assert_never
@@ -12,6 +16,54 @@ from rarms_iac.model.system import Disruption
 
 FORCES_RESTART = "forces restart"
 FORCES_REPLACEMENT = "forces replacement"
+
+
+_COUNTED = {
+    "+": ("add",),
+    "~": ("change",),
+    "-/+": ("add", "remove"),
+    "-": ("remove",),
+    ">": ("adopt",),
+    "<": ("release",),
+}
+
+
+def symbol(change: Change) -> str:
+    """What stands before a change: create `+`, change `~`, replace `-/+`, remove `-`, take over `>`, let go `<`."""
+    match change:
+        case Create():
+            return "+"
+        case Update():
+            return "-/+" if change.disruption is Disruption.REMOVAL else "~"
+        case Delete():
+            return "-"
+        case Adopt():
+            return ">"
+        case Release():
+            return "<"
+        case _:
+            assert_never(change)
+
+
+def count(changes: Iterable[Change]) -> dict[str, int]:
+    """How many of each: add, change, remove, adopt, release. A replacement counts as removed and as added."""
+    numbers = Counter(name for change in changes for name in _COUNTED[symbol(change)])
+    return {name: numbers[name] for name in ("add", "change", "remove", "adopt", "release")}
+
+
+def describe_disruption(change: Change) -> str:
+    """What a change does to what runs, in words; nothing where it is live."""
+    match change.disruption:
+        case Disruption.LIVE:
+            return ""
+        case Disruption.PARTITION_STOP:
+            return "when its partition starts again" if change.address.task else "stops the partition"
+        case Disruption.HOST_RESTART:
+            return "when the host starts again"
+        case Disruption.REMOVAL:
+            return "made again" if isinstance(change, Update) else "removed, its disks stay"
+        case _:
+            assert_never(change.disruption)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,11 +1,12 @@
+from collections.abc import Sequence
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related, Severity
-from rarms_iac.views.diagnostics.colour import coloured, without_colour
-from rarms_iac.views.diagnostics.layout import columns, hanging, visible, wrap
-from rarms_iac.views.diagnostics.text import as_text, summary
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related, Severity, Sources
+from rarms_iac.views.console import columns, render, visible
+from rarms_iac.views.findings import findings_text, summary
 
 EXCEEDED = Finding(code="RARMS014", severity=Severity.ERROR, summary="Reservations exceed the platform")
 RESTART = Finding(code="RARMS041", severity=Severity.WARNING, summary="A change restarts a partition")
@@ -13,6 +14,10 @@ RESTART = Finding(code="RARMS041", severity=Severity.WARNING, summary="A change 
 
 def at(line: int, column: int, *, length: int = 1, path: str = "", file: str = "robot.yaml") -> Place:
     return Place(file=file, line=line, column=column, path=path, length=length)
+
+
+def as_text(diagnostics: Sequence[Diagnostic], sources: Sources) -> str:
+    return render(findings_text(diagnostics, sources))
 
 
 def shown(source: str, place: Place) -> list[str]:
@@ -39,7 +44,7 @@ error[RARMS014] Reservations exceed the platform
   FDP 70 %, SRP 30 % and PPP 20 % need 120 % of the two logical processors.
   Relax an APT, or let `rarms tune` combine the least critical CoIs.
 
-1 error, 0 warnings, 0 notes.
+1 error.
 """
     )
 
@@ -115,40 +120,13 @@ def test_only_a_warning_says_the_address_that_an_acceptance_names() -> None:
     assert "host/onboard" not in text
 
 
-def test_a_number_is_not_parted_from_its_unit() -> None:
-    assert list(wrap("it takes 120 % of it", 12, "")) == ["it takes", "120 % of it"]
-
-
-def test_an_item_s_further_lines_stand_below_its_first_word() -> None:
-    assert list(wrap("one of:\n- the first way\n  - a part of it", 14, "  ")) == [
-        "  one of:",
-        "  - the first",
-        "    way",
-        "    - a part",
-        "      of it",
-    ]
-
-
-def test_further_lines_hang_below_the_text() -> None:
-    assert list(hanging("  [1/2] ", "set this and that", 18)) == ["  [1/2] set this", "        and that"]
-    assert list(hanging("  ", "set this and that", 10, more=2)) == ["  set", "    this", "    and", "    that"]
-
-
-@given(st.text(st.characters(), max_size=300), st.integers(20, 100))
-def test_wrapping_loses_no_word_and_only_single_words_stick_out(text: str, width: int) -> None:
-    lines = list(wrap(text, width, "  "))
-
-    assert visible(text).split() == " ".join(lines).split()
-    assert all(columns(line) <= width or len(line.split()) <= 2 for line in lines)
-
-
 @pytest.mark.parametrize(
     ("diagnostics", "accepted", "expected"),
     [
         ([], 0, "No findings."),
         ([], 2, "No findings (2 accepted)."),
-        ([EXCEEDED], 0, "1 error, 0 warnings, 0 notes."),
-        ([EXCEEDED, RESTART, RESTART], 1, "1 error, 2 warnings, 0 notes (1 accepted)."),
+        ([EXCEEDED], 0, "1 error."),
+        ([EXCEEDED, RESTART, RESTART], 1, "1 error, 2 warnings (1 accepted)."),
     ],
 )
 def test_the_last_line_counts(diagnostics: list[Finding], accepted: int, expected: str) -> None:
@@ -177,13 +155,32 @@ diagnostics = st.builds(
 
 
 @given(st.lists(diagnostics, max_size=3), st.text(st.characters(), max_size=300))
-def test_colour_never_changes_the_text_and_every_text_can_be_written(some: list[Diagnostic], source: str) -> None:
+def test_every_text_can_be_written_and_colour_is_only_added(some: list[Diagnostic], source: str) -> None:
     text = as_text(some, {"robot.yaml": source})
+    coloured = render(findings_text(some, {"robot.yaml": source}), colour=True)
 
-    assert without_colour(coloured(text)) == text
     assert text.encode("utf-8")
     assert "\x1b" not in text
-    assert coloured(text) != text or not some
+    assert (coloured != text) == bool(some)
+
+
+def test_findings_of_one_kind_are_one_finding_with_a_list() -> None:
+    some = [EXCEEDED.at(at(line, 1, path="hosts"), f"Why {line}.", "Do it.") for line in (1, 2)]
+
+    assert as_text(some, {}).splitlines() == [
+        "error[RARMS014] Reservations exceed the platform (2)",
+        "  - robot.yaml:1:1, hosts: Why 1.",
+        "  - robot.yaml:2:1, hosts: Why 2.",
+        "  Do it.",
+        "",
+        "2 errors.",
+    ]
+
+
+def test_an_advice_that_differs_stands_with_its_item() -> None:
+    some = [EXCEEDED.at(None, "Why.", f"Do {number}.", address=f"host/h{number}") for number in (1, 2)]
+
+    assert as_text(some, {}).splitlines()[1:3] == ["  - at host/h1: Why. Do 1.", "  - at host/h2: Why. Do 2."]
 
 
 @given(diagnostics, st.text(st.characters(), max_size=300))

@@ -1,0 +1,304 @@
+"""Findings as programs read them: JSON, SARIF, JUnit, GitHub annotations; and which form goes where.
+
+`render` takes findings in order and returns the text of a form. `findings` has the form that a person reads, which
+alone imports rich.
+"""
+
+import json
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import PurePath
+from typing import Any, assert_never
+from urllib.parse import quote
+from xml.etree import ElementTree as ET
+
+from rarms_iac import __version__
+from rarms_iac.model.diagnostics import Diagnostic, Place, Severity, Sources
+from rarms_iac.model.wording import suggestion
+from rarms_iac.views.as_json import as_json
+from rarms_iac.views.console import visible
+from rarms_iac.views.output.told import FindingsOutput
+
+
+class OutputFormat(StrEnum):
+    """The forms that findings can take."""
+
+    TEXT = "text"
+    JSON = "json"
+    SARIF = "sarif"
+    JUNIT = "junit"
+    GITHUB = "github"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutputTarget:
+    """One form and the file it goes to; None is standard output."""
+
+    format: OutputFormat
+    path: str | None = None
+
+
+class BadOutput(ValueError):
+    """What `--output` says cannot be done; the message says what can."""
+
+
+def parse_outputs(values: Sequence[str]) -> tuple[OutputTarget, ...]:
+    """The outputs of a run, in order; text on standard output where none is named.
+
+    Raises:
+        BadOutput: an unknown form, an empty file name, or two outputs to one place.
+    """
+    outputs = tuple(map(_output, values)) or (OutputTarget(format=OutputFormat.TEXT),)
+    places = [output.path for output in outputs]
+    for place in places:
+        if places.count(place) > 1:
+            name = "standard output" if place is None else place
+            raise BadOutput(f"two outputs go to {name}: give each a file of its own, as in sarif=findings.sarif")
+    return outputs
+
+
+def _output(value: str) -> OutputTarget:
+    name, equals, path = value.partition("=")
+    formats = [form.value for form in OutputFormat]
+    if name not in formats:
+        raise BadOutput(f"{name!r} is no form of output.{suggestion(name, formats)} There are {', '.join(formats)}.")
+    if equals and not path:
+        raise BadOutput(f"{value!r} names no file: write {name}=FILE, or {name} alone for standard output")
+    return OutputTarget(format=OutputFormat(name), path=None if path in {"", "-"} else path)
+
+
+def render_findings(
+    form: OutputFormat, diagnostics: Sequence[Diagnostic], sources: Sources, *, accepted: Sequence[Diagnostic] = ()
+) -> str:
+    """Render the findings in that form, in the order given, without colour, as a file has them.
+
+    Args:
+        form: which form.
+        diagnostics: in order (`model.diagnostics.in_order`).
+        sources: the text of each file, or its lines, by the name that places use; only text shows it.
+        accepted: findings that the policy silences; each form tells them apart or counts them.
+    """
+    match form:
+        case OutputFormat.TEXT:
+            from rarms_iac.views.console import render
+            from rarms_iac.views.findings import findings_text
+
+            return render(findings_text(diagnostics, sources, accepted=accepted))
+        case OutputFormat.JSON:
+            return findings_json(diagnostics, accepted=accepted)
+        case OutputFormat.SARIF:
+            from rarms_iac.storage.finding_pages import finding_page
+
+            return as_sarif(diagnostics, page=finding_page, accepted=accepted)
+        case OutputFormat.JUNIT:
+            return as_junit(diagnostics, accepted=accepted)
+        case OutputFormat.GITHUB:
+            return as_github(diagnostics)
+        case _:
+            assert_never(form)
+
+
+def findings_json(
+    diagnostics: Sequence[Diagnostic], *, accepted: Sequence[Diagnostic] = (), certificate: str = ""
+) -> str:
+    """One versioned document; `certificate` is JSON text that shows that no layout exists, or empty."""
+    return as_json(
+        FindingsOutput(
+            findings=tuple(diagnostics),
+            accepted=tuple(accepted),
+            counts=count_severities(diagnostics),
+            certificate=certificate,
+        )
+    )
+
+
+def count_severities(diagnostics: Sequence[Diagnostic]) -> dict[str, int]:
+    """`{"errors": 1, "warnings": 0, "notes": 2}`."""
+    return {
+        f"{severity.value}s": sum(diagnostic.severity is severity for diagnostic in diagnostics)
+        for severity in Severity
+    }
+
+
+SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
+LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.NOTE: "note"}
+
+
+def as_sarif(
+    diagnostics: Sequence[Diagnostic],
+    *,
+    page: Callable[[str], str | None],
+    accepted: Sequence[Diagnostic] = (),
+) -> str:
+    """A log with one run; what the policy accepts is in it as suppressed results.
+
+    Args:
+        diagnostics: what is shown.
+        page: the Markdown page of a code, for the rule's help.
+        accepted: what the policy silences.
+    """
+    rules = {diagnostic.code: diagnostic for diagnostic in (*accepted, *diagnostics)}
+    codes = sorted(rules)
+    results = [_result(diagnostic, codes.index(diagnostic.code), suppressed=False) for diagnostic in diagnostics]
+    results += [_result(diagnostic, codes.index(diagnostic.code), suppressed=True) for diagnostic in accepted]
+    log = {
+        "$schema": SCHEMA,
+        "version": "2.1.0",
+        "runs": [
+            {
+                "tool": {
+                    "driver": {
+                        "name": "rarms",
+                        "semanticVersion": __version__,
+                        "rules": [_rule(rules[code], page(code)) for code in codes],
+                    }
+                },
+                "columnKind": "unicodeCodePoints",
+                "results": results,
+            }
+        ],
+    }
+    return json.dumps(log, indent=2) + "\n"
+
+
+def _rule(diagnostic: Diagnostic, page: str | None) -> dict[str, Any]:
+    """The rule of a finding; its help is the finding's own page."""
+    return {
+        "id": diagnostic.code,
+        "shortDescription": {"text": diagnostic.summary},
+        "fullDescription": {"text": diagnostic.summary},
+        "help": {"text": page or diagnostic.summary, "markdown": page or diagnostic.summary},
+        "defaultConfiguration": {"level": LEVELS[diagnostic.severity]},
+    }
+
+
+def _result(diagnostic: Diagnostic, rule: int, *, suppressed: bool) -> dict[str, Any]:
+    result: dict[str, Any] = {
+        "ruleId": diagnostic.code,
+        "ruleIndex": rule,
+        "level": LEVELS[diagnostic.severity],
+        "message": {"text": visible(f"{diagnostic.summary}. {diagnostic.detail} {diagnostic.advice}".strip())},
+    }
+    if diagnostic.place is not None:
+        result["locations"] = [_location(diagnostic.place)]
+    if diagnostic.related:
+        result["relatedLocations"] = [
+            {"id": number, **_location(other.place), "message": {"text": visible(other.says)}}
+            for number, other in enumerate(diagnostic.related, 1)
+        ]
+    if diagnostic.address:
+        result["properties"] = {"address": visible(diagnostic.address)}
+    if suppressed:
+        result["suppressions"] = [{"kind": "inSource", "status": "accepted", "justification": "policy.accept"}]
+    return result
+
+
+def _location(place: Place) -> dict[str, Any]:
+    location: dict[str, Any] = {
+        "physicalLocation": {
+            "artifactLocation": {"uri": file_uri(place.file)},
+            "region": {
+                "startLine": place.line,
+                "startColumn": place.column,
+                "endColumn": place.column + max(place.length, 1),  # SARIF counts one past the last
+            },
+        }
+    }
+    if place.path:
+        location["logicalLocations"] = [{"fullyQualifiedName": visible(place.path)}]
+    return location
+
+
+def file_uri(file: str) -> str:
+    """A relative reference with `/` and per-cent escapes for a relative path, a file: URI for an absolute one."""
+    path = PurePath(file)
+    return path.as_uri() if path.is_absolute() else quote(os.fsencode(path.as_posix()), safe="/")
+
+
+def as_junit(diagnostics: Sequence[Diagnostic], *, accepted: Sequence[Diagnostic] = ()) -> str:
+    """One suite; warnings and notes pass and speak in `system-out`, what the policy accepts is skipped.
+
+    Without any finding it has one case that passes: an empty report looks like a run that never was.
+    """
+    errors = sum(diagnostic.severity is Severity.ERROR for diagnostic in diagnostics)
+    total = len(diagnostics) + len(accepted)
+    counts = {"tests": str(total or 1), "failures": str(errors), "errors": "0", "skipped": str(len(accepted))}
+    root = ET.Element("testsuites", {"name": "rarms", **counts})
+    suite = ET.SubElement(root, "testsuite", {"name": "findings", **counts})
+    for diagnostic in diagnostics:
+        _add_result(_case(suite, diagnostic), diagnostic)
+    for diagnostic in accepted:
+        ET.SubElement(_case(suite, diagnostic), "skipped", message="accepted by policy.accept")
+    if not total:
+        ET.SubElement(suite, "testcase", classname="rarms", name="No findings")
+    ET.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
+
+
+def _case(suite: ET.Element, diagnostic: Diagnostic) -> ET.Element:
+    location = (
+        {} if diagnostic.place is None else {"file": _xml(diagnostic.place.file), "line": str(diagnostic.place.line)}
+    )
+    spot = diagnostic.address if diagnostic.place is None else str(diagnostic.place)
+    name = _xml(
+        f"{diagnostic.code} {diagnostic.summary} ({spot})" if spot else f"{diagnostic.code} {diagnostic.summary}"
+    )
+    classname = _xml(diagnostic.place.file if diagnostic.place else "rarms")
+    return ET.SubElement(suite, "testcase", {"classname": classname, "name": name, **location})
+
+
+def _add_result(case: ET.Element, diagnostic: Diagnostic) -> None:
+    location = f"{diagnostic.place}, {diagnostic.place.path}\n" if diagnostic.place else ""
+    text = _xml(f"{location}{diagnostic.detail}\n{diagnostic.advice}")
+    if diagnostic.severity is Severity.ERROR:
+        ET.SubElement(case, "failure", type=diagnostic.code, message=_xml(diagnostic.summary)).text = text
+    else:
+        ET.SubElement(case, "system-out").text = f"{diagnostic.severity.value}: {text}"
+
+
+def _xml(text: str) -> str:
+    """The text with what XML 1.0 has no way to write spelt out."""
+    return visible(text).replace("\ufffe", "<U+FFFE>").replace("\uffff", "<U+FFFF>")
+
+
+COMMANDS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.NOTE: "notice"}
+
+
+def as_github(diagnostics: Sequence[Diagnostic]) -> str:
+    """One command a line; nothing where there is nothing to tell."""
+    return "".join(
+        f"::{COMMANDS[diagnostic.severity]} {_properties(diagnostic)}::{_message(diagnostic)}\n"
+        for diagnostic in diagnostics
+    )
+
+
+def _properties(diagnostic: Diagnostic) -> str:
+    properties: dict[str, str | int] = {}
+    if diagnostic.place is not None:
+        properties = {
+            "file": PurePath(diagnostic.place.file).as_posix(),
+            "line": diagnostic.place.line,
+            "endLine": diagnostic.place.line,
+            "col": diagnostic.place.column,
+            "endColumn": diagnostic.place.column
+            + max(diagnostic.place.length, 1)
+            - 1,  # the last column itself: it defaults to col
+        }
+    properties["title"] = f"{diagnostic.code} {diagnostic.summary}"
+    return ",".join(f"{name}={_property(str(value))}" for name, value in properties.items())
+
+
+def _message(diagnostic: Diagnostic) -> str:
+    return _data("\n".join(part for part in (diagnostic.detail, diagnostic.advice) if part))
+
+
+def _data(text: str) -> str:
+    """The text as a command's message: per cent and line ends escaped, so that no text can begin a command."""
+    return visible(text, keep="\r\n").replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+
+
+def _property(text: str) -> str:
+    """The text as a property's value: colon and comma would end it."""
+    return _data(text).replace(":", "%3A").replace(",", "%2C")

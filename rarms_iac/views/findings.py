@@ -1,0 +1,173 @@
+"""Findings as a person reads them (STYLE: Problems): complete without colour.
+
+Findings of one kind are one finding with a list. `finding_forms` has the forms that programs read.
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rarms_iac.model.diagnostics import Diagnostic, Place, Severity, Sources
+from rarms_iac.views.console import (
+    DIM,
+    ERROR,
+    NOTE,
+    STRONG,
+    WARNING,
+    columns,
+    counted,
+    paragraph,
+    stack,
+    styled,
+    visible,
+)
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+LINE_END = re.compile(r"\r\n|[\n\r]")
+"""What ends a line for editors and for the YAML reader, which refuses the other line ends of Unicode."""
+
+STYLES = {Severity.ERROR: ERROR, Severity.WARNING: WARNING, Severity.NOTE: NOTE}
+INDENT = 2
+EXCERPT_WIDTH = 80
+"""Columns of a line of a file that is shown, however wide the terminal is."""
+REACH = 400
+"""Characters looked at on either side of the spot: a file of one line of megabytes is no reason to be slow."""
+ELLIPSIS = "..."
+TAB_STOP = 8
+
+
+def findings_text(
+    diagnostics: Sequence[Diagnostic], sources: Sources, *, accepted: Sequence[Diagnostic] = ()
+) -> "RenderableType":
+    """Show every finding, and a last line that counts them.
+
+    Args:
+        diagnostics: what is shown, in this order; those of one kind stand together, at the first of them.
+        sources: the text of each file, or its lines, by the name that places use; it may lack some.
+        accepted: findings that the policy silences; they are counted.
+    """
+    lines = {file: source_lines(sources[file]) for file in _files(diagnostics) if file in sources}
+    kinds: dict[tuple[str, str], list[Diagnostic]] = {}
+    for diagnostic in diagnostics:
+        kinds.setdefault((diagnostic.code, diagnostic.summary), []).append(diagnostic)
+    parts: list[RenderableType] = []
+    for alike in kinds.values():
+        parts += [*(_single(alike[0], lines) if len(alike) == 1 else _together(alike)), ""]
+    return stack(*parts, summary(diagnostics, accepted))
+
+
+def summary(diagnostics: Sequence[Diagnostic], accepted: Sequence[Diagnostic] = ()) -> str:
+    """`1 error, 2 warnings.`, or `No findings.`; what the policy accepts is counted apart."""
+    numbers = {severity: sum(diagnostic.severity is severity for diagnostic in diagnostics) for severity in Severity}
+    counts = ", ".join(counted(number, severity.value) for severity, number in numbers.items() if number)
+    return f"{counts or 'No findings'} ({len(accepted)} accepted)." if accepted else f"{counts or 'No findings'}."
+
+
+def source_lines(text: str | Sequence[str]) -> Sequence[str]:
+    """The lines of a file without their ends and without a byte-order mark; lines are given back as they are."""
+    return LINE_END.split(text.removeprefix("\ufeff")) if isinstance(text, str) else text
+
+
+def _files(diagnostics: Sequence[Diagnostic]) -> set[str]:
+    places = [diagnostic.place for diagnostic in diagnostics]
+    places += [other.place for diagnostic in diagnostics for other in diagnostic.related]
+    return {place.file for place in places if place is not None}
+
+
+def _head(diagnostic: Diagnostic, number: int = 1) -> "RenderableType":
+    start = styled((f"{diagnostic.severity.value}[{diagnostic.code}] ", STYLES[diagnostic.severity]))
+    return paragraph(
+        styled((visible(diagnostic.summary, keep="") + (f" ({number})" if number > 1 else ""), STRONG)), start=start
+    )
+
+
+def _single(diagnostic: Diagnostic, sources: Mapping[str, Sequence[str]]) -> "Iterator[RenderableType]":
+    yield _head(diagnostic)
+    location = ", ".join(_location(diagnostic))
+    if location:
+        yield paragraph(location, indent=INDENT)
+    if diagnostic.place is not None:
+        yield from _excerpt(diagnostic.place, sources)
+    yield from (paragraph(text, indent=INDENT) for text in (diagnostic.detail, diagnostic.advice) if text)
+    for related in diagnostic.related:
+        yield paragraph(visible(f"{related.place}, {related.says}", keep=""), indent=INDENT)
+        yield from _excerpt(related.place, sources)
+
+
+def _together(diagnostics: Sequence[Diagnostic]) -> "Iterator[RenderableType]":
+    """The head once, an item for each, and the advice once where it is the same for all."""
+    yield _head(diagnostics[0], len(diagnostics))
+    advices = {diagnostic.advice for diagnostic in diagnostics}
+    for diagnostic in diagnostics:
+        parts = [*_location(diagnostic), *(f"{other.place}, {other.says}" for other in diagnostic.related)]
+        says = " ".join(text for text in (diagnostic.detail, diagnostic.advice if len(advices) > 1 else "") if text)
+        item = ": ".join(part for part in (visible(", ".join(parts), keep=""), says.replace("\n", "\n  ")) if part)
+        yield paragraph(f"- {item}", indent=INDENT)
+    if len(advices) == 1:
+        yield from (paragraph(advice, indent=INDENT) for advice in advices if advice)
+
+
+def _location(diagnostic: Diagnostic) -> Iterator[str]:
+    """The place, and for a warning its address, which is what `policy.accept` would name."""
+    if diagnostic.place is not None:
+        yield visible(str(diagnostic.place), keep="")
+        if diagnostic.place.path:
+            yield visible(diagnostic.place.path, keep="")
+    if diagnostic.address and (diagnostic.severity is Severity.WARNING or diagnostic.place is None):
+        yield f"at {visible(diagnostic.address, keep='')}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Excerpt:
+    """A source line and what is to be underlined in it, both ready for a terminal."""
+
+    line: str
+    before: int  # columns before the first caret
+    carets: int  # columns to underline, at least 1
+
+
+def _excerpt(place: Place, sources: Mapping[str, Sequence[str]]) -> "Iterator[RenderableType]":
+    """The line that the place points at, with carets under the spot; nothing where the text lacks it."""
+    lines = sources.get(place.file, ())
+    line = lines[place.line - 1] if 0 < place.line <= len(lines) else ""
+    if not line.strip():
+        return
+    gutter = f"{' ' * INDENT}{place.line} | "
+    shown = _cut_line(line, place, EXCERPT_WIDTH - len(gutter))
+    yield styled((gutter, DIM), shown.line)
+    yield styled((f"{'| ':>{len(gutter)}}", DIM), " " * shown.before, ("^" * shown.carets, ERROR))
+
+
+def _cut_line(line: str, place: Place, width: int) -> _Excerpt:
+    """The place in its line, cut to at most `width` columns around the spot where the line is longer."""
+    first = min(max(place.column, 1) - 1, len(line))
+    last = min(first + max(place.length, 1), len(line))
+    before = _without_tabs(line[max(first - REACH, 0) : first])
+    under = _without_tabs(line[first : min(last, first + REACH)], columns(before))
+    after = _without_tabs(line[last : last + REACH], columns(before) + columns(under))
+    if columns(before) + columns(under) + columns(after) > width:
+        under = _fitting(under, width // 2)
+        room = width - columns(under) - 2 * len(ELLIPSIS)
+        if columns(before) > room + len(ELLIPSIS):
+            before = ELLIPSIS + _fitting(before[::-1], room * 2 // 3)[::-1]
+        rest = width - columns(before) - columns(under)
+        after = after if columns(after) <= rest else _fitting(after, rest - len(ELLIPSIS)) + ELLIPSIS
+    return _Excerpt(line=(before + under + after).rstrip(), before=columns(before), carets=max(columns(under), 1))
+
+
+def _without_tabs(text: str, start: int = 0) -> str:
+    """The visible text, tabs as spaces up to the next stop; its first character stands in column `start`."""
+    shown = ""
+    for character in visible(text, keep="\t"):
+        shown += " " * (TAB_STOP - (start + columns(shown)) % TAB_STOP) if character == "\t" else character
+    return shown
+
+
+def _fitting(text: str, width: int) -> str:
+    taken = text[:width]
+    while columns(taken) > width:
+        taken = taken[:-1]
+    return taken
