@@ -10,8 +10,8 @@ from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.state import State, TaskClass
 from rarms_iac.model.system import ProviderKind, SchedulerType
 from rarms_iac.powershell.guests import GuestTask
+from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
-from rarms_iac.powershell.inspection.lists import ScriptKind
 from rarms_iac.powershell.literals import NoLiteral
 from rarms_iac.powershell.render import insides, render_guest, render_scripts, script_name
 

@@ -13,8 +13,8 @@ from rarms_iac.apply.scripts import scripts_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.wording import suggestion
+from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
-from rarms_iac.powershell.inspection.lists import ScriptKind
 from rarms_iac.powershell.outline import Outline, outline
 from rarms_iac.powershell.render import script_name
 from rarms_iac.storage.plan_file import MAX_BYTES, PlanFileError, read_plan

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 from rarms_iac.powershell.inspection.layout import without_fixed
 from rarms_iac.powershell.inspection.script import Call, calls_of
 from rarms_iac.powershell.inspection.steps import entries, inner, only_call, statements_of
-from rarms_iac.powershell.literals import Scalar
-from rarms_iac.powershell.reading import read_literal
+from rarms_iac.powershell.literals import Scalar, read_literal
 from rarms_iac.powershell.tokens import TokenKind, tokens
 from rarms_iac.powershell.tree import literal_of, sound, text_of, walk
 

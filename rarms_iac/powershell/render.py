@@ -14,11 +14,9 @@ from rarms_iac.model.operations import RemovePartition
 from rarms_iac.model.plan import Claim, HostPlan, Plan, Readings, Scope, Step, UndoLevel
 from rarms_iac.model.quantities import in_processors
 from rarms_iac.powershell.calls import Part, fits, parts_of
-from rarms_iac.powershell.environment import as_script, fill, read
-from rarms_iac.powershell.fixed import part_text, parts_for, runtime
 from rarms_iac.powershell.guests import GuestTask, back, forward
 from rarms_iac.powershell.literals import Literal, literal, literals
-from rarms_iac.powershell.remarks import remark
+from rarms_iac.powershell.templates import as_script, fill, part_text, parts_for, read, remark, runtime
 
 _HOST_REQUIRES = ("-Modules Hyper-V", "-RunAsAdministrator")
 _GUEST_REQUIRES = ("-RunAsAdministrator",)

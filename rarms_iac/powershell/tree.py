@@ -4,12 +4,12 @@ The grammar is blind to four of the five single-quote characters. So a tree coun
 with it on where each string and comment begins and ends (`disagreement`).
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING
 
-from rarms_iac.powershell.reading import NotALiteral, read_literal
+from rarms_iac.powershell.literals import NotALiteral, read_literal
 from rarms_iac.powershell.tokens import NotTokens, TokenKind, tokens
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ _FORMS = frozenset({"string_literal", "integer_literal", "parenthesized_expressi
 _TEXTS = frozenset({"verbatim_string_characters", "verbatim_here_string_characters", "expandable_string_literal"})
 _TEXTS |= {"expandable_here_string_literal", "comment"}
 _LACKS = "something is missing here that PowerShell's grammar wants"
-_SPACE = frozenset({"command_argument_sep", " "})
+_IGNORED = frozenset({"command_argument_sep", " ", "comment"})
 
 
 class NotParsed(ValueError):
@@ -35,12 +35,13 @@ class NotParsed(ValueError):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Leaf:
-    """A place in a tree: how deep, what it is, and its text where that is not a literal."""
+class ShapeNode:
+    """A node of a tree: how deep, what it is, and its text where it is a leaf and no literal."""
 
     depth: int
     label: str
     text: str
+    line: int = field(compare=False)
 
 
 @cache
@@ -118,27 +119,30 @@ def _is_element(node: "Node") -> bool:
     return node.type != "array_expression" and literal_of(node) is not None
 
 
-def shape(script: str) -> tuple[Leaf, ...]:
-    """The tree in the order of the text, in which every literal is one leaf without its text.
+def shape_of(roots: Iterable["Node"]) -> tuple[ShapeNode, ...]:
+    """The trees below these nodes in the order of the text; every literal is one leaf without its text.
 
-    Raises:
-        NotParsed: the script has errors, or tokens and tree disagree.
+    Comments are left out: they do nothing.
     """
-    root = sound(script)
-    found: list[Leaf] = []
-    waiting = [(0, root)]
+    shape: list[ShapeNode] = []
+    waiting = [(0, root) for root in roots][::-1]
     while waiting:
         depth, node = waiting.pop()
-        if node.type in _SPACE:
+        if node.type in _IGNORED:
             continue
-        literal = literal_of(node) is not None
-        ends = literal or node.child_count == 0
-        label = LITERAL if literal else node.type
-        text = "" if literal or not ends or node.type == "comment" else text_of(node)
-        found.append(Leaf(depth=depth, label=label, text=text))
-        if not ends:
+        is_literal = literal_of(node) is not None
+        is_leaf = is_literal or node.child_count == 0
+        shape.append(
+            ShapeNode(
+                depth=depth,
+                label=LITERAL if is_literal else node.type,
+                text=text_of(node) if is_leaf and not is_literal else "",
+                line=line_of(node),
+            )
+        )
+        if not is_leaf:
             waiting.extend((depth + 1, child) for child in reversed(node.children))
-    return tuple(found)
+    return tuple(shape)
 
 
 def sound(script: str) -> "Node":
@@ -192,15 +196,3 @@ class Characters:
 
 def _line_at(script: str, offset: int) -> int:
     return script.count("\n", 0, offset) + 1
-
-
-def same_structure(template_text: str, script_text: str) -> bool:
-    """Whether the script's tree is the template's tree, literals being leaves.
-
-    The template's text is what it renders to with harmless literals. A script that does not parse has none of its
-    structure.
-    """
-    try:
-        return shape(template_text) == shape(script_text)
-    except NotParsed:
-        return False

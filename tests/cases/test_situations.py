@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
-from rarms_iac.powershell.inspection.lists import ScriptKind
 from tests.cases.situations import command_of, folders, made, outputs, stand_in
 from tests.twin.cell import apply, undo
 from tests.twin.observing import document_of

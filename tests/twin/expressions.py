@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from typing import TYPE_CHECKING
 
-from rarms_iac.powershell.reading import read_literal
+from rarms_iac.powershell.literals import read_literal
 from rarms_iac.powershell.tree import text_of
 from tests.twin import dotnet, members, operators
 from tests.twin.scopes import Block, Function, Parameter, Return, Scope

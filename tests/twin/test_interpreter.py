@@ -2,7 +2,7 @@
 
 import pytest
 
-from rarms_iac.powershell.fixed import PARTS, part_text, runtime
+from rarms_iac.powershell.templates import PARTS, part_text, runtime
 from tests.twin.host import WindowsHost
 from tests.twin.run import put, run
 from tests.twin.values import Unsupported

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
-from rarms_iac.powershell.inspection.lists import ScriptKind
 from rarms_iac.storage.append import records_in
 from tests.effort import examples
 from tests.twin.cell import apply, apply_script, scripts_of, undo, undo_script

@@ -55,8 +55,8 @@ def command(
 
 def _script(session: Session, out: str | None) -> ExitCode:
     """The script, inspected as any other that is shown."""
+    from rarms_iac.powershell.inspection.allowed import ScriptKind
     from rarms_iac.powershell.inspection.inspect import inspect
-    from rarms_iac.powershell.inspection.lists import ScriptKind
     from rarms_iac.powershell.render import render_observe
 
     data = render_observe()

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.powershell import cmdlets
 from rarms_iac.powershell.cmdlets import Cmdlet, problems_of_call
-from rarms_iac.powershell.inspection.lists import CHANGING, ScriptKind
+from rarms_iac.powershell.inspection.allowed import CHANGING, ScriptKind
 from rarms_iac.powershell.inspection.script import Call, Function, Script, calls_of
-from rarms_iac.powershell.reading import NotALiteral, read_literal
+from rarms_iac.powershell.literals import NotALiteral, read_literal
 from rarms_iac.powershell.tokens import NotTokens
 from rarms_iac.powershell.tree import text_of
 

@@ -4,16 +4,14 @@ from collections.abc import Iterator
 from functools import cache
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity, in_order
-from rarms_iac.powershell.environment import read
-from rarms_iac.powershell.fixed import part_text, runtime
+from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.commands import check_commands
-from rarms_iac.powershell.inspection.constructs import check_constructs
+from rarms_iac.powershell.inspection.language import check_constructs, check_names
 from rarms_iac.powershell.inspection.layout import check_end, check_layout, check_whole, split, without_fixed
-from rarms_iac.powershell.inspection.lists import ScriptKind
-from rarms_iac.powershell.inspection.names import check_names
 from rarms_iac.powershell.inspection.script import Function, Script, functions_of
 from rarms_iac.powershell.inspection.steps import check_steps
 from rarms_iac.powershell.inspection.style import check_style
+from rarms_iac.powershell.templates import part_text, read, runtime
 from rarms_iac.powershell.tree import NotParsed, sound, walk
 
 BYTES = Finding(code="RARMS200", severity=Severity.ERROR, summary="A script is not pure ASCII with CRLF")

@@ -5,8 +5,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
-from rarms_iac.powershell.environment import read
-from rarms_iac.powershell.fixed import (
+from rarms_iac.powershell.templates import (
     PARTS,
     RUNTIME_BEGIN,
     RUNTIME_END,
@@ -14,6 +13,7 @@ from rarms_iac.powershell.fixed import (
     part_end,
     part_text,
     parts_for,
+    read,
     runtime,
 )
 from rarms_iac.powershell.tokens import NotTokens, Token, TokenKind, tokens

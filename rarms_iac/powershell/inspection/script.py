@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place
-from rarms_iac.powershell.inspection.lists import Lists, ScriptKind, lists_of
+from rarms_iac.powershell.inspection.allowed import Lists, ScriptKind, lists_of
 from rarms_iac.powershell.tree import text_of, walk
 
 if TYPE_CHECKING:

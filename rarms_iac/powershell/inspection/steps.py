@@ -1,15 +1,19 @@
-"""The steps of a script: calls of three functions with tables of literals, in which blocks hold cmdlet calls only.
+"""The steps of a script: its tree must be the template's tree with literals as leaves (DESIGN section 6).
 
-So that what a script does can be read out of its tree, and nothing else is in it.
+The calls and the names of table entries are taken out of the script, and must be on the lists here. The template is
+filled again with exactly those and a harmless literal for every value. Where the tree of that differs from the tree of
+the script, something else is in it. So what a script does can be read out of its tree.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import zip_longest
 from typing import TYPE_CHECKING
 
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
-from rarms_iac.powershell.inspection.lists import words
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
+from rarms_iac.powershell.inspection.allowed import words
 from rarms_iac.powershell.inspection.script import Call, Script, call_of
-from rarms_iac.powershell.tree import literal_of, text_of, walk
+from rarms_iac.powershell.templates import fill
+from rarms_iac.powershell.tree import ShapeNode, literal_of, parse, shape_of, text_of
 
 if TYPE_CHECKING:
     from tree_sitter import Node
@@ -19,32 +23,50 @@ STEP = Finding(
 )
 _ADVICE = "a step is a table of literals; its blocks hold calls of cmdlets and of the runtime's functions"
 
-RUN_KEYS = words("""
+_RUN_KEYS = words("""
     Run Plan Application Serial Total Undo UndoDigest Guest Computer LogicalProcessors Percent Memory AcceptScheduler
     Guard
     """)
-STEP_KEYS = words("Number Address Action Needs Read Before After Set")
-_STEP_OPTIONAL = frozenset({"Undoes", "Lost", "Fits"})
-_TABLES = frozenset({"Before", "After"})
-_BLOCKS = frozenset({"Read", "Set", "Fits"})
-_READERS = frozenset({"Read-Partition", "Read-TaskClass", "Read-GuestTaskClass", "Read-Disk"})
+_STEP_KEYS = words("Number Address Action Needs Read Before After Set")
+_EXTRA_KEYS = ("Undoes", "Lost", "Fits")
+_READERS = words("Read-Partition Read-TaskClass Read-GuestTaskClass Read-Disk")
 _WRITERS = words("""
     Write-Mark Clear-Mark Invoke-PartitionStop Write-TaskValue Clear-TaskValue Clear-TaskClass Write-TaskRecord
     Clear-TaskRecord Save-TaskRecord Restore-TaskClass
     Clear-DiskFile
     """)
-_VALUES = frozenset({"Get-Machine", "Get-DiskPath"})
+_VALUES = words("Get-Machine Get-DiskPath")
+_HARMLESS = "'x'"
+
+
+class _OtherForm(Exception):
+    """The script has no template's form here."""
+
+    def __init__(self, node: "Node", detail: str) -> None:
+        super().__init__(detail)
+        self.node = node
+        self.detail = detail
 
 
 def check_steps(script: Script, first_line: int) -> Iterator[Diagnostic]:
-    """What follows the runtime, from this line (counted from 1) on."""
-    after = [node for node in _top(script.root) if node.is_named and node.start_point.row + 1 >= first_line]
-    if len(after) != 2 or [node.type for node in after] != ["try_statement", "flow_control_statement"]:
-        at = after[0] if after else script.root
-        yield script.problem(STEP, at, "beside the one try block and exit 0 there is something else", _ADVICE)
+    """What follows the fixed parts, from this line (counted from 1) on."""
+    roots = [node for node in _top(script.root) if node.start_point.row + 1 >= first_line]
+    try:
+        template = _filled_template(script.root, roots)
+    except _OtherForm as other:
+        yield script.problem(STEP, other.node, other.detail, _ADVICE)
         return
-    block = next(node for node in after[0].children if node.type == "statement_block")
-    yield from _check_run(script, list(statements_of(block)))
+    for actual, expected in zip_longest(shape_of(roots), template):
+        if actual != expected:
+            yield _difference(script, actual, expected)
+            return
+
+
+def _difference(script: Script, actual: ShapeNode | None, expected: ShapeNode | None) -> Diagnostic:
+    line = actual.line if actual else script.text.count("\n")
+    found, wanted = (node.text or node.label.replace("_", " ") if node else "nothing" for node in (actual, expected))
+    detail = f"its tree has {found[:40]} where the template's tree has {wanted[:40]}"
+    return STEP.at(Place(file=script.name, line=line, column=1), detail, _ADVICE)
 
 
 def _top(root: "Node") -> Iterator["Node"]:
@@ -56,6 +78,137 @@ def _top(root: "Node") -> Iterator["Node"]:
             yield node
 
 
+def _filled_template(root: "Node", roots: Sequence["Node"]) -> tuple[ShapeNode, ...]:
+    """The tree of the template, filled with the script's own calls and a harmless literal for each value.
+
+    Raises:
+        _OtherForm: the script has no form that the template can have, or calls something else.
+    """
+    block = next((child for node in roots[:1] for child in node.children if child.type == "statement_block"), None)
+    if block is None:
+        raise _OtherForm(roots[0] if roots else root, "beside the one try block and exit 0 there is something else")
+    statements = list(statements_of(block))
+    calls = [only_call(statement) for statement in statements]
+    names = [call.name if call else "" for call in calls]
+    if names != ["Open-Run", *["Add-Step"] * (len(names) - 2), "Complete-Run"]:
+        raise _OtherForm(
+            statements[0] if statements else block, "Open-Run, steps and Complete-Run are not all there is"
+        )
+    opening, *steps = (_table(call) for call in calls[:-1] if call is not None)
+    text = fill(
+        "script.ps1.j2",
+        {
+            "requirements": (),
+            "title": "",
+            "header": (),
+            "fixed": (),
+            "run": _template_run(statements[0], opening),
+            "steps": [_template_step(node, step) for node, step in zip(statements[1:-1], steps, strict=True)],
+        },
+    )
+    return shape_of(_top(parse(text.decode("ascii"))))
+
+
+def _table(call: Call) -> Mapping[str, "Node"]:
+    table = entries(call.given[0].value) if len(call.given) == 1 and call.given[0].value else None
+    if table is None:
+        raise _OtherForm(call.node, f"{call.name} does not get one table")
+    return table
+
+
+def _template_run(node: "Node", table: Mapping[str, "Node"]) -> dict[str, str]:
+    """The run's facts, and the guard that belongs to a host's script or to a guest's."""
+    if table.keys() != _RUN_KEYS:
+        raise _OtherForm(node, f"the table lacks or adds {', '.join(sorted(_RUN_KEYS ^ table.keys()))}")
+    guest = text_of(inner(table["Guest"])) == "$true"
+    facts = ("kind", "plan", "application", "serial", "total", "undo", "undo_digest", "guest", "computer")
+    more = ("logical_processors", "percent", "memory", "accept_scheduler")
+    return {**dict.fromkeys((*facts, *more), _HARMLESS), "guard": "Assert-Guest" if guest else "Assert-VmHost"}
+
+
+def _template_step(node: "Node", table: Mapping[str, "Node"]) -> dict[str, object]:
+    if not table.keys() >= _STEP_KEYS or not table.keys() <= {*_STEP_KEYS, *_EXTRA_KEYS}:
+        raise _OtherForm(node, "the step lacks a part, or has one too many")
+    extra = [(name, _HARMLESS) for name in _EXTRA_KEYS[:2] if name in table]
+    if "Fits" in table:
+        extra.append(("Fits", f"{{ {_template_call(table['Fits'], words('Test-Capacity'))} }}"))
+    return {
+        "remarks": (),
+        "number": _HARMLESS,
+        "address": _HARMLESS,
+        "action": _HARMLESS,
+        "needs": _HARMLESS,
+        "extra": extra,
+        "read": _template_call(table["Read"], _READERS),
+        "before": _template_readings(table["Before"]),
+        "after": _template_readings(table["After"]),
+        "calls": _template_set(table["Set"]),
+    }
+
+
+def _template_readings(node: "Node") -> str:
+    table = entries(node)
+    if table is None:
+        raise _OtherForm(node, "the readings before or after a step are no table")
+    return "; ".join(f"{_HARMLESS} = {_HARMLESS}" for _ in table)
+
+
+def _template_call(node: "Node", allowed: frozenset[str]) -> str:
+    """The one call of a block."""
+    statements = list(statements_of(inner(node)))
+    call = only_call(statements[0]) if len(statements) == 1 else None
+    if call is None:
+        raise _OtherForm(node, f"here stands one call of {', '.join(sorted(allowed))}, and nothing else")
+    return _call_text(call, allowed)
+
+
+def _template_set(node: "Node") -> list[str]:
+    """The calls of a `Set` block: cmdlets of Hyper-V, writers of the runtime, and `$vm = Get-Machine ...`."""
+    calls = []
+    for statement in statements_of(inner(node)):
+        call = only_call(statement)
+        if call is not None:
+            calls.append(_call_text(call, _WRITERS | ({call.name} if call.name.startswith("Hyper-V\\") else set())))
+        else:
+            calls.append(f"$vm = {_call_text(_assigned_call(statement), words('Get-Machine'))}")
+    if not calls:
+        raise _OtherForm(node, "Set does nothing, or is no block")
+    return calls
+
+
+def _assigned_call(statement: "Node") -> Call:
+    node = inner(statement)
+    if node.type == "assignment_expression" and (call := only_call(node.children[-1])):
+        return call
+    raise _OtherForm(statement, "Set holds more than calls and $vm")
+
+
+def _call_text(call: Call, allowed: frozenset[str]) -> str:
+    """The call with the same parameters, and a harmless literal for each of its literals."""
+    if call.name not in allowed or call.operator or call.loose:
+        raise _OtherForm(call.node, f"a step must not do this: {call.name or text_of(call.node)[:40]}")
+    words_of_call = [call.name]
+    for given in call.given:
+        words_of_call.append(f"-{given.name}")
+        if given.value is not None:
+            words_of_call.append(_value_text(given.value))
+    return " ".join(words_of_call)
+
+
+def _value_text(node: "Node") -> str:
+    """A literal, `$vm`, or what the runtime's own functions make of literals."""
+    value = inner(node)
+    if literal_of(value) is not None:
+        return _HARMLESS
+    if text_of(value) == "$vm":
+        return "$vm"
+    statements = [child for child in value.children if child.is_named]
+    call = only_call(statements[0]) if value.type == "parenthesized_expression" and len(statements) == 1 else None
+    if call is None:
+        raise _OtherForm(node, f"{text_of(node)[:40]} is no literal")
+    return f"({_call_text(call, _VALUES)})"
+
+
 def statements_of(block: "Node") -> Iterator["Node"]:
     """The statements of a block, without remarks."""
     for child in block.children:
@@ -65,45 +218,12 @@ def statements_of(block: "Node") -> Iterator["Node"]:
             yield child
 
 
-def _check_run(script: Script, statements: list["Node"]) -> Iterator[Diagnostic]:
-    calls = [only_call(statement) for statement in statements]
-    names = [one.name if one else "" for one in calls]
-    if names != ["Open-Run", *["Add-Step"] * (len(names) - 2), "Complete-Run"]:
-        yield script.problem(STEP, statements[0], "Open-Run, steps and Complete-Run are not all there is", _ADVICE)
-        return
-    for call in calls[:-1]:
-        assert call is not None, "the names are those of calls"
-        table = _table(call)
-        if table is None:
-            yield script.problem(STEP, call.node, f"{call.name} does not get one table", _ADVICE)
-        elif call.name == "Open-Run":
-            yield from _check_opening(script, call.node, table)
-        else:
-            yield from _check_step(script, call.node, table)
-
-
-def _check_opening(script: Script, node: "Node", table: Mapping[str, "Node"]) -> Iterator[Diagnostic]:
-    """The run's facts as literals, and the guard that belongs to a host's script or to a guest's."""
-    facts = {name: value for name, value in table.items() if name != "Guard"}
-    yield from _check_literals(script, node, facts, RUN_KEYS - {"Guard"}, RUN_KEYS)
-    guest = "Guest" in table and text_of(inner(table["Guest"])) == "$true"
-    guard = "Assert-Guest" if guest else "Assert-VmHost"
-    if "Guard" not in table or not _is_one_call(table["Guard"], frozenset({guard})):
-        yield script.problem(STEP, node, f"its guard is not {guard}", _ADVICE)
-
-
 def only_call(statement: "Node") -> Call | None:
     """The call that a statement is, where it is nothing but one call."""
     node = statement
     while node.type in {"pipeline", "pipeline_chain"} and node.child_count == 1:
         node = node.children[0]
     return call_of(node) if node.type == "command" else None
-
-
-def _table(call: Call) -> Mapping[str, "Node"] | None:
-    if [given.name for given in call.given] != ["Definition"] or call.loose or call.given[0].value is None:
-        return None
-    return entries(call.given[0].value)
 
 
 def entries(node: "Node") -> Mapping[str, "Node"] | None:
@@ -127,90 +247,3 @@ def inner(node: "Node") -> "Node":
     while literal_of(node) is None and node.child_count == 1:
         node = node.children[0]
     return node
-
-
-def _check_literals(
-    script: Script, node: "Node", table: Mapping[str, "Node"], needed: frozenset[str], allowed: frozenset[str]
-) -> Iterator[Diagnostic]:
-    if not needed <= table.keys() <= allowed:
-        odd = ", ".join(sorted(needed ^ table.keys())) or "names"
-        yield script.problem(STEP, node, f"the table lacks or adds {odd}", _ADVICE)
-    for name, value in table.items():
-        if literal_of(inner(value)) is None:
-            yield script.problem(STEP, value, f"{name} is no literal", _ADVICE)
-
-
-def _check_step(script: Script, node: "Node", table: Mapping[str, "Node"]) -> Iterator[Diagnostic]:
-    plain = {name: value for name, value in table.items() if name not in _TABLES | _BLOCKS}
-    names = STEP_KEYS - _TABLES - _BLOCKS
-    yield from _check_literals(script, node, plain, names, names | {"Undoes", "Lost"})
-    if not table.keys() >= STEP_KEYS or not table.keys() <= STEP_KEYS | _STEP_OPTIONAL:
-        yield script.problem(STEP, node, "the step lacks a part, or has one too many", _ADVICE)
-    for name in sorted(_TABLES & table.keys()):
-        held = entries(table[name])
-        if held is None:
-            yield script.problem(STEP, table[name], f"{name} is no table", _ADVICE)
-        else:
-            yield from _check_literals(script, table[name], held, frozenset(), frozenset(held))
-    if "Read" in table and not _is_one_call(table["Read"], _READERS):
-        yield script.problem(STEP, table["Read"], "Read does more than read", _ADVICE)
-    if "Fits" in table and not _is_one_call(table["Fits"], frozenset({"Test-Capacity"})):
-        yield script.problem(STEP, table["Fits"], "Fits does more than ask whether the host has room", _ADVICE)
-    if "Set" in table:
-        yield from _check_set(script, table["Set"])
-
-
-def _block(node: "Node") -> list["Node"] | None:
-    block = inner(node)
-    if block.type != "script_block_expression":
-        return None
-    return list(statements_of(block))
-
-
-def _is_one_call(node: "Node", names: frozenset[str]) -> bool:
-    """Whether it is a block that holds one call of these, with plain values."""
-    statements = _block(node) or []
-    call = only_call(statements[0]) if len(statements) == 1 else None
-    return call is not None and call.name in names and _has_plain_values(call)
-
-
-def _check_set(script: Script, node: "Node") -> Iterator[Diagnostic]:
-    statements = _block(node)
-    if not statements:
-        yield script.problem(STEP, node, "Set does nothing, or is no block", _ADVICE)
-    for statement in statements or []:
-        call = only_call(statement)
-        if call is None:
-            if not _is_machine(statement):
-                yield script.problem(STEP, statement, "Set holds more than calls and $vm", _ADVICE)
-        elif not (call.name.startswith("Hyper-V\\") or call.name in _WRITERS) or not _has_plain_values(call):
-            yield script.problem(
-                STEP, statement, f"Set must not do this: {call.name or text_of(call.node)[:40]}", _ADVICE
-            )
-
-
-def _is_machine(statement: "Node") -> bool:
-    """`$vm = Get-Machine ...` with literals."""
-    found = [node for node in walk(statement) if node.type == "command"]
-    left = [node for node in walk(statement) if node.type == "left_assignment_expression"]
-    if len(found) != 1 or len(left) != 1 or text_of(left[0]) != "$vm":
-        return False
-    call = call_of(found[0])
-    whole = text_of(statement).removeprefix("$vm = ") == text_of(found[0])
-    return whole and call.name == "Get-Machine" and _has_plain_values(call)
-
-
-def _has_plain_values(call: Call) -> bool:
-    """Literals, `$vm`, and what the runtime's own functions make of literals."""
-    return not call.loose and not call.operator and all(_is_plain(one.value) for one in call.given if one.value)
-
-
-def _is_plain(node: "Node") -> bool:
-    value = inner(node)
-    if literal_of(value) is not None or text_of(value) == "$vm":
-        return True
-    if value.type != "parenthesized_expression":
-        return False
-    statements = [child for child in value.children if child.is_named]
-    call = only_call(statements[0]) if len(statements) == 1 else None
-    return call is not None and call.name in _VALUES and _has_plain_values(call)

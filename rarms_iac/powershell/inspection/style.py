@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.powershell import cmdlets
-from rarms_iac.powershell.inspection.lists import words
-from rarms_iac.powershell.inspection.names import is_assigned
+from rarms_iac.powershell.inspection.allowed import words
+from rarms_iac.powershell.inspection.language import is_assigned
 from rarms_iac.powershell.inspection.script import Script
 from rarms_iac.powershell.tree import text_of, walk
 

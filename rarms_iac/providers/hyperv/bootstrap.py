@@ -10,7 +10,7 @@ from base64 import b64encode
 from collections.abc import Sequence
 from functools import cache
 
-from rarms_iac.powershell.environment import as_script, read
+from rarms_iac.powershell.templates import as_script, read
 from rarms_iac.providers.interface import Script, Waits
 
 LONGEST_COMMAND = 8191

@@ -2,13 +2,13 @@
 
 import pytest
 
-from rarms_iac.powershell.fixed import PARTS, part_begin, part_end, part_text, parts_for, runtime
+from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.inspection.layout import split, without_fixed
-from rarms_iac.powershell.inspection.lists import ScriptKind
 from rarms_iac.powershell.render import render_scripts
-from rarms_iac.powershell.tree import Leaf, shape
-from tests.unit.powershell.plans import all_changes, rendered_plan
+from rarms_iac.powershell.templates import PARTS, part_begin, part_end, part_text, parts_for, runtime
+from rarms_iac.powershell.tree import ShapeNode
+from tests.unit.powershell.plans import all_changes, rendered_plan, shape
 
 SCRIPTS = {name: text.decode("ascii") for name, text in render_scripts(*rendered_plan()).items()}
 scripts = pytest.mark.parametrize("name", sorted(SCRIPTS))
@@ -18,7 +18,7 @@ def carried(script: str) -> tuple[str, ...]:
     return tuple(piece.name for piece in split(script).fixed if piece.name)
 
 
-def statements(script: str) -> list[Leaf]:
+def statements(script: str) -> list[ShapeNode]:
     """The tree below the list of all statements; between two of them a remark hangs elsewhere than at an end."""
     return [leaf for leaf in shape(script) if leaf.depth > 1 and leaf.label != "comment"]
 

@@ -2,8 +2,8 @@
 
 from rarms_iac.model.state import RegistryValue, ValueKind
 from rarms_iac.powershell.guests import LOST, GuestTask
+from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
-from rarms_iac.powershell.inspection.lists import ScriptKind
 from rarms_iac.powershell.outline import Machine, ScriptCall, outline
 from rarms_iac.powershell.render import render_guest
 from tests import builders_plan as build

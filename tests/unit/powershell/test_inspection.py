@@ -3,8 +3,8 @@ from collections.abc import Mapping
 
 import pytest
 
+from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
-from rarms_iac.powershell.inspection.lists import ScriptKind
 from rarms_iac.powershell.render import render_observe, render_scripts
 from tests.builders import codes
 from tests.effort import LONG

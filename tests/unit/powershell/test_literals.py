@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.powershell.literals import LARGEST, MOST_PARTS, NoLiteral, literal, literals
-from rarms_iac.powershell.reading import NotALiteral, read_literal
-from rarms_iac.powershell.remarks import remark
+from rarms_iac.powershell.literals import LARGEST, MOST_PARTS, NoLiteral, NotALiteral, literal, literals, read_literal
+from rarms_iac.powershell.templates import remark
 from rarms_iac.powershell.tokens import NotTokens, TokenKind, tokens
 from tests.effort import LONG
 from tests.unit.powershell.hostile import hostile_texts

@@ -6,15 +6,13 @@ import pytest
 
 from rarms_iac.model.changes import Change
 from rarms_iac.model.moves import BETWEEN
-from rarms_iac.powershell.environment import fill
-from rarms_iac.powershell.fixed import part_text, runtime
 from rarms_iac.powershell.literals import NoLiteral
 from rarms_iac.powershell.render import render_apply, render_observe, render_scripts, render_undo, script_name
-from rarms_iac.powershell.tree import same_structure
+from rarms_iac.powershell.templates import fill, part_text, runtime
 from rarms_iac.providers.marks import mark_for, write_mark
 from tests import builders_plan as build
 from tests.unit.powershell.hostile import hostile_texts
-from tests.unit.powershell.plans import all_changes, marked, rendered_plan
+from tests.unit.powershell.plans import all_changes, marked, rendered_plan, same_structure
 
 
 def steps_of(script: bytes) -> str:

@@ -1,9 +1,10 @@
 import pytest
 
 from rarms_iac.powershell.literals import literal, literals
-from rarms_iac.powershell.tree import LITERAL, NotParsed, same_structure, shape, sound
+from rarms_iac.powershell.tree import LITERAL, NotParsed, sound
 from tests.effort import LONG
 from tests.unit.powershell.hostile import PIECES, QUOTES, hostile_texts
+from tests.unit.powershell.plans import same_structure, shape
 
 BATCH = 100
 

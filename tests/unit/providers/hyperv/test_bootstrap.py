@@ -4,8 +4,8 @@ from base64 import b64decode
 
 import pytest
 
+from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
-from rarms_iac.powershell.inspection.lists import ScriptKind
 from rarms_iac.powershell.tokens import TokenKind, tokens
 from rarms_iac.providers.hyperv.bootstrap import (
     LONGEST_COMMAND,

@@ -106,7 +106,7 @@ def test_what_is_no_observation_is_refused(data: bytes) -> None:
 
 
 def test_every_probe_of_the_script_is_read_and_no_other() -> None:
-    from rarms_iac.powershell.environment import read
+    from rarms_iac.powershell.templates import read
 
     text = read("observe.ps1").split("$document = ")[1]
     probes = {
