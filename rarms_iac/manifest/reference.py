@@ -13,18 +13,18 @@ Schema = dict[str, Any]
 _INTRODUCTION = """\
 # The manifest
 
-`rarms.yaml` says what runs, how well it must do, and on which machines. This page is made from the program's own
-description of the format (`rarms schema` prints the same for editors); [manifests/](../manifests/README.md) has whole
-examples, and `rarms init` writes a first one.
+`rarms.yaml` describes what runs, how well it must perform, and on which machines. This page is made from the program's
+own description of the format (`rarms schema` prints the same for editors). [manifests/](../manifests/README.md) has
+whole examples, and `rarms init` writes a first manifest.
 
-- Keys are snake_case; things are named by the keys of maps, never by lists.
+- Keys are snake_case. Things have their names as keys of maps, never in lists.
 - Names have 1 to 63 small letters, digits and hyphens, and start and end with a letter or digit.
-- Quantities carry their unit: time `us`, `ms`, `s`, `min`, `h`; memory `B`, `KiB`, `MiB`, `GiB`, `TiB`; shares `%`;
+- Quantities have a unit: time `us`, `ms`, `s`, `min`, `h`; memory `B`, `KiB`, `MiB`, `GiB`, `TiB`; shares `%`;
   processors `LP`; rates `/s`, `/min`, `/h`. A bare number where a unit belongs is an error.
 - The file is YAML 1.2 without aliases, merge keys, tags and further documents: `no` is a text.
-- An overlay (`--overlay FILE`) says only what differs: maps merge, everything else replaces, `null` removes;
-  `apt.<index>`, `run.samples` and `run.until` replace whole.
-- `rarms fmt` writes all of it in one way.
+- An overlay (`--overlay FILE`) has only the keys that differ: maps merge, everything else replaces, `null` removes.
+  `apt.<index>`, `run.samples` and `run.until` are replaced as a whole.
+- `rarms fmt` writes a manifest in one form.
 """
 
 _EXAMPLES = {
@@ -141,8 +141,8 @@ def _referred(value: Schema, document: Schema) -> Iterator[tuple[str, str]]:
     """The blocks that a value may be, with the step to them: a map's are below any name."""
     if "patternProperties" in value:
         yield "", "apt"
-    for one in [value, *value.get("oneOf", ()), *value.get("anyOf", ())]:
-        name = one.get("$ref", "").removeprefix("#/$defs/")
+    for alternative in [value, *value.get("oneOf", ()), *value.get("anyOf", ())]:
+        name = alternative.get("$ref", "").removeprefix("#/$defs/")
         if name and "properties" in document["$defs"][name]:
             yield "", name
     if isinstance(below := value.get("additionalProperties"), dict):
@@ -152,23 +152,25 @@ def _referred(value: Schema, document: Schema) -> Iterator[tuple[str, str]]:
 def _section(title: str, name: str, schema: Schema, document: Schema) -> str:
     lines = [f'<a id="{_anchor(name)}"></a>', f"## {title}", "", schema.get("description", ""), ""]
     lines += ["| key | value | default | |", "|---|---|---|---|"]
-    fields = {**schema["properties"], **{_family(key): one for key, one in schema.get("patternProperties", {}).items()}}
+    fields = {**schema["properties"], **_pattern_fields(schema)}
     needed = schema.get("required", ())
     for key, value in fields.items():
         default = "needed" if key in needed else _default(value)
-        lines.append(f"| `{key}` | {_kind(value, document)} | {default} | {_cell(_says(value, document))} |")
+        lines.append(f"| `{key}` | {_kind(value, document)} | {default} | {_cell(_description(value, document))} |")
     if rule := _rule(schema):
         lines += ["", rule]
     lines += ["", "```yaml", *_example(name), "```", ""] if name in _EXAMPLES else [""]
     return "\n".join(lines)
 
 
-def _family(pattern: str) -> str:
-    return "p95_response_time" if pattern.startswith("^p") else pattern
+def _pattern_fields(schema: Schema) -> Schema:
+    """Fields whose key is a pattern, under a key that is an example of it."""
+    fields: Schema = schema.get("patternProperties", {})
+    return {"p95_response_time" if pattern.startswith("^p") else pattern: value for pattern, value in fields.items()}
 
 
 def _rule(schema: Schema) -> str:
-    alternatives = [f"`{key}`" for one in schema.get("oneOf", ()) for key in one.get("required", ())]
+    alternatives = [f"`{key}`" for choice in schema.get("oneOf", ()) for key in choice.get("required", ())]
     return f"Exactly one of {' and '.join(alternatives)}." if alternatives else ""
 
 
@@ -181,10 +183,10 @@ def _default(value: Schema) -> str:
     return f"`{default}`" if default != "" else "empty"
 
 
-def _says(value: Schema, document: Schema) -> str:
+def _description(value: Schema, document: Schema) -> str:
     referred = document["$defs"].get(value.get("$ref", "").removeprefix("#/$defs/"), {})
-    says: str = value.get("description") or referred.get("description", "")
-    return says
+    description: str = value.get("description") or referred.get("description", "")
+    return description
 
 
 def _kind(value: Schema, document: Schema) -> str:
@@ -195,7 +197,7 @@ def _kind(value: Schema, document: Schema) -> str:
         return f"[map](#{_anchor(name)})" if "properties" in schema else _kind(schema, document)
     for several in ("oneOf", "anyOf"):
         if several in value:
-            return ", ".join(dict.fromkeys(_kind(one, document) for one in value[several]))
+            return ", ".join(dict.fromkeys(_kind(choice, document) for choice in value[several]))
     if "const" in value:
         return _cell(f"`{value['const']}`")
     if "enum" in value:

@@ -5,8 +5,9 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, PlainValidator, WithJsonSchema
-from pydantic_core import InitErrorDetails, PydanticCustomError, ValidationError
+from pydantic import AfterValidator, GetCoreSchemaHandler, GetJsonSchemaHandler, PlainValidator, WithJsonSchema
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, ValidationError, core_schema
 
 from rarms_iac.model.indexes import INDEXES, PERCENTILE_PATTERN, PerformanceIndex, find_index, percentile_index
 from rarms_iac.model.quantities import (
@@ -50,23 +51,39 @@ def quantity_schema(*kinds: Unit, positive: bool = False) -> dict[str, Any]:
     }
 
 
-def _reader(*kinds: Unit, positive: bool = False, make: Callable[[Unit, Fraction], Any]) -> Callable[[Any], Any]:
-    @lru_cache(maxsize=4096)
-    def parsed(text: str) -> Any:
-        kind, value = parse_quantity(text, *kinds)
-        if positive and value <= 0:
-            raise NotAQuantity(text, units_of(*kinds))
-        return make(kind, value)
+class Quantity:
+    """Makes a field read a text with a unit of one of these kinds, and gives it the JSON Schema of such a text."""
 
-    def read(value: Any) -> Any:
+    def __init__(self, *kinds: Unit, make: Callable[[Unit, Fraction], Any], positive: bool = False) -> None:
+        self._kinds = kinds
+        self._positive = positive
+        self._make = make
+        self._parse = lru_cache(maxsize=4096)(self._parse_text)
+
+    def read(self, value: Any) -> Any:
+        """The exact value of a field.
+
+        Raises:
+            PydanticCustomError: it is no text, or no such quantity.
+        """
         if type(value) is str:
             try:
-                return parsed(value)
+                return self._parse(value)
             except NotAQuantity:
                 pass
-        raise quantity_error(kinds, positive=positive)
+        raise quantity_error(self._kinds, positive=self._positive)
 
-    return read
+    def _parse_text(self, text: str) -> Any:
+        kind, value = parse_quantity(text, *self._kinds)
+        if self._positive and value <= 0:
+            raise NotAQuantity(text, units_of(*self._kinds))
+        return self._make(kind, value)
+
+    def __get_pydantic_core_schema__(self, _source: Any, _handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, _schema: CoreSchema, _handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return quantity_schema(*self._kinds, positive=self._positive)
 
 
 def _same(_kind: Unit, value: Fraction) -> Fraction:
@@ -81,62 +98,47 @@ def _amount(kind: Unit, value: Fraction) -> CpuAmount:
     return ShareOfHost(Percent(value)) if kind is Unit.SHARE else ProcessorTime(LogicalProcessors(value))
 
 
-_read_amount = _reader(Unit.SHARE, Unit.PROCESSORS, make=_amount)
+_CPU = (Unit.SHARE, Unit.PROCESSORS)
+_AMOUNT = Quantity(*_CPU, make=_amount)
+
+Time = Annotated[Milliseconds, Quantity(Unit.TIME, make=_same)]
+PositiveTime = Annotated[Milliseconds, Quantity(Unit.TIME, make=_same, positive=True)]
+Memory = Annotated[Bytes, Quantity(Unit.MEMORY, make=_whole)]
+PositiveMemory = Annotated[Bytes, Quantity(Unit.MEMORY, make=_whole, positive=True)]
+Share = Annotated[Percent, Quantity(Unit.SHARE, make=_same)]
+Amount = Annotated[CpuAmount, _AMOUNT]
+PositiveAmount = Annotated[CpuAmount, Quantity(*_CPU, make=_amount, positive=True)]
+
+LONGEST_WAIT = Milliseconds(Fraction(3_600_000))
+"""One hour: longer than any guest needs to shut down, and short enough for a script to wait through."""
 
 
 def _read_reserve(value: Any) -> Any:
     if value == "measured":
         return Measured.MEASURED
     try:
-        return _read_amount(value)
+        return _AMOUNT.read(value)
     except PydanticCustomError:
-        raise quantity_error((Unit.SHARE, Unit.PROCESSORS), also="measured") from None
+        raise quantity_error(_CPU, also="measured") from None
 
 
-Time = Annotated[
-    Milliseconds, PlainValidator(_reader(Unit.TIME, make=_same)), WithJsonSchema(quantity_schema(Unit.TIME))
+Reserve = Annotated[
+    CpuAmount | Measured,
+    PlainValidator(_read_reserve),
+    WithJsonSchema({"anyOf": [{"const": "measured"}, quantity_schema(*_CPU)]}),
 ]
-PositiveTime = Annotated[
-    Milliseconds,
-    PlainValidator(_reader(Unit.TIME, positive=True, make=_same)),
-    WithJsonSchema(quantity_schema(Unit.TIME, positive=True)),
-]
-LONGEST_WAIT = Milliseconds(Fraction(3_600_000))
-"""One hour: longer than any guest needs to shut down, and short enough for a script to wait through."""
 
 
-def _bearable(value: Milliseconds) -> Milliseconds:
+def _at_most_one_hour(value: Milliseconds) -> Milliseconds:
     if value > LONGEST_WAIT:
         raise PydanticCustomError("rarms_too_long", "longer than one hour")
     return value
 
 
-Wait = Annotated[Time, AfterValidator(_bearable)]
-Memory = Annotated[
-    Bytes, PlainValidator(_reader(Unit.MEMORY, make=_whole)), WithJsonSchema(quantity_schema(Unit.MEMORY))
-]
-PositiveMemory = Annotated[
-    Bytes,
-    PlainValidator(_reader(Unit.MEMORY, positive=True, make=_whole)),
-    WithJsonSchema(quantity_schema(Unit.MEMORY, positive=True)),
-]
-Share = Annotated[Percent, PlainValidator(_reader(Unit.SHARE, make=_same)), WithJsonSchema(quantity_schema(Unit.SHARE))]
-Amount = Annotated[
-    CpuAmount, PlainValidator(_read_amount), WithJsonSchema(quantity_schema(Unit.SHARE, Unit.PROCESSORS))
-]
-PositiveAmount = Annotated[
-    CpuAmount,
-    PlainValidator(_reader(Unit.SHARE, Unit.PROCESSORS, positive=True, make=_amount)),
-    WithJsonSchema(quantity_schema(Unit.SHARE, Unit.PROCESSORS, positive=True)),
-]
-Reserve = Annotated[
-    CpuAmount | Measured,
-    PlainValidator(_read_reserve),
-    WithJsonSchema({"anyOf": [{"const": "measured"}, quantity_schema(Unit.SHARE, Unit.PROCESSORS)]}),
-]
+Wait = Annotated[Time, AfterValidator(_at_most_one_hour)]
 
 
-_WORDS = ("at_most", "at_least")
+_DIRECTIONS = ("at_most", "at_least")
 
 
 @lru_cache(maxsize=4096)
@@ -160,12 +162,12 @@ def read_thresholds(value: Any) -> dict[str, Threshold]:
         raise PydanticCustomError("rarms_map", "not a map", {})
     made: dict[str, Threshold] = {}
     wrong: list[InitErrorDetails] = []
-    for name, says in value.items():
+    for name, written in value.items():
         index = _index(name)
         if index is None:
-            wrong.append(_error((name,), PydanticCustomError("rarms_index", "unknown index", {"name": name}), says))
-        elif not (problems := _problems(index, says)):
-            made[name] = _threshold(index, says[index.direction])
+            wrong.append(_error((name,), PydanticCustomError("rarms_index", "unknown index", {"name": name}), written))
+        elif not (problems := _problems(index, written)):
+            made[name] = _threshold(index, written[index.direction])
         else:
             wrong += problems
     if wrong:
@@ -173,26 +175,26 @@ def read_thresholds(value: Any) -> dict[str, Threshold]:
     return made
 
 
-def _problems(index: PerformanceIndex, says: Any) -> list[InitErrorDetails]:
-    """Everything wrong with what one index says."""
-    if type(says) is not dict:
-        return [_error((index.name,), PydanticCustomError("rarms_map", "not a map", {}), says)]
-    found = [
+def _problems(index: PerformanceIndex, written: Any) -> list[InitErrorDetails]:
+    """Everything wrong with the block of one index."""
+    if type(written) is not dict:
+        return [_error((index.name,), PydanticCustomError("rarms_map", "not a map", {}), written)]
+    problems = [
         _error((index.name, key), PydanticCustomError("extra_forbidden", "unknown key", {}), text)
-        for key, text in says.items()
-        if key not in _WORDS
+        for key, text in written.items()
+        if key not in _DIRECTIONS
     ]
-    other = _WORDS[index.smaller_is_better]
-    if other in says:
+    other = _DIRECTIONS[index.smaller_is_better]
+    if other in written:
         facts = {"index": index.name, "direction": index.direction, "smaller": index.smaller_is_better}
-        found.append(
-            _error((index.name, other), PydanticCustomError("rarms_direction", "wrong way", facts), says[other])
+        problems.append(
+            _error((index.name, other), PydanticCustomError("rarms_direction", "wrong way", facts), written[other])
         )
-    elif index.direction not in says:
-        found.append(_error((index.name, index.direction), PydanticCustomError("missing", "missing", {}), says))
-    if index.direction in says and not _is_quantity(index, says[index.direction]):
-        found.append(_error((index.name, index.direction), quantity_error((index.unit,)), says[index.direction]))
-    return found
+    elif index.direction not in written:
+        problems.append(_error((index.name, index.direction), PydanticCustomError("missing", "missing", {}), written))
+    if index.direction in written and not _is_quantity(index, written[index.direction]):
+        problems.append(_error((index.name, index.direction), quantity_error((index.unit,)), written[index.direction]))
+    return problems
 
 
 def _is_quantity(index: PerformanceIndex, text: Any) -> bool:

@@ -2,51 +2,26 @@
 
 from collections.abc import Iterable
 
-_USUAL_UNITS = {
-    "b": "B",
-    "k": "KiB",
-    "kb": "KiB",
-    "kib": "KiB",
-    "m": "MiB",
-    "mb": "MiB",
-    "mib": "MiB",
-    "g": "GiB",
-    "gb": "GiB",
-    "gib": "GiB",
-    "t": "TiB",
-    "tb": "TiB",
-    "tib": "TiB",
-    "µs": "us",
-    "μs": "us",
-    "usec": "us",
-    "msec": "ms",
-    "millis": "ms",
-    "milliseconds": "ms",
-    "sec": "s",
-    "secs": "s",
-    "second": "s",
-    "seconds": "s",
-    "minute": "min",
-    "minutes": "min",
-    "hour": "h",
-    "hours": "h",
-    "percent": "%",
-    "pct": "%",
-    "lps": "LP",
-    "cpu": "LP",
-    "cpus": "LP",
-    "core": "LP",
-    "cores": "LP",
-    "hz": "/s",
-    "fps": "/s",
-    "per second": "/s",
+_OTHER_SPELLINGS = {
+    "B": ("b",),
+    "KiB": ("k", "kb", "kib"),
+    "MiB": ("m", "mb", "mib"),
+    "GiB": ("g", "gb", "gib"),
+    "TiB": ("t", "tb", "tib"),
+    "us": ("µs", "μs", "usec"),
+    "ms": ("msec", "millis", "milliseconds"),
+    "s": ("sec", "secs", "second", "seconds"),
+    "min": ("minute", "minutes"),
+    "h": ("hour", "hours"),
+    "%": ("percent", "pct"),
+    "LP": ("lps", "cpu", "cpus", "core", "cores"),
+    "/s": ("hz", "fps", "per second"),
 }
 
 
 def nearest_unit(unit: str, fitting: Iterable[str]) -> str | None:
     """The unit that was probably meant: `MB` and `mib` are MiB, `sec` is s."""
-    units = tuple(fitting)
-    usual = _USUAL_UNITS.get(unit.lower())
-    if usual in units:
-        return usual
-    return next((known for known in units if known.lower() == unit.lower()), None)
+    written = unit.lower()
+    return next(
+        (known for known in fitting if written == known.lower() or written in _OTHER_SPELLINGS.get(known, ())), None
+    )

@@ -8,33 +8,33 @@ from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
+class ValueShape:
     """What the formatter knows of a value: its known keys in order, or what stands under any name."""
 
-    keys: Mapping[str, "Shape"] = field(default_factory=dict)
-    each: "Shape | None" = None  # the shape of every value of a map that the user names
+    keys: Mapping[str, "ValueShape"] = field(default_factory=dict)
+    each: "ValueShape | None" = None  # the shape of every value of a map that the user names
     is_quantity: bool = False
 
-    def of(self, key: str) -> "Shape":
+    def of(self, key: str) -> "ValueShape":
         """The shape of the value under this key."""
         return self.keys.get(key) or self.each or VALUE
 
 
-VALUE = Shape()
-QUANTITY = Shape(is_quantity=True)
+VALUE = ValueShape()
+QUANTITY = ValueShape(is_quantity=True)
 
 
-def _map(known: str = "", /, **shaped: Shape) -> Shape:
+def _map(known: str = "", /, **shaped: ValueShape) -> ValueShape:
     """The keys in the order of `known`; those that are not in `shaped` are plain values."""
-    return Shape({key: shaped.get(key, VALUE) for key in known.split()})
+    return ValueShape({key: shaped.get(key, VALUE) for key in known.split()})
 
 
-def _quantities(known: str) -> Shape:
-    return Shape(dict.fromkeys(known.split(), QUANTITY))
+def _quantities(known: str) -> ValueShape:
+    return ValueShape(dict.fromkeys(known.split(), QUANTITY))
 
 
-def _named(each: Shape) -> Shape:
-    return Shape(each=each)
+def _named(each: ValueShape) -> ValueShape:
+    return ValueShape(each=each)
 
 
 _CONNECT = _map("ssh shell")

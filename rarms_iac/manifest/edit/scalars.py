@@ -57,7 +57,7 @@ def _may_be_plain(value: str, *, flow: bool) -> bool:
 
 
 def _double(value: str) -> str:
-    return '"' + "".join(_SHORT_ESCAPES.get(one) or _escaped(one) for one in value) + '"'
+    return '"' + "".join(_SHORT_ESCAPES.get(character) or _escaped(character) for character in value) + '"'
 
 
 def _escaped(character: str) -> str:

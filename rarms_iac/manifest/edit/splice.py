@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 
-from rarms_iac.manifest.edit.order import MANIFEST, Shape
+from rarms_iac.manifest.edit.order import MANIFEST, ValueShape
 from rarms_iac.manifest.edit.write import write_entry, write_flow, write_key
 from rarms_iac.manifest.text.builder import comments_in
 from rarms_iac.manifest.text.tree import Collection, Entry, Node, Scalar
@@ -14,11 +14,11 @@ _SECTION_DEPTH = 1  # entries of the document and of its sections have a blank l
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class RouteStep:
     """A key on the way: the map that has it, what is known of that map, and the key with its value."""
 
     parent: Collection
-    shape: Shape
+    shape: ValueShape
     entry: Entry
 
     @property
@@ -32,9 +32,9 @@ class Step:
 class Route:
     """How far a path leads: the steps found, where they end, and the keys that are not there."""
 
-    steps: tuple[Step, ...]
+    steps: tuple[RouteStep, ...]
     end: Node
-    shape: Shape  # of `end`
+    shape: ValueShape  # of `end`
     missing: tuple[str, ...]
 
 
@@ -42,13 +42,13 @@ def walk(root: Collection, path: tuple[str, ...]) -> Route:
     """Follows the keys of a path as far as they are there."""
     node: Node = root
     shape = MANIFEST
-    steps: list[Step] = []
+    steps: list[RouteStep] = []
     for name in path:
         entry = _entry_of(node, name)
         if entry is None:
             break
         assert isinstance(node, Collection)
-        steps.append(Step(node, shape, entry))
+        steps.append(RouteStep(node, shape, entry))
         node, shape = entry.value, shape.of(name)
     return Route(tuple(steps), node, shape, path[len(steps) :])
 
@@ -188,7 +188,7 @@ def _flow_end(text: str, entry: Entry) -> int:
     return max(colon, _span(text, entry.value, colon)[1])
 
 
-def _sibling_before(node: Collection, shape: Shape, name: str) -> Entry | None:
+def _sibling_before(node: Collection, shape: ValueShape, name: str) -> Entry | None:
     """The last entry that canonically stands before the new key."""
     place = {key: number for number, key in enumerate(shape.keys)}
     last = len(place)

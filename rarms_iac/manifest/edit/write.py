@@ -3,7 +3,7 @@
 import sys
 from dataclasses import dataclass
 
-from rarms_iac.manifest.edit.order import MANIFEST, VALUE, Shape
+from rarms_iac.manifest.edit.order import MANIFEST, VALUE, ValueShape
 from rarms_iac.manifest.edit.scalars import block_lines, one_line
 from rarms_iac.manifest.text.tree import Collection, Entry, Node, Scalar
 
@@ -25,28 +25,28 @@ class KeyTooLong(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class WrittenLine:
     """One line, and the comment that trails it."""
 
     text: str
     comment: str = ""
 
 
-def write_tree(root: Collection, source: str, shape: Shape = MANIFEST) -> str:
+def write_tree(root: Collection, source: str, shape: ValueShape = MANIFEST) -> str:
     """The canonical text of a document; `source` is the text that it was built from."""
     if not root.entries:
-        return _text([Line("{}"), *_comment_lines(root.tail, 0)])
+        return _text([WrittenLine("{}"), *_comment_lines(root.tail, 0)])
     _keep_header(root, shape)
     return _text(_Writer(source).collection(root, shape, 0, sections=True))
 
 
-def write_entry(entry: Entry, shape: Shape, indent: int) -> list[str]:
+def write_entry(entry: Entry, shape: ValueShape, indent: int) -> list[str]:
     """The lines of one new entry of a block whose shape is `shape`."""
     part = _Writer("").entry(entry, shape, indent, sections=False)
     return _text([*_comment_lines(part.above, indent), *part.lines]).splitlines()
 
 
-def write_flow(node: Node, shape: Shape) -> str:
+def write_flow(node: Node, shape: ValueShape) -> str:
     """The value on one line, however long, as it stands inside a flow collection."""
     written = _inline(_all_flow(node), shape, sys.maxsize)
     assert written is not None, "a new value has no comments and is all flow"
@@ -66,11 +66,11 @@ def write_key(key: str, *, flow: bool) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
+class _WrittenEntry:
     """An entry as it will be written: the comments above it ("" is a blank line), and its lines."""
 
     above: list[str]
-    lines: list[Line]
+    lines: list[WrittenLine]
 
 
 class _Writer:
@@ -79,50 +79,52 @@ class _Writer:
     def __init__(self, source: str) -> None:
         self.source = source
 
-    def collection(self, node: Collection, shape: Shape, indent: int, *, sections: bool = False) -> list[Line]:
+    def collection(
+        self, node: Collection, shape: ValueShape, indent: int, *, sections: bool = False
+    ) -> list[WrittenLine]:
         """The lines of a collection in block form; between `sections` that are blocks stands a blank line."""
         return _joined(self.parts(node, shape, indent, sections=sections), node.tail, indent, sections=sections)
 
-    def parts(self, node: Collection, shape: Shape, indent: int, *, sections: bool = False) -> list[_Part]:
+    def parts(self, node: Collection, shape: ValueShape, indent: int, *, sections: bool = False) -> list[_WrittenEntry]:
         """Its entries, in canonical order."""
         return [self.entry(entry, shape, indent, sections=sections) for entry in _ordered(node, shape)]
 
-    def entry(self, entry: Entry, shape: Shape, indent: int, *, sections: bool) -> _Part:
+    def entry(self, entry: Entry, shape: ValueShape, indent: int, *, sections: bool) -> _WrittenEntry:
         """A key with its value, or an item with its dash."""
         inner = _inner(entry, shape)
         head = " " * indent + (_key(entry.key) if entry.key else "-")
         value = entry.value
         if isinstance(value, Scalar):
-            return _Part(entry.before, self.scalar(entry, value, head, inner, indent))
+            return _WrittenEntry(entry.before, self.scalar(entry, value, head, inner, indent))
         short = _inline(value, inner, WIDTH - len(head) - 1)
         if short is not None:
-            return _Part(entry.before, [Line(f"{head} {short}", entry.trailing)])
+            return _WrittenEntry(entry.before, [WrittenLine(f"{head} {short}", entry.trailing)])
         if entry.key:
             named = sections and value.is_mapping and inner.each is not None
             below = self.collection(value, inner, indent + 2, sections=named)
-            return _Part(entry.before, [Line(head, entry.trailing), *below])
+            return _WrittenEntry(entry.before, [WrittenLine(head, entry.trailing), *below])
         return self.item(entry, value, inner, indent)
 
-    def scalar(self, entry: Entry, value: Scalar, head: str, shape: Shape, indent: int) -> list[Line]:
+    def scalar(self, entry: Entry, value: Scalar, head: str, shape: ValueShape, indent: int) -> list[WrittenLine]:
         """A scalar behind its key or dash, on one line or as a block."""
         block = block_lines(value, self.source, WIDTH - indent - 2)
         if block is None:
             text = one_line(value, quantity=shape.is_quantity)
-            return [Line(f"{head} {text}" if text else head, entry.trailing)]
-        below = [Line(" " * (indent + 2) + line if line else "") for line in block[1:]]
-        return [Line(f"{head} {block[0]}", entry.trailing), *below]
+            return [WrittenLine(f"{head} {text}" if text else head, entry.trailing)]
+        below = [WrittenLine(" " * (indent + 2) + line if line else "") for line in block[1:]]
+        return [WrittenLine(f"{head} {block[0]}", entry.trailing), *below]
 
-    def item(self, entry: Entry, value: Collection, shape: Shape, indent: int) -> _Part:
+    def item(self, entry: Entry, value: Collection, shape: ValueShape, indent: int) -> _WrittenEntry:
         """An item that is a block: its first line begins behind the dash, and what was above that line moves up."""
         first, *rest = self.parts(value, shape, indent + 2)
         moved = [comment for comment in (entry.trailing, *first.above) if comment]
-        lines = _joined([_Part([], first.lines), *rest], value.tail, indent + 2)
-        begin = Line(" " * indent + "- " + lines[0].text[indent + 2 :], lines[0].comment)
-        return _Part([*entry.before, *moved], [begin, *lines[1:]])
+        lines = _joined([_WrittenEntry([], first.lines), *rest], value.tail, indent + 2)
+        begin = WrittenLine(" " * indent + "- " + lines[0].text[indent + 2 :], lines[0].comment)
+        return _WrittenEntry([*entry.before, *moved], [begin, *lines[1:]])
 
 
-def _joined(parts: list[_Part], tail: list[str], indent: int, *, sections: bool = False) -> list[Line]:
-    lines: list[Line] = []
+def _joined(parts: list[_WrittenEntry], tail: list[str], indent: int, *, sections: bool = False) -> list[WrittenLine]:
+    lines: list[WrittenLine] = []
     after_block = False
     for number, part in enumerate(parts):
         is_block = len(part.lines) > 1
@@ -136,11 +138,11 @@ def _joined(parts: list[_Part], tail: list[str], indent: int, *, sections: bool 
     return [*lines, *_comment_lines(tail, indent)]
 
 
-def _inner(entry: Entry, shape: Shape) -> Shape:
+def _inner(entry: Entry, shape: ValueShape) -> ValueShape:
     return shape.of(entry.key.value) if entry.key else shape.each or VALUE
 
 
-def _ordered(node: Collection, shape: Shape) -> list[Entry]:
+def _ordered(node: Collection, shape: ValueShape) -> list[Entry]:
     """The entries in canonical order; unknown keys keep theirs, after the known ones."""
     if not node.is_mapping or not shape.keys:
         return node.entries
@@ -148,7 +150,7 @@ def _ordered(node: Collection, shape: Shape) -> list[Entry]:
     return sorted(node.entries, key=lambda entry: place.get(entry.key.value if entry.key else "", len(place)))
 
 
-def _keep_header(root: Collection, shape: Shape) -> None:
+def _keep_header(root: Collection, shape: ValueShape) -> None:
     """The file's own comment, ended by a blank line, stays at its top when another key comes first."""
     ordered = _ordered(root, shape)
     if not ordered or ordered[0] is root.entries[0]:
@@ -160,7 +162,7 @@ def _keep_header(root: Collection, shape: Shape) -> None:
         is_first.before = [*header, "", *_without_leading_blank(is_first.before)]
 
 
-def _inline(node: Node, shape: Shape, room: int) -> str | None:
+def _inline(node: Node, shape: ValueShape, room: int) -> str | None:
     """A collection on one line, where the user wrote it so and it is short enough; empty ones always."""
     if isinstance(node, Scalar):
         return one_line(node, flow=True, quantity=shape.is_quantity)
@@ -194,14 +196,14 @@ def _without_leading_blank(lines: list[str]) -> list[str]:
     return lines[1:] if lines[:1] == [""] else lines
 
 
-def _comment_lines(comments: list[str], indent: int) -> list[Line]:
-    return [Line(" " * indent + comment if comment else "") for comment in comments]
+def _comment_lines(comments: list[str], indent: int) -> list[WrittenLine]:
+    return [WrittenLine(" " * indent + comment if comment else "") for comment in comments]
 
 
-def _text(lines: list[Line]) -> str:
+def _text(lines: list[WrittenLine]) -> str:
     """The lines as text, trailing comments of neighbouring lines in one column."""
     written: list[str] = []
-    run: list[Line] = []
+    run: list[WrittenLine] = []
     for line in lines:
         if line.comment:
             run.append(line)
@@ -212,6 +214,6 @@ def _text(lines: list[Line]) -> str:
     return "\n".join([*written, *_aligned(run), ""])
 
 
-def _aligned(run: list[Line]) -> list[str]:
+def _aligned(run: list[WrittenLine]) -> list[str]:
     column = max((len(line.text) for line in run if len(line.text) <= _ALIGNED), default=0)
     return [f"{line.text.ljust(column)}  {line.comment}" for line in run]

@@ -1,34 +1,30 @@
 """The parser's complaints in a user's words."""
 
-_PLAINLY: tuple[tuple[str, str, str], ...] = (
+_COMPLAINTS: tuple[tuple[str, str, str], ...] = (
     (
         "mapping values are not allowed",
-        "A colon stands where no key can be.",
+        "A colon is in a place where no key can be.",
         "Put a text that holds ': ' into quotes, or check the indentation of this line.",
     ),
     (
         "could not find expected ':'",
-        "A key without its colon.",
-        "Write `key: value`, with a space after the colon, or check the line before.",
+        "A key has no colon.",
+        "Write `key: value`, with a space after the colon. Check the line before, too.",
     ),
     (
         "found character that cannot start any token",
         "This character cannot start a value.",
         "Put the value into quotes; indent with spaces, not with tabs.",
     ),
-    (
-        "found a tab character",
-        "A tab stands where indentation is expected.",
-        "Indent with spaces.",
-    ),
+    ("found a tab character", "A tab is in a place where indentation is expected.", "Indent with spaces."),
     (
         "did not find expected ',' or ']'",
-        "A list that starts with [ is not continued or closed.",
+        "A list that starts with [ is not closed, or lacks a comma.",
         "Add the missing comma or ].",
     ),
     (
         "did not find expected ',' or '}'",
-        "A map that starts with { is not continued or closed.",
+        "A map that starts with { is not closed, or lacks a comma.",
         "Add the missing comma or }.",
     ),
     (
@@ -38,32 +34,24 @@ _PLAINLY: tuple[tuple[str, str, str], ...] = (
     ),
     (
         "did not find expected '-' indicator",
-        "Another item of the list is expected here.",
+        "The next item of the list is expected here.",
         "Start it with '- ', or check the indentation.",
     ),
     (
         "block sequence entries are not allowed",
-        "A list item cannot stand here.",
+        "A list item is not allowed here.",
         "Start the list on a line of its own.",
     ),
-    (
-        "found unexpected end of stream",
-        "The text ends inside quotes.",
-        "Close the quotes.",
-    ),
-    (
-        "found unexpected document indicator",
-        "The document ends inside quotes.",
-        "Close the quotes.",
-    ),
+    ("found unexpected end of stream", "The text ends inside quotes.", "Close the quotes."),
+    ("found unexpected document indicator", "The document ends inside quotes.", "Close the quotes."),
     (
         "found unknown escape character",
-        "This backslash sequence means nothing in double quotes.",
+        "This backslash sequence has no meaning in double quotes.",
         "Write a backslash twice, or use single quotes.",
     ),
     (
         "invalid Unicode character escape code",
-        "This backslash sequence names no character: it is half of one, or past the last.",
+        "This backslash sequence is not a character.",
         "Write the character itself.",
     ),
     (
@@ -74,41 +62,34 @@ _PLAINLY: tuple[tuple[str, str, str], ...] = (
     (
         "did not find expected node content",
         "A value is expected here.",
-        "Write one, or remove the comma before.",
+        "Write a value, or remove the comma before it.",
     ),
     (
         "did not find expected <document start>",
-        "Something follows the end of the document.",
+        "There is more text after the end of the document.",
         "Check the indentation of this line.",
     ),
-    (
-        "undefined tag handle",
-        "rarms does not read tags (!name).",
-        "Remove the tag: a field knows its own type.",
-    ),
+    ("undefined tag handle", "rarms does not read tags (!name).", "Remove the tag: a field knows its own type."),
     (
         "did not find expected alphabetic or numeric character",
-        "rarms does not read anchors (&name) and aliases (*name), and this is none either.",
+        "rarms does not read anchors (&name) and aliases (*name).",
         "Put a text that starts with & or * into quotes.",
     ),
-    (
-        "incompatible YAML document",
-        "rarms reads YAML 1.2.",
-        "Remove the line that starts with %YAML.",
-    ),
+    ("incompatible YAML document", "rarms reads YAML 1.2.", "Remove the line that starts with %YAML."),
     (
         "chomping or indentation indicator",
-        "Something follows a | or > that does not belong there.",
+        "There is text after | or > that is not allowed there.",
         "Start the text on the next line, or put it into quotes.",
     ),
 )
+"""What the parser says, and the same as (detail, advice) for a user."""
 
 
 def explain_syntax(problem: str, context: str) -> tuple[str, str]:
     """What the parser found wrong and what to do, as (detail, advice)."""
     for complaint in (problem, context):
-        for words, detail, advice in _PLAINLY:
+        for words, detail, advice in _COMPLAINTS:
             if words in complaint:
                 return detail, advice
-    said = " ".join(part for part in (context, problem) if part)
-    return f"The text cannot be read as YAML here ({said}).", "Check this line and the one before it."
+    complaint = " ".join(part for part in (context, problem) if part)
+    return f"The text cannot be read as YAML here ({complaint}).", "Check this line and the one before it."

@@ -8,7 +8,7 @@ import pytest
 
 from rarms_iac.manifest.document.schema import manifest_schema
 from rarms_iac.manifest.edit.formatting import format_text
-from rarms_iac.manifest.edit.order import MANIFEST, Shape
+from rarms_iac.manifest.edit.order import MANIFEST, ValueShape
 from rarms_iac.manifest.reference import examples, reference_markdown
 from rarms_iac.manifest.text.reading import read_text
 
@@ -62,14 +62,14 @@ def _blocks() -> dict[str, Any]:
     return {name: one for name, one in manifest_schema()["$defs"].items() if "properties" in one}
 
 
-def _shape_keys(shape: Shape, path: str = "") -> set[str]:
+def _shape_keys(shape: ValueShape, path: str = "") -> set[str]:
     inner = [(f"{path}.{key}", one) for key, one in shape.keys.items()]
     if shape.each:
         inner.append((f"{path}.*", shape.each))
     return {there for there, _ in inner if there[-1] != "*"}.union(*(_shape_keys(one, there) for there, one in inner))
 
 
-def _quantities(shape: Shape, path: str = "") -> set[str]:
+def _quantities(shape: ValueShape, path: str = "") -> set[str]:
     inner = [(f"{path}.{key}", one) for key, one in shape.keys.items()]
     if shape.each:
         inner.append((f"{path}.*", shape.each))
