@@ -5,7 +5,7 @@ from itertools import accumulate
 
 from rarms_iac.measuring.search.observations import Question, questions
 from rarms_iac.measuring.search.posterior import chances, mixed
-from rarms_iac.measuring.search.stepwise import bisect_to_width
+from rarms_iac.measuring.search.stepwise import bisect
 from rarms_iac.measuring.search.trials import NOTHING_PASSED, Bracket, Goal, Trial, bracket_of, sufficient
 from rarms_iac.model.outcomes import Measure, NotAchievable, NotResolved, SearchStep
 
@@ -103,7 +103,7 @@ def search_with_few_settings(history: Sequence[Trial], goal: Goal) -> SearchStep
         case NotAchievable() | NotResolved():
             return bracket
         case Bracket(passed=passed) if len(history) >= PATIENCE or (bracket.stays_above and passed is None):
-            return bisect_to_width(history, goal, width=1)
+            return bisect(history, goal)
         case Bracket(passed=passed, floor=floor, top=top, closed=closed):
             probabilities = _chances(questions(history, goal), floor, top, goal)
             if passed is not None and certain(probabilities, floor, passed, DOUBT, closed):

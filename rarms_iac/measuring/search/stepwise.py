@@ -10,11 +10,6 @@ WALK_STEP = 10
 
 def bisect(history: Sequence[Trial], goal: Goal) -> SearchStep:
     """Halve what is left down to one point: the least passing whole per cent."""
-    return bisect_to_width(history, goal, width=1)
-
-
-def bisect_to_width(history: Sequence[Trial], goal: Goal, *, width: int) -> SearchStep:
-    """Halve what is left down to a passing setting with a failing one at most `width` points below it."""
     bracket = bracket_of(history, goal)
     match bracket:
         case NotAchievable() | NotResolved():
@@ -23,7 +18,7 @@ def bisect_to_width(history: Sequence[Trial], goal: Goal, *, width: int) -> Sear
             return Measure(reserve=100, until_clear=True)  # whether anything has a steady state
         case Bracket(passed=passed):
             low, high = bracket.widest
-            if passed is not None and (passed - bracket.floor <= width or high - low == 1):
+            if passed is not None and (high - low == 1):
                 return sufficient(history, goal, passed)
             return Measure(reserve=(low + high) // 2, until_clear=True)
 

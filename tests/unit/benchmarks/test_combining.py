@@ -4,9 +4,8 @@ from statistics import median
 
 import pytest
 
-from benchmarks.combining import GUIDED, NOISY, PROOF, PROVED
+from benchmarks.combining import GUIDED, NOISY, PROOF, PROVED, run
 from benchmarks.combining_cases import instance
-from benchmarks.combining_runs import run
 from tests.effort import examples
 
 

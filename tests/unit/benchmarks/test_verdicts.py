@@ -2,12 +2,15 @@
 
 import pytest
 
-from benchmarks.verdict_cases import KINDS, RUN, case, series_of
 from benchmarks.verdicts import (
     APT,
+    KINDS,
+    RUN,
     SHAPES,
     WAYS,
     as_likely,
+    case,
+    series_of,
     steady,
     too_much_beyond,
     unsteady,
