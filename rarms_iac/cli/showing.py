@@ -1,6 +1,7 @@
 """What `rarms show --script` shows: scripts as they run, compared, checked, and what carries them over ssh."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import click
 
@@ -21,11 +22,14 @@ from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.plan import Plan
 from rarms_iac.powershell.difference import difference
 from rarms_iac.views.as_json import as_json as written
+from rarms_iac.views.console import stack
 from rarms_iac.views.finding_forms import findings_json
 from rarms_iac.views.findings import findings_text
 from rarms_iac.views.output.scripts import ScriptOutput, ScriptsOutput
-from rarms_iac.views.script import script_text
-from rarms_iac.views.script_difference import difference_json, difference_text
+from rarms_iac.views.scripts import difference_json, difference_text, script_text
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +60,7 @@ def show_scripts(session: Session, plan: Plan, options: ScriptOptions) -> ExitCo
         _raw(session, found)
     else:
         for script in found:
-            session.terminal.data(_headed(script.name, script.text, session, whole=options.whole))
+            session.terminal.show(_headed(script.name, script.text, whole=options.whole))
     _tell_others(session, everything, found)
     return ExitCode.DONE
 
@@ -79,12 +83,12 @@ def show_transport(session: Session, options: ScriptOptions) -> ExitCode:
     if options.raw:
         session.terminal.data(script)
     else:
-        session.terminal.data(_headed("bootstrap.ps1, given to ssh as one command", script, session, whole=True))
+        session.terminal.show(_headed("bootstrap.ps1, given to ssh as one command", script, whole=True))
     return ExitCode.DONE
 
 
-def _headed(name: str, text: str, session: Session, *, whole: bool) -> str:
-    return f"{name}\n{script_text(text, colour=session.terminal.colour, whole=whole)}\n"
+def _headed(name: str, text: str, *, whole: bool) -> "RenderableType":
+    return stack(name, script_text(text, whole=whole), "")
 
 
 def _output(script: PlanScript) -> ScriptOutput:
@@ -103,8 +107,10 @@ def _compare(session: Session, found: tuple[PlanScript, ...], against: str, *, a
     if len(found) != 1:
         raise _one_only("--against", found)
     told = difference(outline_in(against, found[0]), outline_of(found[0]))
-    shown = difference_json if as_json else difference_text
-    session.terminal.data(shown(told, against, found[0].name))
+    if as_json:
+        session.terminal.data(difference_json(told, against, found[0].name))
+    else:
+        session.terminal.show(difference_text(told, against, found[0].name))
     return ExitCode.DONE
 
 
