@@ -25,7 +25,7 @@ from rarms_iac.views.as_json import as_json as written
 from rarms_iac.views.console import stack
 from rarms_iac.views.finding_forms import findings_json
 from rarms_iac.views.findings import findings_text
-from rarms_iac.views.output.scripts import ScriptOutput, ScriptsOutput
+from rarms_iac.views.output.plan import ScriptOutput, ScriptsOutput
 from rarms_iac.views.scripts import difference_json, difference_text, script_text
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from rarms_iac.running.samples import RunEnding
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import counted, paragraph, stack, table, visible
 from rarms_iac.views.measure import index_unit, show_bound, show_estimate
-from rarms_iac.views.output.runs import ComponentRunOutput, RanComponentOutput, RanIndexOutput, SampleOutput
+from rarms_iac.views.output.hosts import ComponentRunOutput, RanComponentOutput, RanIndexOutput, SampleOutput
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

@@ -60,6 +60,11 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
+def show_seconds(time: float) -> str:
+    """`0.1 s`, `75 s`: no more digits than a person reads."""
+    return f"{time:.1f} s" if time < 10 else f"{time:.0f} s"
+
+
 def columns(text: str) -> int:
     """How many columns of a terminal the visible text takes: two for a wide character, none for a combining one."""
     if text.isascii():

@@ -19,7 +19,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Place, Severity, Sources
 from rarms_iac.model.wording import suggestion
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import visible
-from rarms_iac.views.output.told import FindingsOutput
+from rarms_iac.views.output.common import FindingsOutput
 
 
 class OutputFormat(StrEnum):

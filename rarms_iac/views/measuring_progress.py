@@ -8,9 +8,8 @@ from rarms_iac.measuring.performance import MeasuredIndex, indexes_of_series, me
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.measurement import Series, Setting
 from rarms_iac.model.system import Elapsed, SampleCount
-from rarms_iac.views.console import counted, paragraph
+from rarms_iac.views.console import counted, paragraph, show_seconds
 from rarms_iac.views.live_table import LiveTable
-from rarms_iac.views.progress import seconds
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -64,7 +63,7 @@ class MeasuringProgress:
         values = "; ".join(
             f"{_owner(index, several=several)}{show_index(index)}" for index in measured_indexes(setting, experiment)
         )
-        took = seconds(now - self._began)
+        took = show_seconds(now - self._began)
         self._say(
             paragraph(
                 f"{experiment.name} at {setting.reserve} %: {samples_of(series)}, {values or 'measured'}, in {took}"
@@ -81,7 +80,7 @@ class MeasuringProgress:
         took = self._clock() - self._began
         if not 0 < done < 1 or took < 1:
             return ""
-        return f", at most {seconds(took * (1 - done) / done)} left"
+        return f", at most {show_seconds(took * (1 - done) / done)} left"
 
 
 def share_done(experiment: Experiment, seen: Mapping[str, Series]) -> float:

@@ -15,8 +15,8 @@ from rarms_iac.model.journal import RunKind, RunStarted, ScriptStarted, StepStat
 from rarms_iac.model.plan import UndoLevel
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.changes import count
-from rarms_iac.views.console import counted, paragraph, stack, visible
-from rarms_iac.views.output.runs import HostRunOutput, RunOutput
+from rarms_iac.views.console import counted, paragraph, show_seconds, stack, visible
+from rarms_iac.views.output.hosts import HostRunOutput, RunOutput
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -172,11 +172,6 @@ class RunProgress:
         if self._live is not None:
             self._live.stop()
             self._live = None
-
-
-def show_seconds(time: float) -> str:
-    """`0.1 s`, `75 s`: no more digits than a person reads."""
-    return f"{time:.1f} s" if time < 10 else f"{time:.0f} s"
 
 
 def run_text(report: RunReport) -> "RenderableType":

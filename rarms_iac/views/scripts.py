@@ -7,7 +7,7 @@ from rarms_iac.powershell.inspection.layout import digest, split
 from rarms_iac.powershell.tokens import NotTokens, Token, TokenKind, tokens
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import BAD, CHANGED, GOOD, STRONG, paragraph, stack, styled
-from rarms_iac.views.output.scripts import ScriptDetailOutput, ScriptDifferenceOutput, ScriptStepOutput
+from rarms_iac.views.output.plan import ScriptDetailOutput, ScriptDifferenceOutput, ScriptStepOutput
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

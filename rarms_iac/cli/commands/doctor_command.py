@@ -12,8 +12,8 @@ from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.model.diagnostics import Diagnostic, has_errors, in_order
 from rarms_iac.views.console import render
-from rarms_iac.views.doctor import Examined, doctor_json, doctor_text
 from rarms_iac.views.finding_forms import OutputFormat, OutputTarget, render_findings
+from rarms_iac.views.hosts import Examined, doctor_json, doctor_text
 
 
 @rarms_command("doctor")

@@ -13,7 +13,7 @@ from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.system import Disruption
-from rarms_iac.views.drift import HostDrift, drift_json, drift_text
+from rarms_iac.views.hosts import HostDrift, drift_json, drift_text
 
 
 @rarms_command("drift")

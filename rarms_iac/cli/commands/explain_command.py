@@ -12,7 +12,7 @@ from rarms_iac.model.wording import suggestion
 from rarms_iac.storage.finding_pages import finding_page, known_codes
 from rarms_iac.views.as_json import as_json as to_json
 from rarms_iac.views.explain import page_text, unknown_code
-from rarms_iac.views.output.told import ExplanationOutput
+from rarms_iac.views.output.common import ExplanationOutput
 
 if TYPE_CHECKING:
     from rarms_iac.app.manifests import Manifest

@@ -16,7 +16,7 @@ from rarms_iac.manifest.text.characters import BYTE_ORDER_MARK
 from rarms_iac.manifest.text.reading import STANDARD_INPUT, ParsedText, read
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.views.as_json import as_json as to_json
-from rarms_iac.views.output.told import FmtOutput, FormattedFileOutput
+from rarms_iac.views.output.common import FmtOutput, FormattedFileOutput
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,7 +13,7 @@ from rarms_iac.manifest.init import initial_manifest, name_from
 from rarms_iac.manifest.load import DEFAULT_NAME
 from rarms_iac.model.names import is_name
 from rarms_iac.views.as_json import as_json as to_json
-from rarms_iac.views.output.told import WrittenOutput
+from rarms_iac.views.output.common import WrittenOutput
 
 
 @rarms_command("init")

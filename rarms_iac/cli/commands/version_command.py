@@ -9,7 +9,7 @@ from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import json_option
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.views.as_json import as_json as to_json
-from rarms_iac.views.output.told import VersionOutput
+from rarms_iac.views.output.common import VersionOutput
 
 LIBRARIES = (
     "click",

@@ -5,13 +5,17 @@ memory in bytes, reserve and limit in whole per cent of each virtual processor.
 """
 
 from rarms_iac.views.output.combining import CandidatesOutput, GraphOutput, TuneOutput
-from rarms_iac.views.output.common import FORMAT_VERSION
-from rarms_iac.views.output.hosts import DoctorOutput, DriftOutput
+from rarms_iac.views.output.common import (
+    FORMAT_VERSION,
+    ExplanationOutput,
+    FindingsOutput,
+    FmtOutput,
+    VersionOutput,
+    WrittenOutput,
+)
+from rarms_iac.views.output.hosts import ComponentRunOutput, DoctorOutput, DriftOutput, RunOutput
 from rarms_iac.views.output.measuring import MeasureOutput, ProveOutput, ReportOutput, SelectionOutput, WalkOutput
-from rarms_iac.views.output.plan import PlanOutput
-from rarms_iac.views.output.runs import ComponentRunOutput, RunOutput
-from rarms_iac.views.output.scripts import ScriptDifferenceOutput, ScriptsOutput
-from rarms_iac.views.output.told import ExplanationOutput, FindingsOutput, FmtOutput, VersionOutput, WrittenOutput
+from rarms_iac.views.output.plan import PlanOutput, ScriptDifferenceOutput, ScriptsOutput
 
 __all__ = ["FORMAT_VERSION", "Output"]
 

@@ -1,4 +1,4 @@
-"""What a host is like: `rarms drift` and `rarms doctor`."""
+"""What hosts are like (`rarms drift`, `doctor`), how runs ended (`apply`, `undo`), what components showed (`run`)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -63,3 +63,76 @@ class DoctorOutput:
     hosts: tuple[ExaminedOutput, ...]
     accepted: tuple[Diagnostic, ...]
     counts: Mapping[str, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostRunOutput:
+    """What a run did on one host."""
+
+    host: str
+    plan: str
+    run: Literal["apply", "undo"]
+    ending: str
+    changed: int
+    unchanged: int
+    total: int
+    resumed: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOutput:
+    """`rarms apply`, `undo`: how a run ended."""
+
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["run"] = "run"
+    ending: Literal["done", "nothing", "refused", "failed", "interrupted"]
+    hosts: tuple[HostRunOutput, ...]
+    findings: tuple[Diagnostic, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampleOutput:
+    """What one job showed; a failed sample says why in `failure`, which is empty otherwise."""
+
+    began_ms: float
+    response_ms: float | None
+    successful: bool
+    count: float
+    failure: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RanIndexOutput:
+    """A performance index beside its APT; null where the samples or the manifest do not say."""
+
+    index: str
+    unit: str
+    value: float | None
+    lower: float | None
+    upper: float | None
+    at_most: float | None
+    at_least: float | None
+    met: bool | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RanComponentOutput:
+    """A component that was run on this machine."""
+
+    component: str
+    ending: str  # until, failures or closed
+    elapsed_ms: float
+    cpu_ms: float | None
+    failed: int
+    indexes: tuple[RanIndexOutput, ...]
+    samples: tuple[SampleOutput, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ComponentRunOutput:
+    """`rarms run`: what each component showed, without any reservation."""
+
+    format_version: Format = FORMAT_VERSION
+    kind: Literal["component_run"] = "component_run"
+    components: tuple[RanComponentOutput, ...]
+    findings: tuple[Diagnostic, ...]

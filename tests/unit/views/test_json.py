@@ -6,7 +6,7 @@ import pytest
 
 from rarms_iac.storage.shipped import shipped
 from rarms_iac.views.as_json import as_json, output_schema
-from rarms_iac.views.output.told import ExplanationOutput
+from rarms_iac.views.output.common import ExplanationOutput
 from rarms_iac.views.plan_json import plan_json
 from tests.builders_plan import a_rich_plan, create, host_plan, plan, task
 

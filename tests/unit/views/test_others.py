@@ -13,8 +13,8 @@ from rarms_iac.model.journal import RunKind, RunStarted, StepStatus
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import Step, UndoLevel
 from rarms_iac.views.console import live_console, render
-from rarms_iac.views.drift import HostDrift, drift_json, drift_text
 from rarms_iac.views.graph import GraphFormat, dot_quoted, graph_json, graph_nodes, graph_text, mermaid_quoted
+from rarms_iac.views.hosts import HostDrift, drift_json, drift_text
 from rarms_iac.views.run import RunProgress, run_json, run_text, undo_text
 from tests.builders import the_delivery_robot
 from tests.builders_plan import create, facts, host_plan, partition, placed, plan, settings, step, update
