@@ -5,7 +5,7 @@ from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
-from rarms_iac.cli.datalogs import path_of, subject_of
+from rarms_iac.app.data_logs import path_of, subject_of
 from rarms_iac.manifest.load import load
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.measurement import Series, Setting

@@ -1,6 +1,21 @@
 """What the manual integration guide of a component says, from manifest and data logs."""
 
-from dataclasses import dataclass
+import shlex
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from rarms_iac.app.configuration_log import apt_in_words
+from rarms_iac.app.data_logs import Measurements, measured_reservations
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.manifests import Manifest
+from rarms_iac.model.indexes import find_index
+from rarms_iac.model.quantities import Unit
+from rarms_iac.model.system import Command, Component, Host, RunsOn
+from rarms_iac.planner.groups import Group, groups_of
+from rarms_iac.planner.layout import plan_layout
+from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, rests_on_a_log
+from rarms_iac.planner.sizes import Sized, size
+from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,3 +38,85 @@ class GuideFacts:
     command: str
     rests_on: str  # what the reserve comes from
     shortest_ms: float | None  # the shortest response time that a threshold allows
+
+
+def guide_facts(measured: Measurements, manifest: Manifest, name: str) -> GuideFacts:
+    """What is to be set for a component, on the first host (by name) that can have it.
+
+    Raises:
+        UseCaseError: nothing says how much it needs (4).
+    """
+    system = measured.system
+    reservations = measured_reservations(measured, {})
+    group = next(one for one in groups_of(system) if name in {each.name for each in one.members})
+    for _, host in sorted(system.hosts.items()):
+        sized = size(group, host, reservations)
+        if isinstance(sized, Sized) and all(
+            member.hosts is None or host.name in member.hosts for member in group.members
+        ):
+            facts = _facts(group, host, sized, reservations, system.components[name])
+            classes = classes_of(
+                group.members, system.tasks, group.name, manifest.places, processors=sized.placed.processors
+            ).classes
+            return replace(facts, task_values=_task_values(facts.task, classes))
+    planning = plan_layout(system, reservations, {}, manifest.places)
+    raise UseCaseError(Outcome.NEGATIVE, planning.findings, manifest.sources)
+
+
+def _task_values(task: str | None, classes: Iterable[ClassValues]) -> tuple[str, ...]:
+    """What the class is to have in the registry, in words; every member of the partition counts for it."""
+    mine = (task_class for task_class in classes if task is not None and task_class.name.lower() == task.lower())
+    return tuple(
+        f"{name} = {value.data} ({value.kind.value})"
+        for class_values in mine
+        for name, value in registry_values(class_values).items()
+    )
+
+
+def has_a_partition(component: Component) -> bool:
+    """Whether there is something to set by hand but a task class."""
+    return component.runs_on is RunsOn.PARTITION
+
+
+def _facts(
+    group: Group, host: Host, sized: Sized, reservations: MeasuredReservations, component: Component
+) -> GuideFacts:
+    placed = sized.placed
+    log = reservations.log(group.members, host)
+    measured = rests_on_a_log(group) and isinstance(log, MeasuredTogether)
+    return GuideFacts(
+        component=component.name,
+        partition=group.name,
+        beside=tuple(member.name for member in group.members if member.name != component.name),
+        apt=tuple(f"{index} {words}" for index, words in apt_in_words(component).items()),
+        platform=host.platform,
+        reserve=placed.reserve,
+        limit=placed.limit,
+        weight=placed.weight,
+        processors=placed.processors,
+        host_processors=host.logical_processors,
+        memory_mib=placed.memory // 2**20,
+        task=component.task,
+        task_values=(),
+        command=_command(component),
+        rests_on=f"the least at which {log.path} meets that"
+        if measured and isinstance(log, MeasuredTogether)
+        else "as the manifest fixes it",
+        shortest_ms=_shortest(component),
+    )
+
+
+def _command(component: Component) -> str:
+    if component.run is None:
+        return component.name
+    start = component.run.start
+    return shlex.join(start.words) if isinstance(start, Command) else f"{start.module}:{start.function}"
+
+
+def _shortest(component: Component) -> float | None:
+    times = [
+        float(threshold.value)
+        for name, threshold in component.apt.items()
+        if (index := find_index(name)) is not None and index.unit is Unit.TIME
+    ]
+    return min(times, default=None)

@@ -1,12 +1,27 @@
-"""Components that run on this machine without any reservation, one after the other or together."""
+"""Components that run on this machine without any reservation, one after the other or together.
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+Begin at `run_components`: it shows whether the manifest's `run` is right, before anything is measured.
+"""
 
-from rarms_iac.model.measurement import Series
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Protocol
+
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.experiments import refuse_unknown
+from rarms_iac.app.manifests import Manifest
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.outcomes import Estimate, NoEstimate
-from rarms_iac.model.system import AtLeast, AtMost, Component, Run, Threshold
+from rarms_iac.model.quantities import Milliseconds
+from rarms_iac.model.system import AtLeast, AtMost, Component, Elapsed, Run, SampleCount, System, Threshold
+from rarms_iac.running.component import ComponentRun, run_in_parallel
+from rarms_iac.running.loads import InterferingLoad, LoadEnded
 from rarms_iac.running.samples import RunEnding
+from rarms_iac.running.start import CannotStart, RunningError, StartContext
 from rarms_iac.statistics.estimates import estimate
 
 
@@ -33,16 +48,14 @@ class ComponentRunResult:
     @property
     def missed(self) -> tuple[str, ...]:
         """The indexes that are on the wrong side of their threshold beyond what is noise."""
-        found = self.estimates
+        estimates = self.estimates
         return tuple(
-            index
-            for index, threshold in self.component.apt.items()
-            if isinstance(one := found[index], Estimate) and not (meets(one.value, threshold) or noise(one, threshold))
+            index for index, threshold in self.component.apt.items() if _is_missed(estimates[index], threshold)
         )
 
 
 def meets(value: float, threshold: Threshold) -> bool:
-    """Whether a value is good enough."""
+    """Return whether a value is good enough."""
     match threshold:
         case AtMost(value=most):
             return value <= most
@@ -50,6 +63,202 @@ def meets(value: float, threshold: Threshold) -> bool:
             return value >= least
 
 
-def noise(found: Estimate, threshold: Threshold) -> bool:
-    """Whether the truth may lie on the other side of the threshold than the value."""
-    return meets(found.lower, threshold) is not meets(found.upper, threshold)
+def noise(estimate: Estimate, threshold: Threshold) -> bool:
+    """Return whether the truth may lie on the other side of the threshold than the value."""
+    return meets(estimate.lower, threshold) is not meets(estimate.upper, threshold)
+
+
+def _is_missed(estimate: Estimate | NoEstimate, threshold: Threshold) -> bool:
+    if isinstance(estimate, NoEstimate):
+        return False
+    return not (meets(estimate.value, threshold) or noise(estimate, threshold))
+
+
+CANNOT_START = Finding(code="RARMS285", severity=Severity.ERROR, summary="A component cannot be run")
+TOO_MANY_FAILURES = Finding(code="RARMS286", severity=Severity.ERROR, summary="More failed samples than allowed")
+LOAD_NOT_RUNNING = Finding(code="RARMS287", severity=Severity.ERROR, summary="An interfering load does not run")
+MISSED_UNRESERVED = Finding(
+    code="RARMS288", severity=Severity.WARNING, summary="An APT is missed without any reservation"
+)
+NOTHING_TO_RUN = Finding(code="RARMS289", severity=Severity.ERROR, summary="Nothing says how a component is run")
+
+FAILURES_SHOWN = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunRequest:
+    """Which components to run, for how long, against what."""
+
+    components: tuple[str, ...] = ()  # none: every one that says how
+    for_ms: int | None = None  # None: as its `until` says
+    samples: int | None = None
+    interference: str | None = None
+    together: bool = False
+
+
+class SampleReporter(Protocol):
+    """Hears what components show while they run; must not raise."""
+
+    def sample(self, component: str, number: int, sample: Sample) -> None:
+        """Hear of a sample as it happens; numbers of a component begin with 1."""
+        ...
+
+    def ended(self, result: ComponentRunResult, last_words: str) -> None:
+        """Hear that a component ended; `last_words`: the end of its standard error, as it was written."""
+        ...
+
+
+class SilentSamples:
+    """A reporter that tells nobody."""
+
+    def sample(self, component: str, number: int, sample: Sample) -> None:
+        """Do nothing."""
+
+    def ended(self, result: ComponentRunResult, last_words: str) -> None:
+        """Do nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOutcome:
+    """What all of the components showed, and what is wrong with it."""
+
+    results: tuple[ComponentRunResult, ...]
+    findings: tuple[Diagnostic, ...]
+
+
+def run_components(manifest: Manifest, request: RunRequest, reporter: SampleReporter | None = None) -> RunOutcome:
+    """Run components on this machine as the manifest says, until each has its samples or its time is over.
+
+    Args:
+        manifest: Words of `run` that name files are relative to its folder.
+        request: Which of them, for how long, against what.
+        reporter: Hears of every sample; None: nobody does.
+
+    Raises:
+        UseCaseError: One cannot be started (failed), or does not say how (negative).
+        RequestError: Nothing has a name that was given.
+    """
+    system, chosen = manifest.system, _chosen(manifest, request)
+    base = Path(manifest.folder).resolve()
+    results: list[ComponentRunResult] = []
+    try:
+        with _load(system, request, base) as load:
+            for group in [chosen] if request.together else [[component] for component in chosen]:
+                results += _run_group(group, StartContext(base=base), load, reporter or SilentSamples())
+    except (LoadEnded, CannotStart) as problem:
+        name = problem.load if isinstance(problem, LoadEnded) else problem.component
+        of_load = isinstance(problem, LoadEnded) or name not in system.components
+        finding = _load_problem(name, problem.message) if of_load else _cannot_start(manifest, name, problem.message)
+        raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
+    except RunningError as problem:
+        finding = CANNOT_START.at(None, f"{problem}.", "Somebody ended it from outside: run it again.")
+        raise UseCaseError(Outcome.FAILED, [finding], manifest.sources) from problem
+    findings = tuple(finding for result in results for finding in _findings(result, manifest))
+    return RunOutcome(results=tuple(results), findings=findings)
+
+
+def _findings(result: ComponentRunResult, manifest: Manifest) -> Iterator[Diagnostic]:
+    """What is wrong with a run."""
+    name, places = result.component.name, manifest.places
+    address = f"component/{name}"
+    if result.ending is RunEnding.FAILURES:
+        reasons = list(dict.fromkeys(sample.failure for sample in result.series.samples if sample.failure))
+        count = f"{result.failed} failed sample{'' if result.failed == 1 else 's'}"
+        yield TOO_MANY_FAILURES.at(
+            places.key("components", name, "run"),
+            f'"{name}" had {count} and may have {result.run.failures}: '
+            f"{'; '.join(reasons[:FAILURES_SHOWN])}. Such a setting gets no verdict.",
+            "Look at what it says on standard error (shown above), and whether `run.samples` fits its output; each "
+            "line must be written at once (flushed). `run.failures` allows some.",
+            address=address,
+        )
+        return
+    for index in result.missed:
+        yield MISSED_UNRESERVED.at(
+            places.key("components", name, "apt", index),
+            f'"{name}" misses its {index} on this machine although nothing takes processor time from it but what '
+            "runs here anyway: no reservation would help it.",
+            "Relax the APT, make the component faster, or run it on the machine that it is meant for.",
+            address=address,
+        )
+
+
+def _chosen(manifest: Manifest, request: RunRequest) -> list[tuple[Component, Run]]:
+    system = manifest.system
+    refuse_unknown(request.components, system.components, "component")
+    names = tuple(dict.fromkeys(request.components)) or tuple(
+        component.name for component in system.components.values() if component.run
+    )
+    runs = [(system.components[name], system.components[name].run) for name in names]
+    lacking = [component.name for component, run in runs if run is None] or ([] if runs else list(system.components))
+    if lacking or not runs:
+        raise UseCaseError(Outcome.NEGATIVE, [_nothing_to_run(manifest, name) for name in lacking], manifest.sources)
+    return [(component, _until(run, request)) for component, run in runs if run is not None]
+
+
+def _until(run: Run, request: RunRequest) -> Run:
+    if request.for_ms is not None:
+        return replace(run, until=Elapsed(time=Milliseconds(Fraction(request.for_ms))))
+    return run if request.samples is None else replace(run, until=SampleCount(samples=request.samples))
+
+
+@contextmanager
+def _load(system: System, request: RunRequest, base: Path) -> Iterator[InterferingLoad | None]:
+    if request.interference is None:
+        yield None
+        return
+    refuse_unknown((request.interference,), system.interference, "interference")
+    load = system.interference[request.interference]
+    with InterferingLoad(request.interference, load, StartContext(base=base)) as running:
+        yield running
+
+
+def _run_group(
+    group: Sequence[tuple[Component, Run]],
+    context: StartContext,
+    load: InterferingLoad | None,
+    reporter: SampleReporter,
+) -> list[ComponentRunResult]:
+    runs = [ComponentRun(component.name, run, context) for component, run in group]
+    numbers = {run.component: 0 for run in runs}
+    with run_in_parallel(runs) as samples:
+        for name, sample in samples:
+            numbers[name] += 1
+            if load is not None:
+                load.check()
+            reporter.sample(name, numbers[name], sample)
+    results = [
+        ComponentRunResult(component=component, run=run, series=process.series(), ending=process.ending)
+        for (component, run), process in zip(group, runs, strict=True)
+    ]
+    for result, process in zip(results, runs, strict=True):
+        reporter.ended(result, process.tail)
+    return results
+
+
+def _cannot_start(manifest: Manifest, name: str, says: str) -> Diagnostic:
+    return CANNOT_START.at(
+        manifest.places.key("components", name, "run"),
+        f'"{name}" cannot be started: {says}.',
+        "Words of `run.command` that name files, and `run.folder`, are relative to the manifest; a program is looked "
+        "for on the PATH. A module of `run.call` is found from the manifest's folder.",
+        address=f"component/{name}",
+    )
+
+
+def _load_problem(name: str, says: str) -> Diagnostic:
+    return LOAD_NOT_RUNNING.at(
+        None,
+        f'The interference "{name}" does not run: {says}.',
+        "Try its program by hand. Browsers need chromium or a relative of it on the PATH.",
+        address=f"interference/{name}",
+    )
+
+
+def _nothing_to_run(manifest: Manifest, name: str) -> Diagnostic:
+    return NOTHING_TO_RUN.at(
+        manifest.places.key("components", name),
+        f'"{name}" has no `run`.',
+        "Add `run` with a `command` or a `call`.",
+        address=f"component/{name}",
+    )

@@ -1,9 +1,28 @@
 """Choosing a level of performance: an APT, what reservation follows from it, and the edit of the manifest."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from math import ceil, floor, isfinite
 
-from rarms_iac.model.system import Threshold
+from rarms_iac.app.configuration_log import record_choices
+from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of
+from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
+from rarms_iac.app.manifest_edits import write_level
+from rarms_iac.app.manifests import Manifest
+from rarms_iac.model.capacity import capacity_of
+from rarms_iac.model.diagnostics import Diagnostic, has_errors
+from rarms_iac.model.indexes import PerformanceIndex, find_index, show_value, threshold_of
+from rarms_iac.model.layout import Layout
+from rarms_iac.model.quantities import UNITS, NotAQuantity, Unit, plain
+from rarms_iac.model.system import Component, Host, System, Threshold
+from rarms_iac.model.wording import suggestion
+from rarms_iac.planner.findings import NOT_MET
+from rarms_iac.planner.groups import Group, groups_of
+from rarms_iac.planner.layout import Planning, plan_layout
+from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, NotMeasured, names_of, rests_on_a_log
+from rarms_iac.planner.sizes import Sized, size
+from rarms_iac.statistics.curves import Curve
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,3 +60,271 @@ class Selection:
     rests_on_a_log: bool  # else the manifest fixes the reserve
     headrooms: tuple[HostHeadroom, ...]  # none where there is no layout
     why_no_headroom: str
+
+
+FAR = 10
+"""So many times worse than the worst that was measured is no level that somebody wants."""
+
+
+def _advice_beyond(index: PerformanceIndex, curve: Curve, log: MeasuredTogether, host: Host) -> str:
+    """What can be chosen as it is, and what to measure first for more, where no measured reservation is enough."""
+    highest = log.measured[-1]
+    most = min(100, int(100 * capacity_of(host, None).processors / log.processors))
+    safe = curve.safe_value_at(highest)
+    holds = "" if safe is None or not isfinite(safe) else f": {_as_a_level(index, safe)} holds at {highest} %"
+    if highest >= most:
+        return f"Choose an easier level{holds}, and {most} % is the most that there is."
+    return (
+        f"Choose an easier level{holds}. Or measure higher settings, and select again: "
+        f"`{log.again} --from {highest + 1}% --to {most}%`."
+    )
+
+
+def _far_from(index: PerformanceIndex, threshold: Threshold, text: str, curves: Sequence[Curve]) -> str:
+    """Why the level cannot be meant, with what may be; empty where it can, or where nothing was measured.
+
+    A share cannot lie far from another.
+    """
+    values = [point.value for curve in curves for point in curve.points if isfinite(point.value) and point.value > 0]
+    if not values or index.unit is Unit.SHARE:
+        return ""
+    easiest, level = (max if index.smaller_is_better else min)(values), float(threshold.value)
+    times = level / easiest if index.smaller_is_better else easiest / level if level else float("inf")
+    if times <= FAR:
+        return ""
+    lowest, highest = (show_value(index, Fraction(round(10 * value), 10)) for value in (min(values), max(values)))
+    return (
+        f"{text} lies far outside of what was measured, where {index.name} goes from {lowest} to {highest}."
+        f"{_meant(index, text, values)} If it is meant, write it into the manifest."
+    )
+
+
+def _meant(index: PerformanceIndex, text: str, values: Sequence[float]) -> str:
+    """The same number with another unit, where that lies among what was measured."""
+    number = Fraction(text.rstrip("abcdefghijklmnopqrstuvwxyz/ "))
+    for unit, factor in UNITS[index.unit].items():
+        if min(values) / 2 <= float(number * factor) <= max(values) * 2:
+            return f" Did you mean {plain(number)} {unit}?"
+    return ""
+
+
+def _as_a_level(index: PerformanceIndex, value: float) -> str:
+    """Rounded to the side on which it still holds."""
+    tenths = ceil(value * 10) if index.smaller_is_better else floor(value * 10)
+    return show_value(index, Fraction(tenths, 10))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SelectRequest:
+    """A level of performance that is good enough for a component."""
+
+    component: str
+    level: str  # `100 ms`, `95 %`, `24 /s`
+    index: str | None = None  # None: the one of its APT that the level fits
+    dry_run: bool = False  # write nothing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SelectOutcome:
+    """What follows from a level, and where it stands now."""
+
+    selection: Selection
+    findings: tuple[Diagnostic, ...]
+    file: str  # of the manifest, with the level; empty: nothing was written
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Choice:
+    """A level of one index of one component."""
+
+    component: Component
+    index: PerformanceIndex
+    text: str  # as given: 100 ms
+    threshold: Threshold
+
+
+def select_level(manifest: Manifest, request: SelectRequest) -> SelectOutcome:
+    """Choose the performance that is good enough for a component, and write it into the manifest as its APT.
+
+    Comments of the manifest stay; what an overlay says is changed there. The reservation that follows is recorded in
+    the configuration log.
+
+    Args:
+        manifest: Its file is written, unless it is a dry run.
+        request: Which component, and which level.
+
+    Returns:
+        The reservation that follows from what was measured, and what is left on the hosts.
+
+    Raises:
+        RequestError: There is no such component or index, the level fits none or several of its indexes, or it lies
+            so far from what was measured that it must be a slip.
+        UseCaseError: No measured reservation meets the level, or no data log is valid (negative); the file cannot be
+            written (failed).
+    """
+    choice = _choice_of(manifest.system, request.component, request.level, request.index)
+    measured = measurements_of(manifest)
+    changed = replace(measured, system=_with(manifest.system, choice))
+    selection, findings = _selection(manifest, changed, choice)
+    if request.dry_run:
+        return SelectOutcome(selection=selection, findings=findings, file="")
+    component = choice.component
+    file = write_level(manifest, component, choice.index, choice.text)
+    record_choices(changed, (component.name,))
+    return SelectOutcome(selection=selection, findings=findings, file=file)
+
+
+def _choice_of(system: System, name: str, at: str, index: str | None) -> _Choice:
+    component = system.components.get(name)
+    if component is None:
+        raise RequestError(f"The manifest has no component {name!r}.{suggestion(name, tuple(system.components))}")
+    if index is not None:
+        found = find_index(index)
+        if found is None:
+            raise RequestError(f"There is no performance index {index!r}.{suggestion(index, tuple(component.apt))}")
+        return _choice(component, found, at)
+    indexes = [found for key in component.apt if (found := find_index(key)) is not None]
+    if not indexes:
+        raise RequestError(f"{name} has no APT yet: say which index is meant, as in --index mean_response_time.")
+    fitting = [found for found in indexes if _fits(found, at)]
+    if len(fitting) > 1:
+        named = ", ".join(f"--index {found.name}" for found in fitting)
+        raise RequestError(f"{name} has several indexes that {at} could be of: say which, {named}.")
+    return _choice(component, fitting[0] if fitting else indexes[0], at)
+
+
+def _choice(component: Component, index: PerformanceIndex, at: str) -> _Choice:
+    try:
+        threshold = threshold_of(index, at)
+    except NotAQuantity as problem:
+        raise RequestError(f"{index.name}: {problem}.") from None
+    return _Choice(component=component, index=index, text=at, threshold=threshold)
+
+
+def _fits(index: PerformanceIndex, at: str) -> bool:
+    try:
+        threshold_of(index, at)
+    except NotAQuantity:
+        return False
+    return True
+
+
+def _selection(manifest: Manifest, changed: Measurements, choice: _Choice) -> tuple[Selection, tuple[Diagnostic, ...]]:
+    """What follows from the choice; `changed`: with the level in the manifest."""
+    system, name = changed.system, choice.component.name
+    reservations = measured_reservations(changed, {})
+    group = next((group for group in groups_of(system) if name in names_of(group.members)), None)
+    logs = () if group is None else tuple(_logs(group, system, reservations))
+    _refuse_far(choice, logs)
+    planning = plan_layout(system, reservations, {}, manifest.places)
+    levels = () if group is None else tuple(_levels(group, system, reservations, choice))
+    if group is not None and rests_on_a_log(group) and not levels:
+        addresses = {f"component/{member.name}" for member in group.members} | {f"partition/{group.name}"}
+        reasons = [finding for finding in planning.findings if finding.address in addresses]
+        findings = [_with_useful_advice(finding, logs, choice) for finding in reasons or planning.findings]
+        raise UseCaseError(Outcome.NEGATIVE, findings, manifest.sources)
+    selection = Selection(
+        component=name,
+        index=choice.index.name,
+        before=choice.component.apt.get(choice.index.name),
+        after=choice.threshold,
+        levels=levels,
+        rests_on_a_log=group is not None and rests_on_a_log(group),
+        headrooms=_headrooms(planning, system),
+        why_no_headroom=_why(planning),
+    )
+    return selection, () if has_errors(planning.findings) else planning.findings
+
+
+def _logs(group: Group, system: System, reservations: MeasuredReservations) -> Iterator[tuple[Host, MeasuredTogether]]:
+    """The data log of each host that has one with settings, hosts in name order."""
+    for _, host in sorted(system.hosts.items()):
+        log = reservations.log(group.members, host)
+        if isinstance(log, MeasuredTogether) and log.measured:
+            yield host, log
+
+
+def _with_useful_advice(
+    finding: Diagnostic, logs: Sequence[tuple[Host, MeasuredTogether]], choice: _Choice
+) -> Diagnostic:
+    """NOTE: a search looks for the manifest's level, and this one is not there yet: that advice would lead nowhere."""
+    if finding.code != NOT_MET.code or not logs:
+        return finding
+    host, log = logs[0]
+    curve = log.curves(choice.component.name, choice.index.name)
+    return replace(finding, advice=_advice_beyond(choice.index, curve, log, host))
+
+
+def _refuse_far(choice: _Choice, logs: Sequence[tuple[Host, MeasuredTogether]]) -> None:
+    """NOTE: `120 s` for `120 ms` would be met by any reservation: a slip that nothing else would show."""
+    curves = [log.curves(choice.component.name, choice.index.name) for _, log in logs]
+    message = _far_from(choice.index, choice.threshold, choice.text, curves)
+    if message:
+        raise RequestError(f"{choice.component.name}: {message}")
+
+
+def _with(system: System, choice: _Choice) -> System:
+    apt: Mapping[str, Threshold] = {**choice.component.apt, choice.index.name: choice.threshold}
+    return replace(system, components={**system.components, choice.component.name: replace(choice.component, apt=apt)})
+
+
+def _levels(
+    group: Group, system: System, reservations: MeasuredReservations, choice: _Choice
+) -> Sequence[SelectedLevel]:
+    """What the group gets on each platform that it was measured for; hosts in name order."""
+    found: dict[str, SelectedLevel] = {}
+    for _, host in sorted(system.hosts.items()):
+        if host.platform in found or any(
+            member.hosts is not None and host.name not in member.hosts for member in group.members
+        ):
+            continue
+        sized = size(group, host, reservations)
+        log = reservations.log(group.members, host)
+        if not isinstance(sized, Sized) or isinstance(log, NotMeasured):
+            continue
+        least = reservations.least(group.members, host)
+        found[host.platform] = SelectedLevel(
+            platform=host.platform,
+            partition=group.name,
+            reserve=sized.placed.reserve,
+            processors=sized.placed.processors,
+            host=host.name,
+            host_processors=host.logical_processors,
+            interpolated=least is not None and least.interpolated,
+            expected=_expected(log, choice, sized.placed.reserve),
+        )
+    return tuple(found.values())
+
+
+def _expected(log: MeasuredTogether, choice: _Choice, reserve: int) -> tuple[float, float, float] | None:
+    point = log.curves(choice.component.name, choice.index.name).value_at(reserve)
+    return None if point is None else (point.value, point.lower, point.upper)
+
+
+def _headrooms(planning: Planning, system: System) -> tuple[HostHeadroom, ...]:
+    if not isinstance(planning.answer, Layout):
+        return ()
+    return tuple(
+        HostHeadroom(
+            host=name,
+            processors=capacity_of(host, None).processors
+            - sum(
+                (partition.reserved for partition in planning.answer.partitions if partition.host == name), Fraction(0)
+            ),
+            host_processors=host.logical_processors,
+        )
+        for name, host in sorted(system.hosts.items())
+    )
+
+
+def _why(planning: Planning) -> str:
+    if isinstance(planning.answer, Layout):
+        return ""
+    return next(
+        (
+            f"{finding.summary} ({finding.code}). {finding.detail}"
+            for finding in planning.findings
+            if has_errors([finding])
+        ),
+        "",
+    )

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.requests import PlanLimits
@@ -10,7 +11,6 @@ from rarms_iac.apply.doctor.examine import DOCTOR_ONLY_CODES
 from rarms_iac.apply.goals import FIXED
 from rarms_iac.apply.preconditions import NO_RIGHTS
 from rarms_iac.apply.prepare import Judge, Request, prepare
-from rarms_iac.cli.datalogs import measured_reservations, measurements_of
 from rarms_iac.diff.compare_partitions import NOT_AT_REST
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
@@ -74,7 +74,7 @@ def _reservations(hosts: Hosts, wish: Wish, states: Mapping[str, State]) -> Rese
     """What data logs say, for who wants a layout."""
     if wish.purpose is not Purpose.APPLY:
         return FIXED
-    return measured_reservations(measurements_of(hosts.system, hosts.folder, hosts.manifest.source), states)
+    return measured_reservations(measurements_of(hosts.manifest), states)
 
 
 def judge_of(hosts: Hosts, wish: Wish) -> Judge:

@@ -42,6 +42,15 @@ class Terminal:
         """Columns of running text: longer lines are harder to read, however wide the terminal is."""
         return min(self.width, DEFAULT_WIDTH)
 
+    @property
+    def ascii_only(self) -> bool:
+        """Whether lines and dots beyond ASCII would be escapes on standard output."""
+        try:
+            "\u2812\u2500\u25cf\u2591".encode(self.out.encoding or "utf-8")
+        except (LookupError, UnicodeEncodeError):
+            return True
+        return False
+
     def data(self, text: str) -> None:
         """Write what was asked for."""
         self.answered = True

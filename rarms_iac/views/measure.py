@@ -5,7 +5,7 @@ from fractions import Fraction
 from math import isfinite
 from typing import TYPE_CHECKING, Literal, assert_never
 
-from rarms_iac.app.measure import ExperimentResult
+from rarms_iac.app.experiments import ExperimentResult
 from rarms_iac.measuring.findings import show_value
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, shortfall_at
 from rarms_iac.measuring.setup import Experiment

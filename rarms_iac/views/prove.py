@@ -3,18 +3,18 @@
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
-from typing import TYPE_CHECKING, assert_never
+from typing import TYPE_CHECKING
 
+from rarms_iac.app.prove import verdict_of
 from rarms_iac.measuring.findings import show_value
 from rarms_iac.measuring.prove import IndexVerdict, LayoutProof
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Series
-from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, Verdict, WithinNoise
 from rarms_iac.statistics.verdicts import show_error
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import counted, paragraph, stack, table
 from rarms_iac.views.measure import index_outputs, show_bound
-from rarms_iac.views.output.measuring import ProvenIndexOutput, ProvenVerdict, ProveOutput
+from rarms_iac.views.output.measuring import ProvenIndexOutput, ProveOutput
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -60,23 +60,6 @@ def prove_json(proofs: Sequence[LayoutProof], interference: str | None, findings
     found = tuple(output for proof in proofs for output in _outputs(proof))
     met = not any(proof.not_met for proof in proofs)
     return as_json(ProveOutput(interference=interference, met=met, indexes=found, findings=findings))
-
-
-def verdict_of(verdict: Verdict) -> ProvenVerdict:
-    """What it is called wherever it is told."""
-    match verdict:
-        case Met():
-            return "met"
-        case Missed():
-            return "missed"
-        case WithinNoise():
-            return "within the noise"
-        case Unsteady():
-            return "no steady state"
-        case TooFewSamples() | TooManyFailures():
-            return "cannot be told"
-        case _:
-            assert_never(verdict)
 
 
 def sampled(host: str, seen: Mapping[str, Series]) -> tuple[str, str]:

@@ -10,11 +10,11 @@ from typing import Any
 import jsonschema
 import pytest
 
+from rarms_iac.app.data_logs import Measurements, measured_reservations
 from rarms_iac.apply.execute import apply_plan
 from rarms_iac.apply.prepare import Prepared, Request, prepare
 from rarms_iac.apply.run_report import Ending, SilentReporter
 from rarms_iac.apply.run_steps import held
-from rarms_iac.cli.datalogs import Measurements, measured_reservations
 from rarms_iac.manifest.checks import run_checks
 from rarms_iac.manifest.document.schema import manifest_schema
 from rarms_iac.manifest.edit.formatting import format_text

@@ -78,11 +78,11 @@ def _then_prove(
     """Prove what was applied; refused where the manifest asks for more by now. The answer in JSON is the proof."""
     if code is not ExitCode.DONE:
         return code
-    from rarms_iac.cli.proving import ProveOptions, prove_layout
+    from rarms_iac.app.prove import ProveRequest
+    from rarms_iac.cli.commands.prove_command import prove_and_show
 
-    manifest = load_manifest(source)
-    options = ProveOptions(lock_timeout_ms=how.lock_timeout_ms)
-    return prove_layout(session, select_hosts(manifest, where), options, as_json=as_json)
+    hosts = select_hosts(load_manifest(source), where)
+    return prove_and_show(session, hosts, ProveRequest(lock_timeout_ms=how.lock_timeout_ms), as_json=as_json)
 
 
 def _refuse_beside_a_plan(given: object) -> None:

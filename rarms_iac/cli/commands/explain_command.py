@@ -15,8 +15,8 @@ from rarms_iac.views.explain import page_text, unknown_code
 from rarms_iac.views.output.common import ExplanationOutput
 
 if TYPE_CHECKING:
+    from rarms_iac.app.data_logs import Measurements
     from rarms_iac.app.manifests import Manifest
-    from rarms_iac.cli.datalogs import Measurements
     from rarms_iac.model.system import Component
 
 
@@ -44,8 +44,8 @@ def command(session: Session, *, subject: str, guide: bool, source: ManifestSour
 
 
 def _component(session: Session, source: ManifestSource, name: str, *, as_json: bool) -> ExitCode:
+    from rarms_iac.app.explain import explained
     from rarms_iac.app.hosts import select_hosts
-    from rarms_iac.cli.explaining import explained
     from rarms_iac.cli.telling import tell
     from rarms_iac.views.explain import explanation_json, explanation_text
 
@@ -61,7 +61,7 @@ def _component(session: Session, source: ManifestSource, name: str, *, as_json: 
 
 
 def _guide(source: ManifestSource, name: str) -> str:
-    from rarms_iac.cli.guiding import guide_facts, has_a_partition
+    from rarms_iac.app.guide import guide_facts, has_a_partition
     from rarms_iac.views.guide import guide
 
     measured, manifest, component = _asked_for(source, name)
@@ -77,8 +77,8 @@ def _asked_for(source: ManifestSource, name: str) -> "tuple[Measurements, Manife
     Raises:
         UsageError: there is none.
     """
+    from rarms_iac.app.data_logs import measurements_of
     from rarms_iac.app.manifests import load_manifest
-    from rarms_iac.cli.datalogs import measurements_of
 
     manifest = load_manifest(source)
     system = manifest.system
@@ -87,7 +87,7 @@ def _asked_for(source: ManifestSource, name: str) -> "tuple[Measurements, Manife
         meant = suggestion(name, (*system.components, *known_codes()))
         says = f'The manifest has no component "{name}", and no finding is called so.{meant}'
         raise click.UsageError(says, click.get_current_context())
-    return measurements_of(system, manifest.folder, source), manifest, component
+    return measurements_of(manifest), manifest, component
 
 
 def _finding(session: Session, finding: str, *, as_json: bool) -> ExitCode:

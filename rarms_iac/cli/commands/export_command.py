@@ -6,10 +6,11 @@ import click
 
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.files import write_file
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.report import report_of_manifest
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import manifest_options
-from rarms_iac.cli.reporting import reported
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import Finding, Severity
 
@@ -38,7 +39,7 @@ def command(
         raise click.UsageError(f"{file!r} ends with neither .csv nor .xlsx.", click.get_current_context())
     if trail and (samples or ending != ".csv"):
         raise click.UsageError("--trail goes into a .csv file, without --samples.", click.get_current_context())
-    report = reported(source, components)
+    report = report_of_manifest(load_manifest(source), components)
     if ending == ".csv":
         rows = trail_rows(report.tunings) if trail else sample_rows(report) if samples else setting_rows(report)
         data = csv_text(rows).encode("utf-8", "replace")

@@ -2,11 +2,11 @@
 
 import click
 
+from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.manifests import Manifest, load_manifest
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.datalogs import Measurements, measured_reservations, measurements_of
 from rarms_iac.cli.options import json_option, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.layout import Layout
@@ -35,8 +35,8 @@ def command(session: Session, *, source: ManifestSource, form: str, candidates: 
     manifest = load_manifest(source)
     system = manifest.system
     if candidates:
-        return _candidates(session, measurements_of(system, manifest.folder, source), manifest, form, as_json=as_json)
-    reservations = measured_reservations(measurements_of(system, manifest.folder, source), {})
+        return _candidates(session, measurements_of(manifest), manifest, form, as_json=as_json)
+    reservations = measured_reservations(measurements_of(manifest), {})
     planning = plan_layout(system, reservations, {}, manifest.places)
     if not isinstance(planning.answer, Layout):
         raise UseCaseError(Outcome.NEGATIVE, planning.findings, manifest.sources)
@@ -46,7 +46,7 @@ def command(session: Session, *, source: ManifestSource, form: str, candidates: 
 
 
 def _candidates(session: Session, measured: Measurements, manifest: Manifest, form: str, *, as_json: bool) -> ExitCode:
-    from rarms_iac.cli.candidates import candidates_in
+    from rarms_iac.app.candidates import candidates_in
     from rarms_iac.planner.combining.candidates import nodes_of as candidate_nodes
     from rarms_iac.views.graph import candidates_json, candidates_text
 

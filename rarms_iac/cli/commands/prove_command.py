@@ -2,13 +2,16 @@
 
 import click
 
-from rarms_iac.app.hosts import select_hosts
+from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.prove import USUAL_SEED, ProveRequest, prove_layout
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import host_options, json_option, manifest_options, time_option
-from rarms_iac.cli.proving import USUAL_SEED, ProveOptions, prove_layout
+from rarms_iac.cli.reporter import ProofProgress, TerminalReporter
 from rarms_iac.cli.session import Session, rarms_command
+from rarms_iac.cli.telling import tell
+from rarms_iac.views.prove import proof_text, prove_json
 
 
 @rarms_command("prove")
@@ -35,7 +38,24 @@ def command(
     What they show is written into the configuration logs. Exit code 4 where a threshold is missed or the samples cannot
     tell; 3 where the manifest asks for something that is not applied yet.
     """
-    manifest = load_manifest(source)
-    hosts = select_hosts(manifest, where)
-    options = ProveOptions(interference=interference, samples=samples, seed=seed, lock_timeout_ms=lock_timeout)
-    return prove_layout(session, hosts, options, as_json=as_json)
+    request = ProveRequest(interference=interference, samples=samples, seed=seed, lock_timeout_ms=lock_timeout)
+    return prove_and_show(session, select_hosts(load_manifest(source), where), request, as_json=as_json)
+
+
+def prove_and_show(session: Session, hosts: Hosts, request: ProveRequest, *, as_json: bool) -> ExitCode:
+    """Prove what is applied, and show it; also at the end of `rarms apply --prove`."""
+    with ProofProgress(session) as progress:
+        outcome = prove_layout(
+            hosts, request, reporter=TerminalReporter(session), stop=session.interrupts, listener=progress
+        )
+    if outcome.stopped:
+        session.terminal.talk("Stopped: nothing is proven, and nothing was changed.")
+        return session.interrupts.asked or ExitCode.INTERRUPTED
+    tell(session.terminal, outcome.findings, hosts.manifest.sources)
+    if as_json:
+        session.terminal.data(prove_json(outcome.proofs, request.interference, outcome.findings))
+    else:
+        session.terminal.show(proof_text(outcome.proofs, request.interference))
+    if outcome.not_proven:
+        session.terminal.talk(f"Not proven, since they are on other hosts: {', '.join(outcome.not_proven)}.")
+    return ExitCode.NO if outcome.findings else ExitCode.DONE

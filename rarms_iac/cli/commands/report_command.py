@@ -5,10 +5,11 @@ from dataclasses import replace
 import click
 
 from rarms_iac.app.files import write_file
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.report import candidates_for_report, report_of_manifest
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import json_option, manifest_options
-from rarms_iac.cli.reporting import candidates_for, reported, speaks_ascii_only
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.telling import tell
 from rarms_iac.model.diagnostics import Finding, Severity
@@ -45,11 +46,12 @@ def command(
     """
     if as_text and (out is not None or as_json):
         raise click.UsageError("--text goes without --out and --json.", click.get_current_context())
-    report = reported(source, components)
+    manifest = load_manifest(source)
+    report = report_of_manifest(manifest, components)
     if as_text:
         from rarms_iac.views.reports.terminal import report_text
 
-        session.terminal.show(report_text(report, ascii_only=speaks_ascii_only(session.terminal)))
+        session.terminal.show(report_text(report, ascii_only=session.terminal.ascii_only))
         return ExitCode.DONE
     if as_json:
         from rarms_iac.views.reports.document import report_json
@@ -59,7 +61,7 @@ def command(
             return ExitCode.DONE
     from rarms_iac.views.reports.html import as_html
 
-    page, file = as_html(replace(report, candidates=candidates_for(source))), out or DEFAULT_FILE
+    page, file = as_html(replace(report, candidates=candidates_for_report(manifest))), out or DEFAULT_FILE
     if file == "-":
         session.terminal.data(page.decode("utf-8"))
         return ExitCode.DONE

@@ -4,14 +4,20 @@ import click
 
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import ManifestSource
+from rarms_iac.app.run_component import ComponentRunResult, RunRequest, SilentSamples, run_components
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import json_option, manifest_options
-from rarms_iac.cli.running import RunWish, run_components
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.telling import tell
+from rarms_iac.cli.terminal import Terminal
 from rarms_iac.model.diagnostics import has_errors
+from rarms_iac.model.measurement import Sample
 from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
-from rarms_iac.views.component_run import ran_json
+from rarms_iac.views.component_run import ran_json, sample_text, summary_text
+from rarms_iac.views.console import visible
+
+LINES = 10
+"""Of standard error, that are shown where samples failed."""
 
 
 def _time(_context: click.Context, _parameter: click.Parameter, value: str | None) -> int | None:
@@ -55,17 +61,39 @@ def command(
     if for_ms is not None and samples is not None:
         raise click.UsageError("Give --for or --samples, not both.", click.get_current_context())
     manifest = load_manifest(source)
-    system = manifest.system
-    wish = RunWish(
-        components=components,
-        for_ms=for_ms,
-        samples=samples,
-        interference=interference,
-        together=together,
-        live=not as_json,
+    request = RunRequest(
+        components=components, for_ms=for_ms, samples=samples, interference=interference, together=together
     )
-    ran, found = run_components(session, system, manifest, wish)
+    reporter = LastWords(session.terminal) if as_json else LiveSamples(session.terminal)
+    outcome = run_components(manifest, request, reporter)
     if as_json:
-        session.terminal.data(ran_json(ran, found))
-    tell(session.terminal, found, manifest.sources)
-    return ExitCode.NO if has_errors(found) else ExitCode.DONE
+        session.terminal.data(ran_json(outcome.results, outcome.findings))
+    tell(session.terminal, outcome.findings, manifest.sources)
+    return ExitCode.NO if has_errors(outcome.findings) else ExitCode.DONE
+
+
+class LastWords(SilentSamples):
+    """A `SampleReporter` that shows what a component with failed samples wrote last on standard error."""
+
+    def __init__(self, terminal: Terminal) -> None:
+        self._terminal = terminal
+
+    def ended(self, result: ComponentRunResult, last_words: str) -> None:
+        """Show the last lines."""
+        if result.failed and last_words.strip():
+            lines = "\n".join(f"  {visible(line, keep='')}" for line in last_words.strip().splitlines()[-LINES:])
+            self._terminal.talk(f"{result.component.name} wrote last on standard error:\n{lines}")
+
+
+class LiveSamples(LastWords):
+    """The same, and every sample as it happens."""
+
+    def sample(self, component: str, number: int, sample: Sample) -> None:
+        """Show it now."""
+        self._terminal.data(sample_text(component, number, sample))
+        self._terminal.flush()
+
+    def ended(self, result: ComponentRunResult, last_words: str) -> None:
+        """Show what the samples come to."""
+        self._terminal.show(summary_text(result))
+        super().ended(result, last_words)

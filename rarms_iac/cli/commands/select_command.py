@@ -1,17 +1,13 @@
 """`rarms select`: choose a level of performance."""
 
-from dataclasses import replace
-
 import click
 
-from rarms_iac.app.files import STANDARD_INPUT, write_file
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import ManifestSource
+from rarms_iac.app.select import SelectRequest, select_level
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.configuration import record_choices
-from rarms_iac.cli.datalogs import measurements_of
 from rarms_iac.cli.options import json_option, manifest_options
-from rarms_iac.cli.selecting import Unclear, choice_of, edit_of, select
+from rarms_iac.cli.prompts import refuse_standard_input
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.telling import tell
 from rarms_iac.views.select import selection_json, selection_text
@@ -40,27 +36,15 @@ def command(
     stay; what an overlay says is changed there. Exit code 4, and nothing is written, where no measured reservation
     meets the level; a reserve that the manifest fixes is not looked up.
     """
-    if source.manifest == STANDARD_INPUT and not dry_run:
-        raise click.UsageError("Standard input cannot be changed: name a file.", click.get_current_context())
-    manifest = load_manifest(source)
-    system = manifest.system
-    try:
-        choice = choice_of(system, component, at, index)
-        measured = measurements_of(system, manifest.folder, source)
-        selected = select(choice, measured, manifest)
-    except Unclear as problem:
-        raise click.UsageError(str(problem), click.get_current_context()) from None
-    file = ""
     if not dry_run:
-        edit = edit_of(choice, manifest)
-        file = edit.file
-        if edit.after != edit.before:
-            write_file(edit.file, edit.after.encode("utf-8"))
-        record_choices(replace(measured, system=selected.system), (component,))
+        refuse_standard_input(source)
+    manifest = load_manifest(source)
+    request = SelectRequest(component=component, level=at, index=index, dry_run=dry_run)
+    outcome = select_level(manifest, request)
     if as_json:
-        session.terminal.data(selection_json(selected.selection, file, written=not dry_run))
-    else:
-        session.terminal.show(selection_text(selected.selection))
-        tell(session.terminal, selected.findings, manifest.sources)
-        session.terminal.talk("Nothing was written." if dry_run else f"Written to {file}.")
+        session.terminal.data(selection_json(outcome.selection, outcome.file, written=not dry_run))
+        return ExitCode.DONE
+    session.terminal.show(selection_text(outcome.selection))
+    tell(session.terminal, outcome.findings, manifest.sources)
+    session.terminal.talk("Nothing was written." if dry_run else f"Written to {outcome.file}.")
     return ExitCode.DONE

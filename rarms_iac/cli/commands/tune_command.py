@@ -4,28 +4,18 @@ from typing import Literal, cast
 
 import click
 
-from rarms_iac.app.files import STANDARD_INPUT, write_file
-from rarms_iac.app.hosts import Hosts, observe_hosts, select_hosts
+from rarms_iac.app.files import write_file
+from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.app.tune import TuningResult
-from rarms_iac.cli.asking import refuse_without_terminal
+from rarms_iac.app.tune import TuneOutcome, TuneRequest, tune_components
 from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.commands.measure_command import record_what_follows
-from rarms_iac.cli.experiments import MeasureOptions
-from rarms_iac.cli.measuring import held_benches
 from rarms_iac.cli.options import host_options, json_option, manifest_options, time_option
+from rarms_iac.cli.prompts import TerminalConsent, refuse_standard_input, refuse_without_terminal
+from rarms_iac.cli.reporter import TerminalReporter, stopped
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.telling import tell
-from rarms_iac.cli.tuned_manifest import write_partitions
-from rarms_iac.cli.tuning import Experiments, bench_of, subject_of_tuning
-from rarms_iac.cli.tuning_end import End, findings_of, still_too_much, tuned_of
-from rarms_iac.cli.tuning_log import record_tuning, run_of
-from rarms_iac.cli.tuning_talk import AskingConsent
 from rarms_iac.model.diagnostics import has_errors
-from rarms_iac.planner.combining.oracle import Always
-from rarms_iac.planner.combining.paper import Asking
 from rarms_iac.views.reports.spreadsheet import csv_text, trail_rows
 from rarms_iac.views.tune import TuningProgress, tuned_json, tuned_text
 
@@ -82,77 +72,48 @@ def command(
         raise click.UsageError("--repeat belongs to --strategy paper: the default looks at compounds of any size.")
     if probability is not None and strategy == "paper":
         raise click.UsageError("--probability belongs to the default strategy: the paper's procedure claims nothing.")
-    if source.manifest == STANDARD_INPUT and not dry_run:
-        raise click.UsageError("Standard input cannot be changed: name a file.", click.get_current_context())
+    if not dry_run:
+        refuse_standard_input(source)
     if interactive:
         refuse_without_terminal(session, source)
     hosts = select_hosts(load_manifest(source), where)
-    options = MeasureOptions(
-        together=True, strategy=strategy, samples=samples, on_busy_host=on_busy_host, lock_timeout_ms=lock_timeout
+    request = TuneRequest(
+        strategy=cast(Literal["default", "paper"], strategy),
+        repeat=repeat,
+        probability=probability,
+        dry_run=dry_run,
+        samples=samples,
+        on_busy_host=on_busy_host,
+        lock_timeout_ms=lock_timeout,
     )
-    end = _tuned(session, hosts, options, repeat=repeat, probability=probability, interactive=interactive)
-    written = () if dry_run else _written(session, hosts, end)
-    told = (*findings_of(end, hosts), *(still_too_much(hosts, end) if written else ()))
-    tuned = tuned_of(end, cast(Literal["default", "paper"], strategy), hosts.system, ", ".join(written))
-    _keep_trail(session, hosts, end, tuned, trail)
-    tell(session.terminal, told, hosts.manifest.sources)
+    progress = TuningProgress(session.terminal.talk, session.terminal.live_table())
+    outcome = tune_components(
+        hosts,
+        request,
+        reporter=TerminalReporter(session),
+        stop=session.interrupts,
+        planner_reporter=progress,
+        consent=TerminalConsent(session) if interactive else None,
+    )
+    progress.ended()
+    _tell_what_was_written(session, outcome, trail)
+    tell(session.terminal, outcome.findings, hosts.manifest.sources)
     if as_json:
-        session.terminal.data(tuned_json(tuned, told))
+        session.terminal.data(tuned_json(outcome.result, outcome.findings))
     else:
-        session.terminal.show(tuned_text(tuned))
-    if end.ending == "stopped":
-        session.terminal.talk("Stopped. What is recorded stays: the same command goes on.")
-        return session.interrupts.asked or ExitCode.INTERRUPTED
-    return ExitCode.NO if has_errors(told) else ExitCode.DONE
+        session.terminal.show(tuned_text(outcome.result))
+    if outcome.result.ending == "stopped":
+        return stopped(session)
+    return ExitCode.NO if has_errors(outcome.findings) else ExitCode.DONE
 
 
-def _tuned(
-    session: Session,
-    hosts: Hosts,
-    options: MeasureOptions,
-    *,
-    repeat: bool,
-    probability: float | None,
-    interactive: bool,
-) -> End:
-    """Ask until there is an answer, with the bench held.
-
-    Raises:
-        UseCaseError: as `subject_of_tuning` and `run_experiment` say.
-    """
-    bench = bench_of(hosts)
-    with held_benches(session, hosts, [bench.name], options.lock_timeout_ms) as benches:
-        subject = subject_of_tuning(hosts, bench, observe_hosts(hosts))
-        progress = TuningProgress(session.terminal.talk, session.terminal.live_table())
-        asking = Asking(
-            oracle=Experiments(session=session, subject=subject, bench=benches[bench.name], options=options),
-            reporter=progress,
-            consent=AskingConsent(session) if interactive else Always(),
-            may_share=subject.may_share,
-        )
-        end = End.of(subject, asking, options.strategy, repeat=repeat, probability=probability)
-        progress.ended()
-        return end
-
-
-def _keep_trail(session: Session, hosts: Hosts, end: End, tuned: TuningResult, file: str | None) -> None:
-    """Into the log of tuning, for reports, and into the file that was asked for."""
-    platform, run = end.subject.bench.platform, run_of(tuned)
-    if run is not None:
-        record_tuning(hosts, platform, run)
-    if file is not None:
-        rows = trail_rows([] if run is None else [PlatformTuning(platform=platform, run=run)])
-        write_file(file, csv_text(rows).encode("utf-8"))
-        session.terminal.talk(f"Wrote {file}.")
-
-
-def _written(session: Session, hosts: Hosts, end: End) -> tuple[str, ...]:
-    if not end.compounds:
-        return ()
-    done = write_partitions(hosts.manifest, end.compounds)
-    for name in done.removed:
+def _tell_what_was_written(session: Session, outcome: TuneOutcome, trail: str | None) -> None:
+    """Into the manifest; and the trail into the file that was asked for."""
+    for name in outcome.removed:
         session.terminal.talk(f"The entry of partition {name} is gone: its components are elsewhere now.")
-    for file in done.files:
+    for file in outcome.files:
         session.terminal.talk(f"Written to {file}.")
-    record_what_follows(hosts)
-    return done.files
+    if trail is not None:
+        rows = trail_rows([] if outcome.tuning is None else [outcome.tuning])
+        write_file(trail, csv_text(rows).encode("utf-8"))
+        session.terminal.talk(f"Wrote {trail}.")

@@ -8,7 +8,7 @@ from shlex import quote
 
 import pytest
 
-from rarms_iac.cli.datalogs import Measurements, bench_now, measured_reservations
+from rarms_iac.app.data_logs import Measurements, bench_now, measured_reservations
 from rarms_iac.manifest.load import load
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.prediction.members import alone_in

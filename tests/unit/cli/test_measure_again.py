@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.cli.locks import held_log
+from rarms_iac.app.measurement_files import hold_data_log
 from rarms_iac.storage import disk
 from rarms_iac.storage.datalog.files import read_log
 from rarms_iac.storage.datalog.log import DataLog
@@ -133,7 +133,7 @@ def test_what_cannot_be_run_begins_no_pass(here: Path) -> None:
     before = path_of("vision").read_bytes()
 
     assert rarms("measure", "--again", "--seed", "7").code == 64
-    with held_log(here, path_of("vision"), 0):
+    with hold_data_log(here, path_of("vision"), 0):
         assert code_of(rarms(*SWEPT, "--again")) == (3, "RARMS265")
     assert path_of("vision").read_bytes() == before
 
@@ -141,7 +141,7 @@ def test_what_cannot_be_run_begins_no_pass(here: Path) -> None:
 def test_two_hosts_of_one_platform_do_not_write_to_one_log_at_once(here: Path) -> None:
     """Each host has a lock of its own: what they share is the log."""
     before = path_of("vision").read_bytes()
-    with held_log(here, path_of("vision"), 0):
+    with hold_data_log(here, path_of("vision"), 0):
         ran = rarms("measure", "vision", "--from", "60%", "--to", "80%", "--host", "right")
         other = rarms("measure", "speech", "--from", "60%", "--to", "80%", "--host", "right")
 

@@ -3,9 +3,9 @@
 from datetime import date
 from pathlib import Path
 
+from rarms_iac.app.manifest_edits import PartitionEdits, write_partitions
 from rarms_iac.app.manifests import Manifest, load_manifest
 from rarms_iac.app.requests import ManifestSource
-from rarms_iac.cli.tuned_manifest import Written, write_partitions
 from rarms_iac.planner.combining.oracle import Coi
 
 MANIFEST = """\
@@ -63,7 +63,7 @@ def test_a_partition_that_is_there_is_extended_and_an_emptied_one_goes(tmp_path:
     write(tmp_path, MANIFEST + PARTITIONS)
     done = write_partitions(manifest(tmp_path), [compound("front", "video", "vision")])
 
-    assert done == Written(files=(done.files[0],), removed=("video",))
+    assert done == PartitionEdits(files=(done.files[0],), removed=("video",))
     text = (tmp_path / "rarms.yaml").read_text(encoding="utf-8")
     assert text.endswith(
         "partitions: # by hand\n  front: # the camera's\n    components: [vision, video]\n    start: manual\n"
@@ -106,4 +106,4 @@ def test_what_an_overlay_says_is_changed_there(tmp_path: Path) -> None:
 
 def test_nothing_new_writes_nothing(tmp_path: Path) -> None:
     write(tmp_path, MANIFEST + PARTITIONS)
-    assert write_partitions(manifest(tmp_path), []) == Written(files=(), removed=())
+    assert write_partitions(manifest(tmp_path), []) == PartitionEdits(files=(), removed=())

@@ -10,8 +10,8 @@ import pytest
 from rarms_iac.app.hosts import observe_hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.cli.tuning import Room, Subject, TuningStopped, bench_of, subject_of_tuning
-from rarms_iac.cli.tuning_end import End, findings_of
+from rarms_iac.app.tune import TuningEnd, findings_of_end
+from rarms_iac.app.tuning_subject import Room, Subject, TuningStopped, bench_of, subject_of_tuning
 from rarms_iac.planner.combining.oracle import Coi, Members
 from rarms_iac.planner.combining.paper import Asking
 from rarms_iac.planner.findings import CONTRADICTION
@@ -95,7 +95,7 @@ def test_who_stops_it_is_told_what_was_asked_with_what_was_predicted(here: Path)
     subject = subject_of("onboard")
     oracle = Once()
 
-    end = End.of(subject, Asking(oracle=oracle, may_share=subject.may_share), "default", repeat=False)
+    end = TuningEnd.of(subject, Asking(oracle=oracle, may_share=subject.may_share), "default", repeat=False)
 
     assert end.ending == "stopped"
     assert [one.members for one in end.trail] == oracle.asked
@@ -127,8 +127,8 @@ def test_a_setting_that_contradicts_the_assumption_is_told_and_nothing_is_proved
         write(head.replace("logical_processors: 2", "logical_processors: 1") + lines + ballast)
         leave_logs(tmp_path, least)
         subject = subject_of("onboard")
-        end = End.of(subject, Asking(oracle=AsIfBroken(), may_share=subject.may_share), "default", repeat=False)
-        told = [finding for finding in findings_of(end, subject.hosts) if finding.code == CONTRADICTION.code]
+        end = TuningEnd.of(subject, Asking(oracle=AsIfBroken(), may_share=subject.may_share), "default", repeat=False)
+        told = [finding for finding in findings_of_end(end, subject.hosts) if finding.code == CONTRADICTION.code]
 
     assert [one.says for one in end.breaks] == [
         "paths+speech+video meets its thresholds with less than paths+video needs"

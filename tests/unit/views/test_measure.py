@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from rarms_iac.app.measure import ExperimentResult
+from rarms_iac.app.experiments import ExperimentResult
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Stopped, Sufficient

@@ -6,8 +6,7 @@ from io import StringIO
 import pytest
 
 from rarms_iac.app.report_model import PlatformTuning
-from rarms_iac.app.tune import TuningResult
-from rarms_iac.cli.tuning_log import run_of
+from rarms_iac.app.tune import TuningResult, run_of_result
 from rarms_iac.planner.combining.oracle import Asked
 from rarms_iac.views.console import live_console, render
 from rarms_iac.views.live_table import LiveTable
@@ -42,9 +41,8 @@ def tuned(*, proved: bool, probability: float | None) -> TuningResult:
 )
 def test_the_claim_is_the_same_everywhere(proved: bool, probability: float | None, claim: str) -> None:
     ended = tuned(proved=proved, probability=probability)
-    told, run = tuned_json(ended, ()), run_of(ended)
+    told, run = tuned_json(ended, ()), run_of_result(ended)
     check(told)
-    assert run is not None
     _, *rows = trail_rows([PlatformTuning(platform="two-core", run=run)])
 
     assert json.loads(told)["claim"] == claim

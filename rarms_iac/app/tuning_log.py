@@ -1,16 +1,52 @@
-"""What `rarms tune` once asked and found, out of its log, for whoever explains a component."""
+"""What tuning asked for and found, written down beside the data logs, and read for reports."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.hosts import Hosts
+from rarms_iac.app.measurement_files import hold_configuration_logs, unreadable
+from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.system import Host, System
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.reservations import Names, names_of
 from rarms_iac.storage.datalog.files import LogUnreadable
-from rarms_iac.storage.datalog.tuning import TuningRun, read_runs, tuning_path
+from rarms_iac.storage.datalog.tuning import TuningRun, append_run, read_runs, tuning_path
+
+
+def record_tuning(hosts: Hosts, platform: str, run: TuningRun) -> None:
+    """Write it into the platform's log of tuning; one that asked for nothing says nothing that the manifest does not.
+
+    Raises:
+        UseCaseError: the log is damaged (4), or another run does not let go of it (3).
+        OSError: it cannot be written.
+    """
+    if not run.trail:
+        return
+    with hold_configuration_logs(Path(hosts.folder)):
+        try:
+            append_run(tuning_path(Path(hosts.folder), platform), run)
+        except LogUnreadable as problem:
+            raise UseCaseError(Outcome.NEGATIVE, [unreadable(problem)]) from None
+
+
+def tunings_of(system: System, folder: Path) -> Iterator[PlatformTuning]:
+    """The last run of every platform of the manifest that has one.
+
+    Raises:
+        UseCaseError: a log is damaged (4).
+    """
+    for platform in sorted({host.platform for host in system.hosts.values()}):
+        try:
+            runs = read_runs(tuning_path(folder, platform))
+        except LogUnreadable as problem:
+            raise UseCaseError(Outcome.NEGATIVE, [unreadable(problem)]) from None
+        if runs:
+            yield PlatformTuning(platform=platform, run=runs[-1])
+
 
 STRATEGIES = {"default": "the default strategy", "paper": "the paper's procedure"}
 

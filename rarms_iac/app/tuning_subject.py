@@ -3,13 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
+from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.experiments import MeasureRequest
 from rarms_iac.app.hosts import Hosts
+from rarms_iac.app.measure import run_experiment
 from rarms_iac.app.wiring import open_bench
-from rarms_iac.cli.datalogs import measured_reservations, measurements_of
-from rarms_iac.cli.experiments import MeasureOptions
-from rarms_iac.cli.measuring import run_experiment
-from rarms_iac.cli.session import Session
 from rarms_iac.measuring.findings import CANNOT_MEASURE
 from rarms_iac.measuring.partitions import highest_reserve, host_budget
 from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
@@ -134,7 +134,7 @@ def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) ->
             ],
         )
     system, places = hosts.system, hosts.manifest.places
-    reservations = measured_reservations(measurements_of(system, hosts.folder, hosts.manifest.source), states)
+    reservations = measured_reservations(measurements_of(hosts.manifest), states)
     views = {name: host_view(state, system.application.name) for name, state in states.items()}
     problem = problem_of(system, reservations, views, may_move=False)
     if any(not problem.claims[group.name] for group in problem.groups) or problem.contradictions:
@@ -190,20 +190,20 @@ def _can_be_tuned(group: Group, problem: Problem, bench: Host) -> bool:
 class Experiments:
     """A `PerformanceOracle` that runs what the data logs do not know yet."""
 
-    session: Session
     subject: Subject
     bench: MeasuringHost
-    options: MeasureOptions
-    new: int = 0  # settings that were run
+    request: MeasureRequest
+    reporter: Reporter = SILENT
+    stop: StopSignal = NEVER_STOP
     _known: dict[tuple[Members, int], frozenset[str]] = field(default_factory=dict)
 
     def worse(self, members: Members, reserve: int) -> frozenset[str]:
-        """As `PerformanceOracle` says.
+        """Run this setting, unless its answer is known.
 
         Raises:
-            Unanswered: too many samples failed.
-            TuningStopped: somebody asked for an end.
-            UseCaseError: the host is busy, or there is nothing to run.
+            Unanswered: Too many samples failed.
+            TuningStopped: Somebody asked for an end.
+            UseCaseError: The host is busy (refused), or there is nothing to run (negative).
         """
         if (members, reserve) not in self._known:
             self._known[members, reserve] = self._measured(members, reserve)
@@ -212,14 +212,19 @@ class Experiments:
     def _measured(self, members: Members, reserve: int) -> frozenset[str]:
         if reserve > (highest := self.subject.highest(members)):
             raise Unanswered(f"{reserve} % was to be measured of {', '.join(members)}; the host gives {highest} %")
-        experiment = self.subject.experiment(members, self.options.samples)
+        experiment = self.subject.experiment(members, self.request.samples)
         strategy = Answering(reserve=reserve)
-        with self.session.interrupts.gently():
-            done = run_experiment(
-                self.session, self.subject.hosts, experiment, self.bench, self.options, strategy=strategy
+        with self.stop.gently():
+            result = run_experiment(
+                self.subject.hosts,
+                experiment,
+                self.bench,
+                self.request,
+                reporter=self.reporter,
+                stop=self.stop,
+                strategy=strategy,
             )
-        self.new += done.new
-        match done.conclusion:
+        match result.conclusion:
             case Stopped():
                 raise TuningStopped("stopped")
             case SettingFailed(verdict=TooManyFailures(component=component, failures=failures)):
@@ -229,7 +234,7 @@ class Experiments:
                 )
             case _:
                 pass
-        return worse_on_the_curve(experiment, done.settings, reserve)
+        return worse_on_the_curve(experiment, result.settings, reserve)
 
 
 def worse_on_the_curve(experiment: Experiment, settings: Sequence[Setting], reserve: int) -> frozenset[str]:

@@ -1,33 +1,65 @@
-"""Compounds as `partitions` of the manifest: what its text becomes, comments kept."""
+"""What use cases write into the manifest, comments kept: a level of performance, and partitions of compounds."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from rarms_iac.app.files import write_file
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.manifest.edit.values import remove_value, set_value
-from rarms_iac.model.system import System
+from rarms_iac.manifest.text.reading import MAX_BYTES
+from rarms_iac.model.indexes import PerformanceIndex
+from rarms_iac.model.system import Component, System
 from rarms_iac.planner.combining.oracle import Coi
 from rarms_iac.planner.groups import most_critical_first
+from rarms_iac.storage.reading import read_file
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Written:
+class PartitionEdits:
     """What was changed."""
 
     files: tuple[str, ...]
     removed: tuple[str, ...]  # entries of partitions whose members are elsewhere now
 
 
-def write_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> Written:
-    """Each compound as a partition of its name; entries of partitions that are left without members go.
+def write_level(manifest: Manifest, component: Component, index: PerformanceIndex, level: str) -> str:
+    """Write a level of performance as the APT of a component, into the file that says it, or is to say it.
+
+    Args:
+        manifest: Its file is written where that changes something.
+        component: As the manifest has it.
+        index: Of which the level is.
+        level: As it was given: `100 ms`.
+
+    Returns:
+        The file.
+
+    Raises:
+        CannotFormat: Its text is no manifest.
+        UseCaseError: It cannot be written (failed).
+    """
+    exists = index.name in component.apt
+    path = ("components", component.name, "apt", index.name, index.direction)
+    file = manifest.places.value(*path).file if exists else manifest.places.key(*path[:3]).file
+    before = _read(file)
+    after = set_value(before, path, level) if exists else set_value(before, path[:4], {index.direction: level})
+    if after != before:
+        write_file(file, after.encode("utf-8"))
+    return file
+
+
+def write_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> PartitionEdits:
+    """Write each compound as a partition of its name; entries of partitions that are left without members go.
 
     What comments said of these stands above the entry of the compound that has their members.
 
+    Args:
+        manifest: Its files are written.
+        compounds: Those that are new.
+
     Raises:
-        CannotFormat: the text is no manifest.
-        OSError: a file cannot be written.
+        CannotFormat: The text is no manifest.
+        UseCaseError: A file cannot be written (failed).
     """
     texts: dict[str, str] = {}
     before: dict[str, str] = {}
@@ -43,7 +75,7 @@ def write_partitions(manifest: Manifest, compounds: Sequence[Coi]) -> Written:
     changed = [file for file in sorted(texts) if texts[file] != before[file]]
     for file in changed:
         write_file(file, texts[file].encode("utf-8"))
-    return Written(files=tuple(changed), removed=tuple(gone))
+    return PartitionEdits(files=tuple(changed), removed=tuple(gone))
 
 
 def _emptied(system: System, compounds: Sequence[Coi]) -> Mapping[str, str]:
@@ -67,6 +99,10 @@ def _file(manifest: Manifest, name: str) -> str:
 
 def _text(texts: dict[str, str], before: dict[str, str], file: str) -> str:
     if file not in texts:
-        with Path(file).open(encoding="utf-8", newline="") as source:
-            before[file] = texts[file] = source.read()
+        before[file] = texts[file] = _read(file)
     return texts[file]
+
+
+def _read(file: str) -> str:
+    """The text with its own line ends; that it is a manifest was found when it was loaded."""
+    return read_file(file, MAX_BYTES).decode("utf-8")

@@ -1,13 +1,19 @@
-"""Who may write below `measurements/`: hosts of one platform share its logs, and each has a measurer of its own."""
+"""Files below `measurements/`: who may write to them now, and what is said of a damaged one.
+
+Hosts of one platform share these files, and each host has a measurer of its own.
+"""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import owner
 from rarms_iac.measuring.findings import MEASURED_ELSEWHERE
-from rarms_iac.storage.datalog.files import FOLDER
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.planner.findings import UNREADABLE
+from rarms_iac.storage.datalog.files import FOLDER, LogUnreadable
 from rarms_iac.storage.disk import PRIVATE, make_room
 from rarms_iac.storage.lock import Locked, hold
 from rarms_iac.storage.replace import remove_leftovers
@@ -19,11 +25,11 @@ MOMENT_MS = 10_000
 
 
 @contextmanager
-def held_log(folder: Path, path: Path, timeout_ms: int) -> Iterator[None]:
+def hold_data_log(folder: Path, path: Path, timeout_ms: int) -> Iterator[None]:
     """Have a data log below the manifest's folder for oneself, without what killed writers left beside it.
 
     Raises:
-        UseCaseError: another run measures the same (3).
+        UseCaseError: another run measures the same (refused).
     """
     with _held(folder, path.relative_to(folder / FOLDER).as_posix(), timeout_ms):
         remove_leftovers(path)
@@ -31,11 +37,11 @@ def held_log(folder: Path, path: Path, timeout_ms: int) -> Iterator[None]:
 
 
 @contextmanager
-def held_configurations(folder: Path) -> Iterator[None]:
+def hold_configuration_logs(folder: Path) -> Iterator[None]:
     """Have the configuration logs for oneself, as long as it takes to add to them.
 
     Raises:
-        UseCaseError: another run does not let go of them (3).
+        UseCaseError: another run does not let go of them (refused).
     """
     with _held(folder, CHOICES, MOMENT_MS):
         yield
@@ -53,3 +59,17 @@ def _held(folder: Path, name: str, timeout_ms: int) -> Iterator[None]:
             advice = "Wait for that run to end, or let rarms wait: `--lock-timeout 60s`. What is recorded stays."
             raise UseCaseError(Outcome.REFUSED, [MEASURED_ELSEWHERE.at(None, says, advice)]) from None
         yield
+
+
+def now() -> str:
+    """Return the time in UTC, to the second: `2026-01-31T12:00:00Z`."""
+    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def unreadable(problem: LogUnreadable) -> Diagnostic:
+    """A log that is not as it was written."""
+    return UNREADABLE.at(
+        None,
+        f"{problem.path.as_posix()}, line {problem.line}: {problem.says}.",
+        "Bring it back from git, or remove it: then all of it is measured again.",
+    )

@@ -1,31 +1,33 @@
-"""Data logs for reports and exports: every one beside the manifest is read, and compared with what is now."""
+"""Reports and exports: every data log beside the manifest is read, and compared with what is now."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.report_measurements import LogBesideManifest, report_of
-from rarms_iac.app.report_model import ComponentProof, Report
-from rarms_iac.app.requests import ManifestSource
-from rarms_iac.cli.candidates import unpredicted_nodes
-from rarms_iac.cli.datalogs import (
+from rarms_iac.app.candidates import unpredicted_nodes
+from rarms_iac.app.data_logs import (
     bench_now,
     compared,
     is_here,
+    measured_reservations,
     measurements_of,
     path_of,
     subject_of,
 )
-from rarms_iac.cli.experiments import refuse_unknown
-from rarms_iac.cli.standing import standings_of
-from rarms_iac.cli.terminal import Terminal
-from rarms_iac.cli.tuning_log import tunings_of
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.experiments import refuse_unknown
+from rarms_iac.app.hosts import Hosts, last_runs, observe_host, select_hosts
+from rarms_iac.app.manifests import Manifest
+from rarms_iac.app.report_measurements import LogBesideManifest, report_of
+from rarms_iac.app.report_model import ComponentProof, HostStatus, Report
+from rarms_iac.app.requests import HostSelection
+from rarms_iac.app.tuning_log import tunings_of
+from rarms_iac.apply.host_drift import drift_of_hosts
+from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
 from rarms_iac.measuring.setup import interference_of
-from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity, has_errors
 from rarms_iac.model.indexes import find_index
-from rarms_iac.model.system import Host, System
+from rarms_iac.model.system import Host, ProviderKind, System
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.planner.findings import UNREADABLE
 from rarms_iac.storage.datalog.configuration import Proven, ProvenIndex, read_entries
@@ -33,17 +35,29 @@ from rarms_iac.storage.datalog.files import FOLDER, LogUnreadable, configuration
 from rarms_iac.storage.datalog.identity import Files
 from rarms_iac.storage.datalog.log import DataLog
 
+DRIFTS = {
+    DriftKind.HOST_CHANGED: "changed on the host",
+    DriftKind.NOT_APPLIED: "not applied yet",
+    DriftKind.BOTH: "changed on the host, and not applied yet",
+    DriftKind.MISSING: "not applied yet",
+    DriftKind.REMOVED: "removed from the host",
+}
+"""What a report says of a difference between the manifest and a host."""
+
 NOTHING_MEASURED = Finding(code="RARMS290", severity=Severity.ERROR, summary="There is nothing to report")
 
 
-def reported(source: ManifestSource, components: tuple[str, ...] = ()) -> Report:
-    """What the data logs beside the manifest show, of these components only or of all.
+def report_of_manifest(manifest: Manifest, components: Sequence[str] = ()) -> Report:
+    """Read what the data logs beside a manifest show.
+
+    Args:
+        manifest: The logs lie below its folder, and are compared with what it says now.
+        components: Only logs with any of these; none: all.
 
     Raises:
-        click.UsageError: a name is not in the manifest.
-        UseCaseError: the manifest has errors, a log cannot be read, or there is none (4).
+        RequestError: A name is not in the manifest.
+        UseCaseError: A log cannot be read, or there is none (negative).
     """
-    manifest = load_manifest(source)
     system = manifest.system
     refuse_unknown(components, system.components, "component")
     folder = Path(manifest.folder)
@@ -51,7 +65,7 @@ def reported(source: ManifestSource, components: tuple[str, ...] = ()) -> Report
     if components:
         logs = tuple(log for log in logs if set(log.log.header.setup.members) & set(components))
     report = replace(
-        report_of(system, logs, tuple(_proofs(system, folder, components)), standings_of(manifest)),
+        report_of(system, logs, tuple(_proofs(system, folder, components)), _statuses(manifest)),
         tunings=tuple(tunings_of(system, folder)),
     )
     if not report.measurements:
@@ -59,17 +73,15 @@ def reported(source: ManifestSource, components: tuple[str, ...] = ()) -> Report
     return report
 
 
-def candidates_for(source: ManifestSource) -> tuple[Node, ...]:
-    """Return the candidate graph for the page; nothing where a reservation is not known yet."""
-    manifest = load_manifest(source)
-    system = manifest.system
+def candidates_for_report(manifest: Manifest) -> tuple[Node, ...]:
+    """Return the candidate graph, parts before what consists of them; nothing where a reservation is not known yet."""
     try:
-        return unpredicted_nodes(measurements_of(system, manifest.folder, source), manifest)
+        return unpredicted_nodes(measurements_of(manifest), manifest)
     except UseCaseError:
         return ()
 
 
-def _nothing(components: tuple[str, ...]) -> Diagnostic:
+def _nothing(components: Sequence[str]) -> Diagnostic:
     of = f" of {', '.join(components)}" if components else ""
     says = f"Below {FOLDER}/ beside the manifest there is no data log{of}."
     return NOTHING_MEASURED.at(
@@ -105,7 +117,7 @@ def _beside(system: System, folder: Path, path: Path, log: DataLog, host: Host, 
     )
 
 
-def _proofs(system: System, folder: Path, components: tuple[str, ...]) -> Iterator[ComponentProof]:
+def _proofs(system: System, folder: Path, components: Sequence[str]) -> Iterator[ComponentProof]:
     """What each component showed when all ran together last, on every platform where they did."""
     for platform in sorted({host.platform for host in system.hosts.values()}):
         for name in sorted(components or system.components):
@@ -151,10 +163,29 @@ def _unreadable(path: Path, problem: LogUnreadable) -> UseCaseError:
     return UseCaseError(Outcome.NEGATIVE, [UNREADABLE.at(None, says, advice)])
 
 
-def speaks_ascii_only(terminal: Terminal) -> bool:
-    """Whether lines and dots beyond ASCII would be escapes there."""
+def _statuses(manifest: Manifest) -> tuple[HostStatus, ...]:
+    """One a simulated host, by name. NOTE: a report needs no host, and waits for none: others are not asked."""
+    hosts = manifest.system.hosts
+    names = tuple(sorted(name for name, host in hosts.items() if host.provider is ProviderKind.SIMULATED))
+    if not names:
+        return ()
     try:
-        "\u2812\u2500\u25cf\u2591".encode(terminal.out.encoding or "utf-8")
-    except (LookupError, UnicodeEncodeError):
-        return True
-    return False
+        return tuple(_status_of(select_hosts(manifest, HostSelection(hosts=names))))
+    except UseCaseError:  # a host's file is damaged, or held: every command that is about hosts says so
+        return ()
+
+
+def _status_of(hosts: Hosts) -> Iterator[HostStatus]:
+    system, application = hosts.system, hosts.system.application.name
+    states = {name: observe_host(hosts.open(name)) for name in hosts.chosen}
+    present = {name: partitions_after_last_run(journal, application) for name, journal in last_runs(hosts)}
+    reservations = measured_reservations(measurements_of(hosts.manifest), states)
+    limit = system.policy.max_disruption
+    drifts, problems = drift_of_hosts(system, states, hosts.manifest.places, limit, present, reservations)
+    if has_errors(problems):
+        yield from (HostStatus(host=name, is_planned=False) for name in hosts.chosen)
+        return
+    for name, drifted in drifts.items():
+        if name in hosts.chosen:
+            differs = ((str(drift.address), DRIFTS[drift.kind]) for drift in drifted if drift.kind in DRIFTS)
+            yield HostStatus(host=name, differs=tuple(differs))

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
-from rarms_iac.app.requests import DEFAULT_MANIFEST, ManifestSource
+from rarms_iac.app.manifests import Manifest
+from rarms_iac.app.requests import DEFAULT_MANIFEST
 from rarms_iac.measuring.setup import experiment_of, interference_of
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.measurement import run_of
@@ -44,12 +45,13 @@ class Measurements:
     options: str = ""  # of a command that is about this manifest: ` -f robot.yaml`
 
 
-def measurements_of(system: System, folder: str, source: ManifestSource) -> Measurements:
-    """Those of the manifest that the options name."""
+def measurements_of(manifest: Manifest) -> Measurements:
+    """Return the measurements beside a manifest."""
+    source = manifest.source
     named = [] if source.manifest == DEFAULT_MANIFEST else ["-f", source.manifest]
     laid = [word for overlay in source.overlays for word in ("--overlay", overlay)]
     words = "".join(f" {_quoted(word)}" for word in (*named, *laid))
-    return Measurements(system=system, folder=Path(folder), options=words)
+    return Measurements(system=manifest.system, folder=Path(manifest.folder), options=words)
 
 
 def subject_of(system: System, host: Host, members: tuple[str, ...], interference: str) -> Subject:

@@ -3,20 +3,21 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-import click
-
-from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.wiring import open_bench
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
+from rarms_iac.model.measurement import Setting
+from rarms_iac.model.outcomes import Conclusion
 from rarms_iac.model.system import Host, RunsOn
 from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.groups import groups_of
+from rarms_iac.statistics.curves import LeastReserve
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MeasureOptions:
+class MeasureRequest:
     """What `rarms measure` was asked for."""
 
     components: tuple[str, ...] = ()  # none: every one with an APT
@@ -32,28 +33,40 @@ class MeasureOptions:
     lock_timeout_ms: int = 0
 
 
-def experiments_for(hosts: Hosts, options: MeasureOptions) -> tuple[Experiment, ...]:
-    """What is to be measured, and where: each partition's components on one host of each platform.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExperimentResult:
+    """An experiment with its end."""
 
-    As they are named; all of them the most critical first.
+    experiment: Experiment
+    conclusion: Conclusion
+    settings: tuple[Setting, ...]  # all that its end rests on
+    new: int  # how many of them were run now
+    planned: LeastReserve | None  # what a plan reserves by the curve
+    log: str  # path
+
+
+def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Experiment, ...]:
+    """Return what is to be measured, and where: each partition's components on one host of each platform.
+
+    They come in the order in which they are named; where none is, the most critical first.
 
     Raises:
-        click.UsageError: a name is not in the manifest.
-        UseCaseError: no host of theirs can be measured on (1).
+        RequestError: A name is not in the manifest, or names a component that has no partition.
+        UseCaseError: No host of theirs can be measured on (failed), or no component has an APT (negative).
     """
     system = hosts.system
-    refuse_unknown(options.components, system.components, "component")
-    refuse_unknown((options.interference,) if options.interference else (), system.interference, "interference")
-    for name in options.components:
+    refuse_unknown(request.components, system.components, "component")
+    refuse_unknown((request.interference,) if request.interference else (), system.interference, "interference")
+    for name in request.components:
         if system.components[name].runs_on is RunsOn.HOST:
             says = f"{name} runs on the host itself: it has no partition, and no reservation that could be measured."
-            raise click.UsageError(says, click.get_current_context())
-    if not options.components and not any(component.apt for component in system.components.values()):
+            raise RequestError(says)
+    if not request.components and not any(component.apt for component in system.components.values()):
         raise _nothing_to_measure(hosts)
     found: list[Experiment] = []
-    for members in _members(hosts, options):
-        load = options.interference or interference_of(system, members)
-        found += [experiment_of(system, host, members, load, options.samples) for host in _benches(hosts, members)]
+    for members in _members(hosts, request):
+        load = request.interference or interference_of(system, members)
+        found += [experiment_of(system, host, members, load, request.samples) for host in _benches(hosts, members)]
     return tuple(found)
 
 
@@ -66,11 +79,11 @@ def _nothing_to_measure(hosts: Hosts) -> UseCaseError:
     return UseCaseError(Outcome.NEGATIVE, [findings.NO_THRESHOLD.at(place, says, advice)], hosts.manifest.sources)
 
 
-def _members(hosts: Hosts, options: MeasureOptions) -> tuple[tuple[str, ...], ...]:
-    if options.components and options.together:
-        return (tuple(sorted(set(options.components))),)
-    if options.components:
-        return tuple((name,) for name in dict.fromkeys(options.components))
+def _members(hosts: Hosts, request: MeasureRequest) -> tuple[tuple[str, ...], ...]:
+    if request.components and request.together:
+        return (tuple(sorted(set(request.components))),)
+    if request.components:
+        return tuple((name,) for name in dict.fromkeys(request.components))
     groups = sorted(groups_of(hosts.system), key=lambda group: (-group.criticality, group.name))
     return tuple(
         tuple(member.name for member in group.members) for group in groups if any(m.apt for m in group.members)
@@ -106,16 +119,20 @@ def _benches(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Host]:
     yield from (next(host for host in able if host.platform == platform) for platform in platforms)
 
 
-def refuse_unknown(names: Sequence[str], there: Mapping[str, object], what: str) -> None:
-    """Each of these names is in the manifest.
+def refuse_unknown(names: Sequence[str], existing: Mapping[str, object], kind: str) -> None:
+    """Refuse names that are not in the manifest.
+
+    Args:
+        names: As they were given.
+        existing: What the manifest has of that kind, by name.
+        kind: What messages call it: `component`, `interference`.
 
     Raises:
-        click.UsageError: one is not; the message offers the nearest.
+        RequestError: One of them is not there; the message offers the nearest.
     """
     for name in names:
-        if name not in there:
-            raise click.UsageError(
-                f"The manifest has no {what} {name!r}.{suggestion(name, tuple(there))} "
-                f"It has: {', '.join(sorted(there)) or 'none'}.",
-                click.get_current_context(),
+        if name not in existing:
+            raise RequestError(
+                f"The manifest has no {kind} {name!r}.{suggestion(name, tuple(existing))} "
+                f"It has: {', '.join(sorted(existing)) or 'none'}."
             )

@@ -1,15 +1,14 @@
 """What `rarms explain COMPONENT` walks through, gathered from manifest, data logs, hosts and the layout."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from rarms_iac.app import explanation
+from rarms_iac.app.data_logs import Measurements, measured_reservations, path_of, subject_of
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import Hosts, observe_hosts
-from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, subject_of
-from rarms_iac.cli.partners import partners
-from rarms_iac.cli.tuned_before import NOT_LOOKED_FOR, shared, tuned_before, why_together
+from rarms_iac.app.tuning_log import NOT_LOOKED_FOR, shared, tuned_before, why_together
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.capacity import capacity_of, load_of
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
@@ -18,8 +17,10 @@ from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime, in_proc
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, Disruption, Host, Measured, System
 from rarms_iac.planner.alternatives import Chosen, Elsewhere, elsewhere
-from rarms_iac.planner.groups import Group, groups_of
+from rarms_iac.planner.groups import Group, groups_of, may_share
 from rarms_iac.planner.layout import Planning, plan_layout
+from rarms_iac.planner.placing.first_fit import cost
+from rarms_iac.planner.prediction.members import Predictor, alone_in, expected_of, predictor_of
 from rarms_iac.planner.problem import HostView, by_name, host_view
 from rarms_iac.planner.reservations import (
     FixedReservations,
@@ -33,6 +34,43 @@ from rarms_iac.planner.reservations import (
 from rarms_iac.planner.sizes import Sized, size
 from rarms_iac.storage.datalog.files import read_log
 from rarms_iac.storage.datalog.log import DataLog
+
+TOLD = 3
+
+
+def partners(
+    group: Group,
+    groups: Sequence[Group],
+    host: Host,
+    reservations: MeasuredReservations,
+    was_measured: Callable[[Names], bool],
+) -> tuple[str, ...]:
+    """The pairs that would save most, if what their members do alone is a guide; the most first.
+
+    Only pairs of which nothing was measured: of others the data log says more.
+    """
+    others = [one for one in groups if one.name != group.name and may_share(group, one)]
+    others = [other for other in others if not was_measured(names_of((*group.members, *other.members)))]
+    predictor = predictor_of(alone_in(groups, reservations, host))
+    found = [_told(group, other, host, reservations, predictor) for other in others]
+    return tuple(says for _, says in sorted(one for one in found if one is not None)[:TOLD])
+
+
+def _told(
+    group: Group, other: Group, host: Host, reservations: MeasuredReservations, predictor: Predictor
+) -> tuple[int, str] | None:
+    """With what it saves, below 0, in per cent of one logical processor; None: nothing, or nothing says so."""
+    sizes = [size(one, host, reservations) for one in (group, other)]
+    claims = [size.claim for size in sizes if isinstance(size, Sized)]
+    if len(claims) < len(sizes):
+        return None
+    costs, processors = [cost(claim) for claim in claims], max(claim.processors for claim in claims)
+    together = expected_of(predictor, names_of((*group.members, *other.members)), processors, costs)
+    if together is None or together * processors >= sum(costs):
+        return None
+    apart, now = (show_processors(Fraction(one, 100)) for one in (sum(costs), together * processors))
+    says = f"sharing with {other.name}: predicted {now} instead of {apart} apart; `rarms tune` measures it"
+    return together * processors - sum(costs), says
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

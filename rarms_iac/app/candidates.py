@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from rarms_iac.app.data_logs import Measurements, measured_reservations
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.manifests import Manifest
-from rarms_iac.cli.datalogs import Measurements, measured_reservations
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.state import State

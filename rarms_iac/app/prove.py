@@ -1,88 +1,111 @@
-"""Proving from the command line: what is applied is found on the hosts, run, and told beside its thresholds."""
+"""Proving: what is applied is found on the hosts, run all together, and judged beside its thresholds."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
-from typing import assert_never
+from typing import Literal, assert_never
 
 from rarms_iac import __version__
+from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.experiments import refuse_unknown
 from rarms_iac.app.hosts import Hosts, observe_host
+from rarms_iac.app.measure import hold_benches
+from rarms_iac.app.measurement_files import hold_configuration_logs, now
 from rarms_iac.app.requests import PlanLimits
 from rarms_iac.app.wiring import open_bench
 from rarms_iac.apply.prepare import prepare
-from rarms_iac.cli.codes import ExitCode
-from rarms_iac.cli.configuration import now
-from rarms_iac.cli.experiments import refuse_unknown
-from rarms_iac.cli.locks import held_configurations
-from rarms_iac.cli.measuring import held_benches
 from rarms_iac.cli.planning import Wish, outcome_of, request_of
-from rarms_iac.cli.session import Session
-from rarms_iac.cli.telling import tell
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.findings import show_index, show_threshold
 from rarms_iac.measuring.partitions import host_budget
 from rarms_iac.measuring.prove import AppliedLayout, IndexVerdict, LayoutProof, has_memory_for_load, prove, with_samples
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.measurement import Series
-from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, WithinNoise
+from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, Verdict, WithinNoise
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, Disruption, RunsOn
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.providers.measuring import MeasuringHost
 from rarms_iac.storage.datalog.configuration import Proven, ProvenIndex, append_entry
 from rarms_iac.storage.datalog.files import configuration_path
-from rarms_iac.views.prove import proof_text, prove_json, sampled, verdict_of
 
 USUAL_SEED = 1
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProveOptions:
-    """What `rarms prove` was asked for."""
+ProofVerdict = Literal["met", "missed", "within the noise", "no steady state", "cannot be told"]
 
-    interference: str | None = None
-    samples: int | None = None
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProveRequest:
+    """How an applied layout is to be run."""
+
+    interference: str | None = None  # a load beside it; None: there is none
+    samples: int | None = None  # a component; None: as its `until` says
     seed: int = USUAL_SEED
     lock_timeout_ms: int = 0
 
 
-def prove_layout(session: Session, hosts: Hosts, options: ProveOptions, *, as_json: bool) -> ExitCode:
-    """Run all components where they are applied and tell every PI beside its APT; 4 where one is not shown to be met.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProveOutcome:
+    """What the components showed, all together."""
+
+    proofs: tuple[LayoutProof, ...]  # a host each
+    findings: tuple[Diagnostic, ...]  # thresholds that are not shown to be met
+    not_proven: tuple[str, ...] = ()  # partitions on hosts that cannot run components
+    stopped: bool = False  # somebody asked for an end: nothing is proven
+
+
+SampleListener = Callable[[str, Mapping[str, Series]], None]
+"""Hears of each host how far its components are, as samples come."""
+
+
+def prove_layout(
+    hosts: Hosts,
+    request: ProveRequest,
+    *,
+    reporter: Reporter = SILENT,
+    stop: StopSignal = NEVER_STOP,
+    listener: SampleListener = lambda _host, _series: None,
+) -> ProveOutcome:
+    """Run all components together where they are applied, and judge every index beside its threshold.
+
+    What they show is written into the configuration logs, whatever came of it.
+
+    Args:
+        hosts: Those that can run components are held meanwhile.
+        request: Against which load, and how long.
+        reporter: Hears what a killed run left.
+        stop: Asked while samples come.
+        listener: Hears of each host how far its components are.
 
     Raises:
-        UseCaseError: the manifest asks for what is not on the hosts, or a host is held (3); it cannot be planned (4); a
-            host cannot run components (1).
+        RequestError: The manifest has no such interference.
+        UseCaseError: The manifest asks for what is not on the hosts, or a host is held (refused); it cannot be
+            planned, or too many samples failed (negative); no host can run components (failed).
     """
-    if options.interference:
-        refuse_unknown((options.interference,), hosts.system.interference, "interference")
+    if request.interference:
+        refuse_unknown((request.interference,), hosts.system.interference, "interference")
     names = _able(hosts)
     proofs: list[LayoutProof] = []
-    with held_benches(session, hosts, names, options.lock_timeout_ms) as benches, session.interrupts.gently():
+    with hold_benches(hosts, names, request.lock_timeout_ms, reporter) as benches, stop.gently():
         states = {name: bench.observe() for name, bench in benches.items()}
         everywhere = {**_seen_elsewhere(hosts, names), **states}
         layouts = applied_layouts(hosts, states, everywhere)
         _refuse_what_is_not_applied(hosts, states, everywhere)
         for name, layout in layouts.items():
-            answer = _prove(session, hosts, benches[name], states[name], with_samples(layout, options.samples), options)
-            if answer is None:
-                session.terminal.talk("Stopped: nothing is proven, and nothing was changed.")
-                return session.interrupts.asked or ExitCode.INTERRUPTED
-            proofs.append(answer)
-    with held_configurations(Path(hosts.folder)):
+            with_limit = with_samples(layout, request.samples)
+            proof = _prove(hosts, benches[name], states[name], with_limit, request, stop, listener)
+            if proof is None:
+                return ProveOutcome(proofs=(), findings=(), stopped=True)
+            proofs.append(proof)
+    with hold_configuration_logs(Path(hosts.folder)):
         _record(hosts, proofs, states)
-    found = tuple(_not_met(hosts, proofs))
-    tell(session.terminal, found, hosts.manifest.sources)
-    against = options.interference
-    if as_json:
-        session.terminal.data(prove_json(proofs, against, found))
-    else:
-        session.terminal.show(proof_text(proofs, against))
-    if left_out := _left_out(hosts, layouts):
-        session.terminal.talk(f"Not proven, since they are on other hosts: {', '.join(left_out)}.")
-    return ExitCode.NO if found else ExitCode.DONE
+    return ProveOutcome(
+        proofs=tuple(proofs), findings=tuple(_not_met(hosts, proofs)), not_proven=_left_out(hosts, layouts)
+    )
 
 
 def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]) -> None:
@@ -212,39 +235,33 @@ def _not_applied(says: str, address: str) -> Diagnostic:
 
 
 def _prove(
-    session: Session,
     hosts: Hosts,
     bench: MeasuringHost,
     state: State,
     layout: AppliedLayout,
-    options: ProveOptions,
+    request: ProveRequest,
+    stop: StopSignal,
+    listener: SampleListener,
 ) -> LayoutProof | None:
     """One host's layout; None where an end was asked for."""
     host = hosts.system.hosts[bench.name]
     room = host_budget(host, state, layout.application)
-    load = hosts.system.interference[options.interference] if options.interference else None
+    load = hosts.system.interference[request.interference] if request.interference else None
     if load is not None and not has_memory_for_load(room):
-        says = f"{bench.name} has no memory left for a partition that holds {options.interference}."
-        raise UseCaseError(Outcome.NEGATIVE, [findings.NO_ROOM.at(None, says, "Prove without --interference.")])
-    live = session.terminal.live_table()
+        message = f"{bench.name} has no memory left for a partition that holds {request.interference}."
+        raise UseCaseError(Outcome.NEGATIVE, [findings.NO_ROOM.at(None, message, "Prove without --interference.")])
 
-    def looked(seen: Mapping[str, Series]) -> None:
-        if live is not None:
-            live.show(sampled(bench.name, seen))
+    def looked(series: Mapping[str, Series]) -> None:
+        listener(bench.name, series)
 
-    try:
-        answer = prove(
-            bench, layout, load, room, seed=options.seed, should_stop=session.interrupts.should_stop, looked=looked
-        )
-    finally:
-        if live is not None:
-            live.hide()
+    answer = prove(bench, layout, load, room, seed=request.seed, should_stop=stop.should_stop, looked=looked)
     if isinstance(answer, TooManyFailures):
         name = answer.component
-        says = f"{name} in the layout: {len(answer.failures)} samples failed: {answer.failures[0]}."
+        message = f"{name} in the layout: {len(answer.failures)} samples failed: {answer.failures[0]}."
         place = hosts.manifest.places.key("components", name)
         advice = "Run it alone and mend what fails, or allow it: `run: { failures: 5 }`."
-        raise UseCaseError(Outcome.NEGATIVE, [findings.FAILED_SAMPLES.at(place, says, advice)], hosts.manifest.sources)
+        finding = findings.FAILED_SAMPLES.at(place, message, advice)
+        raise UseCaseError(Outcome.NEGATIVE, [finding], hosts.manifest.sources)
     return answer
 
 
@@ -274,3 +291,20 @@ def _told_as(tried: IndexVerdict) -> tuple[Finding, str]:
             return findings.MISSED, f"Raise its reservation, relax its APT, or measure it again: {again}."
         case _:
             assert_never(tried.verdict)
+
+
+def verdict_of(verdict: Verdict) -> ProofVerdict:
+    """Return what a verdict is called wherever it is shown."""
+    match verdict:
+        case Met():
+            return "met"
+        case Missed():
+            return "missed"
+        case WithinNoise():
+            return "within the noise"
+        case Unsteady():
+            return "no steady state"
+        case TooFewSamples() | TooManyFailures():
+            return "cannot be told"
+        case _:
+            assert_never(verdict)

@@ -2,13 +2,12 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 from rarms_iac import __version__
+from rarms_iac.app.data_logs import Measurements, measured_reservations, path_of, subject_of
 from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.cli.datalogs import Measurements, measured_reservations, path_of, subject_of
-from rarms_iac.cli.locks import held_configurations
+from rarms_iac.app.measurement_files import hold_configuration_logs, now
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.indexes import find_index, show_threshold
 from rarms_iac.model.system import Component, Host
@@ -29,7 +28,7 @@ def record_choices(measured: Measurements, components: Iterable[str] = ()) -> tu
         UseCaseError: a configuration log is damaged (4), or held by another run (3).
         OSError: one cannot be written.
     """
-    with held_configurations(measured.folder):
+    with hold_configuration_logs(measured.folder):
         return _choices(measured, components)
 
 
@@ -60,11 +59,6 @@ def apt_in_words(component: Component) -> dict[str, str]:
         for name, threshold in component.apt.items()
         if (index := find_index(name)) is not None
     }
-
-
-def now() -> str:
-    """The time in UTC, to the second."""
-    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
 def _entries(
