@@ -24,7 +24,7 @@ class TerminalReporter:
     @cached_property
     def settings(self) -> MeasuringReporter:
         """Progress in place on a terminal, a line now and then in a pipe."""
-        from rarms_iac.views.measuring_progress import MeasuringProgress
+        from rarms_iac.views.measure import MeasuringProgress
 
         return MeasuringProgress(self._terminal.talk, time.monotonic, self._terminal.live_table())
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TextIO
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
-    from rarms_iac.views.live_table import LiveTable
+    from rarms_iac.views.console import LiveTable
 
 NARROWEST = 40
 WIDEST = 120
@@ -92,7 +92,7 @@ class Terminal:
     def live_table(self) -> "LiveTable | None":
         """Return the command's one table that is updated in place; None where standard error is no terminal."""
         if self.lively and self._live_table is None:
-            from rarms_iac.views.live_table import LiveTable
+            from rarms_iac.views.console import LiveTable
 
             self._live_table = LiveTable(self.live())
         return self._live_table

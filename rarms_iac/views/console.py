@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING, TextIO, TypeAlias, Union, cast
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+    from rich.live import Live
     from rich.text import Text
+
 
 Content: TypeAlias = Union["Text", str]
 """Text of one style, or of several; a `str` is made harmless wherever it is shown."""
@@ -234,3 +236,34 @@ def _console(stream: TextIO, width: int, *, terminal: bool, colour: bool) -> "Co
         emoji=False,
         _environ={},  # COLUMNS and NO_COLOR are asked by who knows the stream
     )
+
+
+class LiveTable:
+    """A table on a terminal whose last row changes while something runs; it is gone when it is hidden.
+
+    Args:
+        console: of standard error, where it is a terminal.
+        header: names of the columns.
+    """
+
+    def __init__(self, console: "Console", header: Sequence[str] = ()) -> None:
+        self._console = console
+        self._header = header
+        self._live: Live | None = None
+        self.rows: list[Sequence[str]] = []
+
+    def show(self, row: Sequence[str]) -> None:
+        """Show the finished rows and this one below them."""
+        from rich.live import Live
+
+        if self._live is None:
+            self._live = Live(console=self._console, transient=True, auto_refresh=False)
+            self._live.start()
+        wrapped = range(len(row))
+        self._live.update(table([*self.rows, row], header=self._header, wrap=wrapped), refresh=True)
+
+    def hide(self) -> None:
+        """Take the table from the terminal, and give the cursor back."""
+        if self._live is not None:
+            self._live.stop()
+            self._live = None

@@ -143,7 +143,7 @@ def _mermaid_group(nodes: Sequence[GraphNode], node: GraphNode, numbers: dict[st
 
 def mermaid_quoted(*lines: str) -> str:
     """Lines of text as the inside of a Mermaid string: what it would read as its own is written as an entity."""
-    return "<br/>".join("".join(_MERMAID.get(one, one) for one in line) for line in lines)
+    return "<br/>".join("".join(_MERMAID.get(character, character) for character in line) for line in lines)
 
 
 _MERMAID = {'"': "#quot;", "#": "#35;", "&": "#amp;", "<": "#lt;", ">": "#gt;", ";": "#59;", "`": "#96;"}
@@ -197,7 +197,7 @@ def _candidates_mermaid(title: str, nodes: Sequence[Node]) -> Iterator[str]:
     yield f'title: "{title}"'
     yield "---"
     yield "flowchart LR"
-    numbers = {one.name: f"n{at}" for at, one in enumerate(nodes)}
+    numbers = {node.name: f"n{number}" for number, node in enumerate(nodes)}
     for node in nodes:
         yield f'  {numbers[node.name]}["{mermaid_quoted(*node.label)}"]'
     for node in nodes:

@@ -56,7 +56,7 @@ def _mmcss(facts: GuideFacts) -> Iterator[str]:
     yield f"1. Add a subkey `{facts.task}` below `{key}`."
     yield "   Add only this one: never make the `Tasks` key anew, which would erase every multimedia task."
     yield "2. Give it these values, each of just this type:"
-    yield from (f"   - `{one}`" for one in facts.task_values)
+    yield from (f"   - `{value}`" for value in facts.task_values)
     yield "3. Start that Windows again: MMCSS reads the classes when it starts."
     yield f'4. The component joins by one call, `AvSetMmThreadCharacteristics("{facts.task}")`. If it cannot be'
     yield "   changed, start its process with a higher priority class, and expect less order among components."

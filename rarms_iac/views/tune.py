@@ -11,8 +11,7 @@ from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.combining.oracle import Asked, Coi, Members, Silent
 from rarms_iac.planner.prediction.belief import ASSUMED
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.console import paragraph, stack, table
-from rarms_iac.views.live_table import LiveTable
+from rarms_iac.views.console import LiveTable, paragraph, stack, table
 from rarms_iac.views.output.combining import AskedOutput, CombinedOutput, TuneOutput
 
 if TYPE_CHECKING:

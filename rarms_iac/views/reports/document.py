@@ -16,7 +16,7 @@ from rarms_iac.views.output.measuring import (
     ReportStandingOutput,
     ReportTuningOutput,
 )
-from rarms_iac.views.reports.summary import fits_of
+from rarms_iac.views.reports.summary import platform_fits
 
 
 def report_json(report: Report) -> str:
@@ -27,13 +27,13 @@ def report_json(report: Report) -> str:
             measurements=tuple(_measurement(measurement) for measurement in report.measurements),
             capacities=tuple(
                 ReportCapacityOutput(
-                    platform=fit.of.platform,
-                    hosts=fit.of.hosts,
-                    capacity=float(fit.of.capacity),
+                    platform=fit.capacity.platform,
+                    hosts=fit.capacity.hosts,
+                    capacity=float(fit.capacity.capacity),
                     reserved=float(fit.total),
                     fits=fit.fits,
                 )
-                for fit in fits_of(report)
+                for fit in platform_fits(report)
             ),
             tunings=tuple(
                 ReportTuningOutput(

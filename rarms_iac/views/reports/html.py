@@ -16,16 +16,16 @@ from rarms_iac.statistics.verdicts import ERRORS_EXPLAINED
 from rarms_iac.storage.shipped import shipped, shipped_text
 from rarms_iac.views.reports.page import RESERVES, Card, cards_of, data_of
 from rarms_iac.views.reports.summary import (
-    Fit,
+    PlatformFit,
     candidate_rows,
     candidates_left_out,
     fit_text,
-    fits_of,
-    proofs_of,
-    standing_text,
-    summary_of,
-    trail_of,
-    tuned_of,
+    platform_fits,
+    proof_rows,
+    status_text,
+    summary_rows,
+    trail_rows,
+    tuned_rows,
     tuning_text,
 )
 
@@ -49,16 +49,17 @@ def as_html(report: Report) -> bytes:
             application=report.application,
             descriptions=[report.description] if report.description else [],
             cards=cards,
-            summary=summary_of(report),
-            bars=[_bar(fit) for fit in fits_of(report)],
-            proved=[proofs_of(report)] if report.proofs else [],
+            summary=summary_rows(report),
+            bars=[_bar(fit) for fit in platform_fits(report)],
+            proved=[proof_rows(report)] if report.proofs else [],
             tunings=[
-                (tuning.platform, tuning_text(tuning), trail_of(tuning), tuned_of(tuning)) for tuning in report.tunings
+                (tuning.platform, tuning_text(tuning), trail_rows(tuning), tuned_rows(tuning))
+                for tuning in report.tunings
             ],
             candidates=[candidate_rows(report)] if candidate_rows(report) else [],
             more_candidates=candidates_left_out(report),
             standings=[
-                ("standing differs" if standing.differs else "standing", standing.host, standing_text(standing))
+                ("standing differs" if standing.differs else "standing", standing.host, status_text(standing))
                 for standing in report.standings
             ],
             reserves=RESERVES,
@@ -72,14 +73,14 @@ def as_html(report: Report) -> bytes:
     return text.encode("utf-8", "replace")
 
 
-def _bar(fit: Fit) -> dict[str, str]:
+def _bar(fit: PlatformFit) -> dict[str, str]:
     """What is reserved against what there is, in per cent of the processors."""
-    processors = fit.of.processors
+    processors = fit.capacity.processors
     return {
-        "platform": fit.of.platform,
-        "hosts": ", ".join(fit.of.hosts),
+        "platform": fit.capacity.platform,
+        "hosts": ", ".join(fit.capacity.hosts),
         "says": fit_text(fit),
-        "room": f"{float(100 * fit.of.capacity / processors):.3f}",
+        "room": f"{float(100 * fit.capacity.capacity / processors):.3f}",
         "used": f"{float(min(100 * fit.total / processors, Fraction(100))):.3f}",
         "kind": "used" if fit.fits else "used over",
     }

@@ -12,7 +12,7 @@ from math import isfinite
 from rarms_iac.app.report_model import CurveRow, IndexCurve, MeasuredPoint, Measurement, PlatformCapacity, Report
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.curves import least_reserve
-from rarms_iac.views.reports.scale import UNIT_TEXT, Scale, digits, exact, scale_of, shown
+from rarms_iac.views.reports.scale import UNIT_TEXT, Scale, digits, scale_of, show_exactly, show_value
 from rarms_iac.views.reports.summary import error_text
 
 RESERVES = (0, 20, 40, 60, 80, 100)
@@ -47,7 +47,7 @@ class Plot:
 
     id: str
     title: str
-    says: str  # what the plot shows, for those who do not see it
+    description: str  # what the plot shows, for those who do not see it
     direction: str  # at_most or at_least
     unit: str
     start: str  # the threshold's number where the line begins
@@ -58,7 +58,7 @@ class Plot:
     band: str  # path
     curve: str  # path
     dots: tuple[Dot, ...]
-    of: IndexCurve
+    index_curve: IndexCurve
     scale: Scale
     points: tuple[tuple[str, ...], ...]  # the table of what was measured
 
@@ -94,28 +94,30 @@ class Card:
     """A measurement on the page."""
 
     id: str
-    of: Measurement
+    measurement: Measurement
     plots: tuple[Plot, ...]
     capacity: PlatformCapacity | None
 
     @property
     def name(self) -> str:
         """Its heading."""
-        return " + ".join(self.of.components)
+        return " + ".join(self.measurement.components)
 
     @property
-    def standing(self) -> str:
+    def status(self) -> str:
         """What goes behind where it was measured: why no reservation rests on it."""
-        if self.of.stale:
+        if self.measurement.stale:
             return "; stale, nothing rests on it"
-        if self.of.fixed:
+        if self.measurement.fixed:
             return "; the manifest fixes the reserve"
-        return "" if self.of.rests else "; to compare, no reservation rests on it"
+        return "" if self.measurement.rests else "; to compare, no reservation rests on it"
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What must be known before it is read."""
-        return (f"Changed since it was measured: {'; '.join(self.of.stale)}.",) if self.of.stale else ()
+        return (
+            (f"Changed since it was measured: {'; '.join(self.measurement.stale)}.",) if self.measurement.stale else ()
+        )
 
     @property
     def gaps(self) -> tuple[str, ...]:
@@ -134,7 +136,7 @@ def cards_of(report: Report) -> tuple[Card, ...]:
     return tuple(
         Card(
             id=f"m{number}",
-            of=measurement,
+            measurement=measurement,
             plots=tuple(
                 plot_of(index, measurement, f"m{number}-{place}") for place, index in enumerate(measurement.indexes, 1)
             ),
@@ -156,10 +158,10 @@ def plot_of(curve: IndexCurve, measurement: Measurement, name: str) -> Plot:
     return Plot(
         id=name,
         title=f"{curve.component}: {title}" if together else title[:1].upper() + title[1:],
-        says=_in_words(curve),
+        description=_description(curve),
         direction=curve.index.direction,
         unit=UNIT_TEXT[curve.index.unit],
-        start=exact(threshold.value, curve.index.unit).split()[0],
+        start=show_exactly(threshold.value, curve.index.unit).split()[0],
         has_apt=curve.threshold is not None,
         line=_y(scale, float(threshold.value)),
         reserve=reserve,
@@ -167,9 +169,9 @@ def plot_of(curve: IndexCurve, measurement: Measurement, name: str) -> Plot:
         band=_band(rows, scale),
         curve=_path([(row.reserve, scale.height(row.value)) for row in rows]),
         dots=tuple(_dots(curve, scale)),
-        of=curve,
+        index_curve=curve,
         scale=scale,
-        points=tuple(_told(point, curve) for point in curve.points),
+        points=tuple(_point_cells(point, curve) for point in curve.points),
     )
 
 
@@ -183,14 +185,14 @@ def beginning(curve: IndexCurve, scale: Scale) -> Threshold:
     return AtMost(value=value) if curve.index.smaller_is_better else AtLeast(value=value)
 
 
-def _in_words(curve: IndexCurve) -> str:
+def _description(curve: IndexCurve) -> str:
     name = f"{curve.index.name.replace('_', ' ')} of {curve.component}"
     if not curve.curve.points:
         return f"The {name} is not known."
     first, last, unit = curve.curve.points[0], curve.curve.points[-1], curve.index.unit
     return (
-        f"The {name} goes from {shown(first.value, unit)} at a reserve of {first.reserve:.0f} % "
-        f"to {shown(last.value, unit)} at {last.reserve:.0f} %."
+        f"The {name} goes from {show_value(first.value, unit)} at a reserve of {first.reserve:.0f} % "
+        f"to {show_value(last.value, unit)} at {last.reserve:.0f} %."
     )
 
 
@@ -239,18 +241,18 @@ def _dots(curve: IndexCurve, scale: Scale) -> Iterator[Dot]:
                 y=_y(scale, point.value),
                 top=_y(scale, point.high),
                 bottom=_y(scale, point.low),
-                text=", ".join(one for one in _told(point, curve)[:4] if one),
+                text=", ".join(cell for cell in _point_cells(point, curve)[:4] if cell),
             )
 
 
-def _told(point: MeasuredPoint, curve: IndexCurve) -> tuple[str, ...]:
+def _point_cells(point: MeasuredPoint, curve: IndexCurve) -> tuple[str, ...]:
     """Reserve, value, interval, samples, verdict with its error, remarks."""
     unit = curve.index.unit
-    inside = "" if point.value is None else f"{digits(point.low)} to {shown(point.high, unit)}"
+    inside = "" if point.value is None else f"{digits(point.low)} to {show_value(point.high, unit)}"
     failed = f", {point.failed} failed" if point.failed else ""
     return (
         f"{point.reserve} %",
-        "no answer" if point.value is None else shown(point.value, unit),
+        "no answer" if point.value is None else show_value(point.value, unit),
         inside,
         f"{point.samples} samples{failed}",
         f"{point.verdict}{error_text(point)}",
@@ -274,12 +276,12 @@ def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:
         "cards": [
             {
                 "id": card.id,
-                "name": card.of.name,
-                "platform": card.of.platform,
-                "processors": card.of.processors,
-                "rests": card.of.rests,
-                "fixed": list(card.of.fixed),
-                "floor": card.of.floor,
+                "name": card.measurement.name,
+                "platform": card.measurement.platform,
+                "processors": card.measurement.processors,
+                "rests": card.measurement.rests,
+                "fixed": list(card.measurement.fixed),
+                "floor": card.measurement.floor,
                 "plots": [_plot_data(plot) for plot in card.plots],
             }
             for card in cards
@@ -288,11 +290,11 @@ def data_of(report: Report, cards: tuple[Card, ...]) -> dict[str, object]:
 
 
 def _plot_data(plot: Plot) -> dict[str, object]:
-    of, scale = plot.of, plot.scale
+    curve, scale = plot.index_curve, plot.scale
     return {
         "id": plot.id,
-        "component": of.component,
-        "index": of.index.name,
+        "component": curve.component,
+        "index": curve.index.name,
         "direction": plot.direction,
         "unit": plot.unit,
         "apt": plot.has_apt,
@@ -304,8 +306,8 @@ def _plot_data(plot: Plot) -> dict[str, object]:
         "exponent": scale.exponent,
         "first": scale.first,
         "last": scale.last,
-        "measured": [round(point.reserve) for point in of.curve.points],
-        "rows": [[row.reserve, row.value, _finite(row.safe)] for row in of.rows],
+        "measured": [round(point.reserve) for point in curve.curve.points],
+        "rows": [[row.reserve, row.value, _finite(row.safe)] for row in curve.rows],
     }
 
 

@@ -13,7 +13,7 @@ from rarms_iac.app.report_model import IndexCurve
 from rarms_iac.model.quantities import Unit, plain
 
 WIDE = 5.0
-"""From this ratio of largest to smallest on the axis is logarithmic: the low end is where one chooses."""
+"""From this ratio of largest to smallest on the axis is logarithmic: most thresholds lie at its low end."""
 
 ROOM = 0.06
 """Of the axis, left free above and below."""
@@ -76,7 +76,7 @@ class Scale:
 def round_down(value: float) -> tuple[int, int]:
     """The largest 1, 2 or 5 times a power of ten that is not above a positive value, as mantissa and exponent."""
     exponent = floor(log10(value))
-    mantissa = max(one for one in (1, 2, 5) if one == 1 or one * 10.0**exponent <= value * (1 + 1e-9))
+    mantissa = max(digit for digit in (1, 2, 5) if digit == 1 or digit * 10.0**exponent <= value * (1 + 1e-9))
     return mantissa, exponent
 
 
@@ -87,7 +87,7 @@ def scale_of(curve: IndexCurve) -> Scale:
     ]
     if curve.threshold is not None:
         values.append(float(curve.threshold.value))
-    values = [one for one in values if isfinite(one)] or [0.0, 1.0]
+    values = [value for value in values if isfinite(value)] or [0.0, 1.0]
     smallest, largest = min(values), max(values)
     if curve.index.unit is Unit.SHARE:
         return _share(smallest, largest)
@@ -125,7 +125,7 @@ UNIT_TEXT = {Unit.TIME: "ms", Unit.SHARE: "%", Unit.RATE: "/s"}
 """How an index's own unit is written."""
 
 
-def shown(value: float, unit: Unit) -> str:
+def show_value(value: float, unit: Unit) -> str:
     """A measured value with three digits that count, and its unit: `88.1 ms`, `95 %`, `1230 ms`."""
     return f"{digits(value)} {UNIT_TEXT[unit]}"
 
@@ -138,6 +138,6 @@ def digits(value: float) -> str:
     return plain(Fraction(str(round(value, max(places, 0))))) if places <= 3 else f"{value:.{places}f}"
 
 
-def exact(value: Fraction, unit: Unit) -> str:
+def show_exactly(value: Fraction, unit: Unit) -> str:
     """A threshold as the manifest says it: `100 ms`, `95 %`, `24 /s`."""
     return f"{plain(value)} {UNIT_TEXT[unit]}"

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.report_model import IndexCurve, MeasuredPoint, Measurement, PlatformTuning, Report
 from rarms_iac.model.quantities import guaranteed
 from rarms_iac.views.reports.scale import UNIT_TEXT
-from rarms_iac.views.reports.summary import fits_of, reserved_for, verdict_of
+from rarms_iac.views.reports.summary import platform_fits, reserved_for, verdict_of
 
 if TYPE_CHECKING:
     from xlsxwriter import Workbook
@@ -220,8 +220,8 @@ def workbook(report: Report, *, samples: bool = False, most_rows: int = MOST_ROW
     book.set_properties({"title": report.application, "created": MADE.replace(tzinfo=None)})
     _summary(book, report)
     names = _names(report.measurements)
-    for name, one in zip(names, report.measurements, strict=True):
-        _measurement(book, name, one)
+    for name, measurement in zip(names, report.measurements, strict=True):
+        _measurement(book, name, measurement)
     _rows(book, book.add_worksheet("settings"), setting_rows(report))
     if report.tunings:
         _rows(book, book.add_worksheet("tuning"), trail_rows(report.tunings))
@@ -252,9 +252,9 @@ def _summary(book: "Workbook", report: Report) -> None:
     sheet = book.add_worksheet("summary")
     last = _rows(book, sheet, (SUMMARY, *_levels(report)))
     totals: list[Sequence[Cell]] = [("platform", "hosts", "capacity (LP)", "reserved (LP)", "headroom (LP)", "fits")]
-    for fit in fits_of(report):
-        numbers = (float(fit.of.capacity), float(fit.total), float(fit.headroom))
-        totals.append((fit.of.platform, ", ".join(fit.of.hosts), *numbers, "yes" if fit.fits else "no"))
+    for fit in platform_fits(report):
+        numbers = (float(fit.capacity.capacity), float(fit.total), float(fit.headroom))
+        totals.append((fit.capacity.platform, ", ".join(fit.capacity.hosts), *numbers, "yes" if fit.fits else "no"))
     _rows(book, sheet, totals, top=last + 1)
 
 

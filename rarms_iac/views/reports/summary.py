@@ -18,13 +18,13 @@ from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.planner.prediction.belief import ASSUMED
 from rarms_iac.statistics.verdicts import describe_error
-from rarms_iac.views.reports.scale import shown
+from rarms_iac.views.reports.scale import show_value
 
 MOST_CANDIDATES = 24
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Level:
+class SummaryRow:
     """A component's level of performance and what it costs."""
 
     component: str
@@ -37,25 +37,25 @@ class Level:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fit:
+class PlatformFit:
     """What all reservations of a platform add up to."""
 
-    of: PlatformCapacity
+    capacity: PlatformCapacity
     total: Fraction  # LPs
     missing: tuple[str, ...]  # measurements whose APTs no reserve meets: not in the total
 
     @property
     def headroom(self) -> Fraction:
         """LPs that nobody is promised; below nothing where it does not fit."""
-        return self.of.capacity - self.total
+        return self.capacity.capacity - self.total
 
     @property
     def fits(self) -> bool:
         """Whether the hosts can promise it."""
-        return self.total <= self.of.capacity and not self.missing
+        return self.total <= self.capacity.capacity and not self.missing
 
 
-def summary_of(report: Report) -> tuple[Level, ...]:
+def summary_rows(report: Report) -> tuple[SummaryRow, ...]:
     """Most critical first; what is fixed and what is not measured at the end."""
     return (
         *(
@@ -70,34 +70,34 @@ def summary_of(report: Report) -> tuple[Level, ...]:
     )
 
 
-def _level(measurement: Measurement, one: IndexCurve) -> Level:
-    assert one.threshold is not None
-    reserve = reserved_for(measurement, one)
-    point = None if reserve is None else one.curve.value_at(reserve)
-    return Level(
-        component=one.component,
-        index=one.index.name,
-        level=show_threshold(one.index, one.threshold),
-        shows="" if point is None else shown(point.value, one.index.unit),
+def _level(measurement: Measurement, curve: IndexCurve) -> SummaryRow:
+    assert curve.threshold is not None
+    reserve = reserved_for(measurement, curve)
+    point = None if reserve is None else curve.curve.value_at(reserve)
+    return SummaryRow(
+        component=curve.component,
+        index=curve.index.name,
+        level=show_threshold(curve.index, curve.threshold),
+        shows="" if point is None else show_value(point.value, curve.index.unit),
         reserve="none is enough" if reserve is None else show_percent(reserve),
         bandwidth="" if reserve is None else show_processors(guaranteed(reserve, measurement.processors)),
-        verdict=verdict_of(one, reserve),
+        verdict=verdict_of(curve, reserve),
     )
 
 
-def reserved_for(measurement: Measurement, shown: IndexCurve) -> int | None:
-    """What the index's partition gets; where no reserve is enough for all of its indexes, what this one asks for."""
-    if shown.least is None:
+def reserved_for(measurement: Measurement, curve: IndexCurve) -> int | None:
+    """What the index's partition gets; where no reserve is enough for all its indexes, what this index alone needs."""
+    if curve.least is None:
         return None
-    return shown.least.reserve if measurement.reserve is None else measurement.reserve
+    return curve.least.reserve if measurement.reserve is None else measurement.reserve
 
 
-def verdict_of(shown: IndexCurve, reserve: int | None) -> str:
+def verdict_of(curve: IndexCurve, reserve: int | None) -> str:
     """What is known of the APT at this reserve, in words."""
     if reserve is None:
         return "not achieved at any reserve that was measured"
-    told = [point for point in shown.points if point.reserve == reserve]
-    return f"measured: {told[-1].verdict}{error_text(told[-1])}" if told else "interpolated: not itself measured"
+    points = [point for point in curve.points if point.reserve == reserve]
+    return f"measured: {points[-1].verdict}{error_text(points[-1])}" if points else "interpolated: not itself measured"
 
 
 def error_text(point: MeasuredPoint) -> str:
@@ -105,8 +105,8 @@ def error_text(point: MeasuredPoint) -> str:
     return "" if point.error is None else f" ({describe_error(point.error)})"
 
 
-def _fixed(name: str, amount: Fraction) -> Level:
-    return Level(
+def _fixed(name: str, amount: Fraction) -> SummaryRow:
+    return SummaryRow(
         component=name,
         index="",
         level="",
@@ -117,13 +117,13 @@ def _fixed(name: str, amount: Fraction) -> Level:
     )
 
 
-def _absent(names: tuple[str, ...]) -> Level:
+def _absent(names: tuple[str, ...]) -> SummaryRow:
     says = f"not measured: run rarms measure {' '.join(names)}{' --together' if len(names) > 1 else ''}"
-    return Level(component=" + ".join(names), index="", level="", shows="", reserve="", bandwidth="", verdict=says)
+    return SummaryRow(component=" + ".join(names), index="", level="", shows="", reserve="", bandwidth="", verdict=says)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Proven:
+class ProofRow:
     """A row of what was proven."""
 
     component: str
@@ -141,17 +141,17 @@ class Proven:
         return "strong" if self.met else "strong missed"
 
 
-def proofs_of(report: Report) -> tuple[Proven, ...]:
+def proof_rows(report: Report) -> tuple[ProofRow, ...]:
     """What all components showed together, in the report's order."""
     return tuple(_proven(proof) for proof in report.proofs)
 
 
-def _proven(proof: ComponentProof) -> Proven:
-    return Proven(
+def _proven(proof: ComponentProof) -> ProofRow:
+    return ProofRow(
         component=proof.component,
         index=proof.index.name,
         level=proof.threshold,
-        value="cannot be told" if proof.value is None else shown(proof.value, proof.index.unit),
+        value="cannot be told" if proof.value is None else show_value(proof.value, proof.index.unit),
         shows=_band(proof),
         met=proof.met,
         verdict=proof.verdict,
@@ -165,43 +165,43 @@ def _band(proof: ComponentProof) -> str:
     """`94.1 ms, 93.5 ms to 94.8 ms`, as far as the samples tell."""
     if proof.value is None:
         return "cannot be told"
-    value = shown(proof.value, proof.index.unit)
+    value = show_value(proof.value, proof.index.unit)
     if proof.lower is None or proof.upper is None:
         return value
-    return f"{value}, {shown(proof.lower, proof.index.unit)} to {shown(proof.upper, proof.index.unit)}"
+    return f"{value}, {show_value(proof.lower, proof.index.unit)} to {show_value(proof.upper, proof.index.unit)}"
 
 
-def fits_of(report: Report) -> tuple[Fit, ...]:
+def platform_fits(report: Report) -> tuple[PlatformFit, ...]:
     """One a platform, in the report's order."""
     return tuple(_fit(report, capacity) for capacity in report.capacities)
 
 
-def _fit(report: Report, capacity: PlatformCapacity) -> Fit:
+def _fit(report: Report, capacity: PlatformCapacity) -> PlatformFit:
     here = [
         measurement
         for measurement in report.measurements
         if measurement.rests and measurement.platform == capacity.platform
     ]
     total = sum((part.amount for part in capacity.fixed), Fraction(0))
-    for one in here:
-        total += guaranteed(one.reserve or 0, one.processors)
-    return Fit(
-        of=capacity,
+    for measurement in here:
+        total += guaranteed(measurement.reserve or 0, measurement.processors)
+    return PlatformFit(
+        capacity=capacity,
         total=total,
         missing=tuple(measurement.name for measurement in here if measurement.wants and measurement.reserve is None),
     )
 
 
-def fit_text(fit: Fit) -> str:
+def fit_text(fit: PlatformFit) -> str:
     """As `70 % reserved of 100 % (1.4 LP of 2 LP). Headroom of onboard: 30 % (0.6 LP).`."""
 
     def share(amount: Fraction) -> str:
-        return f"{_figure(100 * amount / fit.of.processors)} %"
+        return f"{_figure(100 * amount / fit.capacity.processors)} %"
 
     def processors(amount: Fraction) -> str:
         return f"{_figure(amount)} LP"
 
-    left, capacity, hosts = fit.headroom, fit.of.capacity, ", ".join(fit.of.hosts)
+    left, capacity, hosts = fit.headroom, fit.capacity.capacity, ", ".join(fit.capacity.hosts)
     room = f"Headroom of {hosts}: {share(left)} ({processors(left)})"
     over = f"Over {hosts} by {share(-left)} ({processors(-left)})"
     return (
@@ -224,7 +224,7 @@ def tuning_text(tuning: PlatformTuning) -> str:
     return f"{named}: {result} ({run.strategy} strategy, {run.when}).{proof}{broken}{written}"
 
 
-def trail_of(tuning: PlatformTuning) -> tuple[tuple[str, str, str, str], ...]:
+def trail_rows(tuning: PlatformTuning) -> tuple[tuple[str, str, str, str], ...]:
     """A row a setting that was asked for, in order: components, CR, what was predicted, answer."""
     return tuple(
         (
@@ -237,7 +237,7 @@ def trail_of(tuning: PlatformTuning) -> tuple[tuple[str, str, str, str], ...]:
     )
 
 
-def tuned_of(tuning: PlatformTuning) -> tuple[tuple[str, str, str, str, str], ...]:
+def tuned_rows(tuning: PlatformTuning) -> tuple[tuple[str, str, str, str, str], ...]:
     """A row a partition as it was left: name, components, CR, what it reserves, what its parts reserved apart."""
     return tuple(
         (
@@ -277,7 +277,7 @@ def _processors(percent: int) -> str:
     return show_processors(Fraction(percent, 100))
 
 
-def standing_text(standing: HostStatus) -> str:
+def status_text(standing: HostStatus) -> str:
     """Whether what the manifest asks for is on the host, and what brings it there."""
     if not standing.is_planned:
         return "Nothing can be applied as it is: rarms plan tells why."

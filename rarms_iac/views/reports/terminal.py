@@ -14,11 +14,11 @@ from rarms_iac.views.console import paragraph, stack, table
 from rarms_iac.views.reports.scale import UNIT_TEXT, Scale, digits, scale_of
 from rarms_iac.views.reports.summary import (
     fit_text,
-    fits_of,
-    proofs_of,
-    standing_text,
-    summary_of,
-    tuned_of,
+    platform_fits,
+    proof_rows,
+    status_text,
+    summary_rows,
+    tuned_rows,
     tuning_text,
 )
 
@@ -88,23 +88,25 @@ def report_text(report: Report, *, ascii_only: bool = False) -> "RenderableType"
 
 
 def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
-    rows = [(level.component, level.index, level.level, level.reserve, level.bandwidth) for level in summary_of(report)]
+    rows = [
+        (level.component, level.index, level.level, level.reserve, level.bandwidth) for level in summary_rows(report)
+    ]
     yield table(rows, header=("component", "index", "threshold", "CR", "bandwidth"), wrap=(2, 3))
-    for fit in fits_of(report):
-        yield paragraph(f"{', '.join(fit.of.hosts)}: {fit_text(fit)}")
+    for fit in platform_fits(report):
+        yield paragraph(f"{', '.join(fit.capacity.hosts)}: {fit_text(fit)}")
     for host in report.standings:
-        yield paragraph(f"{host.host}: {standing_text(host)}")
+        yield paragraph(f"{host.host}: {status_text(host)}")
     if report.proofs:
         yield ""
         proven = [
-            (proof.component, proof.index, proof.level, proof.value, proof.verdict) for proof in proofs_of(report)
+            (proof.component, proof.index, proof.level, proof.value, proof.verdict) for proof in proof_rows(report)
         ]
         yield table(proven, header=("all together", "index", "threshold", "observed", "verdict"), wrap=(2, 3, 4))
     for tuning in report.tunings:
         yield ""
         yield paragraph(f"Combining on {tuning.platform}: {tuning_text(tuning)}")
         header = ("partition", "components", "CR", "bandwidth", "apart")
-        yield table(tuned_of(tuning), header=header, wrap=(1,), right=(2, 3, 4))
+        yield table(tuned_rows(tuning), header=header, wrap=(1,), right=(2, 3, 4))
     for measurement in report.measurements:
         for index in measurement.indexes:
             yield ""

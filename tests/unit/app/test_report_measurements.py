@@ -7,7 +7,7 @@ from rarms_iac.app.report_measurements import LogBesideManifest, report_of
 from rarms_iac.app.report_model import Report
 from rarms_iac.model.system import Component, System
 from rarms_iac.statistics.curves import curves_of, least_reserve
-from rarms_iac.views.reports.summary import fit_text, fits_of, summary_of
+from rarms_iac.views.reports.summary import fit_text, platform_fits, summary_rows
 from tests.builders import a_component, a_cpu, a_host, a_partition, a_run, a_system, at_most
 from tests.builders_measured import a_log, a_series, a_setting, a_subject
 from tests.measured_robot import a_log_of, a_robot, face_detection, path_planning, the_logs
@@ -45,7 +45,7 @@ def test_members_of_a_partition_are_shown_with_what_their_partition_gets() -> No
     ]
     logged = LogBesideManifest(path="x", log=a_log(settings, a_subject(quick, slow)))
 
-    rows = summary_of(report_of(system, [logged]))
+    rows = summary_rows(report_of(system, [logged]))
 
     assert [(row.component, row.reserve) for row in rows] == [("quick", "60 %"), ("slow", "60 %")]
 
@@ -53,7 +53,7 @@ def test_members_of_a_partition_are_shown_with_what_their_partition_gets() -> No
 def test_the_total_is_of_measured_and_fixed_components_in_processors() -> None:
     system = a_robot()
 
-    [fit] = fits_of(report_of(system, the_logs(system)))
+    [fit] = platform_fits(report_of(system, the_logs(system)))
 
     assert fit.total == Fraction(2 * (60 + 16), 100) + Fraction(2, 10)
     assert fit.fits
@@ -63,7 +63,7 @@ def test_the_total_is_of_measured_and_fixed_components_in_processors() -> None:
 def test_a_total_above_the_capacity_is_said_so() -> None:
     system = with_reserve(a_robot(), "video-streaming", "60 %")
 
-    [fit] = fits_of(report_of(system, the_logs(system)))
+    [fit] = platform_fits(report_of(system, the_logs(system)))
 
     assert not fit.fits
     assert fit_text(fit).endswith("Over onboard by 36 % (0.72 LP).")
@@ -72,9 +72,9 @@ def test_a_total_above_the_capacity_is_said_so() -> None:
 def test_what_is_kept_for_the_host_is_no_capacity() -> None:
     system = a_system(hosts=[a_host(keep_processor="10 %")], components=[measured("vision")])
 
-    [fit] = fits_of(report_of(system, []))
+    [fit] = platform_fits(report_of(system, []))
 
-    assert fit.of.capacity == Fraction(18, 10)
+    assert fit.capacity.capacity == Fraction(18, 10)
 
 
 def test_nothing_rests_on_a_stale_log_and_it_says_what_changed() -> None:
@@ -165,7 +165,7 @@ def test_a_setting_without_an_answer_is_shown_and_gives_no_point() -> None:
 def test_the_summary_has_a_row_a_threshold_and_names_what_is_not_measured() -> None:
     system = a_robot()
 
-    rows = summary_of(report_of(system, the_logs(system)[:1]))
+    rows = summary_rows(report_of(system, the_logs(system)[:1]))
 
     assert [(row.component, row.level, row.reserve, row.bandwidth) for row in rows] == [
         ("face-detection", "at most 100 ms", "60 %", "1.2 LP"),

@@ -5,9 +5,8 @@ from io import StringIO
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.model.measurement import Sample, Series, Setting
 from rarms_iac.model.system import SampleCount
-from rarms_iac.views.console import live_console, render
-from rarms_iac.views.live_table import LiveTable
-from rarms_iac.views.measuring_progress import MeasuringProgress, share_done
+from rarms_iac.views.console import LiveTable, live_console, render
+from rarms_iac.views.measure import MeasuringProgress, share_done
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 
 SYSTEM = a_system(

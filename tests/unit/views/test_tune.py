@@ -8,8 +8,7 @@ import pytest
 from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.app.tune import TuningResult, run_of_result
 from rarms_iac.planner.combining.oracle import Asked
-from rarms_iac.views.console import live_console, render
-from rarms_iac.views.live_table import LiveTable
+from rarms_iac.views.console import LiveTable, live_console, render
 from rarms_iac.views.reports.spreadsheet import trail_rows
 from rarms_iac.views.tune import TuningProgress, tuned_json, tuned_text
 from tests.unit.views.test_json import check
