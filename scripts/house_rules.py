@@ -17,7 +17,7 @@ MAY_READ = {
     "storage/lock.py": "a lock is an open file",
     "storage/shipped.py": "what rarms ships, as it was installed",
     "powershell/cmdlets.py": "a table inside the package",
-    "running/keeper.py": "files of the kernel",
+    "running/supervisor_process.py": "files of the kernel",
 }
 """Who opens files, and why; DESIGN section 4: one reader, two writers, and files of the kernel in their provider."""
 
