@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any, cast
 
-from rarms_iac.providers.hyperv.observation import Observation, observation_of, read_observation
+from rarms_iac.providers.hyperv.observation import HostObservation, observation_of, read_observation
 
 FOLDER = Path(__file__).parent / "recorded" / "hyperv"
 NAMES = sorted(path.stem for path in FOLDER.glob("*.json"))
@@ -21,7 +21,7 @@ def document(name: str) -> dict[str, Any]:
     return cast("dict[str, Any]", json.loads(data.decode("utf-16" if data.startswith(b"\xff\xfe") else "utf-8")))
 
 
-def recorded(name: str, **probes: Any) -> Observation:
+def recorded(name: str, **probes: Any) -> HostObservation:
     """The observation, with some probes given another value."""
     if not probes:
         return read_observation(recorded_bytes(name))
@@ -29,7 +29,7 @@ def recorded(name: str, **probes: Any) -> Observation:
     return observation_of({**document(name), **given})
 
 
-def unread(name: str, *probes: str, status: str = "absent") -> Observation:
+def unread(name: str, *probes: str, status: str = "absent") -> HostObservation:
     """The observation, with some probes absent or denied."""
     gone: dict[str, Any] = {key: {"status": status, "error": "Gone", "says": "it is gone"} for key in probes}
     return observation_of({**document(name), **gone})

@@ -13,7 +13,7 @@ from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.snapshots import Snapshots, add_guest_tasks, read_snapshots
 from rarms_iac.app.wiring import open_host, state_path
 from rarms_iac.apply import refusals
-from rarms_iac.apply.run_steps import held
+from rarms_iac.apply.run_steps import hold
 from rarms_iac.model.journal import Journal, ScriptRun
 from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import System
@@ -182,7 +182,7 @@ def hold_hosts(hosts: tuple[LiveHost, ...], timeout_ms: int) -> Iterator[None]:
     Raises:
         UseCaseError: another run holds one of them (exit 3).
     """
-    with host_errors(), held(hosts, owner(), timeout_ms):
+    with host_errors(), hold(hosts, owner(), timeout_ms):
         yield
 
 

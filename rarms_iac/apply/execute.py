@@ -5,22 +5,22 @@ from dataclasses import replace
 from typing import assert_never
 
 from rarms_iac.apply import refusals
-from rarms_iac.apply.run_report import Ending, RunReport, RunReporter
-from rarms_iac.apply.run_script import applying, finishing, run_order
-from rarms_iac.apply.run_steps import ShouldStop, together, walk
-from rarms_iac.apply.undo import raised, without_rights
+from rarms_iac.apply.run_report import RunEnding, RunReport, RunReporter
+from rarms_iac.apply.run_script import apply_job, finish_job, run_job
+from rarms_iac.apply.run_steps import ShouldStop, combined_report, run_steps
+from rarms_iac.apply.undo import raised_serials, without_rights
 from rarms_iac.diff.digests import moved_parts, part_digests
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Closing, Journal, RunKind, RunStarted, ScriptRun
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.powershell.render import script_name
-from rarms_iac.providers.interface import NO_WAITS, HostError, LiveHost, ScriptedHost, StepwiseHost, Waits
+from rarms_iac.providers.interface import NO_WAITING, HostError, LiveHost, ScriptedHost, StepwiseHost, WaitLimits
 
 LastRun = Journal | ScriptRun | None
 
 
 def finish_unfinished(
-    hosts: Sequence[LiveHost], reporter: RunReporter, should_stop: ShouldStop, waits: Waits = NO_WAITS
+    hosts: Sequence[LiveHost], reporter: RunReporter, should_stop: ShouldStop, waits: WaitLimits = NO_WAITING
 ) -> RunReport | None:
     """Finish what was begun on these hosts, each from its own journal; None where nothing was. They are held."""
     reports: list[RunReport] = []
@@ -31,25 +31,25 @@ def finish_unfinished(
                 continue
             reports.append(report)
         except HostError as error:
-            reports.append(RunReport(ending=Ending.FAILED, diagnostics=(refusals.host_failed(error),)))
-        if reports[-1].ending is not Ending.DONE:
+            reports.append(RunReport(ending=RunEnding.FAILED, diagnostics=(refusals.host_failed(error),)))
+        if reports[-1].ending is not RunEnding.DONE:
             break
-    return together(reports) if reports else None
+    return combined_report(reports) if reports else None
 
 
-def _finish(host: LiveHost, reporter: RunReporter, should_stop: ShouldStop, waits: Waits) -> RunReport | None:
+def _finish(host: LiveHost, reporter: RunReporter, should_stop: ShouldStop, waits: WaitLimits) -> RunReport | None:
     match host:
         case StepwiseHost():
             journal = host.unfinished()
             if journal is None:
                 return None
-            return without_rights(host) or walk(host, journal, reporter, should_stop)
+            return without_rights(host) or run_steps(host, journal, reporter, should_stop)
         case ScriptedHost():
             run = host.unfinished()
             if run is None:
                 return None
-            order = finishing(host.name, run)
-            return without_rights(host) or run_order(host, order, reporter, should_stop, waits)
+            order = finish_job(host.name, run)
+            return without_rights(host) or run_job(host, order, reporter, should_stop, waits)
         case _:
             assert_never(host)
 
@@ -60,7 +60,7 @@ def apply_plan(
     owner: str,
     reporter: RunReporter,
     should_stop: ShouldStop,
-    waits: Waits = NO_WAITS,
+    waits: WaitLimits = NO_WAITING,
 ) -> RunReport:
     """Do exactly what the plan says, host by host, or refuse before the first step. The hosts are held.
 
@@ -71,14 +71,14 @@ def apply_plan(
         problems = [
             problem
             for part in plan.hosts
-            for problem in why_not(plan, part, hosts[part.host.name], journals[part.host.name])
+            for problem in refusals_of(plan, part, hosts[part.host.name], journals[part.host.name])
         ]
     except HostError as error:
-        return RunReport(ending=Ending.FAILED, diagnostics=(refusals.host_failed(error),))
+        return RunReport(ending=RunEnding.FAILED, diagnostics=(refusals.host_failed(error),))
     if not problems and plan.hosts and all(finished_by(plan, journals[part.host.name]) for part in plan.hosts):
         problems = [refusals.used(part.host.name, plan.id) for part in plan.hosts]
     if problems:
-        return RunReport(ending=Ending.REFUSED, diagnostics=tuple(problems))
+        return RunReport(ending=RunEnding.REFUSED, diagnostics=tuple(problems))
 
     reports: list[RunReport] = []
     for part in plan.hosts:
@@ -88,20 +88,20 @@ def apply_plan(
         try:
             match host:
                 case StepwiseHost():
-                    reports.append(walk(host, _begun(host, plan, part, owner), reporter, should_stop))
+                    reports.append(run_steps(host, _begun(host, plan, part, owner), reporter, should_stop))
                 case ScriptedHost():
-                    told = run_order(host, applying(plan.id, part), reporter, should_stop, waits)
+                    told = run_job(host, apply_job(plan.id, part), reporter, should_stop, waits)
                     reports.append(replace(told, hosts=tuple(replace(one, changes=part.changes) for one in told.hosts)))
                 case _:
                     assert_never(host)
         except HostError as error:
-            reports.append(RunReport(ending=Ending.FAILED, diagnostics=(refusals.host_failed(error),)))
-        if reports[-1].ending is not Ending.DONE:
+            reports.append(RunReport(ending=RunEnding.FAILED, diagnostics=(refusals.host_failed(error),)))
+        if reports[-1].ending is not RunEnding.DONE:
             break
-    return together(reports)
+    return combined_report(reports)
 
 
-def why_not(plan: Plan, part: HostPlan, host: LiveHost, journal: LastRun) -> list[Diagnostic]:
+def refusals_of(plan: Plan, part: HostPlan, host: LiveHost, journal: LastRun) -> list[Diagnostic]:
     """Why the plan must not run on this host now; nothing where it may begin, go on, or is done already."""
     if journal is not None and journal.unfinished:
         same = journal.started.plan == plan.id and journal.started.run is RunKind.APPLY
@@ -150,7 +150,7 @@ def _begun(host: StepwiseHost, plan: Plan, part: HostPlan, owner: str) -> Journa
         started_by=owner,
         host_plan=part,
         steps=part.steps,
-        serials=raised(host.observe().serials, plan.application),
+        serials=raised_serials(host.observe().serials, plan.application),
     )
     host.start_run(started)
     return Journal(started=started)

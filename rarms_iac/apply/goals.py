@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from rarms_iac.apply.plan_summary import threads_of
 from rarms_iac.apply.preconditions import ignored_reserves, unproven_rights
-from rarms_iac.diff.claims import HostBudget, budget_of
+from rarms_iac.diff.claims import StepBudget, budget_of
 from rarms_iac.diff.compare_partitions import FOREIGN_AT_NAME, machine_in_the_way
 from rarms_iac.diff.comparison import ManifestRules
 from rarms_iac.diff.disks import DiskVerdict, judge_disks
@@ -38,7 +38,7 @@ class HostGoal:
     desired: State
     rules: ManifestRules
     context: HostContext
-    budget: HostBudget
+    budget: StepBudget
     by_hand: tuple[TaskClass, ...] = ()  # wanted in guests that nobody could look into
     threads: tuple[ThreadClass, ...] = ()
 

@@ -10,7 +10,7 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import RunKind, StepStatus
 
 
-class Ending(StrEnum):
+class RunEnding(StrEnum):
     """How a run ended; the command line turns it into an exit code (DESIGN section 9)."""
 
     DONE = "done"
@@ -27,7 +27,7 @@ class HostReport:
     host: str
     plan: str
     run: RunKind
-    ending: Ending
+    ending: RunEnding
     changed: int
     unchanged: int
     total: int
@@ -39,12 +39,12 @@ class HostReport:
 class RunReport:
     """All hosts in the order they were walked, and what went wrong."""
 
-    ending: Ending
+    ending: RunEnding
     hosts: tuple[HostReport, ...] = ()
     diagnostics: tuple[Diagnostic, ...] = field(default=())
 
 
-class ToldStep(Protocol):
+class ReportedStep(Protocol):
     """What is told of a step, whether rarms walks it or a script does."""
 
     @property
@@ -81,11 +81,11 @@ class RunReporter(Protocol):
         """
         ...
 
-    def step_started(self, host: str, number: int, total: int, step: ToldStep) -> None:
+    def step_started(self, host: str, number: int, total: int, step: ReportedStep) -> None:
         """A step is about to be looked at; `number` counts from 1."""
         ...
 
-    def step_ended(self, host: str, number: int, total: int, step: ToldStep, status: StepStatus) -> None:
+    def step_ended(self, host: str, number: int, total: int, step: ReportedStep, status: StepStatus) -> None:
         """A step is done, or was as wanted already."""
         ...
 
@@ -100,10 +100,10 @@ class SilentReporter:
     def run_started(self, host: str, run: RunKind, plan: str, *, done: int, addresses: Sequence[str] = ()) -> None:
         """Nothing."""
 
-    def step_started(self, host: str, number: int, total: int, step: ToldStep) -> None:
+    def step_started(self, host: str, number: int, total: int, step: ReportedStep) -> None:
         """Nothing."""
 
-    def step_ended(self, host: str, number: int, total: int, step: ToldStep, status: StepStatus) -> None:
+    def step_ended(self, host: str, number: int, total: int, step: ReportedStep, status: StepStatus) -> None:
         """Nothing."""
 
     def said(self, host: str, line: str) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from rarms_iac.apply import refusals
-from rarms_iac.apply.run_report import Ending, HostReport, RunReport, RunReporter, SilentReporter, TitledStep
+from rarms_iac.apply.run_report import HostReport, RunEnding, RunReport, RunReporter, SilentReporter, TitledStep
 from rarms_iac.apply.run_steps import ShouldStop
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import RunKind, ScriptRun, StepStatus
@@ -17,12 +17,12 @@ from rarms_iac.powershell.render import NOT_UNDONE, script_name
 from rarms_iac.providers.interface import (
     EventKind,
     EventStatus,
-    Exited,
-    Lost,
     RunEvent,
-    Script,
+    ScriptBundle,
     ScriptedHost,
-    Waits,
+    ScriptExited,
+    ScriptLost,
+    WaitLimits,
 )
 
 REFUSED_CODE = 3
@@ -30,67 +30,67 @@ REFUSED_CODE = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Order:
+class ScriptJob:
     """What a host is to run, and what is known of that run already."""
 
     run: RunKind
     plan: str
-    script: Script
+    script: ScriptBundle
     earlier: Mapping[int, StepStatus]  # steps that an earlier run of it did
 
 
-def applying(plan: str, part: HostPlan) -> Order:
+def apply_job(plan: str, part: HostPlan) -> ScriptJob:
     """The plan's own bytes: the script that does it, and beside it the one that takes it back."""
     name, undo = script_name(part), script_name(part, undo=True)
-    script = Script(runs=name, files={name: part.scripts[name], undo: part.scripts[undo]})
-    return Order(run=RunKind.APPLY, plan=plan, script=script, earlier={})
+    script = ScriptBundle(runs=name, files={name: part.scripts[name], undo: part.scripts[undo]})
+    return ScriptJob(run=RunKind.APPLY, plan=plan, script=script, earlier={})
 
 
-def finishing(host: str, journal: ScriptRun) -> Order:
+def finish_job(host: str, journal: ScriptRun) -> ScriptJob:
     """What the host's journal holds of the unfinished run, whatever plan or manifest there is by now."""
     started = journal.started
     earlier = {step.number: step.status for step in journal.steps if step.status is not StepStatus.BEGUN}
     script = _alone(f"{host}{'.undo' if started.run is RunKind.UNDO else ''}.ps1", started.script)
-    return Order(run=started.run, plan=started.plan, script=script, earlier=earlier)
+    return ScriptJob(run=started.run, plan=started.plan, script=script, earlier=earlier)
 
 
-def undoing(host: str, journal: ScriptRun) -> Order:
+def undo_job(host: str, journal: ScriptRun) -> ScriptJob:
     """The undo script that the journal of an apply holds."""
     script = _alone(f"{host}.undo.ps1", journal.started.undo)
-    return Order(run=RunKind.UNDO, plan=journal.started.plan, script=script, earlier={})
+    return ScriptJob(run=RunKind.UNDO, plan=journal.started.plan, script=script, earlier={})
 
 
-def _alone(name: str, text: str) -> Script:
-    return Script(runs=name, files={name: text})
+def _alone(name: str, text: str) -> ScriptBundle:
+    return ScriptBundle(runs=name, files={name: text})
 
 
-def run_order(
-    host: ScriptedHost, order: Order, reporter: RunReporter, should_stop: ShouldStop, waits: Waits
+def run_job(
+    host: ScriptedHost, order: ScriptJob, reporter: RunReporter, should_stop: ShouldStop, waits: WaitLimits
 ) -> RunReport:
     """Have the host run it and tell how it ended.
 
     Raises:
         HostError: the host could not be reached; nothing was run.
     """
-    following = Following(host.name, order, reporter, should_stop)
+    following = RunListener(host.name, order, reporter, should_stop)
     reporter.run_started(host.name, order.run, order.plan, done=len(order.earlier))
     return following.report(host.run_script(order.script, waits, following))
 
 
-def abandon_script(host: ScriptedHost, journal: ScriptRun, waits: Waits) -> RunReport:
+def abandon_script(host: ScriptedHost, journal: ScriptRun, waits: WaitLimits) -> RunReport:
     """Have the journal's own script close its run; the host stays as it is.
 
     Raises:
         HostError: the host could not be reached.
     """
-    order = finishing(host.name, journal)
-    following = Following(host.name, order, SilentReporter(), lambda: False)
+    order = finish_job(host.name, journal)
+    following = RunListener(host.name, order, SilentReporter(), lambda: False)
     ended = host.run_script(order.script, waits, following, abandoning=True)
     return replace(following.report(ended), hosts=())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TakenBack:
+class UndoneStep:
     """A step that an undo takes back, and how much of it."""
 
     address: str
@@ -98,7 +98,7 @@ class TakenBack:
     level: UndoLevel
 
 
-def script_taken_back(journal: ScriptRun) -> tuple[TakenBack, ...]:
+def steps_undone_by_script(journal: ScriptRun) -> tuple[UndoneStep, ...]:
     """What the stored undo script would take back, in its order; nothing where it cannot be read here."""
     from rarms_iac.powershell.outline import outline
     from rarms_iac.powershell.tree import NotParsed
@@ -110,7 +110,7 @@ def script_taken_back(journal: ScriptRun) -> tuple[TakenBack, ...]:
     except (NotParsed, ValueError):
         return ()
     return tuple(
-        TakenBack(address=step.address, title=step.action, level=UndoLevel.FULL)
+        UndoneStep(address=step.address, title=step.action, level=UndoLevel.FULL)
         for step in steps
         if step.undoes in touched
     )
@@ -123,10 +123,10 @@ def not_undone(script: str) -> tuple[str, ...]:
     return tuple(line.removeprefix(begin).strip() for line in head if line.startswith(begin))
 
 
-class Following:
+class RunListener:
     """A `Hearing` that keeps what a run's report needs, and passes the rest to a `RunReporter`."""
 
-    def __init__(self, host: str, order: Order, reporter: RunReporter, should_stop: ShouldStop) -> None:
+    def __init__(self, host: str, order: ScriptJob, reporter: RunReporter, should_stop: ShouldStop) -> None:
         self._host = host
         self._order = order
         self._reporter = reporter
@@ -166,7 +166,7 @@ class Following:
         self._reporter.step_ended(self._host, event.number + 1, event.total, told, status)
         self._running = None
 
-    def report(self, ended: Exited | Lost) -> RunReport:
+    def report(self, ended: ScriptExited | ScriptLost) -> RunReport:
         """What the run came to."""
         ending, *problems = self._ending(ended)
         changed = sum(status is StepStatus.CHANGED for status in self._statuses.values())
@@ -182,22 +182,22 @@ class Following:
         )
         return RunReport(ending=ending, hosts=(told,), diagnostics=tuple(problems))
 
-    def _ending(self, ended: Exited | Lost) -> "tuple[Ending, *tuple[Diagnostic, ...]]":
+    def _ending(self, ended: ScriptExited | ScriptLost) -> "tuple[RunEnding, *tuple[Diagnostic, ...]]":
         last = self._last
         match ended:
-            case Lost(why=why):
-                return Ending.FAILED, refusals.unknown(self._host, self._order.plan, why)
-            case Exited(code=0) if last is not None and last.status in _WELL:
-                return (Ending.DONE,)
-            case Exited(code=0):
+            case ScriptLost(why=why):
+                return RunEnding.FAILED, refusals.unknown(self._host, self._order.plan, why)
+            case ScriptExited(code=0) if last is not None and last.status in _WELL:
+                return (RunEnding.DONE,)
+            case ScriptExited(code=0):
                 why = "it ended with exit code 0 and without its last event"
-                return Ending.FAILED, refusals.unknown(self._host, self._order.plan, why)
-            case Exited() if last is not None and last.status is EventStatus.STOPPED:
-                return (Ending.INTERRUPTED,)
-            case Exited(code=code) if code == REFUSED_CODE and last is not None:
-                return Ending.REFUSED, refusals.script_refused(self._host, last)
-            case Exited(code=code, says=says):
-                return Ending.FAILED, self._failed(code, says)
+                return RunEnding.FAILED, refusals.unknown(self._host, self._order.plan, why)
+            case ScriptExited() if last is not None and last.status is EventStatus.STOPPED:
+                return (RunEnding.INTERRUPTED,)
+            case ScriptExited(code=code) if code == REFUSED_CODE and last is not None:
+                return RunEnding.REFUSED, refusals.script_refused(self._host, last)
+            case ScriptExited(code=code, says=says):
+                return RunEnding.FAILED, self._failed(code, says)
 
     def _failed(self, code: int, says: tuple[str, ...]) -> Diagnostic:
         last = self._last

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from rarms_iac.apply import refusals
-from rarms_iac.apply.run_report import Ending, HostReport, RunReport, RunReporter
+from rarms_iac.apply.run_report import HostReport, RunEnding, RunReport, RunReporter
 from rarms_iac.diff.readings import readings
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic
@@ -21,7 +21,7 @@ ShouldStop = Callable[[], bool]
 """Asked before every step: whether the user wants the run to end after the last one."""
 
 
-def walk(host: StepwiseHost, journal: Journal, reporter: RunReporter, should_stop: ShouldStop) -> RunReport:
+def run_steps(host: StepwiseHost, journal: Journal, reporter: RunReporter, should_stop: ShouldStop) -> RunReport:
     """Do what is left of the journal's run and close it. The caller holds the host's lock."""
     started = journal.started
     done: dict[int, StepStatus] = {
@@ -33,7 +33,7 @@ def walk(host: StepwiseHost, journal: Journal, reporter: RunReporter, should_sto
     resumed = bool(journal.steps)
     scope = Scope(application=started.application, plan=started.plan)
 
-    def report(ending: Ending, *problems: Diagnostic) -> RunReport:
+    def report(ending: RunEnding, *problems: Diagnostic) -> RunReport:
         changed = sum(status is StepStatus.CHANGED for status in done.values())
         told = HostReport(
             host=host.name,
@@ -53,42 +53,42 @@ def walk(host: StepwiseHost, journal: Journal, reporter: RunReporter, should_sto
         if number in done:
             continue
         if should_stop():
-            return report(Ending.INTERRUPTED)
+            return report(RunEnding.INTERRUPTED)
         reporter.step_started(host.name, number + 1, total, step)
         outcome = _perform(host, scope, number, step, was_begun=number in begun)
         if isinstance(outcome, Diagnostic):
             refused = outcome.code == refusals.STEP_MOVED.code
-            return report(Ending.REFUSED if refused else Ending.FAILED, outcome)
+            return report(RunEnding.REFUSED if refused else RunEnding.FAILED, outcome)
         done[number] = outcome
         reporter.step_ended(host.name, number + 1, total, step, outcome)
 
     host.record(RunClosed(closing=Closing.DONE))
     strays = tuple(_strays(host, started, scope))
-    return report(Ending.FAILED if strays else Ending.DONE, *strays)
+    return report(RunEnding.FAILED if strays else RunEnding.DONE, *strays)
 
 
 def _perform(host: StepwiseHost, scope: Scope, number: int, step: Step, *, was_begun: bool) -> StepStatus | Diagnostic:
     try:
         live = host.read(step.address, scope)
-        if agrees(live, step.after):
+        if matches(live, step.after):
             # NOTE: a step that was begun by a killed run and is found done was our doing: undo must take it back.
             status = StepStatus.CHANGED if was_begun else StepStatus.UNCHANGED
             host.record(StepRecorded(number=number, status=status))
             return status
-        if not agrees(live, step.before):
+        if not matches(live, step.before):
             return refusals.step_moved(host.name, step, live)
         host.record(StepRecorded(number=number, status=StepStatus.BEGUN))
         host.execute(step.operation, scope)
         live = host.read(step.address, scope)
     except HostError as error:
         return refusals.step_failed(host.name, step, error)
-    if not agrees(live, step.after):
+    if not matches(live, step.after):
         return refusals.step_missed(host.name, step, live)
     host.record(StepRecorded(number=number, status=StepStatus.CHANGED))
     return StepStatus.CHANGED
 
 
-def agrees(live: Readings, expected: Readings) -> bool:
+def matches(live: Readings, expected: Readings) -> bool:
     """Whether everything that is expected is so; what is not named may be anything."""
     return all(name in live and live[name] == value for name, value in expected.items())
 
@@ -103,12 +103,12 @@ def _strays(host: StepwiseHost, started: RunStarted, scope: Scope) -> Iterator[D
         expected[step.address] = {**({} if step.after.get("exists") is False else before), **step.after}
     for address, wanted in sorted(expected.items()):
         live = readings(state, address, scope)
-        if not agrees(live, wanted):
+        if not matches(live, wanted):
             yield refusals.not_reached(host.name, str(address), refusals.differences(live, wanted))
 
 
 @contextmanager
-def held(hosts: "tuple[LiveHost, ...]", owner: str, timeout_ms: int) -> Iterator[None]:
+def hold(hosts: "tuple[LiveHost, ...]", owner: str, timeout_ms: int) -> Iterator[None]:
     """Hold all the hosts, taken in the order of their names, so that two runs cannot wait for each other.
 
     A host that runs scripts is held by each of them as long as it runs.
@@ -118,14 +118,14 @@ def held(hosts: "tuple[LiveHost, ...]", owner: str, timeout_ms: int) -> Iterator
         yield
         return
     first, *rest = sorted(stepwise, key=lambda host: host.name)
-    with first.lock(owner, timeout_ms), held(tuple(rest), owner, timeout_ms):
+    with first.lock(owner, timeout_ms), hold(tuple(rest), owner, timeout_ms):
         yield
 
 
-def together(reports: "list[RunReport]") -> RunReport:
+def combined_report(reports: "list[RunReport]") -> RunReport:
     """One report of several hosts: it ended as its last host did."""
     if not reports:
-        return RunReport(ending=Ending.NOTHING)
+        return RunReport(ending=RunEnding.NOTHING)
     return replace(
         reports[-1],
         hosts=tuple(host for report in reports for host in report.hosts),

@@ -31,7 +31,7 @@ from rarms_iac.model.operations import (
 from rarms_iac.model.quantities import show_bytes
 
 
-def what_it_does(operation: Operation) -> str:
+def describe_operation(operation: Operation) -> str:
     """`stop it`, `reserve 64 %, limit 100 %, weight 300`; without its address, which stands before it."""
     match operation:
         case RemoveDisk(path=path):

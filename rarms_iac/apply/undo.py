@@ -6,27 +6,27 @@ from typing import assert_never
 
 from rarms_iac.apply import refusals
 from rarms_iac.apply.preconditions import no_rights
-from rarms_iac.apply.run_report import Ending, RunReport, RunReporter
+from rarms_iac.apply.run_report import RunEnding, RunReport, RunReporter
 from rarms_iac.apply.run_script import (
-    TakenBack,
+    UndoneStep,
     abandon_script,
-    finishing,
+    finish_job,
     not_undone,
-    run_order,
-    script_taken_back,
-    undoing,
+    run_job,
+    steps_undone_by_script,
+    undo_job,
 )
-from rarms_iac.apply.run_steps import ShouldStop, walk
-from rarms_iac.apply.told_operations import what_it_does
+from rarms_iac.apply.run_steps import ShouldStop, run_steps
+from rarms_iac.apply.told_operations import describe_operation
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunStarted, ScriptRun
 from rarms_iac.model.plan import Step, UndoLevel
 from rarms_iac.model.state import Rights
-from rarms_iac.providers.interface import NO_WAITS, HostError, LiveHost, ScriptedHost, StepwiseHost, Waits
+from rarms_iac.providers.interface import NO_WAITING, HostError, LiveHost, ScriptedHost, StepwiseHost, WaitLimits
 
 
 def undo(
-    host: LiveHost, owner: str, reporter: RunReporter, should_stop: ShouldStop, waits: Waits = NO_WAITS
+    host: LiveHost, owner: str, reporter: RunReporter, should_stop: ShouldStop, waits: WaitLimits = NO_WAITING
 ) -> RunReport:
     """Take the last apply back, finished or not; an undo that was interrupted is finished. The host is held."""
     try:
@@ -40,13 +40,13 @@ def undo(
                 run = host.journal()
                 if run is None or not can_be_undone(run):
                     return _nothing(host, run)
-                order = finishing(host.name, run) if run.started.run is RunKind.UNDO else undoing(host.name, run)
-                report = without_rights(host) or run_order(host, order, reporter, should_stop, waits)
-                return replace(report, diagnostics=(*report.diagnostics, *not_taken_back(host.name, run)))
+                order = finish_job(host.name, run) if run.started.run is RunKind.UNDO else undo_job(host.name, run)
+                report = without_rights(host) or run_job(host, order, reporter, should_stop, waits)
+                return replace(report, diagnostics=(*report.diagnostics, *not_undone_findings(host.name, run)))
             case _:
                 assert_never(host)
     except HostError as error:
-        return RunReport(ending=Ending.FAILED, diagnostics=(refusals.host_failed(error),))
+        return RunReport(ending=RunEnding.FAILED, diagnostics=(refusals.host_failed(error),))
 
 
 def can_be_undone(journal: Journal | ScriptRun) -> bool:
@@ -59,54 +59,54 @@ def without_rights(host: LiveHost) -> RunReport | None:
     facts = host.observe().facts
     if facts.rights is Rights.PROVEN:
         return None
-    return RunReport(ending=Ending.FAILED, diagnostics=(no_rights(facts),))
+    return RunReport(ending=RunEnding.FAILED, diagnostics=(no_rights(facts),))
 
 
 def _walk_back(
     host: StepwiseHost, journal: Journal, owner: str, reporter: RunReporter, should_stop: ShouldStop
 ) -> RunReport:
     if journal.started.run is RunKind.UNDO:
-        return walk(host, journal, reporter, should_stop)
+        return run_steps(host, journal, reporter, should_stop)
     started = undo_run(journal, started_by=owner)
     host.start_run(started)
-    report = walk(host, Journal(started=started), reporter, should_stop)
-    return replace(report, diagnostics=(*report.diagnostics, *not_taken_back(host.name, journal)))
+    report = run_steps(host, Journal(started=started), reporter, should_stop)
+    return replace(report, diagnostics=(*report.diagnostics, *not_undone_findings(host.name, journal)))
 
 
-def abandon(host: LiveHost, waits: Waits = NO_WAITS) -> RunReport:
+def abandon(host: LiveHost, waits: WaitLimits = NO_WAITING) -> RunReport:
     """Close an unfinished run; the host stays as it is. The host is held."""
     try:
         match host:
             case StepwiseHost():
                 if host.unfinished() is None:
-                    return RunReport(ending=Ending.NOTHING)
+                    return RunReport(ending=RunEnding.NOTHING)
                 host.record(RunClosed(closing=Closing.ABANDONED))
-                return RunReport(ending=Ending.DONE)
+                return RunReport(ending=RunEnding.DONE)
             case ScriptedHost():
                 run = host.unfinished()
-                return abandon_script(host, run, waits) if run else RunReport(ending=Ending.NOTHING)
+                return abandon_script(host, run, waits) if run else RunReport(ending=RunEnding.NOTHING)
             case _:
                 assert_never(host)
     except HostError as error:
-        return RunReport(ending=Ending.FAILED, diagnostics=(refusals.host_failed(error),))
+        return RunReport(ending=RunEnding.FAILED, diagnostics=(refusals.host_failed(error),))
 
 
-def told_to_undo(journal: Journal | ScriptRun) -> tuple[TakenBack, ...]:
+def steps_undone(journal: Journal | ScriptRun) -> tuple[UndoneStep, ...]:
     """What an undo would do, in its order, and what it cannot, for a person."""
     match journal:
         case Journal():
             return tuple(
-                TakenBack(address=str(step.address), title=_told(step), level=step.undo.level)
+                UndoneStep(address=str(step.address), title=_told(step), level=step.undo.level)
                 for _, step in steps_to_undo(journal)
                 if not goes_with_its_machine(step)
             )
         case ScriptRun():
-            return script_taken_back(journal)
+            return steps_undone_by_script(journal)
 
 
 def _told(step: Step) -> str:
     """What the undo does; of a step without one, what stays done."""
-    return step.title if step.undo.operation is None else what_it_does(step.undo.operation)
+    return step.title if step.undo.operation is None else describe_operation(step.undo.operation)
 
 
 def goes_with_its_machine(step: Step) -> bool:
@@ -137,7 +137,7 @@ def is_removal(step: Step) -> bool:
     return is_machine and step.undo.operation is None and step.after.get("exists") is False
 
 
-def not_taken_back(host: str, journal: Journal | ScriptRun) -> tuple[Diagnostic, ...]:
+def not_undone_findings(host: str, journal: Journal | ScriptRun) -> tuple[Diagnostic, ...]:
     """A warning for each of those steps that cannot be taken back, or not wholly."""
     match journal:
         case Journal():
@@ -153,28 +153,28 @@ def not_taken_back(host: str, journal: Journal | ScriptRun) -> tuple[Diagnostic,
 def undo_run(journal: Journal, *, started_by: str) -> RunStarted:
     """The run that takes the journal's steps back. It raises the serial: what was planned before it is stale."""
     started = journal.started
-    steps = tuple(taken_back(step) for _, step in steps_to_undo(journal) if step.undo.operation is not None)
+    steps = tuple(reversed_step(step) for _, step in steps_to_undo(journal) if step.undo.operation is not None)
     return replace(
         started,
         run=RunKind.UNDO,
         steps=steps,
         started_by=started_by,
-        serials=raised(started.serials, started.application),
+        serials=raised_serials(started.serials, started.application),
     )
 
 
-def raised(serials: Mapping[str, int], application: str) -> Mapping[str, int]:
+def raised_serials(serials: Mapping[str, int], application: str) -> Mapping[str, int]:
     """The serials with this application's counted up by one; a first run makes it 1."""
     return {**serials, application: serials.get(application, 0) + 1}
 
 
-def taken_back(step: Step) -> Step:
+def reversed_step(step: Step) -> Step:
     """The step that undoes this one; undoing that does this one again."""
     operation = step.undo.operation
     assert operation is not None, "a step without an undo is not taken back"
     return replace(
         step,
-        title=what_it_does(operation),
+        title=describe_operation(operation),
         operation=operation,
         before=step.after,
         after=step.before,
@@ -190,4 +190,4 @@ def _nothing(host: LiveHost, journal: Journal | ScriptRun | None) -> RunReport:
         if journal is None
         else f"the last run there was the undo of plan {journal.started.plan}"
     )
-    return RunReport(ending=Ending.NOTHING, diagnostics=(refusals.nothing_to_undo(host.name, why),))
+    return RunReport(ending=RunEnding.NOTHING, diagnostics=(refusals.nothing_to_undo(host.name, why),))

@@ -10,7 +10,7 @@ from rarms_iac.app.errors import Outcome, UseCaseError, declined
 from rarms_iac.app.files import write_file
 from rarms_iac.app.hosts import Hosts, hold_hosts, owner, refuse_unfinished
 from rarms_iac.apply.execute import apply_plan, finish_unfinished
-from rarms_iac.apply.run_report import Ending, RunReport
+from rarms_iac.apply.run_report import RunEnding, RunReport
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.interrupts import Interrupted
 from rarms_iac.cli.options import RunOptions
@@ -56,7 +56,7 @@ def finish_first(session: Session, live: tuple[LiveHost, ...], how: RunOptions) 
     """Finish what an earlier run left on these hosts, asking nothing; None where nothing was left."""
     with hold_hosts(live, how.lock_timeout_ms), session.interrupts.gently(), reporter_of(session) as reporter:
         report = finish_unfinished(live, reporter, session.interrupts.should_stop, how.waits)
-    if report is not None and report.ending is Ending.DONE:
+    if report is not None and report.ending is RunEnding.DONE:
         session.terminal.talk("That finished the run that was begun earlier. Nothing else was done: run again to plan.")
     return report
 
@@ -84,7 +84,7 @@ def plan_ask_apply(
     else:
         session.terminal.show(text)
     if not any(part.steps for part in plan.hosts):
-        return ended(session, RunReport(ending=Ending.NOTHING), as_json=as_json, quiet=True)
+        return ended(session, RunReport(ending=RunEnding.NOTHING), as_json=as_json, quiet=True)
     if not how.auto_approve:
         ask(session, "Do this?")
     live = {part.host.name: hosts.open(part.host.name) for part in plan.hosts}
@@ -124,23 +124,23 @@ def ask(session: Session, question: str) -> None:
 def ended(session: Session, report: RunReport, *, as_json: bool, quiet: bool = False) -> ExitCode:
     """Say how a run ended, and give its exit code."""
     tell(session.terminal, report.diagnostics)
-    if as_json and not (session.answer_follows and report.ending in {Ending.DONE, Ending.NOTHING}):
+    if as_json and not (session.answer_follows and report.ending in {RunEnding.DONE, RunEnding.NOTHING}):
         session.terminal.data(run_json(report))
     elif not quiet:
         session.terminal.talk(run_text(report))
     return code_of(session, report.ending)
 
 
-def code_of(session: Session, ending: Ending) -> ExitCode:
+def code_of(session: Session, ending: RunEnding) -> ExitCode:
     """The exit code of a run that ended so."""
     match ending:
-        case Ending.DONE | Ending.NOTHING:
+        case RunEnding.DONE | RunEnding.NOTHING:
             return ExitCode.DONE
-        case Ending.REFUSED:
+        case RunEnding.REFUSED:
             return ExitCode.REFUSED
-        case Ending.FAILED:
+        case RunEnding.FAILED:
             return ExitCode.FAILED
-        case Ending.INTERRUPTED:
+        case RunEnding.INTERRUPTED:
             return session.interrupts.asked or ExitCode.INTERRUPTED
 
 

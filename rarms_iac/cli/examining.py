@@ -6,7 +6,7 @@ from rarms_iac.app.hosts import Hosts, host_errors, observe_host
 from rarms_iac.app.wiring import read_script_output
 from rarms_iac.apply.doctor.examination import Examination
 from rarms_iac.model.condition import HostCondition
-from rarms_iac.providers.interface import ExaminableHost, Looked
+from rarms_iac.providers.interface import ExaminableHost, HostLook
 
 
 def examinations(hosts: Hosts) -> Iterator[Examination]:
@@ -25,14 +25,14 @@ def examinations(hosts: Hosts) -> Iterator[Examination]:
         )
 
 
-def _look(hosts: Hosts, name: str) -> Looked:
+def _look(hosts: Hosts, name: str) -> HostLook:
     file = hosts.snapshots.hosts.get(name)
     if file is not None:
         seen = read_script_output(file.data, name)
         condition = seen.condition if seen else HostCondition()
-        return Looked(state=file.state, condition=condition, findings=file.findings)
+        return HostLook(state=file.state, condition=condition, findings=file.findings)
     host = hosts.open(name)
     if isinstance(host, ExaminableHost):
         with host_errors():
             return host.examined()
-    return Looked(state=observe_host(host), condition=HostCondition(), findings=())
+    return HostLook(state=observe_host(host), condition=HostCondition(), findings=())

@@ -18,7 +18,7 @@ from rarms_iac.views.finding_forms import BadOutput, OutputFormat, parse_outputs
 SILENCE_MS = 600_000
 
 if TYPE_CHECKING:
-    from rarms_iac.providers.interface import Waits
+    from rarms_iac.providers.interface import WaitLimits
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -32,11 +32,11 @@ class RunOptions:
     event_timeout_ms: int = SILENCE_MS
 
     @property
-    def waits(self) -> "Waits":
+    def waits(self) -> "WaitLimits":
         """How long a run waits for a host, and for a word from it."""
-        from rarms_iac.providers.interface import Waits
+        from rarms_iac.providers.interface import WaitLimits
 
-        return Waits(lock_ms=self.lock_timeout_ms, silence_ms=self.event_timeout_ms)
+        return WaitLimits(lock_ms=self.lock_timeout_ms, silence_ms=self.event_timeout_ms)
 
 
 def manifest_option(function: F) -> F:

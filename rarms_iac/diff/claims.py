@@ -40,7 +40,7 @@ def within(claim: Claim, limit: Claim) -> bool:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HostBudget:
+class StepBudget:
     """What the steps on a host have to share, and how much they may disturb."""
 
     capacity: Capacity
@@ -68,7 +68,7 @@ def budget_of(
     criticality: Mapping[str, int],
     max_disruption: Disruption,
     graces: Mapping[str, Milliseconds],
-) -> HostBudget:
+) -> StepBudget:
     """The budget of an observed host.
 
     Args:
@@ -80,7 +80,7 @@ def budget_of(
         max_disruption: the largest disruption that a step may cause.
         graces: by partition, how long its guest may take to shut down.
     """
-    return HostBudget(
+    return StepBudget(
         capacity=capacity,
         foreign=tuple(foreign),
         managed={partition.id: partition for partition in observed.of(application).partitions},

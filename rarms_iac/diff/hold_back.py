@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rarms_iac.diff.claims import NO_CLAIM, HostBudget, claim_of, grows
+from rarms_iac.diff.claims import NO_CLAIM, StepBudget, claim_of, grows
 from rarms_iac.model.changes import Change, Create, Delete, Update
 from rarms_iac.model.plan import Claim, HeldBack
 from rarms_iac.model.state import Partition
@@ -20,7 +20,7 @@ class HeldChanges:
     held: tuple[HeldBack, ...]
 
 
-def hold_back(changes: Sequence[Change], budget: HostBudget) -> HeldChanges:
+def hold_back(changes: Sequence[Change], budget: StepBudget) -> HeldChanges:
     """Split the changes at the budget's `max_disruption`.
 
     With a change that is held back goes what rests on it: a partition that would take its name, and growth that needs
@@ -46,7 +46,7 @@ def hold_back(changes: Sequence[Change], budget: HostBudget) -> HeldChanges:
     )
 
 
-def _describe_excess(change: Change, budget: HostBudget) -> str:
+def _describe_excess(change: Change, budget: StepBudget) -> str:
     return f"it is {change.disruption.value}, and no more than {budget.max_disruption.value} is allowed"
 
 
@@ -72,7 +72,7 @@ def _name_before(change: Change) -> str:
             return ""
 
 
-def _changes_without_capacity(changes: Sequence[Change], held: _Held, budget: HostBudget) -> _Held:
+def _changes_without_capacity(changes: Sequence[Change], held: _Held, budget: StepBudget) -> _Held:
     """Growth for which there is no capacity while what is held back keeps what it has."""
     pairs = {at: _claims(change) for at, change in enumerate(changes) if at not in held}
     claims = {key: claim_of(partition) for key, partition in budget.managed.items()}

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from rarms_iac.diff.claims import NO_CLAIM, HostBudget, claim_of, grows, within
+from rarms_iac.diff.claims import NO_CLAIM, StepBudget, claim_of, grows, within
 from rarms_iac.diff.disruption import grace_ms
 from rarms_iac.diff.setting_steps import STARTS_ANEW, describe_stop
 from rarms_iac.diff.steps import PlannedChange, mark_moves
@@ -34,7 +34,7 @@ class Cycle:
     finding: Diagnostic
 
 
-def order(planned: Sequence[PlannedChange], budget: HostBudget) -> OrderedSteps | Cycle:
+def order(planned: Sequence[PlannedChange], budget: StepBudget) -> OrderedSteps | Cycle:
     """Put every step in one order; no prefix promises more than the host, or than what is promised already.
 
     First what gives back (removals, stops, smaller values), the least critical first; then what takes, the most
@@ -73,7 +73,7 @@ def _by_address(planned: PlannedChange) -> tuple[str, str]:
 class _Walk:
     """The walk through all steps: those that are done, those that wait, and what is promised meanwhile."""
 
-    budget: HostBudget
+    budget: StepBudget
     queue: list[list[Step]]  # the remaining steps of each change
     plans: list[PlannedChange]
     done: list[Step] = field(default_factory=list)

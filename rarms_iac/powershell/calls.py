@@ -55,7 +55,7 @@ _STOP = {StopAction.TURN_OFF: "TurnOff", StopAction.SAVE: "Save", StopAction.SHU
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class ScriptPiece:
     """One guarded piece of a step: what is read, what is done, and what is read then."""
 
     address: str
@@ -66,7 +66,7 @@ class Part:
     calls: tuple[str, ...]
 
 
-def parts_of(step: Step, scope: Scope) -> tuple[Part, ...]:
+def pieces_of(step: Step, scope: Scope) -> tuple[ScriptPiece, ...]:
     """The step as guarded pieces, in their order; one for everything but the making of a machine."""
     match step.operation:
         case CreatePartition() as making:
@@ -77,10 +77,10 @@ def parts_of(step: Step, scope: Scope) -> tuple[Part, ...]:
             return (_part(step, operation),)
 
 
-def _removal(step: Step, removal: RemoveDisk) -> Part:
+def _removal(step: Step, removal: RemoveDisk) -> ScriptPiece:
     """The file goes only as what the plan knew: the child of that parent, which no machine has."""
     parent = literal(removal.parent)
-    return Part(
+    return ScriptPiece(
         address=str(step.address),
         action=step.title,
         read=call("Read-Disk", Path=literal(removal.path), Parent=parent, Everywhere=""),
@@ -90,8 +90,8 @@ def _removal(step: Step, removal: RemoveDisk) -> Part:
     )
 
 
-def _part(step: Step, operation: PartitionOperation | TaskOperation | ResponsivenessOperation) -> Part:
-    return Part(
+def _part(step: Step, operation: PartitionOperation | TaskOperation | ResponsivenessOperation) -> ScriptPiece:
+    return ScriptPiece(
         address=str(step.address),
         action=step.title,
         read=_reader(step),
@@ -253,13 +253,13 @@ def _plain(values: Mapping[str, object] | None) -> object:
     return None if values is None else {name: encode(value) for name, value in values.items()}
 
 
-def _making(step: Step, making: CreatePartition, scope: Scope) -> tuple[Part, ...]:
+def _making(step: Step, making: CreatePartition, scope: Scope) -> tuple[ScriptPiece, ...]:
     """The machine, its disk, the disk in its place, and the network adapter that Hyper-V adds by itself gone."""
     address, read = str(step.address), _reader(step)
     machine = "$vm = " + call("Get-Machine", Name=literal(making.partition))
 
-    def part(action: str, before: Mapping[str, Reading], after: Mapping[str, Reading], *calls: str) -> Part:
-        return Part(address=address, action=action, read=read, before=before, after=after, calls=calls)
+    def part(action: str, before: Mapping[str, Reading], after: Mapping[str, Reading], *calls: str) -> ScriptPiece:
+        return ScriptPiece(address=address, action=action, read=read, before=before, after=after, calls=calls)
 
     made = [part(step.title, {**step.before, **_FREE}, step.after, _new_machine(making, scope))]
     # Whether a new machine's memory is static is the host's affair: a client's is dynamic.
@@ -304,10 +304,10 @@ def _disk_path(making: CreatePartition, scope: Scope) -> str:
     return "(" + call("Get-DiskPath", **path) + ")"
 
 
-def _new_disk(address: str, image: str, path: str) -> Part:
+def _new_disk(address: str, image: str, path: str) -> ScriptPiece:
     """The differencing child of an image."""
     parent = literal(image)
-    return Part(
+    return ScriptPiece(
         address=address,
         action=f"make a disk that grows out of {image}",
         read=call("Read-Disk", Path=path, Parent=parent),

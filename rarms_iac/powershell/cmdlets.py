@@ -21,7 +21,7 @@ COMMON = frozenset(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class InSet:
+class SetMembership:
     """How a parameter takes part in one parameter set."""
 
     mandatory: bool
@@ -35,7 +35,7 @@ class Parameter:
 
     name: str
     type: str
-    sets: Mapping[str, InSet]
+    sets: Mapping[str, SetMembership]
     aliases: tuple[str, ...]
     accepted: tuple[str, ...]
     in_7: bool
@@ -62,7 +62,7 @@ class Cmdlet:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Problem:
+class CallProblem:
     """Why a call would not bind, or not mean the same everywhere."""
 
     says: str
@@ -97,8 +97,8 @@ def _cmdlet(name: str, facts: Mapping[str, Any]) -> Cmdlet:
     )
 
 
-def _in_set(flags: str) -> InSet:
-    return InSet(mandatory="m" in flags, positional="p" in flags, from_pipeline="v" in flags or "n" in flags)
+def _in_set(flags: str) -> SetMembership:
+    return SetMembership(mandatory="m" in flags, positional="p" in flags, from_pipeline="v" in flags or "n" in flags)
 
 
 def cmdlet(name: str, module: str = "") -> Cmdlet | None:
@@ -120,7 +120,7 @@ def in_both(name: str, module: str = "") -> bool:
 
 def problems_of_call(
     called: Cmdlet, given: Collection[str], *, positional: int = 0, piped: bool = False
-) -> tuple[Problem, ...]:
+) -> tuple[CallProblem, ...]:
     """Why a call with these parameters would not bind in 5.1 and 7 alike; nothing where it does.
 
     `given` are the names as written, `positional` the number of values without one, `piped` whether it takes input.
@@ -128,31 +128,31 @@ def problems_of_call(
     spelling = [problem for name in given for problem in _spelling(called, name)]
     doubled = [name for name in {one.lower() for one in given} if [one.lower() for one in given].count(name) > 1]
     if spelling or doubled:
-        return (*spelling, *(Problem(says=f"-{name} is given twice", advice="give it once") for name in doubled))
+        return (*spelling, *(CallProblem(says=f"-{name} is given twice", advice="give it once") for name in doubled))
     own = [one for name in given if (one := called.parameter(name))]
     if positional:
-        return (Problem(says=f"{called.name} is given a value without a name", advice="name every parameter"),)
+        return (CallProblem(says=f"{called.name} is given a value without a name", advice="name every parameter"),)
     if any(_fits(called, group, own, piped) for group in _groups(called)):
         return ()
     written = ", ".join(f"-{parameter.name}" for parameter in own) or "no parameter"
     return (
-        Problem(says=f"{called.name} has no parameter set for {written}", advice="see the cmdlet's parameter sets"),
+        CallProblem(says=f"{called.name} has no parameter set for {written}", advice="see the cmdlet's parameter sets"),
     )
 
 
-def _spelling(called: Cmdlet, name: str) -> Iterable[Problem]:
+def _spelling(called: Cmdlet, name: str) -> Iterable[CallProblem]:
     found = called.parameter(name)
     if name in COMMON:
         return
     if found is None:
         yield _unknown(called, name)
     elif found.name != name:
-        yield Problem(says=f"-{name} is written -{found.name}", advice="write parameters as the cmdlet's page does")
+        yield CallProblem(says=f"-{name} is written -{found.name}", advice="write parameters as the cmdlet's page does")
     elif not found.in_7:
-        yield Problem(says=f"-{name} of {called.name} does not exist in PowerShell 7", advice="do without it")
+        yield CallProblem(says=f"-{name} of {called.name} does not exist in PowerShell 7", advice="do without it")
 
 
-def _unknown(called: Cmdlet, name: str) -> Problem:
+def _unknown(called: Cmdlet, name: str) -> CallProblem:
     """An alias, an abbreviation or a mistake: all three may mean another parameter in another version."""
     low = name.lower()
     aliased = [
@@ -162,10 +162,10 @@ def _unknown(called: Cmdlet, name: str) -> Problem:
     ]
     begun = [parameter.name for key, parameter in called.parameters.items() if key.startswith(low)]
     if aliased:
-        return Problem(says=f"-{name} is an alias", advice=f"write -{aliased[0]}")
+        return CallProblem(says=f"-{name} is an alias", advice=f"write -{aliased[0]}")
     if begun:
-        return Problem(says=f"-{name} is an abbreviation", advice=f"write -{' or -'.join(sorted(begun))}")
-    return Problem(says=f"{called.name} has no parameter -{name}", advice="see the cmdlet's parameters")
+        return CallProblem(says=f"-{name} is an abbreviation", advice=f"write -{' or -'.join(sorted(begun))}")
+    return CallProblem(says=f"{called.name} has no parameter -{name}", advice="see the cmdlet's parameters")
 
 
 def _groups(called: Cmdlet) -> tuple[str, ...]:

@@ -8,10 +8,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from rarms_iac.powershell.literals import Scalar
-from rarms_iac.powershell.outline import Machine, Outline, ScriptCall, ScriptStep
+from rarms_iac.powershell.outline import MachineVariable, Outline, ScriptCall, ScriptStep
 
 THIS_PLAN = "<plan>"
-Value = Scalar | Machine | ScriptCall
+Value = Scalar | MachineVariable | ScriptCall
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,7 +137,7 @@ def _shown(value: Value, plan: str) -> str:
             return "yes" if value else "no"
         case ScriptCall(name=name, parameters=parameters):
             return " ".join([name, *(f"-{key} {_shown(one, plan)}" for key, one in parameters.items())])
-        case Machine():
+        case MachineVariable():
             return "the machine"
         case str() if plan:
             return value.replace(plan, THIS_PLAN)

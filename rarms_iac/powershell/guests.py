@@ -13,7 +13,7 @@ from rarms_iac.model.operations import WriteTaskClass
 from rarms_iac.model.plan import Claim, Reading, Step, Undo, UndoLevel
 from rarms_iac.model.state import RegistryValue
 from rarms_iac.model.system import Disruption
-from rarms_iac.powershell.calls import VALUE, Part, call, task_value_calls
+from rarms_iac.powershell.calls import VALUE, ScriptPiece, call, task_value_calls
 from rarms_iac.powershell.literals import literal
 
 LOST = "what an earlier plan of rarms wrote into the class: it goes back to what was there before rarms"
@@ -49,7 +49,7 @@ class GuestTask:
         )
 
 
-def forward(task: GuestTask) -> Part:
+def forward(task: GuestTask) -> ScriptPiece:
     """The piece that writes the class."""
     whose = {"Task": literal(task.name), "Application": literal(task.application)}
     names = sorted(task.values)
@@ -57,7 +57,7 @@ def forward(task: GuestTask) -> Part:
         f"{VALUE}{name}": f"{registry_value.kind.value}:{registry_value.data}"
         for name, registry_value in sorted(task.values.items())
     }
-    return Part(
+    return ScriptPiece(
         address=str(task.step.address),
         action=task.step.title,
         read=call("Read-GuestTaskClass", **whose, Replace=literal(task.replace)),
@@ -76,10 +76,10 @@ def forward(task: GuestTask) -> Part:
     )
 
 
-def back(task: GuestTask) -> Part:
+def back(task: GuestTask) -> ScriptPiece:
     """The piece that brings back what was there before rarms."""
     whose = {"Task": literal(task.name), "Application": literal(task.application)}
-    return Part(
+    return ScriptPiece(
         address=str(task.step.address),
         action=f"bring back what {task.name} was before rarms",
         read=call("Read-GuestTaskClass", **whose, Replace=literal(task.replace)),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rarms_iac.powershell.inspection.layout import without_fixed
-from rarms_iac.powershell.inspection.script import Call, calls_of
+from rarms_iac.powershell.inspection.script import CommandCall, calls_of
 from rarms_iac.powershell.inspection.steps import entries, inner, only_call, statements_of
 from rarms_iac.powershell.literals import Scalar, read_literal
 from rarms_iac.powershell.tokens import TokenKind, tokens
@@ -21,7 +21,7 @@ OPEN, STEP, GUARD = "Open-Run", "Add-Step", "Guard"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Machine:
+class MachineVariable:
     """`$vm`: the machine that the call before it found."""
 
 
@@ -30,7 +30,7 @@ class ScriptCall:
     """A call of a cmdlet or of the runtime's function; a switch has the value true. `found`: it fills `$vm`."""
 
     name: str
-    parameters: "Mapping[str, Scalar | Machine | ScriptCall]"
+    parameters: "Mapping[str, Scalar | MachineVariable | ScriptCall]"
     found: bool = False
 
 
@@ -77,7 +77,7 @@ def outline(script: bytes) -> Outline:
     return Outline(run=run, steps=tuple(steps))
 
 
-def _definition(call: Call) -> Mapping[str, "Node"]:
+def _definition(call: CommandCall) -> Mapping[str, "Node"]:
     value = call.given[0].value if call.given else None
     table = entries(value) if value else None
     if table is None:
@@ -135,18 +135,18 @@ def _calls(block: "Node") -> Iterator[ScriptCall]:
             yield from (_call(one, found=True) for one in calls_of(statement))
 
 
-def _call(call: Call, *, found: bool) -> ScriptCall:
+def _call(call: CommandCall, *, found: bool) -> ScriptCall:
     parameters = {one.name: _value(one.value) for one in call.given}
     return ScriptCall(name=call.name, parameters=parameters, found=found)
 
 
-def _value(node: "Node | None") -> Scalar | Machine | ScriptCall:
+def _value(node: "Node | None") -> Scalar | MachineVariable | ScriptCall:
     if node is None:
         return True  # a switch
     one = inner(node)
     if literal_of(one) is not None:
         return _literal(one)
     if text_of(one) == "$vm":
-        return Machine()
+        return MachineVariable()
     (call,) = (candidate for candidate in walk(one) if candidate.type == "command")
     return _call(next(calls_of(call)), found=False)

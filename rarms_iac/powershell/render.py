@@ -13,7 +13,7 @@ from rarms_iac.model.journal import RunKind
 from rarms_iac.model.operations import RemovePartition
 from rarms_iac.model.plan import Claim, HostPlan, Plan, Readings, Scope, Step, UndoLevel
 from rarms_iac.model.quantities import in_processors
-from rarms_iac.powershell.calls import Part, fits, parts_of
+from rarms_iac.powershell.calls import ScriptPiece, fits, pieces_of
 from rarms_iac.powershell.guests import GuestTask, back, forward
 from rarms_iac.powershell.literals import Literal, literal, literals
 from rarms_iac.powershell.templates import as_script, fill, part_text, parts_for, read, remark, runtime
@@ -59,7 +59,7 @@ class _Numbered:
     """
 
     number: int
-    part: Part
+    part: ScriptPiece
     step: Step
     undoes: int | None
     lost: int | None = None
@@ -128,7 +128,7 @@ def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_sch
         if step.undo.operation is None:
             continue
         back = _taken_back(step)
-        for part in parts_of(back, _scope(plan)):
+        for part in pieces_of(back, _scope(plan)):
             gone = lost.get(step.address)
             steps.append(_Numbered(number=len(steps), part=part, step=back, undoes=undoes, lost=gone))
     run = {"undo": literal(""), "undo_digest": literal(""), "accept_scheduler": literal(accept_scheduler)}
@@ -168,9 +168,9 @@ def _inside(step: Step) -> str:
     return step.address.partition if step.address.task else ""
 
 
-def _forward(host_plan: HostPlan, plan: Plan, inside: str) -> list[tuple[Part, Step]]:
+def _forward(host_plan: HostPlan, plan: Plan, inside: str) -> list[tuple[ScriptPiece, Step]]:
     chosen = [step for step in host_plan.steps if _inside(step) == inside]
-    return [(part, step) for step in chosen for part in parts_of(step, _scope(plan))]
+    return [(part, step) for step in chosen for part in pieces_of(step, _scope(plan))]
 
 
 def _taken_back(step: Step) -> Step:

@@ -25,11 +25,11 @@ class HostError(Exception):
         self.advice = advice
 
 
-class Refused(HostError):
+class HostRefused(HostError):
     """The host said no and changed nothing."""
 
 
-class Failed(HostError):
+class HostFailed(HostError):
     """The call failed; the host may have done some or all of it."""
 
 
@@ -82,8 +82,8 @@ class StepwiseHost(Protocol):
         """Do it, wholly or not at all.
 
         Raises:
-            Refused: it is not allowed on this host now; nothing happened.
-            Failed: something went wrong on the way.
+            HostRefused: it is not allowed on this host now; nothing happened.
+            HostFailed: something went wrong on the way.
         """
         ...
 
@@ -113,7 +113,7 @@ class StepwiseHost(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Script:
+class ScriptBundle:
     """Scripts as they are sent to a host: what runs, and what must lie beside it."""
 
     runs: str  # file name, one of `files`
@@ -159,7 +159,7 @@ class RunEvent:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Exited:
+class ScriptExited:
     """The script ran to its end, which this code tells; `says`: what it wrote beside its events, the last lines."""
 
     code: int
@@ -167,25 +167,25 @@ class Exited:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Lost:
+class ScriptLost:
     """Nobody heard the end: the script may have gone on, or still go on."""
 
     why: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Waits:
+class WaitLimits:
     """How long a run waits: for a host that another run holds, and for a script that says nothing."""
 
     lock_ms: int = 0
     silence_ms: int = 600_000
 
 
-NO_WAITS = Waits()
+NO_WAITING = WaitLimits()
 """What nobody says otherwise: a held host is not waited for."""
 
 
-class Hearing(Protocol):
+class RunHearing(Protocol):
     """Told while a script runs, and asked whether it should go on; must not raise."""
 
     def heard(self, event: RunEvent) -> None:
@@ -227,7 +227,9 @@ class ScriptedHost(Protocol):
         """The last run, where it is neither completed nor abandoned; it raises as `journal` does."""
         ...
 
-    def run_script(self, script: Script, waits: Waits, hearing: Hearing, *, abandoning: bool = False) -> Exited | Lost:
+    def run_script(
+        self, script: ScriptBundle, waits: WaitLimits, hearing: RunHearing, *, abandoning: bool = False
+    ) -> ScriptExited | ScriptLost:
         """Have the host run these bytes and no others; `abandoning`: only close the script's unfinished run.
 
         Raises:
@@ -237,7 +239,7 @@ class ScriptedHost(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Looked:
+class HostLook:
     """One look at a host: its State, what else was seen, and what of it is odd."""
 
     state: State
@@ -249,7 +251,7 @@ class Looked:
 class ExaminableHost(Protocol):
     """A host of which more can be seen than its State."""
 
-    def examined(self) -> Looked:
+    def examined(self) -> HostLook:
         """Everything that can be seen, in one look; it raises as `observe` does."""
         ...
 

@@ -27,7 +27,7 @@ _LOOKS_LIKE_ONE = re.compile(r"\s*rarms/[0-9]")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Judged:
+class MarkReading:
     """What a machine's notes say: a mark that counts, or why what looks like one does not, and the user's lines."""
 
     mark: Mark | None
@@ -49,16 +49,16 @@ def write_mark(notes: str, mark: Mark) -> str:
 
 def erase_mark(notes: str) -> str:
     """The notes without marks."""
-    return _sorted_out(notes)[1]
+    return _split_notes(notes)[1]
 
 
 def read_mark(notes: str) -> Mark | None:
     """The mark in the notes, None where there is none or more than one."""
-    found, _ = _sorted_out(notes)
+    found, _ = _split_notes(notes)
     return found[0] if len(found) == 1 else None
 
 
-def judge_marks(notes_by_id: Mapping[str, str]) -> dict[str, Judged]:
+def read_marks(notes_by_id: Mapping[str, str]) -> dict[str, MarkReading]:
     """Which machines of a host carry a mark that counts; the notes are by the machine's id."""
     own = {
         machine: mark
@@ -69,19 +69,19 @@ def judge_marks(notes_by_id: Mapping[str, str]) -> dict[str, Judged]:
     return {machine: _judge(notes, own.get(machine), carriers) for machine, notes in notes_by_id.items()}
 
 
-def _judge(notes: str, own: Mark | None, carriers: Counter[tuple[str, str]]) -> Judged:
+def _judge(notes: str, own: Mark | None, carriers: Counter[tuple[str, str]]) -> MarkReading:
     others = erase_mark(notes)
     if own is None:
-        return Judged(mark=None, foreign=_why_foreign(notes), other_notes=others)
+        return MarkReading(mark=None, foreign=_why_foreign(notes), other_notes=others)
     count = carriers[own.application, own.name]
     if count > 1:
         why = f"the mark of {own.application}/{own.name} stands on {count} machines"
-        return Judged(mark=None, foreign=why, other_notes=others)
-    return Judged(mark=own, foreign="", other_notes=others)
+        return MarkReading(mark=None, foreign=why, other_notes=others)
+    return MarkReading(mark=own, foreign="", other_notes=others)
 
 
 def _why_foreign(notes: str) -> str:
-    found, others = _sorted_out(notes)
+    found, others = _split_notes(notes)
     if len(found) > 1:
         return f"its notes hold {len(found)} marks"
     if found:
@@ -92,7 +92,7 @@ def _why_foreign(notes: str) -> str:
 
 
 @lru_cache(maxsize=10_000)  # a host is looked at several times a step, and its notes hardly ever change
-def _sorted_out(notes: str) -> tuple[tuple[Mark, ...], str]:
+def _split_notes(notes: str) -> tuple[tuple[Mark, ...], str]:
     """The marks in the notes, and the other lines."""
     lines = [(line, _LINE.fullmatch(line.rstrip("\r"))) for line in notes.split("\n")]
     marks = tuple(Mark(**found.groupdict()) for _, found in lines if found)

@@ -9,8 +9,8 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from rarms_iac.apply.refusals import UNDO_PARTIAL
-from rarms_iac.apply.run_report import Ending, HostReport, RunReport, ToldStep
-from rarms_iac.apply.run_script import TakenBack
+from rarms_iac.apply.run_report import HostReport, ReportedStep, RunEnding, RunReport
+from rarms_iac.apply.run_script import UndoneStep
 from rarms_iac.model.journal import RunKind, RunStarted, ScriptStarted, StepStatus
 from rarms_iac.model.plan import UndoLevel
 from rarms_iac.views.as_json import as_json
@@ -27,7 +27,7 @@ LONGEST = 500
 """Characters that are shown of a line that a host says beside its steps."""
 
 
-def undo_text(host: str, started: RunStarted | ScriptStarted, steps: Sequence[TakenBack]) -> "RenderableType":
+def undo_text(host: str, started: RunStarted | ScriptStarted, steps: Sequence[UndoneStep]) -> "RenderableType":
     """Say what is going to be taken back, in that order; what cannot be is said to stay."""
     head = (
         f"To take back plan {started.plan} on {host}, applied by {visible(started.started_by, keep='')}, this is done, "
@@ -36,7 +36,7 @@ def undo_text(host: str, started: RunStarted | ScriptStarted, steps: Sequence[Ta
     return stack(paragraph(f"{head}the last change first:"), *(shown or ["  no step of it changed anything"]))
 
 
-def _taken_back(step: TakenBack) -> str:
+def _taken_back(step: UndoneStep) -> str:
     stays = "stays done: " if step.level is UndoLevel.NONE else ""
     partly = " (in part)" if step.level is UndoLevel.PARTIAL else ""
     return f"{step.address}: {stays}{visible(step.title, keep='')}{partly}"
@@ -111,7 +111,7 @@ class RunProgress:
         host: str,  # noqa: ARG002 - `run_started` names it, and hosts are walked one at a time
         number: int,  # noqa: ARG002 - a person follows partitions, not steps
         total: int,  # noqa: ARG002 - likewise
-        step: ToldStep,
+        step: ReportedStep,
     ) -> None:
         """Show the step beside its partition."""
         partition = self._partition(str(step.address))
@@ -126,7 +126,7 @@ class RunProgress:
         host: str,  # noqa: ARG002 - one host at a time
         number: int,  # noqa: ARG002 - likewise
         total: int,  # noqa: ARG002 - likewise
-        step: ToldStep,
+        step: ReportedStep,
         status: StepStatus,
     ) -> None:
         """Count it; show the partition once its last step is done."""
@@ -183,11 +183,11 @@ def _sentences(report: RunReport) -> Iterator[str]:
     for host in report.hosts:
         yield f"{host.host}: {_host(host, partial=_undo_is_partial(report))}"
     match report.ending:
-        case Ending.NOTHING:
+        case RunEnding.NOTHING:
             yield "Nothing to do."
-        case Ending.INTERRUPTED:
+        case RunEnding.INTERRUPTED:
             yield f"Stopped after the running step. {GO_ON}"
-        case Ending.DONE | Ending.REFUSED | Ending.FAILED:
+        case RunEnding.DONE | RunEnding.REFUSED | RunEnding.FAILED:
             pass
 
 
@@ -199,10 +199,10 @@ def _undo_is_partial(report: RunReport) -> bool:
 def _host(report: HostReport, *, partial: bool) -> str:
     kind = "Apply" if report.run is RunKind.APPLY else "Undo"
     begun = f"{kind} of plan {report.plan}{', begun earlier,' if report.resumed else ''}"
-    if report.run is RunKind.UNDO and report.ending is Ending.DONE and not report.total:
+    if report.run is RunKind.UNDO and report.ending is RunEnding.DONE and not report.total:
         return f"{begun}: nothing of it can be taken back." if partial else f"{begun}: it had changed nothing."
     steps = f"{counted(report.changed, 'step')} changed something, {report.unchanged} found all as wanted"
-    if report.ending is not Ending.DONE:
+    if report.ending is not RunEnding.DONE:
         remaining = report.total - report.changed - report.unchanged
         return f"{begun} not complete: {steps}, {remaining} of {report.total} left."
     if report.changes:

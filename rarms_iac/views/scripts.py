@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from rarms_iac.powershell.difference import Detail, ScriptDifference, StepDifference
-from rarms_iac.powershell.inspection.layout import digest, split
+from rarms_iac.powershell.inspection.layout import part_digest, split_script
 from rarms_iac.powershell.tokens import NotTokens, Token, TokenKind, tokens
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import BAD, CHANGED, GOOD, STRONG, paragraph, stack, styled
@@ -27,8 +27,8 @@ def script_text(script: str, *, whole: bool = False) -> "RenderableType":
     lines = _highlighted(plain).split("\n", allow_blank=True)
     width = len(str(len(lines)))
     numbered = [styled(f"{number:>{width}}  ", line) for number, line in enumerate(lines, start=1)]
-    for piece in () if whole else reversed(split(plain + "\n").fixed):
-        fixed = f"{piece.says}, fixed (SHA-256 {digest(piece.text)[:12]}); --whole shows it"
+    for piece in () if whole else reversed(split_script(plain + "\n").fixed):
+        fixed = f"{piece.says}, fixed (SHA-256 {part_digest(piece.text)[:12]}); --whole shows it"
         line = styled(f"{'':>{width}}  ... lines {piece.first} to {piece.last}: {fixed}")
         numbered[piece.first - 1 : piece.last] = [line]
     for line in numbered:

@@ -13,7 +13,7 @@ import pytest
 
 from rarms_iac.apply.execute import apply_plan, finish_unfinished
 from rarms_iac.apply.prepare import Request, prepare
-from rarms_iac.apply.run_report import Ending, RunReport, SilentReporter
+from rarms_iac.apply.run_report import RunEnding, RunReport, SilentReporter
 from rarms_iac.apply.undo import undo
 from rarms_iac.model.diagnostics import Place
 from rarms_iac.model.plan import Plan
@@ -79,7 +79,7 @@ def apply_again(system: System, folder: Path) -> RunReport:
 def settled(folder: Path) -> Path:
     """A folder whose host has the first system applied."""
     folder.mkdir()
-    assert apply_again(FIRST, folder).ending is Ending.DONE
+    assert apply_again(FIRST, folder).ending is RunEnding.DONE
     return folder
 
 
@@ -92,9 +92,9 @@ def test_applied_twice_changes_nothing_and_undo_brings_all_back_but_the_serial(t
     folder = settled(tmp_path / "host")
     before = as_left(a_host(folder))
 
-    assert apply_again(SECOND, folder).ending is Ending.DONE
+    assert apply_again(SECOND, folder).ending is RunEnding.DONE
     assert not a_plan(SECOND, a_host(folder)).has_changes
-    assert undo(a_host(folder), "ann@lab", SilentReporter(), lambda: False).ending is Ending.DONE
+    assert undo(a_host(folder), "ann@lab", SilentReporter(), lambda: False).ending is RunEnding.DONE
 
     assert as_left(a_host(folder)) == before
     assert dict(a_host(folder).observe().serials) == {"robot": 3}
@@ -106,7 +106,7 @@ def go_on(folder: Path) -> None:
         journal = a_host(folder).journal()
         unfinished = journal is not None and journal.unfinished
         if unfinished or a_plan(SECOND, a_host(folder)).has_changes:
-            assert apply_again(SECOND, folder).ending is Ending.DONE
+            assert apply_again(SECOND, folder).ending is RunEnding.DONE
 
 
 @pytest.mark.parametrize("when", [When.HALF, When.AFTER])  # before an effect is after the one before it
@@ -114,7 +114,7 @@ def test_a_killed_apply_run_again_reaches_the_same_end(tmp_path: Path, when: Whe
     undisturbed = settled(tmp_path / "undisturbed")
     counting = CrashingDisk(0)
     with disk.use(counting):
-        assert apply_again(SECOND, undisturbed).ending is Ending.DONE
+        assert apply_again(SECOND, undisturbed).ending is RunEnding.DONE
     end = a_host(undisturbed).observe()
     assert len(counting.effects) > 50
 

@@ -54,7 +54,7 @@ from rarms_iac.model.state import (
     ValueKind,
 )
 from rarms_iac.model.system import Fault, FaultEffect, Host, SchedulerType, SimulatedHost
-from rarms_iac.providers.interface import Failed, HostDamaged, HostLocked, Refused, StepwiseHost
+from rarms_iac.providers.interface import HostDamaged, HostFailed, HostLocked, HostRefused, StepwiseHost
 from rarms_iac.providers.simulated.content import empty
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from tests import builders
@@ -134,7 +134,7 @@ def files(folder: Path) -> dict[str, bytes]:
 def refused(host: StepwiseHost, says: str) -> Iterator[None]:
     """The block is refused with these words, and the host is as it was."""
     before = host.observe()
-    with pytest.raises(Refused, match=says) as refusal:
+    with pytest.raises(HostRefused, match=says) as refusal:
         yield
     assert refusal.value.advice
     assert host.observe() == before
@@ -298,7 +298,7 @@ def test_a_disk_stays_when_its_machine_goes_and_is_deleted_when_no_machine_has_i
     assert disk.path == f"D:\\vms\\vision-{SCOPE.plan}.vhdx"
     assert host.read(at, SCOPE) == {"exists": True, "parent": "D:\\robot.vhdx", "used": True}
     removal = RemoveDisk(partition="vision", path=disk.path, parent=disk.parent)
-    with pytest.raises(Refused, match="in use"):
+    with pytest.raises(HostRefused, match="in use"):
         do(host, removal)
 
     do(host, RemovePartition(partition="vision"))
@@ -307,7 +307,7 @@ def test_a_disk_stays_when_its_machine_goes_and_is_deleted_when_no_machine_has_i
 
     assert room.host().observe().disks == ()
     assert host.read(at, SCOPE) == {"exists": False}
-    with pytest.raises(Refused, match="there is no disk"):
+    with pytest.raises(HostRefused, match="there is no disk"):
         do(host, removal)
 
 
@@ -346,13 +346,13 @@ def test_the_responsiveness_is_written_recorded_forgotten_and_taken_away(room: R
         "record": "robot",
         "set": "a" * 12,
     }
-    with pytest.raises(Refused, match="belongs to the application robot"):
+    with pytest.raises(HostRefused, match="belongs to the application robot"):
         do(host, EraseResponsivenessRecord(application="kiosk"))
-    with pytest.raises(Refused, match="32-bit"):
+    with pytest.raises(HostRefused, match="32-bit"):
         do(host, WriteResponsiveness(value=replace(twenty, data=2**32)))
     do(host, EraseResponsiveness())
     assert host.read(address, SCOPE)["exists"] is False
-    with pytest.raises(Refused, match="there is no SystemResponsiveness"):
+    with pytest.raises(HostRefused, match="there is no SystemResponsiveness"):
         do(host, EraseResponsiveness())
     do(host, WriteResponsiveness(value=twenty), EraseResponsivenessRecord(application="robot"))
 
@@ -640,7 +640,7 @@ def test_a_fault_fails_after_doing(room: Room) -> None:
     host = room.host(**fault(FaultEffect.FAIL_AFTER))
     do(host, *making())
 
-    with pytest.raises(Failed, match="the fault stubborn makes start_partition fail"):
+    with pytest.raises(HostFailed, match="the fault stubborn makes start_partition fail"):
         do(host, start())
 
     assert host.read(VISION, SCOPE)["running"] is True
@@ -864,11 +864,11 @@ def test_what_cannot_be_written_is_told(tmp_path: Path) -> None:
     (tmp_path / ".rarms").write_bytes(b"a file where the folder should be")
     host = simulated(tmp_path)
 
-    with pytest.raises(Failed, match=r"cannot be written: (?!\[)"):
+    with pytest.raises(HostFailed, match=r"cannot be written: (?!\[)"):
         host.save(empty("onboard"))
-    with pytest.raises(Failed, match="cannot be written"), host.lock("ann@lab"):
+    with pytest.raises(HostFailed, match="cannot be written"), host.lock("ann@lab"):
         pytest.fail("held in a folder that is none")
-    with pytest.raises(Failed, match="cannot be written"):
+    with pytest.raises(HostFailed, match="cannot be written"):
         host.record(StepRecorded(number=0, status=StepStatus.BEGUN))
 
 

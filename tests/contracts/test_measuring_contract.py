@@ -10,7 +10,7 @@ import pytest
 from rarms_iac.measuring.partitions import running_test_partitions, set_reserves, shapes_of_test_partitions
 from rarms_iac.model.measurement import P1, P2, EnvironmentSetup, Sample
 from rarms_iac.model.system import BusyLoop, Component, Elapsed, SampleCount
-from rarms_iac.providers.interface import Refused
+from rarms_iac.providers.interface import HostRefused
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, Work
 from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
@@ -119,7 +119,7 @@ def test_the_bench_says_what_it_is(host: MeasuringHost) -> None:
 
 
 def test_what_does_not_run_cannot_be_worked_in(host: MeasuringHost) -> None:
-    with pytest.raises(Refused), host.run(some_work(EYES, eyes=SampleCount(samples=2))):
+    with pytest.raises(HostRefused), host.run(some_work(EYES, eyes=SampleCount(samples=2))):
         raise AssertionError("there is no P1")
 
 
@@ -138,7 +138,7 @@ def test_the_same_work_with_the_same_seed_shows_the_same_samples_on_a_simulated_
 def test_a_simulated_component_needs_a_demand(tmp_path: Path) -> None:
     host = SimulatedMeasuringHost(a_host(), tmp_path / "onboard.json", simulate)
     work = some_work(a_component("nobody", simulation=None), nobody=SampleCount(samples=2))
-    with ready(host), pytest.raises(Refused, match="does not say what it demands"), host.run(work):
+    with ready(host), pytest.raises(HostRefused, match="does not say what it demands"), host.run(work):
         raise AssertionError("it has no demand")
 
 

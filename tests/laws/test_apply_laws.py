@@ -3,7 +3,7 @@
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from rarms_iac.apply.run_report import Ending
+from rarms_iac.apply.run_report import RunEnding
 from rarms_iac.model.state import Partition, State
 from rarms_iac.model.system import System
 from rarms_iac.storage.plan_file import read_plan, write_plan
@@ -38,7 +38,7 @@ def test_plan_apply_plan_again_is_empty_and_strangers_come_out_untouched(system:
 
         report = lab.apply(lab.plan())
 
-        assert report.ending in {Ending.DONE, Ending.NOTHING}, report.diagnostics
+        assert report.ending in {RunEnding.DONE, RunEnding.NOTHING}, report.diagnostics
         assert lab.steps_left() == 0
         assert unmanaged(lab) == machines
         assert shipped(lab.observe()) == tasks
@@ -58,8 +58,8 @@ def test_a_run_that_stopped_anywhere_is_finished_from_the_host_alone(
         first = lab.apply(lab.plan(), Countdown(stop))
         second = lab.finish()
 
-        assert (second is None) == (first.ending is not Ending.INTERRUPTED)
-        assert second is None or second.ending is Ending.DONE
+        assert (second is None) == (first.ending is not RunEnding.INTERRUPTED)
+        assert second is None or second.ending is RunEnding.DONE
         assert lab.observe() == undisturbed.observe()
 
 
@@ -80,7 +80,7 @@ def test_undo_brings_everything_back_but_the_serial(data: st.DataObject, others:
         lab.apply(plan, Countdown(stop))
         reports = lab.undo()
 
-        assert [report.ending for report in reports] == [Ending.DONE]
+        assert [report.ending for report in reports] == [RunEnding.DONE]
         after = lab.observe()
         assert ids_of(before) <= ids_of(after) or reports[0].diagnostics, "what cannot be brought back is told"
         if not reports[0].diagnostics:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from rarms_iac.diff.claims import HostBudget, claim_of
+from rarms_iac.diff.claims import StepBudget, claim_of
 from rarms_iac.diff.compare import compare
 from rarms_iac.diff.drift import DriftKind, drift
 from rarms_iac.diff.order import OrderedSteps
@@ -101,7 +101,7 @@ def test_a_changed_manifest_is_reached_and_the_host_never_promises_more(data: st
     assert strangers_of(walker.state) == others
 
 
-def never_more(state: State, start: State, budget: HostBudget) -> None:
+def never_more(state: State, start: State, budget: StepBudget) -> None:
     before = [*foreign_claims(start, "robot"), *map(claim_of, start.of("robot").partitions)]
     now = [*foreign_claims(state, "robot"), *map(claim_of, state.of("robot").partitions)]
     most, load = load_of(before), load_of(now)

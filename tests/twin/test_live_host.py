@@ -8,8 +8,8 @@ from rarms_iac.app.wiring import read_script_output
 from rarms_iac.model.state import Rights
 from rarms_iac.providers.hyperv.findings import findings_of
 from rarms_iac.providers.hyperv.observation import read_observation
-from rarms_iac.providers.hyperv.run import HypervHost
-from rarms_iac.providers.interface import ExaminableHost, Failed, RecordableHost
+from rarms_iac.providers.hyperv.run import LiveHypervHost
+from rarms_iac.providers.interface import ExaminableHost, HostFailed, RecordableHost
 from tests.builders import a_host, codes
 from tests.twin.cell import apply
 from tests.twin.cells import everything, fresh
@@ -18,8 +18,8 @@ from tests.twin.observing import JOURNAL, PENDING, document_of
 from tests.twin.transport import TwinTransport
 
 
-def live(host: WindowsHost | None, before: str = "", after: str = "") -> HypervHost:
-    return HypervHost(a_host("onboard"), TwinTransport(host, before, after))
+def live(host: WindowsHost | None, before: str = "", after: str = "") -> LiveHypervHost:
+    return LiveHypervHost(a_host("onboard"), TwinTransport(host, before, after))
 
 
 def test_what_is_written_down_is_what_the_script_printed() -> None:
@@ -91,9 +91,9 @@ def test_looking_changes_nothing() -> None:
 
 @pytest.mark.parametrize("ask", ["observe", "examined", "recorded"])
 def test_a_host_out_of_reach_or_one_that_says_something_else_is_told(ask: str) -> None:
-    with pytest.raises(Failed, match="nobody answers"):
+    with pytest.raises(HostFailed, match="nobody answers"):
         getattr(live(None), ask)()
-    with pytest.raises(Failed, match="cannot be read"):
+    with pytest.raises(HostFailed, match="cannot be read"):
         getattr(live(everything().copy(), after='{"format": "other"}'), ask)()
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rarms_iac.providers.hyperv.transport import Listener
-from rarms_iac.providers.interface import Exited, Failed, Lost, Script
+from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited, ScriptLost
 from tests.twin.host import WindowsHost
 from tests.twin.run import put, run
 
@@ -17,12 +17,14 @@ class TwinTransport:
     before: str = ""
     after: str = ""
 
-    def run(self, script: Script, arguments: Sequence[str], silence_s: float, listener: Listener) -> Exited | Lost:
+    def run(
+        self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
+    ) -> ScriptExited | ScriptLost:
         """As the protocol says; every line is heard before the script's end is."""
         if self.host is None:
-            raise Failed("onboard", "nobody answers", "plug it in")
+            raise HostFailed("onboard", "nobody answers", "plug it in")
         put(self.host, {name: text.encode("ascii") for name, text in script.files.items()})
         ran = run(self.host, script.runs, as_json="-AsJson" in arguments, abandon="-Abandon" in arguments)
         for line in (self.before, *ran.lines, self.after):
             listener.line(line)
-        return Lost(why="it was killed") if ran.code is None else Exited(code=ran.code, says=ran.talk)
+        return ScriptLost(why="it was killed") if ran.code is None else ScriptExited(code=ran.code, says=ran.talk)

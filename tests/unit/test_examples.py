@@ -13,8 +13,8 @@ import pytest
 from rarms_iac.app.data_logs import Measurements, measured_reservations
 from rarms_iac.apply.execute import apply_plan
 from rarms_iac.apply.prepare import Prepared, Request, prepare
-from rarms_iac.apply.run_report import Ending, SilentReporter
-from rarms_iac.apply.run_steps import held
+from rarms_iac.apply.run_report import RunEnding, SilentReporter
+from rarms_iac.apply.run_steps import hold
 from rarms_iac.manifest.checks import run_checks
 from rarms_iac.manifest.document.schema import manifest_schema
 from rarms_iac.manifest.edit.formatting import format_text
@@ -154,10 +154,10 @@ def test_an_example_is_planned_and_applied_and_then_nothing_is_left_to_do(
     plan = _plan(result, hosts, tmp_path)
     assert any(part.steps for part in plan.hosts)
 
-    with held(tuple(hosts.values()), "ann@lab", 0):
+    with hold(tuple(hosts.values()), "ann@lab", 0):
         report = apply_plan(plan, hosts, "ann@lab", SilentReporter(), lambda: False)
 
-    assert (report.ending, report.diagnostics) == (Ending.DONE, ())
+    assert (report.ending, report.diagnostics) == (RunEnding.DONE, ())
     assert [part.steps for part in _plan(result, hosts, tmp_path).hosts] == [() for _ in hosts]
 
 
@@ -185,7 +185,7 @@ def test_the_protected_the_manual_and_the_shared_partition_are_there(tmp_path: P
     assert result.system is not None
     host = SimulatedHostProvider(result.system.hosts["kiosk"], tmp_path / "kiosk.json")
 
-    with held((host,), "ann@lab", 0):
+    with hold((host,), "ann@lab", 0):
         apply_plan(
             _plan(result, {"kiosk": host}, tmp_path), {"kiosk": host}, "ann@lab", SilentReporter(), lambda: False
         )

@@ -12,7 +12,7 @@ from rarms_iac.app.hosts import Hosts, hold_hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits
 from rarms_iac.app.wiring import open_host, unfinished_beside
-from rarms_iac.apply.run_report import Ending, RunReport
+from rarms_iac.apply.run_report import RunEnding, RunReport
 from rarms_iac.apply.undo import abandon
 from rarms_iac.cli.applying import ended, finish_first, plan_ask_apply, run
 from rarms_iac.cli.codes import ExitCode
@@ -106,7 +106,7 @@ def _abandon(session: Session, live: tuple[LiveHost, ...], how: RunOptions, *, a
     with hold_hosts(live, how.lock_timeout_ms):
         reports = [abandon(host, how.waits) for host in live]
     for host, report in zip(live, reports, strict=True):
-        if report.ending is Ending.DONE:
+        if report.ending is RunEnding.DONE:
             session.terminal.talk(f"{host.name}: the unfinished run is closed, and the host stays as it is.")
     return ended(session, worst(reports), as_json=as_json)
 
@@ -149,9 +149,9 @@ def _is_named() -> bool:
 def worst(reports: list[RunReport]) -> RunReport:
     """What several hosts' reports come to: a failure counts, else something done, else nothing."""
     endings = [report.ending for report in reports]
-    order = (Ending.FAILED, Ending.REFUSED, Ending.INTERRUPTED, Ending.DONE)
+    order = (RunEnding.FAILED, RunEnding.REFUSED, RunEnding.INTERRUPTED, RunEnding.DONE)
     return RunReport(
-        ending=next((ending for ending in order if ending in endings), Ending.NOTHING),
+        ending=next((ending for ending in order if ending in endings), RunEnding.NOTHING),
         hosts=tuple(host for report in reports for host in report.hosts),
         diagnostics=tuple(problem for report in reports for problem in report.diagnostics),
     )

@@ -7,7 +7,7 @@ import click
 from rarms_iac.app.hosts import hold_hosts, host_errors, owner, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.apply.undo import can_be_undone, not_taken_back, told_to_undo, undo
+from rarms_iac.apply.undo import can_be_undone, not_undone_findings, steps_undone, undo
 from rarms_iac.cli.applying import ask, ended, reporter_of
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.commands.apply_command import worst
@@ -63,7 +63,7 @@ def _show_and_ask(session: Session, meant: Found) -> None:
         raise click.UsageError("There is no terminal to ask at. Give --auto-approve.", click.get_current_context())
     for host, journal in meant:
         if journal is not None:
-            steps = told_to_undo(journal)
+            steps = steps_undone(journal)
             session.terminal.talk(undo_text(host.name, journal.started, steps))
-            tell(session.terminal, not_taken_back(host.name, journal))
+            tell(session.terminal, not_undone_findings(host.name, journal))
     ask(session, "Take this back?")

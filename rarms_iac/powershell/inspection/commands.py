@@ -6,7 +6,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.powershell import cmdlets
 from rarms_iac.powershell.cmdlets import Cmdlet, problems_of_call
 from rarms_iac.powershell.inspection.allowed import CHANGING, ScriptKind
-from rarms_iac.powershell.inspection.script import Call, Function, Script, calls_of
+from rarms_iac.powershell.inspection.script import CommandCall, Function, Script, calls_of
 from rarms_iac.powershell.literals import NotALiteral, read_literal
 from rarms_iac.powershell.tokens import NotTokens
 from rarms_iac.powershell.tree import text_of
@@ -26,7 +26,7 @@ def check_commands(script: Script) -> Iterator[Diagnostic]:
             yield from _check_call(script, call)
 
 
-def _check_call(script: Script, call: Call) -> Iterator[Diagnostic]:
+def _check_call(script: Script, call: CommandCall) -> Iterator[Diagnostic]:
     if call.operator:
         detail = f"& before {call.name}: a cmdlet is called by its name alone"
         yield script.problem(COMMAND, call.node, detail, "leave out the &")
@@ -47,7 +47,7 @@ def _check_call(script: Script, call: Call) -> Iterator[Diagnostic]:
 _ADVICE = "call a cmdlet of the tables by its full name, with its module where that is Hyper-V"
 
 
-def _not_allowed(script: Script, call: Call, found: Cmdlet) -> Iterator[Diagnostic]:
+def _not_allowed(script: Script, call: CommandCall, found: Cmdlet) -> Iterator[Diagnostic]:
     changes = found.name in CHANGING.qualified | CHANGING.plain or found.should_process
     if script.kind is ScriptKind.OBSERVE and changes:
         detail = f"{call.name} does not only read"
@@ -59,7 +59,7 @@ def _not_allowed(script: Script, call: Call, found: Cmdlet) -> Iterator[Diagnost
         yield script.problem(COMMAND, call.node, f"scripts of rarms have no need of {call.name}", _ADVICE)
 
 
-def _check_function_call(script: Script, call: Call, function: Function) -> Iterator[Diagnostic]:
+def _check_function_call(script: Script, call: CommandCall, function: Function) -> Iterator[Diagnostic]:
     if call.name != function.name:
         detail = f"{call.name} is written {function.name}"
         yield script.problem(CALL, call.node, detail, "write it as it is defined")
@@ -74,7 +74,7 @@ def _check_function_call(script: Script, call: Call, function: Function) -> Iter
         yield script.problem(CALL, call.node, f"{function.name} gets a value without a name, or one twice", "name each")
 
 
-def _check_binding(script: Script, call: Call, found: Cmdlet) -> Iterator[Diagnostic]:
+def _check_binding(script: Script, call: CommandCall, found: Cmdlet) -> Iterator[Diagnostic]:
     names, loose = [given.name for given in call.given], len(call.loose)
     for given in call.given:
         parameter = found.parameter(given.name)

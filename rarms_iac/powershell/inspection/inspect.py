@@ -7,7 +7,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity, in
 from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.commands import check_commands
 from rarms_iac.powershell.inspection.language import check_constructs, check_names
-from rarms_iac.powershell.inspection.layout import check_end, check_layout, check_whole, split, without_fixed
+from rarms_iac.powershell.inspection.layout import check_end, check_layout, check_whole, split_script, without_fixed
 from rarms_iac.powershell.inspection.script import Function, Script, functions_of
 from rarms_iac.powershell.inspection.steps import check_steps
 from rarms_iac.powershell.inspection.style import check_style
@@ -53,7 +53,7 @@ def inspect(
 
 def _given(whole: str) -> dict[str, Function]:
     """The functions of what is fixed in a script."""
-    return {name: function for piece in split(whole).fixed for name, function in _shipped(piece.name).items()}
+    return {name: function for piece in split_script(whole).fixed for name, function in _shipped(piece.name).items()}
 
 
 @cache
@@ -88,6 +88,6 @@ def _check(script: Script, whole: str) -> Iterator[Diagnostic]:
     elif script.kind is ScriptKind.BOOTSTRAP:
         yield from check_whole(script.name, script.text, read("bootstrap.ps1"))
     else:
-        parts = split(whole)
+        parts = split_script(whole)
         yield from check_layout(script.name, parts)
         yield from check_steps(script, parts.steps_line + 1)

@@ -28,7 +28,7 @@ _OPTIONAL = ("-Modules Hyper-V",)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Piece:
+class FixedPiece:
     """A part that lies between two dashed lines: the numbers of these lines, counted from 1, and the text with LF."""
 
     name: str  # empty: the runtime
@@ -44,7 +44,7 @@ class Piece:
     @property
     def is_shipped(self) -> bool:
         """Whether it is the one that rarms ships, to the byte."""
-        return digest(self.text) == digest(self.shipped)
+        return part_digest(self.text) == part_digest(self.shipped)
 
     @property
     def shipped(self) -> str:
@@ -53,11 +53,11 @@ class Piece:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Parts:
+class ScriptParts:
     """What a script is made of, with LF; `steps_line`: the line before the steps' first one."""
 
     head: str
-    fixed: tuple[Piece, ...]  # the runtime comes first; empty where it is missing
+    fixed: tuple[FixedPiece, ...]  # the runtime comes first; empty where it is missing
     steps: str
     steps_line: int
 
@@ -67,18 +67,20 @@ class Parts:
         return bool(self.fixed) and all(piece.is_shipped for piece in self.fixed)
 
 
-def split(text: str) -> Parts:
+def split_script(text: str) -> ScriptParts:
     """The parts of a script; where the runtime's first or last line is missing, it is all head."""
     lines = text.replace("\r\n", "\n").split("\n")
     begin = next((at for at, line in enumerate(lines) if line.startswith(RUNTIME_BEGIN)), len(lines))
     found = _piece(lines, begin, "", RUNTIME_END)
     if found is None:
-        return Parts(head="\n".join(lines), fixed=(), steps="", steps_line=len(lines))
+        return ScriptParts(head="\n".join(lines), fixed=(), steps="", steps_line=len(lines))
     fixed = [found]
     while found := _next_part(lines, fixed[-1].last):
         fixed.append(found)
     end = fixed[-1].last
-    return Parts(head="\n".join(lines[:begin]) + "\n", fixed=tuple(fixed), steps="\n".join(lines[end:]), steps_line=end)
+    return ScriptParts(
+        head="\n".join(lines[:begin]) + "\n", fixed=tuple(fixed), steps="\n".join(lines[end:]), steps_line=end
+    )
 
 
 def without_fixed(text: str) -> str:
@@ -89,34 +91,36 @@ def without_fixed(text: str) -> str:
     template's `try` (`check_layout`); so no token and no statement reaches over an edge, and the tree of the whole is
     the trees of its pieces, one after another.
     """
-    parts = split(text)
+    parts = split_script(text)
     if not parts.is_shipped or head_problems(parts.head):
         return text
     blank = "\n" * (parts.steps_line - parts.head.count("\n"))
     return (parts.head + blank + parts.steps).replace("\n", "\r\n" if "\r\n" in text else "\n")
 
 
-def _piece(lines: list[str], first: int, name: str, end: str) -> Piece | None:
+def _piece(lines: list[str], first: int, name: str, end: str) -> FixedPiece | None:
     last = next((at for at in range(first, len(lines)) if lines[at].startswith(end)), None)
     if last is None:
         return None
-    return Piece(name=name, first=first + 1, last=last + 1, text="\n".join(lines[first : last + 1]))
+    return FixedPiece(name=name, first=first + 1, last=last + 1, text="\n".join(lines[first : last + 1]))
 
 
-def _next_part(lines: list[str], at: int) -> Piece | None:
+def _next_part(lines: list[str], at: int) -> FixedPiece | None:
     line = lines[at] if at < len(lines) else ""
     name = next((name for name in PARTS if line.startswith(part_begin(name))), None)
     return None if name is None else _piece(lines, at, name, part_end(name))
 
 
-def check_layout(name: str, parts: Parts) -> Iterator[Diagnostic]:
+def check_layout(name: str, parts: ScriptParts) -> Iterator[Diagnostic]:
     """The head holds comments only and asks for what the runtime needs; what is fixed is what rarms ships."""
     top = Place(file=name, line=1, column=1)
     if not parts.fixed:
         yield RUNTIME.at(top, "it has no runtime", "render the script again")
     for piece in parts.fixed:
         if not piece.is_shipped:
-            detail = f"{piece.says} has the SHA-256 {digest(piece.text)[:12]}, not {digest(piece.shipped)[:12]}"
+            detail = (
+                f"{piece.says} has the SHA-256 {part_digest(piece.text)[:12]}, not {part_digest(piece.shipped)[:12]}"
+            )
             place = Place(file=name, line=piece.first, column=1)
             yield RUNTIME.at(place, detail, "render the script again; only its steps may differ from another's")
     for says in (*head_problems(parts.head), *_carried_problems(parts), *_comment_problems(parts.steps)):
@@ -128,7 +132,7 @@ def check_layout(name: str, parts: Parts) -> Iterator[Diagnostic]:
         yield HEAD.at(top, "the last lines are not those of a script of rarms", "render the script again")
 
 
-def _carried_problems(parts: Parts) -> Iterator[str]:
+def _carried_problems(parts: ScriptParts) -> Iterator[str]:
     """Each part that the steps need, once and in order, and no other."""
     try:
         needed = parts_for(parts.steps)
@@ -179,7 +183,7 @@ def check_whole(name: str, text: str, shipped: str) -> Iterator[Diagnostic]:
         yield RUNTIME.at(place, "it is not the bootstrap that rarms ships", "take the one that rarms shows")
 
 
-def digest(text: str) -> str:
+def part_digest(text: str) -> str:
     """SHA-256 of a part's text."""
     return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 

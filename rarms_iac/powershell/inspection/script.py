@@ -22,7 +22,7 @@ class Function:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Given:
+class GivenParameter:
     """A parameter of a call as it is written, and what stands behind it."""
 
     name: str
@@ -31,12 +31,12 @@ class Given:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Call:
+class CommandCall:
     """A command: its name as written, empty where it is no plain name."""
 
     name: str
     operator: str
-    given: tuple[Given, ...]
+    given: tuple[GivenParameter, ...]
     loose: tuple["Node", ...]  # values without a parameter; a switch may stand before one
     piped: bool
     node: "Node"
@@ -92,17 +92,17 @@ def _parameters(function: "Node") -> dict[str, bool]:
     return found
 
 
-def calls_of(root: "Node") -> Iterator[Call]:
+def calls_of(root: "Node") -> Iterator[CommandCall]:
     """Every command below a node."""
     for node in walk(root):
         if node.type == "command":
             yield call_of(node)
 
 
-def call_of(node: "Node") -> Call:
+def call_of(node: "Node") -> CommandCall:
     """The command that a node is, taken apart."""
     name = operator = ""
-    given: list[Given] = []
+    given: list[GivenParameter] = []
     loose: list[Node] = []
     for child in node.children:
         match child.type:
@@ -115,12 +115,12 @@ def call_of(node: "Node") -> Call:
             case _:
                 pass
     first = node.parent.children[0] if node.parent else node
-    return Call(
+    return CommandCall(
         name=name, operator=operator, given=tuple(given), loose=tuple(loose), piped=first.id != node.id, node=node
     )
 
 
-def _elements(elements: "Node", given: list[Given], loose: list["Node"]) -> None:
+def _elements(elements: "Node", given: list[GivenParameter], loose: list["Node"]) -> None:
     waiting: Node | None = None
     for child in elements.children:
         if child.type == "command_argument_sep":
@@ -138,5 +138,5 @@ def _elements(elements: "Node", given: list[Given], loose: list["Node"]) -> None
         given.append(_given(waiting, None))
 
 
-def _given(node: "Node", value: "Node | None") -> Given:
-    return Given(name=text_of(node).removeprefix("-").removesuffix(":"), value=value, node=node)
+def _given(node: "Node", value: "Node | None") -> GivenParameter:
+    return GivenParameter(name=text_of(node).removeprefix("-").removesuffix(":"), value=value, node=node)

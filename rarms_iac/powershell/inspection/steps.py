@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
 from rarms_iac.powershell.inspection.allowed import words
-from rarms_iac.powershell.inspection.script import Call, Script, call_of
+from rarms_iac.powershell.inspection.script import CommandCall, Script, call_of
 from rarms_iac.powershell.templates import fill
 from rarms_iac.powershell.tree import ShapeNode, literal_of, parse, shape_of, text_of
 
@@ -109,7 +109,7 @@ def _filled_template(root: "Node", roots: Sequence["Node"]) -> tuple[ShapeNode, 
     return shape_of(_top(parse(text.decode("ascii"))))
 
 
-def _table(call: Call) -> Mapping[str, "Node"]:
+def _table(call: CommandCall) -> Mapping[str, "Node"]:
     table = entries(call.given[0].value) if len(call.given) == 1 and call.given[0].value else None
     if table is None:
         raise _OtherForm(call.node, f"{call.name} does not get one table")
@@ -176,14 +176,14 @@ def _template_set(node: "Node") -> list[str]:
     return calls
 
 
-def _assigned_call(statement: "Node") -> Call:
+def _assigned_call(statement: "Node") -> CommandCall:
     node = inner(statement)
     if node.type == "assignment_expression" and (call := only_call(node.children[-1])):
         return call
     raise _OtherForm(statement, "Set holds more than calls and $vm")
 
 
-def _call_text(call: Call, allowed: frozenset[str]) -> str:
+def _call_text(call: CommandCall, allowed: frozenset[str]) -> str:
     """The call with the same parameters, and a harmless literal for each of its literals."""
     if call.name not in allowed or call.operator or call.loose:
         raise _OtherForm(call.node, f"a step must not do this: {call.name or text_of(call.node)[:40]}")
@@ -218,7 +218,7 @@ def statements_of(block: "Node") -> Iterator["Node"]:
             yield child
 
 
-def only_call(statement: "Node") -> Call | None:
+def only_call(statement: "Node") -> CommandCall | None:
     """The call that a statement is, where it is nothing but one call."""
     node = statement
     while node.type in {"pipeline", "pipeline_chain"} and node.child_count == 1:

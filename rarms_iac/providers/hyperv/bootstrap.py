@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from functools import cache
 
 from rarms_iac.powershell.templates import as_script, read
-from rarms_iac.providers.interface import Script, Waits
+from rarms_iac.providers.interface import ScriptBundle, WaitLimits
 
 LONGEST_COMMAND = 8191
 """Characters of a command line that cmd.exe takes, which Windows' sshd starts by default."""
@@ -65,13 +65,13 @@ def ssh_words(target: str, shell: str) -> tuple[str, ...]:
     return ("ssh", *SSH_OPTIONS, "--", target, *remote_words(shell))
 
 
-def arguments_of(waits: Waits, *, abandoning: bool) -> tuple[str, ...]:
+def arguments_of(waits: WaitLimits, *, abandoning: bool) -> tuple[str, ...]:
     """What a script that changes something is given."""
     lock = ("-LockTimeout", str(min(-(-waits.lock_ms // 1000), 999_999))) if waits.lock_ms > 0 else ()
     return ("-AsJson", *lock, *(("-Abandon",) if abandoning else ()))
 
 
-def frame(script: Script, arguments: Sequence[str]) -> bytes:
+def frame(script: ScriptBundle, arguments: Sequence[str]) -> bytes:
     """The bytes for the bootstrap's standard input: lengths and digests first, then the scripts as they are.
 
     Raises:

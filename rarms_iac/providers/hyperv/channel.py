@@ -22,7 +22,7 @@ KEPT_LINES = 20
 LONGEST_LINE = 64 * 2**20  # bytes: an observation is one line
 
 
-class Silent(Exception):
+class SilenceTimeout(Exception):
     """Nothing came for so long."""
 
 
@@ -76,7 +76,7 @@ class Channel:
         """The next line without its end, None when there are no more; `look` is called while waiting.
 
         Raises:
-            Silent: nothing came for so long.
+            SilenceTimeout: nothing came for so long.
         """
         until = time.monotonic() + silence_s
         while True:
@@ -85,7 +85,7 @@ class Channel:
                 line = self._lines.get(timeout=LOOK_SECONDS)
             except Empty:
                 if time.monotonic() >= until:
-                    raise Silent from None
+                    raise SilenceTimeout from None
                 continue
             return None if line is None else line.decode("utf-8", "replace").rstrip("\r\n")
 

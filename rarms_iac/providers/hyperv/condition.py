@@ -6,7 +6,14 @@ from typing import TypeVar
 
 from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
 from rarms_iac.model.state import RegistryValue
-from rarms_iac.providers.hyperv.observation import Machine, Observation, Probe, Read, Unread, or_else
+from rarms_iac.providers.hyperv.observation import (
+    HostObservation,
+    ObservedMachine,
+    Probe,
+    ReadProbe,
+    UnreadProbe,
+    or_else,
+)
 from rarms_iac.providers.hyperv.parse import responsiveness_of
 
 T = TypeVar("T")
@@ -15,10 +22,10 @@ NO_GROUP = "00000000-0000-0000-0000-000000000000"
 _INSTANCE = re.compile(r"Microsoft:(?P<id>[0-9a-fA-F-]{36})\\")
 
 
-def condition_of(seen: Observation) -> HostCondition:
+def condition_of(seen: HostObservation) -> HostCondition:
     """How the host is, as far as it could be looked at."""
-    powershell = seen.powershell.value if isinstance(seen.powershell, Read) else None
-    windows = seen.windows.value if isinstance(seen.windows, Read) else None
+    powershell = seen.powershell.value if isinstance(seen.powershell, ReadProbe) else None
+    windows = seen.windows.value if isinstance(seen.windows, ReadProbe) else None
     sockets = _value(seen.processors)
     nodes = _value(seen.numa)
     groups = _groups(seen)
@@ -41,7 +48,7 @@ def condition_of(seen: Observation) -> HostCondition:
     )
 
 
-def _machine(machine: Machine, group: str) -> MachineCondition:
+def _machine(machine: ObservedMachine, group: str) -> MachineCondition:
     return MachineCondition(
         id=machine.id,
         automatic_checkpoints=machine.automatic_checkpoints == "True",
@@ -50,7 +57,7 @@ def _machine(machine: Machine, group: str) -> MachineCondition:
     )
 
 
-def _groups(seen: Observation) -> Mapping[str, str]:
+def _groups(seen: HostObservation) -> Mapping[str, str]:
     """By id of a machine: its CPU group, where it is in one. Settings of checkpoints carry other ids."""
     found = {}
     for setting in or_else(seen.cpu_groups, ()):
@@ -61,7 +68,7 @@ def _groups(seen: Observation) -> Mapping[str, str]:
     return found
 
 
-def _responsiveness(seen: Observation) -> RegistryValue | None:
+def _responsiveness(seen: HostObservation) -> RegistryValue | None:
     there = responsiveness_of(seen)
     return there.value if there else None
 
@@ -85,13 +92,13 @@ _LOOKED_AT = {
 (journal, records), is not here."""
 
 
-def _unread(seen: Observation) -> Iterator[tuple[str, str]]:
+def _unread(seen: HostObservation) -> Iterator[tuple[str, str]]:
     for what, name in _LOOKED_AT.items():
         probe = getattr(seen, name)
-        if isinstance(probe, Unread):
+        if isinstance(probe, UnreadProbe):
             why = "denied" if probe.denied else "absent"
             yield what, f"{why} ({probe.error})" if probe.error else why
 
 
 def _value(probe: Probe[T]) -> T | None:
-    return probe.value if isinstance(probe, Read) else None
+    return probe.value if isinstance(probe, ReadProbe) else None

@@ -12,7 +12,7 @@ LONGEST = 100_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Line:
+class _EventLine:
     """An event as it is written."""
 
     format: Literal["rarms-event/1"]
@@ -30,7 +30,7 @@ def read_event(line: str) -> RunEvent | None:
     if len(line) > LONGEST or not line.startswith("{"):
         return None
     try:
-        one = decode(_Line, parse_json(line))
+        one = decode(_EventLine, parse_json(line))
     except NotDecodable:
         return None
     if not 0 <= one.number <= one.total:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted
-from rarms_iac.providers.hyperv.observation import Machine, Observation, or_else
+from rarms_iac.providers.hyperv.observation import HostObservation, ObservedMachine, or_else
 from rarms_iac.providers.hyperv.parse import last_run_of
 
 NOT_WHOLE = Finding(code="RARMS161", severity=Severity.WARNING, summary="A reserve is no whole per cent")
@@ -17,12 +17,12 @@ THOUSANDTHS = 1000
 _INSTANCE = re.compile(r"Microsoft:(?P<id>[0-9a-fA-F-]{36})\\")
 
 
-def findings_of(seen: Observation, host: str) -> tuple[Diagnostic, ...]:
+def findings_of(seen: HostObservation, host: str) -> tuple[Diagnostic, ...]:
     """What is told of the host that the manifest calls so."""
     return (*_journal(seen, host), *_reserves(seen))
 
 
-def fine_reserves(seen: Observation) -> Mapping[str, int]:
+def fine_reserves(seen: HostObservation) -> Mapping[str, int]:
     """By id of a machine: its reserve in thousandths of a per cent, as WMI has it. Checkpoints are left out."""
     ids = {one.id for one in or_else(seen.machines, ())}
     found: dict[str, int] = {}
@@ -33,7 +33,7 @@ def fine_reserves(seen: Observation) -> Mapping[str, int]:
     return found
 
 
-def _reserves(seen: Observation) -> Iterator[Diagnostic]:
+def _reserves(seen: HostObservation) -> Iterator[Diagnostic]:
     fine = fine_reserves(seen)
     for machine in sorted(or_else(seen.machines, ()), key=lambda one: (one.name, one.id)):
         reserve = fine.get(machine.id, 0)
@@ -41,7 +41,7 @@ def _reserves(seen: Observation) -> Iterator[Diagnostic]:
             yield _not_whole(machine, reserve)
 
 
-def _not_whole(machine: Machine, reserve: int) -> Diagnostic:
+def _not_whole(machine: ObservedMachine, reserve: int) -> Diagnostic:
     exact = f"{reserve / THOUSANDTHS:.3f}".rstrip("0")
     return NOT_WHOLE.at(
         None,
@@ -52,7 +52,7 @@ def _not_whole(machine: Machine, reserve: int) -> Diagnostic:
     )
 
 
-def _journal(seen: Observation, host: str) -> Iterator[Diagnostic]:
+def _journal(seen: HostObservation, host: str) -> Iterator[Diagnostic]:
     match last_run_of(seen):
         case JournalPlanted(owner=owner):
             yield JOURNAL.at(

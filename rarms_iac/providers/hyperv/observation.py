@@ -19,14 +19,14 @@ T_co = TypeVar("T_co", covariant=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Read(Generic[T_co]):
+class ReadProbe(Generic[T_co]):
     """A probe that answered."""
 
     value: T_co
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Unread:
+class UnreadProbe:
     """A probe that has no value: what it asks for is absent, or the caller was denied."""
 
     denied: bool
@@ -34,7 +34,7 @@ class Unread:
     says: str = ""  # its message, in the host's language
 
 
-Probe = Read[T] | Unread
+Probe = ReadProbe[T] | UnreadProbe
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +56,7 @@ class Windows:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Hypervisor:
+class HypervisorFacts:
     """What Hyper-V says of the host; processors as the hypervisor counts them (FACTS 2, minroot)."""
 
     name: str
@@ -94,7 +94,7 @@ class Adapter:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Machine:
+class ObservedMachine:
     """A virtual machine as its cmdlets show it: enumerations by name, memory in bytes, reserve and limit per cent."""
 
     id: str
@@ -184,7 +184,7 @@ class ScopedPolicy:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Observation:
+class HostObservation:
     """Everything that `observe.ps1` looked at."""
 
     computer: str  # as its own operating system calls it
@@ -195,11 +195,11 @@ class Observation:
     host_visible: Probe[bool]  # a caller without rights sees no machines, not even the host's own instance
     module: Probe[tuple[str, ...]]  # versions of the Hyper-V module
     scheduler: Probe[int]  # as its event says: 1 and 2 classic, 3 core, 4 root
-    hypervisor: Probe[Hypervisor]
+    hypervisor: Probe[HypervisorFacts]
     processors: Probe[tuple[Socket, ...]]
     numa: Probe[tuple[NumaNode, ...]]
     switches: Probe[tuple[str, ...]]
-    machines: Probe[tuple[Machine, ...]]
+    machines: Probe[tuple[ObservedMachine, ...]]
     virtual_disks: Probe[tuple[VirtualDisk, ...]]
     cpu_groups: Probe[tuple[ProcessorSetting, ...]]
     profile: Probe[tuple[NamedValue, ...]]  # of the multimedia system profile
@@ -213,15 +213,15 @@ class Observation:
 
 def or_else(probe: Probe[T], default: T) -> T:
     """What was read, or this where nothing was."""
-    return probe.value if isinstance(probe, Read) else default
+    return probe.value if isinstance(probe, ReadProbe) else default
 
 
 def is_denied(probe: Probe[Any]) -> bool:
     """Whether the caller was not allowed to ask."""
-    return isinstance(probe, Unread) and probe.denied
+    return isinstance(probe, UnreadProbe) and probe.denied
 
 
-def read_observation(data: bytes) -> Observation:
+def read_observation(data: bytes) -> HostObservation:
     """The observation that a file or a script's output holds, in UTF-8 or UTF-16 as PowerShell's `>` writes it.
 
     Raises:
@@ -249,7 +249,7 @@ def is_observation(document: Json) -> bool:
     return isinstance(document, dict) and str(document.get("format", "")).startswith("rarms-observation/")
 
 
-def observation_of(document: Json) -> Observation:
+def observation_of(document: Json) -> HostObservation:
     """The document as values.
 
     Raises:
@@ -263,7 +263,7 @@ def observation_of(document: Json) -> Observation:
     if unknown := document.keys() - hints.keys() - {"format", "computer"}:
         raise NotDecodable(min(unknown), "this rarms does not know what was looked at there")
     computer = decode_union(str, document.get("computer"))
-    found = Observation(computer=computer, **{name: _probe(document, name, hint) for name, hint in hints.items()})
+    found = HostObservation(computer=computer, **{name: _probe(document, name, hint) for name, hint in hints.items()})
     _check_machines(found)
     return found
 
@@ -279,24 +279,24 @@ def _encoding(data: bytes) -> str:
 
 def _probes() -> dict[str, Any]:
     """Of each probe the type of its value."""
-    hints = get_type_hints(Observation)
-    names = [field.name for field in fields(Observation) if field.name != "computer"]
+    hints = get_type_hints(HostObservation)
+    names = [field.name for field in fields(HostObservation) if field.name != "computer"]
     return {name: get_args(get_args(hints[name])[0])[0] for name in names}
 
 
 def _probe(document: Mapping[str, Json], name: str, hint: Any) -> Probe[Any]:
     if name not in document:
-        return Unread(denied=False, error="NotLookedFor", says="the script that looked does not know this probe")
+        return UnreadProbe(denied=False, error="NotLookedFor", says="the script that looked does not know this probe")
     probe = document[name]
     if not isinstance(probe, dict):
         raise NotDecodable(name, "it is no probe")
     match probe.get("status"):
         case "value" if probe.keys() == {"status", "value"}:
-            return Read(value=_decoded(hint, probe["value"], f"{name}.value"))
+            return ReadProbe(value=_decoded(hint, probe["value"], f"{name}.value"))
         case "absent" | "denied" as status:
             rest = {key: value for key, value in probe.items() if key != "status"}
             told = _decoded(_Told, rest, name)
-            return Unread(denied=status == "denied", error=told.error, says=told.says)
+            return UnreadProbe(denied=status == "denied", error=told.error, says=told.says)
         case other:
             raise NotDecodable(f"{name}.status", f"{other!r} is none of value, absent, denied, with what belongs to it")
 
@@ -315,7 +315,7 @@ def _decoded(hint: Any, data: Json, path: str) -> Any:
         raise NotDecodable(f"{path}{between}{error.path}", error.says) from None
 
 
-def _check_machines(found: Observation) -> None:
+def _check_machines(found: HostObservation) -> None:
     ids = [machine.id for machine in or_else(found.machines, ())]
     for one in ids:
         if ids.count(one) > 1:

@@ -27,17 +27,17 @@ from rarms_iac.model.state import (
 from rarms_iac.model.system import ProviderKind, SchedulerType
 from rarms_iac.providers.hyperv.journal import LastRun, NoJournal, last_run
 from rarms_iac.providers.hyperv.observation import (
-    Machine,
+    HostObservation,
     NamedValue,
-    Observation,
-    Read,
+    ObservedMachine,
+    ReadProbe,
     RecordKey,
-    Unread,
+    UnreadProbe,
     VirtualDisk,
     is_denied,
     or_else,
 )
-from rarms_iac.providers.marks import Judged, judge_marks
+from rarms_iac.providers.marks import MarkReading, read_marks
 from rarms_iac.storage.codec import NotDecodable, decode_union
 from rarms_iac.storage.digest import parse_json
 
@@ -65,7 +65,7 @@ _SPELT = {name.lower(): name for name in TASK_VALUES}
 _KINDS = {"dword": ValueKind.DWORD, "string": ValueKind.SZ} | {one.value: one for one in ValueKind}
 
 
-def to_state(seen: Observation, name: str) -> State:
+def to_state(seen: HostObservation, name: str) -> State:
     """The host that the manifest calls `name`: without proven rights no machines, whatever the list says (FACTS 5).
 
     Raises:
@@ -78,16 +78,18 @@ def to_state(seen: Observation, name: str) -> State:
         tasks=tasks_of(seen),
         serials=serials_of(seen),
         responsiveness=responsiveness_of(seen),
-        switches=seen.switches.value if isinstance(seen.switches, Read) and facts.rights is Rights.PROVEN else None,
+        switches=seen.switches.value
+        if isinstance(seen.switches, ReadProbe) and facts.rights is Rights.PROVEN
+        else None,
         disks=disks_of(seen) if facts.rights is Rights.PROVEN else (),
     )
 
 
-def facts_of(seen: Observation, name: str) -> HostFacts:
+def facts_of(seen: HostObservation, name: str) -> HostFacts:
     """What decisions about the host rest on."""
     sockets = or_else(seen.processors, ())
-    hypervisor = seen.hypervisor.value if isinstance(seen.hypervisor, Read) else None
-    windows = seen.windows.value if isinstance(seen.windows, Read) else None
+    hypervisor = seen.hypervisor.value if isinstance(seen.hypervisor, ReadProbe) else None
+    windows = seen.windows.value if isinstance(seen.windows, ReadProbe) else None
     return HostFacts(
         name=name,
         id=or_else(seen.machine_id, ""),
@@ -104,45 +106,45 @@ def facts_of(seen: Observation, name: str) -> HostFacts:
     )
 
 
-def is_client(seen: Observation) -> bool:
+def is_client(seen: HostObservation) -> bool:
     """Whether it is a client Windows."""
-    return isinstance(seen.windows, Read) and seen.windows.value.installation == CLIENT
+    return isinstance(seen.windows, ReadProbe) and seen.windows.value.installation == CLIENT
 
 
-def scheduler_of(seen: Observation) -> SchedulerType:
+def scheduler_of(seen: HostObservation) -> SchedulerType:
     """What its event says. Where that has left the log, a client has root (FACTS 2); of a server nothing is known."""
     told = _SCHEDULERS.get(or_else(seen.scheduler, 0))
     return told or (SchedulerType.ROOT if is_client(seen) else SchedulerType.UNKNOWN)
 
 
-def rights_of(seen: Observation) -> Rights:
+def rights_of(seen: HostObservation) -> Rights:
     """Whether an empty list of machines would prove that there are none.
 
     Proven by elevation, or by the host's own instance, which only who may see machines sees. Where neither can be
     asked, Hyper-V's own answer about the host, which it refuses to all others, has to do.
     """
     asked = (seen.elevated, seen.host_visible)
-    if isinstance(seen.machines, Unread):
+    if isinstance(seen.machines, UnreadProbe):
         return Rights.MISSING if is_denied(seen.machines) or not or_else(seen.elevated, True) else Rights.UNKNOWN
     if any(or_else(one, False) for one in asked):
         return Rights.PROVEN
-    if all(isinstance(unread, Unread) and not unread.denied for unread in asked):
-        return Rights.PROVEN if isinstance(seen.hypervisor, Read) else Rights.UNKNOWN
+    if all(isinstance(unread, UnreadProbe) and not unread.denied for unread in asked):
+        return Rights.PROVEN if isinstance(seen.hypervisor, ReadProbe) else Rights.UNKNOWN
     return Rights.MISSING
 
 
-def partitions_of(seen: Observation) -> tuple[Partition, ...]:
+def partitions_of(seen: HostObservation) -> tuple[Partition, ...]:
     """The machines by name, then id, with the marks that count.
 
     Raises:
         NotDecodable: an enumeration has a name that Hyper-V does not give.
     """
     machines = sorted(or_else(seen.machines, ()), key=lambda machine: (machine.name, machine.id))
-    judged = judge_marks({machine.id: machine.notes for machine in machines})
+    judged = read_marks({machine.id: machine.notes for machine in machines})
     return tuple(_partition(machine, judged[machine.id]) for machine in machines)
 
 
-def disks_of(seen: Observation) -> tuple[Disk, ...]:
+def disks_of(seen: HostObservation) -> tuple[Disk, ...]:
     """The virtual disks that machines have, by path; where only the path is known, of unknown kind."""
     looked_at = {disk.path: disk for disk in or_else(seen.virtual_disks, ())}
     attached = sorted((path, machine.id) for machine in or_else(seen.machines, ()) for path in machine.disks if path)
@@ -154,7 +156,7 @@ def _disk(path: str, machine: str, known: VirtualDisk | None) -> Disk:
     return Disk(path=path, kind=kind, parent=known.parent if known else "", machine=machine)
 
 
-def tasks_of(seen: Observation, inside: str = "", machine: str = "") -> tuple[TaskClass, ...]:
+def tasks_of(seen: HostObservation, inside: str = "", machine: str = "") -> tuple[TaskClass, ...]:
     """The task classes of one operating system by name, a record without its key included."""
     records = _records(or_else(seen.records, ()))
     records.pop(_RESPONSIVENESS, None)
@@ -171,7 +173,7 @@ def tasks_of(seen: Observation, inside: str = "", machine: str = "") -> tuple[Ta
     )
 
 
-def responsiveness_of(seen: Observation) -> Responsiveness | None:
+def responsiveness_of(seen: HostObservation) -> Responsiveness | None:
     """SystemResponsiveness of that operating system with its record; None where the caller may not read it."""
     if is_denied(seen.profile) or is_denied(seen.records):
         return None
@@ -180,13 +182,13 @@ def responsiveness_of(seen: Observation) -> Responsiveness | None:
     return Responsiveness(value=values.get(_RESPONSIVENESS), record=record)
 
 
-def last_run_of(seen: Observation) -> LastRun:
+def last_run_of(seen: HostObservation) -> LastRun:
     """What the journal of that operating system says of its last run."""
     journal = seen.journal
-    return last_run(journal.value.owner, journal.value.text) if isinstance(journal, Read) else NoJournal()
+    return last_run(journal.value.owner, journal.value.text) if isinstance(journal, ReadProbe) else NoJournal()
 
 
-def serials_of(seen: Observation) -> Mapping[str, int]:
+def serials_of(seen: HostObservation) -> Mapping[str, int]:
     """How many applies and undos there were, by application; none where the journal is not to be believed."""
     run = last_run_of(seen)
     return dict(sorted(run.started.serials.items())) if isinstance(run, ScriptRun) else {}
@@ -209,7 +211,7 @@ def run_state(state: str) -> RunState:
     return _AT_REST.get(state, RunState.BUSY)
 
 
-def _partition(machine: Machine, judged: Judged) -> Partition:
+def _partition(machine: ObservedMachine, judged: MarkReading) -> Partition:
     state = run_state(machine.state)
     settings = PartitionSettings(
         name=machine.name,
@@ -236,7 +238,7 @@ def _partition(machine: Machine, judged: Judged) -> Partition:
     )
 
 
-def _named(names: Mapping[str, T], name: str, machine: Machine, field: str) -> T:
+def _named(names: Mapping[str, T], name: str, machine: ObservedMachine, field: str) -> T:
     if name not in names:
         raise NotDecodable(f"machines[{machine.id}].{field}", f"{name!r} is none of {', '.join(names)}")
     return names[name]

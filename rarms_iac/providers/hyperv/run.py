@@ -11,10 +11,19 @@ from rarms_iac.providers.hyperv.condition import condition_of
 from rarms_iac.providers.hyperv.events import read_event
 from rarms_iac.providers.hyperv.findings import findings_of
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted, NoJournal
-from rarms_iac.providers.hyperv.observation import Observation, is_denied, observation_of
+from rarms_iac.providers.hyperv.observation import HostObservation, is_denied, observation_of
 from rarms_iac.providers.hyperv.parse import last_run_of, to_state
 from rarms_iac.providers.hyperv.transport import LocalTransport, SshTransport, Transport
-from rarms_iac.providers.interface import Exited, Failed, Hearing, HostDamaged, Looked, Lost, Script, Waits
+from rarms_iac.providers.interface import (
+    HostDamaged,
+    HostFailed,
+    HostLook,
+    RunHearing,
+    ScriptBundle,
+    ScriptExited,
+    ScriptLost,
+    WaitLimits,
+)
 from rarms_iac.storage.codec import NotDecodable
 from rarms_iac.storage.digest import parse_json
 
@@ -24,7 +33,7 @@ JOURNAL = "%ProgramData%\\rarms\\journal.jsonl"
 _GRACE = re.compile(r"-GraceMs ([0-9]{1,9})\b")
 
 
-class HypervHost:
+class LiveHypervHost:
     """A `ScriptedHost`. It keeps nothing: every question is asked of the host anew."""
 
     def __init__(self, host: Host, transport: Transport) -> None:
@@ -43,20 +52,20 @@ class HypervHost:
         except NotDecodable as error:
             raise self._unreadable(str(error)) from None
 
-    def examined(self) -> Looked:
+    def examined(self) -> HostLook:
         """As the interface says."""
         seen = self.observation()
         try:
             state = to_state(seen, self.name)
         except NotDecodable as error:
             raise self._unreadable(str(error)) from None
-        return Looked(state=state, condition=condition_of(seen), findings=findings_of(seen, self.name))
+        return HostLook(state=state, condition=condition_of(seen), findings=findings_of(seen, self.name))
 
     def journal(self) -> ScriptRun | None:
         """As the interface says."""
         seen = self.observation()
         if is_denied(seen.journal):
-            raise Failed(self.name, f"{JOURNAL} may not be read", "connect as a member of its Administrators")
+            raise HostFailed(self.name, f"{JOURNAL} may not be read", "connect as a member of its Administrators")
         match last_run_of(seen):
             case NoJournal():
                 return None
@@ -74,7 +83,9 @@ class HypervHost:
         run = self.journal()
         return run if run is not None and run.unfinished else None
 
-    def run_script(self, script: Script, waits: Waits, hearing: Hearing, *, abandoning: bool = False) -> Exited | Lost:
+    def run_script(
+        self, script: ScriptBundle, waits: WaitLimits, hearing: RunHearing, *, abandoning: bool = False
+    ) -> ScriptExited | ScriptLost:
         """As the interface says."""
         arguments = arguments_of(waits, abandoning=abandoning)
         silence_s = (waits.silence_ms + waits.lock_ms + _longest_grace(script)) / 1000
@@ -86,49 +97,51 @@ class HypervHost:
         self._read(document)
         return f"{document}\n".encode()
 
-    def observation(self) -> Observation:
+    def observation(self) -> HostObservation:
         """What `observe.ps1` prints there now.
 
         Raises:
-            Failed: the host cannot be reached, or the script printed something else.
+            HostFailed: the host cannot be reached, or the script printed something else.
         """
         return self._read(self._printed())
 
     def _printed(self) -> str:
-        script = Script(runs=OBSERVE, files={OBSERVE: render_observe().decode("ascii")})
+        script = ScriptBundle(runs=OBSERVE, files={OBSERVE: render_observe().decode("ascii")})
         document = _Document()
         ended = self._transport.run(script, (), OBSERVE_SECONDS, document)
         match ended:
-            case Lost(why=why):
-                raise Failed(self.name, f"it could not be observed: {why}", "look whether it is busy, then try again")
-            case Exited(code=0):
+            case ScriptLost(why=why):
+                raise HostFailed(
+                    self.name, f"it could not be observed: {why}", "look whether it is busy, then try again"
+                )
+            case ScriptExited(code=0):
                 pass
-            case Exited(code=code, says=says):
+            case ScriptExited(code=code, says=says):
                 raise self._unreadable(f"exit code {code}, {' '.join(says[-3:]) or 'and no word why'}")
         return document.text
 
-    def _read(self, document: str) -> Observation:
+    def _read(self, document: str) -> HostObservation:
         try:
             return observation_of(parse_json(document))
         except NotDecodable as error:
             raise self._unreadable(str(error)) from None
 
-    def _unreadable(self, says: str) -> Failed:
+    def _unreadable(self, says: str) -> HostFailed:
         advice = "run the script there by hand and look: `rarms snapshot --script` writes it"
-        return Failed(self.name, f"what {OBSERVE} printed cannot be read: {says}", advice)
+        return HostFailed(self.name, f"what {OBSERVE} printed cannot be read: {says}", advice)
 
 
-def open_hyperv(host: Host) -> HypervHost:
+def open_hyperv(host: Host) -> LiveHypervHost:
     """The host that this describes: over ssh, or this computer."""
     if host.connect is None:
-        return HypervHost(host, LocalTransport(host.name))
-    return HypervHost(host, SshTransport(host.name, host.connect))
+        return LiveHypervHost(host, LocalTransport(host.name))
+    return LiveHypervHost(host, SshTransport(host.name, host.connect))
 
 
 class _Events:
     """Lines as events for who listens to a run."""
 
-    def __init__(self, hearing: Hearing) -> None:
+    def __init__(self, hearing: RunHearing) -> None:
         self._hearing = hearing
 
     def line(self, text: str) -> None:
@@ -156,6 +169,6 @@ class _Document:
         return False
 
 
-def _longest_grace(script: Script) -> int:
+def _longest_grace(script: ScriptBundle) -> int:
     """How many milliseconds the script may wait for one guest to shut down, and say nothing."""
     return max((int(one) for one in _GRACE.findall(script.files[script.runs])), default=0)

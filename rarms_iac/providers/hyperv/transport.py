@@ -11,8 +11,8 @@ from typing import Protocol
 
 from rarms_iac.model.system import Connect
 from rarms_iac.providers.hyperv import bootstrap
-from rarms_iac.providers.hyperv.channel import Channel, Silent
-from rarms_iac.providers.interface import Exited, Failed, Lost, Script
+from rarms_iac.providers.hyperv.channel import Channel, SilenceTimeout
+from rarms_iac.providers.interface import HostFailed, ScriptBundle, ScriptExited, ScriptLost
 
 CONNECT_SECONDS = 60.0
 SSH_FAILED = 255  # ssh's own exit code: it never got through, or the connection broke
@@ -34,11 +34,13 @@ class Listener(Protocol):
 class Transport(Protocol):
     """A way to a host."""
 
-    def run(self, script: Script, arguments: Sequence[str], silence_s: float, listener: Listener) -> Exited | Lost:
+    def run(
+        self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
+    ) -> ScriptExited | ScriptLost:
         """Run these bytes there.
 
         Raises:
-            Failed: there was no way to it; nothing was run.
+            HostFailed: there was no way to it; nothing was run.
         """
         ...
 
@@ -50,7 +52,9 @@ class LocalTransport:
         self._host = host
         self._shells = SHELLS if shell is None else (shell,)
 
-    def run(self, script: Script, arguments: Sequence[str], silence_s: float, listener: Listener) -> Exited | Lost:
+    def run(
+        self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
+    ) -> ScriptExited | ScriptLost:
         """As the protocol says; the scripts lie in a folder of this user's own while they run."""
         program = self._program()
         with tempfile.TemporaryDirectory(prefix="rarms-") as folder:
@@ -68,7 +72,7 @@ class LocalTransport:
             if found := shutil.which(bootstrap.program_of(shell)):
                 return found
         names = " or ".join(bootstrap.program_of(shell) for shell in self._shells)
-        raise Failed(
+        raise HostFailed(
             self._host,
             f"{names} is not on this computer, which the manifest says is the host",
             "say how the host is reached (`connect: {ssh: user@host}`), or run the scripts there by hand: "
@@ -83,7 +87,9 @@ class SshTransport:
         self._host = host
         self._connect = connect
 
-    def run(self, script: Script, arguments: Sequence[str], silence_s: float, listener: Listener) -> Exited | Lost:
+    def run(
+        self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
+    ) -> ScriptExited | ScriptLost:
         """As the protocol says; nothing is sent before the other end says that it is ready."""
         words = bootstrap.ssh_words(self._connect.ssh, self._connect.shell)
         with _opened(self._host, words) as channel:
@@ -91,10 +97,10 @@ class SshTransport:
             channel.send(bootstrap.frame(script, arguments))
             refusal = _Refusal(listener)
             ended = _follow(channel, silence_s, refusal, lambda: channel.send(bootstrap.STOP))
-            if isinstance(ended, Exited) and ended.code == bootstrap.FAILED_CODE and refusal.says:
-                raise Failed(self._host, f"the scripts did not arrive as sent: {refusal.says}", "run it again")
-            if isinstance(ended, Exited) and ended.code == SSH_FAILED:
-                return Lost(why=f"the connection broke ({_last(ended.says) or 'ssh says no more'})")
+            if isinstance(ended, ScriptExited) and ended.code == bootstrap.FAILED_CODE and refusal.says:
+                raise HostFailed(self._host, f"the scripts did not arrive as sent: {refusal.says}", "run it again")
+            if isinstance(ended, ScriptExited) and ended.code == SSH_FAILED:
+                return ScriptLost(why=f"the connection broke ({_last(ended.says) or 'ssh says no more'})")
             return ended
 
     def _await_ready(self, channel: Channel) -> None:
@@ -102,21 +108,21 @@ class SshTransport:
             while (line := channel.next_line(CONNECT_SECONDS, lambda: None)) is not None:
                 if line == bootstrap.READY:
                     return
-        except Silent:
+        except SilenceTimeout:
             raise self._unreached(f"{self._connect.ssh} did not answer within {CONNECT_SECONDS:.0f} s") from None
         code = channel.code()
         says = _last(channel.said_beside) or "it says nothing"
         if code == SSH_FAILED:
             raise self._unreached(f"ssh does not reach {self._connect.ssh}: {says}")
         program = bootstrap.program_of(self._connect.shell)
-        raise Failed(
+        raise HostFailed(
             self._host,
             f"{program} does not start on {self._connect.ssh} (exit code {code}): {says}",
             "say in the manifest which PowerShell the host has: `connect.shell: pwsh` or `powershell`",
         )
 
-    def _unreached(self, says: str) -> Failed:
-        return Failed(
+    def _unreached(self, says: str) -> HostFailed:
+        return HostFailed(
             self._host,
             says.rstrip("."),
             f"try it by hand, as rarms does, without questions: `ssh -o BatchMode=yes {self._connect.ssh}`",
@@ -145,10 +151,12 @@ def _opened(host: str, words: Sequence[str]) -> Channel:
         return Channel(words)
     except OSError as error:
         says = f"{words[0]} cannot be started: {error.strerror or error}"
-        raise Failed(host, says, f"install {words[0]}, or mend its rights") from None
+        raise HostFailed(host, says, f"install {words[0]}, or mend its rights") from None
 
 
-def _follow(channel: Channel, silence_s: float, listener: Listener, stop: Callable[[], None]) -> Exited | Lost:
+def _follow(
+    channel: Channel, silence_s: float, listener: Listener, stop: Callable[[], None]
+) -> ScriptExited | ScriptLost:
     """Pass every line on until the end, and a wish to stop the other way, once."""
     asked = False
 
@@ -161,12 +169,12 @@ def _follow(channel: Channel, silence_s: float, listener: Listener, stop: Callab
     try:
         while (line := channel.next_line(silence_s, look)) is not None:
             listener.line(line)
-    except Silent:
-        return Lost(why=f"it said nothing for {silence_s:.0f} s")
+    except SilenceTimeout:
+        return ScriptLost(why=f"it said nothing for {silence_s:.0f} s")
     code = channel.code()
     if code is None:
-        return Lost(why="it closed its output and did not end")
-    return Exited(code=code, says=channel.said_beside)
+        return ScriptLost(why="it closed its output and did not end")
+    return ScriptExited(code=code, says=channel.said_beside)
 
 
 def _last(lines: Sequence[str]) -> str:

@@ -26,7 +26,7 @@ from rarms_iac.model.system import (
     SampleCount,
     TaskCategory,
 )
-from rarms_iac.providers.interface import Refused
+from rarms_iac.providers.interface import HostRefused
 from rarms_iac.providers.measuring import PartitionWork, Work
 from rarms_iac.providers.simulated.content import Content, SimulatedMachine
 from rarms_iac.providers.simulated.parse import description
@@ -166,7 +166,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         state: State = self._machines(content)
         found = resolve(state.partitions, partition, Scope(application=application, plan=""))
         if len(found) != 1 or not found[0].settings.running:
-            raise Refused(
+            raise HostRefused(
                 self.name, f"no partition {partition} of {application} runs", "rarms plan shows what is wanted"
             )
         return content.machines[found[0].id]
@@ -184,7 +184,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         try:
             return demand_of(component, _priority(component.task, content, machine))
         except NoDemand:
-            raise Refused(
+            raise HostRefused(
                 self.name,
                 f"{component.name} does not say what it demands on a simulated host",
                 "give it a `simulation`, or measure on a host that runs real components",

@@ -12,7 +12,7 @@ from functools import lru_cache
 
 from rarms_iac.model.state import Disk, HostFacts, Partition, Rights, RunState, State, TaskClass
 from rarms_iac.model.system import Host, SimulatedHost
-from rarms_iac.providers.marks import Judged, judge_marks
+from rarms_iac.providers.marks import MarkReading, read_marks
 from rarms_iac.providers.simulated.content import FRESH, SHIPPED, Content, SimulatedMachine
 from rarms_iac.providers.simulated.rules import out_of_range
 from rarms_iac.storage.codec import NotDecodable, decode
@@ -94,7 +94,7 @@ def visible_disks(content: Content, facts: HostFacts) -> tuple[Disk, ...]:
 
 def partitions_of(content: Content) -> tuple[Partition, ...]:
     """The machines by name, then id, with the marks that count."""
-    judged = judge_marks({machine.id: machine.notes for machine in content.machines.values()})
+    judged = read_marks({machine.id: machine.notes for machine in content.machines.values()})
     machines = sorted(content.machines.values(), key=lambda machine: (machine.settings.name, machine.id))
     return tuple(_partition(machine, judged[machine.id]) for machine in machines)
 
@@ -141,7 +141,7 @@ def _checksum(text: str) -> str:
     return hashlib.sha256(text.encode("ascii")).hexdigest()
 
 
-def _partition(machine: SimulatedMachine, judged: Judged) -> Partition:
+def _partition(machine: SimulatedMachine, judged: MarkReading) -> Partition:
     return Partition(
         settings=machine.settings,
         id=machine.id,

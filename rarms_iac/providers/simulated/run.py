@@ -28,7 +28,7 @@ from rarms_iac.model.operations import (
 from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import Fault, FaultEffect, Host
-from rarms_iac.providers.interface import Failed, HostDamaged, HostLocked, Refused
+from rarms_iac.providers.interface import HostDamaged, HostFailed, HostLocked, HostRefused
 from rarms_iac.providers.simulated.content import Content, SimulatedMachine, empty, next_id
 from rarms_iac.providers.simulated.files import (
     append_record,
@@ -130,12 +130,12 @@ class SimulatedHostProvider:
         name, effect = fault[0], fault[1].effect
         if effect is FaultEffect.REFUSE:
             self.save(_with_strike(before, name))
-            raise Refused(self.name, f"the fault {name} refuses {operation.kind}", "take it out of the manifest")
+            raise HostRefused(self.name, f"the fault {name} refuses {operation.kind}", "take it out of the manifest")
         self.save(_with_strike(after, name))
         if effect is FaultEffect.LATE:
             self._sleep(float(fault[1].delay) / 1000)
             return
-        raise Failed(self.name, f"the fault {name} makes {operation.kind} fail", "take it out of the manifest")
+        raise HostFailed(self.name, f"the fault {name} makes {operation.kind} fail", "take it out of the manifest")
 
     def journal(self) -> Journal | None:
         """As the interface says."""
@@ -178,14 +178,14 @@ class SimulatedHostProvider:
         """Have this on the host, in one replacement of its file. Not for rarms: tests make machines of others with it.
 
         Raises:
-            Failed: the file cannot be written; what was there before still is.
+            HostFailed: the file cannot be written; what was there before still is.
         """
         data = write_content(content)
         try:
             make_room(self._path)
             replace_file(self._path, data)
         except OSError as problem:
-            raise Failed(
+            raise HostFailed(
                 self.name,
                 f"{self._path} cannot be written: {problem.strerror or problem}",
                 "make room, or mend its rights",
@@ -245,7 +245,7 @@ class SimulatedHostProvider:
 
     def _after_creation(self, content: Content, state: State, operation: CreatePartition, scope: Scope) -> Content:
         if resolve(state.partitions, operation.partition, scope):
-            raise Refused(self.name, f"there is a partition {operation.partition} already", PARTITION_AGAIN)
+            raise HostRefused(self.name, f"there is a partition {operation.partition} already", PARTITION_AGAIN)
         settings = new_settings(operation, scope)
         if refusal := refuse_creation(operation, settings):
             raise self._refused(refusal)
@@ -259,7 +259,7 @@ class SimulatedHostProvider:
         found = resolve(state.partitions, address.partition, scope, address.machine)
         if len(found) != 1:
             count = f"{len(found)} machines stand" if found else "no machine stands"
-            raise Refused(self.name, f"{count} for the partition {address.partition}", PARTITION_AGAIN)
+            raise HostRefused(self.name, f"{count} for the partition {address.partition}", PARTITION_AGAIN)
         return content.machines[found[0].id]
 
     def _fault(self, content: Content, operation: Operation) -> tuple[str, Fault] | None:
@@ -270,8 +270,8 @@ class SimulatedHostProvider:
                 return name, fault
         return None
 
-    def _refused(self, refusal: Refusal) -> Refused:
-        return Refused(self.name, refusal.message, refusal.advice)
+    def _refused(self, refusal: Refusal) -> HostRefused:
+        return HostRefused(self.name, refusal.message, refusal.advice)
 
     @contextmanager
     def _report_damage(self, path: Path) -> Iterator[None]:
@@ -294,7 +294,7 @@ class SimulatedHostProvider:
         except Locked as locked:
             raise HostLocked(self.name, locked.owner) from None
         except OSError as problem:
-            raise Failed(
+            raise HostFailed(
                 self.name, f"{path} cannot be written: {problem.strerror or problem}", "make room, or mend its rights"
             ) from None
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.apply.run_report import Ending
-from rarms_iac.apply.undo import abandon, told_to_undo
+from rarms_iac.apply.run_report import RunEnding
+from rarms_iac.apply.undo import abandon, steps_undone
 from rarms_iac.model.operations import SetCpu
 from rarms_iac.model.plan import Purpose, Scope
 from rarms_iac.model.quantities import Bytes
@@ -41,10 +41,10 @@ def somebody_sets_the_reserve(lab: Lab, reserve: int) -> None:
 def test_a_plan_is_used_once(lab: Lab) -> None:
     plan = lab.plan()
 
-    assert lab.apply(plan).ending is Ending.DONE
+    assert lab.apply(plan).ending is RunEnding.DONE
     again = lab.apply(plan)
 
-    assert again.ending is Ending.REFUSED
+    assert again.ending is RunEnding.REFUSED
     assert codes(again.diagnostics) == ["RARMS181"]
 
 
@@ -74,16 +74,16 @@ def test_another_plan_does_not_start_on_an_unfinished_run(lab: Lab) -> None:
 
     report = lab.apply(with_reserve(lab, "20 %").plan())
 
-    assert (report.ending, codes(report.diagnostics)) == (Ending.REFUSED, ["RARMS183"])
+    assert (report.ending, codes(report.diagnostics)) == (RunEnding.REFUSED, ["RARMS183"])
 
 
 def test_the_same_plan_finishes_its_own_run(lab: Lab) -> None:
     plan = lab.plan()
-    assert lab.apply(plan, Countdown(5)).ending is Ending.INTERRUPTED
+    assert lab.apply(plan, Countdown(5)).ending is RunEnding.INTERRUPTED
 
     report = lab.apply(plan)
 
-    assert report.ending is Ending.DONE
+    assert report.ending is RunEnding.DONE
     assert report.hosts[0].resumed
     assert lab.steps_left() == 0
 
@@ -92,11 +92,11 @@ def test_an_abandoned_run_leaves_the_host_as_it_is_and_the_next_plan_takes_over(
     lab.apply(lab.plan(), Countdown(5))
     before = lab.observe()
 
-    assert abandon(lab.hosts["onboard"]).ending is Ending.DONE
+    assert abandon(lab.hosts["onboard"]).ending is RunEnding.DONE
     assert lab.observe() == before
-    assert abandon(lab.hosts["onboard"]).ending is Ending.NOTHING
+    assert abandon(lab.hosts["onboard"]).ending is RunEnding.NOTHING
 
-    assert lab.apply(lab.plan()).ending is Ending.DONE
+    assert lab.apply(lab.plan()).ending is RunEnding.DONE
     assert lab.steps_left() == 0
 
 
@@ -109,7 +109,7 @@ def test_a_setting_changed_in_the_middle_of_a_run_stops_it(lab: Lab) -> None:
     report = lab.finish()
 
     assert report is not None
-    assert (report.ending, codes(report.diagnostics)) == (Ending.REFUSED, ["RARMS185"])
+    assert (report.ending, codes(report.diagnostics)) == (RunEnding.REFUSED, ["RARMS185"])
     assert "reserve is 25, not 40" in report.diagnostics[0].detail
 
 
@@ -119,12 +119,12 @@ def test_a_step_that_fails_after_doing_its_work_is_found_done_and_is_undone() ->
     with a_lab(system) as lab:
         before = lab.observe()
         failed = lab.apply(lab.plan())
-        assert (failed.ending, codes(failed.diagnostics)) == (Ending.FAILED, ["RARMS186"])
+        assert (failed.ending, codes(failed.diagnostics)) == (RunEnding.FAILED, ["RARMS186"])
 
         finished = lab.finish()
 
         assert finished is not None
-        assert finished.ending is Ending.DONE
+        assert finished.ending is RunEnding.DONE
         assert finished.hosts[0].unchanged == 0, "the step that had done its work counts as ours"
         lab.undo()
         assert without_serials(lab.observe()) == without_serials(before)
@@ -138,13 +138,13 @@ def test_a_host_that_refuses_a_step_keeps_what_was_done_and_undo_takes_it_back()
 
         report = lab.apply(lab.plan())
 
-        assert report.ending is Ending.FAILED
+        assert report.ending is RunEnding.FAILED
         assert "partition/speech" in report.diagnostics[0].detail
         assert [partition.mark.name for partition in lab.observe()["onboard"].partitions if partition.mark] == [
             "speech",
             "vision",
         ]
-        assert [one.ending for one in lab.undo()] == [Ending.DONE]
+        assert [one.ending for one in lab.undo()] == [RunEnding.DONE]
         assert without_serials(lab.observe()) == without_serials(before)
 
 
@@ -161,7 +161,7 @@ def test_a_failure_ends_the_run_before_the_next_host_and_the_plan_goes_on_there_
 
         report = lab.apply(plan)
 
-        assert (report.ending, [part.host for part in report.hosts]) == (Ending.DONE, ["arm", "base"])
+        assert (report.ending, [part.host for part in report.hosts]) == (RunEnding.DONE, ["arm", "base"])
         assert lab.steps_left() == 0
         assert codes(lab.apply(plan).diagnostics) == ["RARMS181", "RARMS181"]
 
@@ -186,20 +186,20 @@ def test_all_hosts_are_looked_at_before_the_first_step() -> None:
 
 def test_undo_says_when_there_is_nothing_to_undo(lab: Lab) -> None:
     (nothing,) = lab.undo()
-    assert (nothing.ending, codes(nothing.diagnostics)) == (Ending.NOTHING, ["RARMS192"])
+    assert (nothing.ending, codes(nothing.diagnostics)) == (RunEnding.NOTHING, ["RARMS192"])
     lab.apply(lab.plan())
-    assert [report.ending for report in lab.undo()] == [Ending.DONE]
+    assert [report.ending for report in lab.undo()] == [RunEnding.DONE]
 
     (again,) = lab.undo()
 
-    assert again.ending is Ending.NOTHING
+    assert again.ending is RunEnding.NOTHING
     assert "undo of plan" in again.diagnostics[0].detail
 
 
 def told(lab: Lab) -> list[str]:
     journal = lab.hosts["onboard"].journal()
     assert journal is not None
-    return [f"{one.address}: {one.title}" for one in told_to_undo(journal)]
+    return [f"{one.address}: {one.title}" for one in steps_undone(journal)]
 
 
 def test_an_undo_is_told_by_what_it_does(lab: Lab) -> None:
@@ -222,12 +222,12 @@ def test_an_undo_is_told_by_what_it_does(lab: Lab) -> None:
 def test_an_interrupted_undo_is_finished_by_the_next_one_and_by_apply(lab: Lab) -> None:
     before = lab.observe()
     lab.apply(lab.plan())
-    assert [report.ending for report in lab.undo(Countdown(3))] == [Ending.INTERRUPTED]
+    assert [report.ending for report in lab.undo(Countdown(3))] == [RunEnding.INTERRUPTED]
 
     finished = lab.finish()
 
     assert finished is not None
-    assert finished.ending is Ending.DONE
+    assert finished.ending is RunEnding.DONE
     assert without_serials(lab.observe()) == without_serials(before)
 
 
@@ -236,7 +236,7 @@ def test_destroy_leaves_nothing_of_ours(lab: Lab) -> None:
 
     report = lab.apply(lab.plan(purpose=Purpose.DESTROY))
 
-    assert report.ending is Ending.DONE
+    assert report.ending is RunEnding.DONE
     assert lab.observe()["onboard"].partitions == ()
 
 
@@ -246,12 +246,12 @@ def test_undo_of_destroy_says_what_is_gone_and_blocks_nothing(lab: Lab) -> None:
 
     (report,) = lab.undo()
 
-    assert report.ending is Ending.DONE
+    assert report.ending is RunEnding.DONE
     assert sorted((diagnostic.code, diagnostic.address) for diagnostic in report.diagnostics) == [
         ("RARMS193", "partition/speech"),
         ("RARMS193", "partition/vision"),
     ]
-    assert lab.apply(lab.plan()).ending is Ending.DONE, "the manifest can be applied again"
+    assert lab.apply(lab.plan()).ending is RunEnding.DONE, "the manifest can be applied again"
 
 
 def test_undo_of_destroy_passes_over_the_task_classes_that_went_with_a_machine() -> None:
@@ -261,7 +261,7 @@ def test_undo_of_destroy_passes_over_the_task_classes_that_went_with_a_machine()
 
         (report,) = lab.undo()
 
-        assert report.ending is Ending.DONE
+        assert report.ending is RunEnding.DONE
         assert lab.observe()["onboard"].partitions == ()
 
 

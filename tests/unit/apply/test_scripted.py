@@ -5,24 +5,26 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
-from rarms_iac.apply.run_report import Ending, RunReport, ToldStep
-from rarms_iac.apply.run_script import Order, finishing, run_order
+from rarms_iac.apply.run_report import ReportedStep, RunEnding, RunReport
+from rarms_iac.apply.run_script import ScriptJob, finish_job, run_job
 from rarms_iac.model.journal import RunKind, ScriptRun, ScriptStarted, StepRecorded, StepStatus
 from rarms_iac.model.state import State
 from rarms_iac.providers.interface import (
     EventKind,
     EventStatus,
-    Exited,
-    Hearing,
-    Lost,
     RunEvent,
-    Script,
+    RunHearing,
+    ScriptBundle,
     ScriptedHost,
-    Waits,
+    ScriptExited,
+    ScriptLost,
+    WaitLimits,
 )
 from tests.builders_plan import facts
 
-ORDER = Order(run=RunKind.APPLY, plan="0123456789ab", script=Script(runs="x.ps1", files={"x.ps1": ""}), earlier={})
+ORDER = ScriptJob(
+    run=RunKind.APPLY, plan="0123456789ab", script=ScriptBundle(runs="x.ps1", files={"x.ps1": ""}), earlier={}
+)
 
 
 def event(
@@ -37,7 +39,7 @@ def step(status: EventStatus, number: int = 0, detail: str = "") -> RunEvent:
     return event(EventKind.STEP, status, number=number, detail=detail)
 
 
-WELL = Exited(code=0)
+WELL = ScriptExited(code=0)
 DONE = event(EventKind.RUN, EventStatus.DONE, address="host")
 
 
@@ -46,7 +48,7 @@ class Scripted:
     """A host whose script says these things, then ends so."""
 
     says: Sequence[RunEvent | str]
-    ends: Exited | Lost
+    ends: ScriptExited | ScriptLost
     name: str = "cell"
     heard: list[str] = field(default_factory=list)
 
@@ -59,7 +61,9 @@ class Scripted:
     def unfinished(self) -> ScriptRun | None:
         return None
 
-    def run_script(self, script: Script, waits: Waits, hearing: Hearing, *, abandoning: bool = False) -> Exited | Lost:
+    def run_script(
+        self, script: ScriptBundle, waits: WaitLimits, hearing: RunHearing, *, abandoning: bool = False
+    ) -> ScriptExited | ScriptLost:
         for one in self.says:
             if isinstance(one, str):
                 hearing.noise(one)
@@ -77,21 +81,23 @@ class Told:
     def run_started(self, host: str, run: RunKind, plan: str, *, done: int, addresses: Sequence[str] = ()) -> None:
         self.lines.append(f"{run.value} on {host}, {done} done")
 
-    def step_started(self, host: str, number: int, total: int, step: ToldStep) -> None:
+    def step_started(self, host: str, number: int, total: int, step: ReportedStep) -> None:
         self.lines.append(f"{number}/{total} begins")
 
-    def step_ended(self, host: str, number: int, total: int, step: ToldStep, status: StepStatus) -> None:
+    def step_ended(self, host: str, number: int, total: int, step: ReportedStep, status: StepStatus) -> None:
         self.lines.append(f"{number}/{total} {step.address}: {step.title}: {status.value}")
 
     def said(self, host: str, line: str) -> None:
         self.lines.append(f"said {line}")
 
 
-def ran(*says: RunEvent | str, ends: Exited | Lost = WELL, order: Order = ORDER) -> tuple[RunReport, Told]:
+def ran(
+    *says: RunEvent | str, ends: ScriptExited | ScriptLost = WELL, order: ScriptJob = ORDER
+) -> tuple[RunReport, Told]:
     told = Told()
     host = Scripted(says, ends)
     assert isinstance(host, ScriptedHost)
-    return run_order(host, order, told, lambda: False, Waits()), told
+    return run_job(host, order, told, lambda: False, WaitLimits()), told
 
 
 def codes(report: RunReport) -> list[str]:
@@ -115,7 +121,7 @@ def test_steps_are_told_as_a_walk_tells_them() -> None:
         "2/2 begins",
         "2/2 partition/vision: unchanged: unchanged",
     ]
-    assert report.ending is Ending.DONE
+    assert report.ending is RunEnding.DONE
     assert (report.hosts[0].changed, report.hosts[0].unchanged, report.hosts[0].total) == (1, 1, 2)
     assert not report.diagnostics
 
@@ -123,19 +129,29 @@ def test_steps_are_told_as_a_walk_tells_them() -> None:
 @pytest.mark.parametrize(
     ("last", "ends", "ending", "code"),
     [
-        (event(EventKind.RUN, EventStatus.STOPPED, address="host"), Exited(code=1), Ending.INTERRUPTED, ""),
-        (event(EventKind.LOCK, EventStatus.REFUSED, address="host"), Exited(code=3), Ending.REFUSED, "RARMS184"),
-        (event(EventKind.REFUSED, EventStatus.REFUSED, address="host"), Exited(code=3), Ending.REFUSED, "RARMS251"),
-        (event(EventKind.REFUSED, EventStatus.REFUSED), Exited(code=3), Ending.REFUSED, "RARMS185"),
-        (event(EventKind.FAILED, EventStatus.FAILED), Exited(code=1), Ending.FAILED, "RARMS252"),
-        (DONE, Lost(why="the connection broke"), Ending.FAILED, "RARMS250"),
-        (step(EventStatus.BEGUN), Lost(why="it said nothing for 600 s"), Ending.FAILED, "RARMS250"),
-        (step(EventStatus.CHANGED), Exited(code=0), Ending.FAILED, "RARMS250"),
-        (step(EventStatus.CHANGED), Exited(code=3), Ending.FAILED, "RARMS252"),
-        (step(EventStatus.BEGUN), Exited(code=137), Ending.FAILED, "RARMS186"),
+        (event(EventKind.RUN, EventStatus.STOPPED, address="host"), ScriptExited(code=1), RunEnding.INTERRUPTED, ""),
+        (
+            event(EventKind.LOCK, EventStatus.REFUSED, address="host"),
+            ScriptExited(code=3),
+            RunEnding.REFUSED,
+            "RARMS184",
+        ),
+        (
+            event(EventKind.REFUSED, EventStatus.REFUSED, address="host"),
+            ScriptExited(code=3),
+            RunEnding.REFUSED,
+            "RARMS251",
+        ),
+        (event(EventKind.REFUSED, EventStatus.REFUSED), ScriptExited(code=3), RunEnding.REFUSED, "RARMS185"),
+        (event(EventKind.FAILED, EventStatus.FAILED), ScriptExited(code=1), RunEnding.FAILED, "RARMS252"),
+        (DONE, ScriptLost(why="the connection broke"), RunEnding.FAILED, "RARMS250"),
+        (step(EventStatus.BEGUN), ScriptLost(why="it said nothing for 600 s"), RunEnding.FAILED, "RARMS250"),
+        (step(EventStatus.CHANGED), ScriptExited(code=0), RunEnding.FAILED, "RARMS250"),
+        (step(EventStatus.CHANGED), ScriptExited(code=3), RunEnding.FAILED, "RARMS252"),
+        (step(EventStatus.BEGUN), ScriptExited(code=137), RunEnding.FAILED, "RARMS186"),
     ],
 )
-def test_every_end_has_its_word(last: RunEvent, ends: Exited | Lost, ending: Ending, code: str) -> None:
+def test_every_end_has_its_word(last: RunEvent, ends: ScriptExited | ScriptLost, ending: RunEnding, code: str) -> None:
     report, _ = ran(last, ends=ends)
 
     assert report.ending is ending
@@ -143,7 +159,7 @@ def test_every_end_has_its_word(last: RunEvent, ends: Exited | Lost, ending: End
 
 
 def test_a_script_that_powershell_would_not_start_is_told_with_powershells_words() -> None:
-    report, _ = ran(ends=Exited(code=1, says=("cell.ps1 cannot be run: it lacks the module Hyper-V",)))
+    report, _ = ran(ends=ScriptExited(code=1, says=("cell.ps1 cannot be run: it lacks the module Hyper-V",)))
 
     assert "lacks the module Hyper-V (exit code 1)" in report.diagnostics[0].detail
 
@@ -154,13 +170,13 @@ def test_finishing_counts_what_an_earlier_run_changed() -> None:
     )
     begun = StepRecorded(number=1, status=StepStatus.BEGUN)
     journal = ScriptRun(started=started, steps=(StepRecorded(number=0, status=StepStatus.CHANGED), begun))
-    order = finishing("cell", journal)
+    order = finish_job("cell", journal)
 
     report, told = ran(step(EventStatus.UNCHANGED, 0, "done before"), step(EventStatus.CHANGED, 1), DONE, order=order)
 
-    assert order.script == Script(runs="cell.ps1", files={"cell.ps1": "S"})
+    assert order.script == ScriptBundle(runs="cell.ps1", files={"cell.ps1": "S"})
     assert told.lines[0] == "apply on cell, 1 done"
     assert (report.hosts[0].changed, report.hosts[0].resumed) == (2, True)
     assert (
-        finishing("cell", replace(journal, started=replace(started, run=RunKind.UNDO))).script.runs == "cell.undo.ps1"
+        finish_job("cell", replace(journal, started=replace(started, run=RunKind.UNDO))).script.runs == "cell.undo.ps1"
     )

@@ -4,7 +4,7 @@ import sys
 import pytest
 
 from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.apply.run_report import Ending
+from rarms_iac.apply.run_report import RunEnding
 from rarms_iac.cli.applying import ask, code_of
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.interrupts import Interrupted
@@ -67,14 +67,14 @@ def test_every_other_answer_is_a_no(text: str) -> None:
 @pytest.mark.parametrize(
     ("ending", "code"),
     [
-        (Ending.DONE, ExitCode.DONE),
-        (Ending.NOTHING, ExitCode.DONE),
-        (Ending.REFUSED, ExitCode.REFUSED),
-        (Ending.FAILED, ExitCode.FAILED),
-        (Ending.INTERRUPTED, ExitCode.INTERRUPTED),
+        (RunEnding.DONE, ExitCode.DONE),
+        (RunEnding.NOTHING, ExitCode.DONE),
+        (RunEnding.REFUSED, ExitCode.REFUSED),
+        (RunEnding.FAILED, ExitCode.FAILED),
+        (RunEnding.INTERRUPTED, ExitCode.INTERRUPTED),
     ],
 )
-def test_how_a_run_ended_is_its_exit_code(ending: Ending, code: ExitCode) -> None:
+def test_how_a_run_ended_is_its_exit_code(ending: RunEnding, code: ExitCode) -> None:
     assert code_of(a_session(), ending) is code
 
 
@@ -82,4 +82,4 @@ def test_a_terminated_run_says_which_signal_it_was() -> None:
     session = a_session()
     session.interrupts.asked = ExitCode.TERMINATED
 
-    assert code_of(session, Ending.INTERRUPTED) is ExitCode.TERMINATED
+    assert code_of(session, RunEnding.INTERRUPTED) is ExitCode.TERMINATED

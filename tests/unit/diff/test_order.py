@@ -1,7 +1,7 @@
 from dataclasses import replace
 from fractions import Fraction
 
-from rarms_iac.diff.claims import HostBudget
+from rarms_iac.diff.claims import StepBudget
 from rarms_iac.diff.hold_back import hold_back
 from rarms_iac.diff.order import Cycle, OrderedSteps, order
 from rarms_iac.diff.steps import PlannedChange
@@ -123,7 +123,7 @@ def step(partition: Partition, before: Claim, after: Claim) -> Step:
     )
 
 
-def crossed() -> tuple[list[PlannedChange], HostBudget]:
+def crossed() -> tuple[list[PlannedChange], StepBudget]:
     """Two full partitions; each first takes what the other gives only afterwards, so that no order fits."""
     vision, speech = running("vision", 80, 100), running("speech", 20, 900)
     taken = [
@@ -142,7 +142,7 @@ def crossed() -> tuple[list[PlannedChange], HostBudget]:
             (speech, (step(speech, claim(20, 900), claim(80, 900)), step(speech, claim(80, 900), claim(80, 100)))),
         ]
     ]
-    budget = HostBudget(
+    budget = StepBudget(
         capacity=Capacity(logical_processors=1, processors=LogicalProcessors(Fraction(1)), memory=Bytes(1000 * MIB)),
         managed={partition.id: partition for partition in (vision, speech)},
         criticality={"vision": 2, "speech": 1},
@@ -169,7 +169,7 @@ def test_where_no_order_fits_the_least_critical_is_stopped_for_a_while_and_the_p
     assert never_over(found.steps, budget)
 
 
-def never_over(steps: tuple[Step, ...], budget: HostBudget) -> bool:
+def never_over(steps: tuple[Step, ...], budget: StepBudget) -> bool:
     claims = {
         key: claim(partition.settings.reserve, partition.settings.memory // MIB)
         for key, partition in budget.managed.items()

@@ -21,7 +21,7 @@ from rarms_iac.model.measurement import P1, P2, EnvironmentSetup
 from rarms_iac.model.operations import CreatePartition
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import RunState, State
-from rarms_iac.providers.interface import Refused
+from rarms_iac.providers.interface import HostRefused
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.storage import disk
 from tests.builders import a_host, memory
@@ -82,7 +82,7 @@ def test_they_go_when_the_work_fails(tmp_path: Path) -> None:
 def test_they_go_when_only_one_can_be_made(tmp_path: Path) -> None:
     host = the_host(tmp_path)
     with (
-        pytest.raises(Refused, match="needs"),
+        pytest.raises(HostRefused, match="needs"),
         running_test_partitions(host, "robot", (SHAPES[0], load_shape(2, memory("4 GiB")))),
     ):
         raise AssertionError("P2 has no room")

@@ -4,7 +4,7 @@ import pytest
 
 from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
-from rarms_iac.powershell.inspection.layout import split, without_fixed
+from rarms_iac.powershell.inspection.layout import split_script, without_fixed
 from rarms_iac.powershell.render import render_scripts
 from rarms_iac.powershell.templates import PARTS, part_begin, part_end, part_text, parts_for, runtime
 from rarms_iac.powershell.tree import ShapeNode
@@ -15,7 +15,7 @@ scripts = pytest.mark.parametrize("name", sorted(SCRIPTS))
 
 
 def carried(script: str) -> tuple[str, ...]:
-    return tuple(piece.name for piece in split(script).fixed if piece.name)
+    return tuple(piece.name for piece in split_script(script).fixed if piece.name)
 
 
 def statements(script: str) -> list[ShapeNode]:
@@ -84,7 +84,7 @@ def test_all_of_it_does() -> None:
 @scripts
 def test_the_tree_of_a_script_is_the_trees_of_its_pieces_one_after_another(name: str) -> None:
     whole = SCRIPTS[name]
-    parts = split(whole)
+    parts = split_script(whole)
     apart = [*(piece.text for piece in parts.fixed), parts.steps]
 
     assert statements(whole) == [leaf for piece in apart for leaf in statements(piece.replace("\n", "\r\n"))]
@@ -96,7 +96,7 @@ def test_without_what_is_fixed_every_line_keeps_its_number(name: str) -> None:
 
     assert len(left) == len(whole)
     assert {(one, other) for one, other in zip(whole, left, strict=True) if one != other and other} == set()
-    assert left[split(SCRIPTS[name]).steps_line] == "try {"
+    assert left[split_script(SCRIPTS[name]).steps_line] == "try {"
 
 
 def test_what_was_changed_is_looked_at_whole() -> None:

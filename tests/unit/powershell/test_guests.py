@@ -4,7 +4,7 @@ from rarms_iac.model.state import RegistryValue, ValueKind
 from rarms_iac.powershell.guests import LOST, GuestTask
 from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
-from rarms_iac.powershell.outline import Machine, ScriptCall, outline
+from rarms_iac.powershell.outline import MachineVariable, ScriptCall, outline
 from rarms_iac.powershell.render import render_guest
 from tests import builders_plan as build
 from tests.unit.powershell.plans import rendered_plan
@@ -43,7 +43,7 @@ def test_both_scripts_pass_the_inspection() -> None:
 def test_a_class_must_be_free_and_nothing_else_is_claimed_of_it() -> None:
     games, motion = outline(scripts()[0]).steps
 
-    reads: dict[str, bool | int | str | Machine | ScriptCall] = {
+    reads: dict[str, bool | int | str | MachineVariable | ScriptCall] = {
         "Task": "MotionControl",
         "Application": "robot",
         "Replace": False,

@@ -1,8 +1,8 @@
 import pytest
 
 from rarms_iac.model.plan import Scope
-from rarms_iac.powershell.calls import parts_of
-from rarms_iac.powershell.outline import Machine, ScriptCall, outline
+from rarms_iac.powershell.calls import pieces_of
+from rarms_iac.powershell.outline import MachineVariable, ScriptCall, outline
 from rarms_iac.powershell.render import insides, render_apply, render_observe, render_scripts, render_undo
 from tests.unit.powershell.plans import rendered_plan
 
@@ -13,7 +13,7 @@ def test_a_script_says_all_that_its_plan_says() -> None:
 
     told = [step for inside in insides(on) for step in outline(render_apply(on, plan, inside)).steps]
 
-    parts = [part for step in on.steps for part in parts_of(step, scope)]
+    parts = [part for step in on.steps for part in pieces_of(step, scope)]
     said = {(step.address, step.action, tuple(step.before.items()), tuple(step.after.items())) for step in told}
     assert said == {
         (part.address, part.action, tuple(sorted(part.before.items())), tuple(sorted(part.after.items())))
@@ -31,7 +31,7 @@ def test_a_set_block_is_read_call_by_call() -> None:
         ScriptCall(name="Get-Machine", parameters={"Name": "vision"}, found=True),
         ScriptCall(
             name="Hyper-V\\Set-VMProcessor",
-            parameters={"VM": Machine(), "Reserve": 40, "Maximum": 100, "RelativeWeight": 200},
+            parameters={"VM": MachineVariable(), "Reserve": 40, "Maximum": 100, "RelativeWeight": 200},
         ),
     )
 

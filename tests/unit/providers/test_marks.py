@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rarms_iac.providers.marks import erase_mark, judge_marks, mark_for, read_mark, write_mark
+from rarms_iac.providers.marks import erase_mark, mark_for, read_mark, read_marks, write_mark
 
 FIRST, SECOND = "aaaaaaaa-1111-4111-8111-111111111111", "bbbbbbbb-1111-4111-8111-111111111111"
 MARK = mark_for(FIRST, "robot", "vision", "0123456789ab")
@@ -44,13 +44,13 @@ def test_a_mark_taken_out_leaves_the_notes_as_they_were(notes: str) -> None:
     ],
 )
 def test_what_does_not_count_is_said(notes: str, why: str) -> None:
-    judged = judge_marks({FIRST: notes})[FIRST]
+    judged = read_marks({FIRST: notes})[FIRST]
 
     assert (judged.mark, judged.foreign) == (None, why)
 
 
 def test_of_a_machine_and_its_copy_only_the_machine_is_ours() -> None:
-    judged = judge_marks({FIRST: LINE, SECOND: LINE})
+    judged = read_marks({FIRST: LINE, SECOND: LINE})
 
     assert judged[FIRST].mark == MARK
     assert judged[SECOND].mark is None
@@ -58,11 +58,11 @@ def test_of_a_machine_and_its_copy_only_the_machine_is_ours() -> None:
 
 
 def test_a_partition_on_two_machines_is_on_none() -> None:
-    twice = judge_marks({FIRST: LINE, SECOND: write_mark("", mark_for(SECOND, "robot", "vision", "0" * 12))})
+    twice = read_marks({FIRST: LINE, SECOND: write_mark("", mark_for(SECOND, "robot", "vision", "0" * 12))})
 
     assert [one.mark for one in twice.values()] == [None, None]
     assert {one.foreign for one in twice.values()} == {"the mark of robot/vision stands on 2 machines"}
 
 
 def test_the_users_lines_are_kept_apart() -> None:
-    assert judge_marks({FIRST: f"one\n{LINE}\ntwo"})[FIRST].other_notes == "one\ntwo"
+    assert read_marks({FIRST: f"one\n{LINE}\ntwo"})[FIRST].other_notes == "one\ntwo"

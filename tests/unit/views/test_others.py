@@ -5,8 +5,8 @@ from dataclasses import replace
 from rich.console import Console
 
 from rarms_iac.apply.refusals import UNDO_PARTIAL
-from rarms_iac.apply.run_report import Ending, HostReport, RunReport
-from rarms_iac.apply.run_script import TakenBack
+from rarms_iac.apply.run_report import HostReport, RunEnding, RunReport
+from rarms_iac.apply.run_script import UndoneStep
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind, RunStarted, StepStatus
@@ -45,7 +45,7 @@ def test_drift_for_programs() -> None:
     assert json.loads(text)["drifted"][0]["attributes"][0]["before"] == 50
 
 
-def a_report(ending: Ending, changed: int = 2) -> RunReport:
+def a_report(ending: RunEnding, changed: int = 2) -> RunReport:
     host = HostReport(
         host="onboard", plan="0123456789ab", run=RunKind.APPLY, ending=ending, changed=changed, unchanged=1, total=4
     )
@@ -53,17 +53,17 @@ def a_report(ending: Ending, changed: int = 2) -> RunReport:
 
 
 def test_a_run_says_how_it_ended_and_what_is_left() -> None:
-    done = render(run_text(a_report(Ending.DONE, changed=3)), 100)
-    stopped = render(run_text(a_report(Ending.INTERRUPTED)), 80)
+    done = render(run_text(a_report(RunEnding.DONE, changed=3)), 100)
+    stopped = render(run_text(a_report(RunEnding.INTERRUPTED)), 80)
 
     assert done == "onboard: Apply of plan 0123456789ab complete: 3 steps changed something, 1 found all as wanted.\n"
     assert "1 of 4 left" in stopped
     assert "rarms undo" in stopped
-    check(run_json(a_report(Ending.DONE)))
+    check(run_json(a_report(RunEnding.DONE)))
 
 
 def test_an_apply_counts_the_resources_as_the_plan_did() -> None:
-    report = a_report(Ending.DONE, changed=3)
+    report = a_report(RunEnding.DONE, changed=3)
     changes = (create(partition(settings("speech"))), update(partition(settings()), partition(settings(reserve=30))))
     done = replace(report, hosts=tuple(replace(host, changes=changes) for host in report.hosts))
 
@@ -75,9 +75,9 @@ def test_an_apply_counts_the_resources_as_the_plan_did() -> None:
 
 def test_an_undo_without_a_step_says_why() -> None:
     host = HostReport(
-        host="onboard", plan="0123456789ab", run=RunKind.UNDO, ending=Ending.DONE, changed=0, unchanged=0, total=0
+        host="onboard", plan="0123456789ab", run=RunKind.UNDO, ending=RunEnding.DONE, changed=0, unchanged=0, total=0
     )
-    idle = RunReport(ending=Ending.DONE, hosts=(host,))
+    idle = RunReport(ending=RunEnding.DONE, hosts=(host,))
     lost = replace(idle, diagnostics=(UNDO_PARTIAL.at(None, "what", "do"),))
 
     assert render(run_text(idle), 100) == "onboard: Undo of plan 0123456789ab: it had changed nothing.\n"
@@ -138,8 +138,8 @@ def test_a_terminal_updates_a_line_a_partition_in_place() -> None:
 
 def test_an_undo_says_what_comes_back_and_what_stays() -> None:
     steps = [
-        TakenBack(address="partition/vision", title="reserve 40 -> 70 %", level=UndoLevel.FULL),
-        TakenBack(address="partition/old", title="remove the machine", level=UndoLevel.NONE),
+        UndoneStep(address="partition/vision", title="reserve 40 -> 70 %", level=UndoLevel.FULL),
+        UndoneStep(address="partition/old", title="remove the machine", level=UndoLevel.NONE),
     ]
 
     assert render(undo_text("onboard", a_start(), steps)).splitlines()[-2:] == [

@@ -16,9 +16,9 @@ from rarms_iac.providers.hyperv.bootstrap import (
     render_bootstrap,
     ssh_words,
 )
-from rarms_iac.providers.interface import Script, Waits
+from rarms_iac.providers.interface import ScriptBundle, WaitLimits
 
-SCRIPT = Script(runs="cell.ps1", files={"cell.undo.ps1": "undo\r\n", "cell.ps1": "do\r\n"})
+SCRIPT = ScriptBundle(runs="cell.ps1", files={"cell.undo.ps1": "undo\r\n", "cell.ps1": "do\r\n"})
 
 
 def test_the_bootstrap_passes_the_inspection() -> None:
@@ -78,19 +78,21 @@ def test_the_frame_says_lengths_and_digests_first_and_what_runs_before_the_rest(
 @pytest.mark.parametrize("name", ["../a.ps1", "A.ps1", "a.txt", ".ps1", "a b.ps1", "a.ps1\n"])
 def test_a_name_that_is_no_scripts_is_not_sent(name: str) -> None:
     with pytest.raises(ValueError, match="name"):
-        frame(Script(runs=name, files={name: "x"}), ())
+        frame(ScriptBundle(runs=name, files={name: "x"}), ())
 
 
 @pytest.mark.parametrize(
     ("waits", "abandoning", "expected"),
     [
-        (Waits(), False, ("-AsJson",)),
-        (Waits(lock_ms=1), False, ("-AsJson", "-LockTimeout", "1")),
-        (Waits(lock_ms=60_000), True, ("-AsJson", "-LockTimeout", "60", "-Abandon")),
-        (Waits(lock_ms=10**15), False, ("-AsJson", "-LockTimeout", "999999")),
+        (WaitLimits(), False, ("-AsJson",)),
+        (WaitLimits(lock_ms=1), False, ("-AsJson", "-LockTimeout", "1")),
+        (WaitLimits(lock_ms=60_000), True, ("-AsJson", "-LockTimeout", "60", "-Abandon")),
+        (WaitLimits(lock_ms=10**15), False, ("-AsJson", "-LockTimeout", "999999")),
     ],
 )
-def test_arguments_are_those_that_the_bootstrap_takes(waits: Waits, abandoning: bool, expected: tuple[str]) -> None:
+def test_arguments_are_those_that_the_bootstrap_takes(
+    waits: WaitLimits, abandoning: bool, expected: tuple[str]
+) -> None:
     arguments = arguments_of(waits, abandoning=abandoning)
     pattern = re.search(r"-cnotmatch '(\^\( .*?\$)'", command())
 

@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from rarms_iac.providers.hyperv.observation import (
-    Observation,
-    Read,
-    Unread,
+    HostObservation,
+    ReadProbe,
+    UnreadProbe,
     is_observation,
     or_else,
     read_observation,
@@ -42,10 +42,10 @@ def test_no_encoding_that_a_powershell_writes_is_lost(encoding: str) -> None:
 def test_a_probe_is_a_value_absent_or_denied() -> None:
     seen = recorded("unprivileged-caller")
 
-    assert seen.machines == Read(value=())
-    assert isinstance(seen.hypervisor, Unread)
+    assert seen.machines == ReadProbe(value=())
+    assert isinstance(seen.hypervisor, UnreadProbe)
     assert seen.hypervisor.denied
-    assert isinstance(seen.records, Unread)
+    assert isinstance(seen.records, UnreadProbe)
     assert not seen.records.denied
     assert or_else(seen.records, ()) == ()
 
@@ -56,7 +56,7 @@ def test_an_older_script_did_not_look() -> None:
 
     seen = read_observation(json.dumps(answer).encode())
 
-    assert isinstance(seen.pending_restart, Unread)
+    assert isinstance(seen.pending_restart, UnreadProbe)
     assert seen.pending_restart.error == "NotLookedFor"
 
 
@@ -115,4 +115,4 @@ def test_every_probe_of_the_script_is_read_and_no_other() -> None:
         if line.startswith("    ") and " = Read-Probe" in line
     }
 
-    assert probes == set(Observation.__dataclass_fields__) - {"computer"}
+    assert probes == set(HostObservation.__dataclass_fields__) - {"computer"}

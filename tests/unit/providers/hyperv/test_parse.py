@@ -7,7 +7,7 @@ from rarms_iac.model.state import RegistryValue, Rights, RunState, StartAction, 
 from rarms_iac.model.system import ProviderKind, SchedulerType
 from rarms_iac.providers.hyperv.findings import findings_of
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted, NoJournal, last_run
-from rarms_iac.providers.hyperv.observation import Observation, Read
+from rarms_iac.providers.hyperv.observation import HostObservation, ReadProbe
 from rarms_iac.providers.hyperv.parse import last_run_of, run_state, scheduler_of, serials_of, tasks_of, to_state
 from rarms_iac.storage.append import line_of
 from rarms_iac.storage.codec import NotDecodable
@@ -93,7 +93,9 @@ def test_every_state_is_off_running_paused_saved_critical_or_busy() -> None:
         (recorded("client-with-root-scheduler", scheduler=3), SchedulerType.CORE),
     ],
 )
-def test_a_client_counts_as_root_and_of_a_server_nothing_is_assumed(seen: Observation, expected: SchedulerType) -> None:
+def test_a_client_counts_as_root_and_of_a_server_nothing_is_assumed(
+    seen: HostObservation, expected: SchedulerType
+) -> None:
     assert scheduler_of(seen) is expected
 
 
@@ -112,7 +114,7 @@ def test_a_client_counts_as_root_and_of_a_server_nothing_is_assumed(seen: Observ
         (unread("empty-host", "elevated", "host_visible", "hypervisor"), Rights.UNKNOWN),
     ],
 )
-def test_rights_are_proven_and_not_assumed(seen: Observation, expected: Rights) -> None:
+def test_rights_are_proven_and_not_assumed(seen: HostObservation, expected: Rights) -> None:
     assert to_state(seen, "onboard").facts.rights is expected
 
 
@@ -159,7 +161,7 @@ def test_the_serials_come_from_a_journal_of_administrators() -> None:
 
 def test_a_run_that_was_killed_is_unfinished_and_its_torn_record_dropped() -> None:
     journal = recorded("server-2022-with-strangers").journal
-    assert isinstance(journal, Read)
+    assert isinstance(journal, ReadProbe)
     whole = journal.value.text.splitlines(keepends=True)
 
     run = last_run("S-1-5-18", "".join(whole[:3]) + whole[3][:40])
@@ -173,7 +175,7 @@ def test_a_run_that_was_killed_is_unfinished_and_its_torn_record_dropped() -> No
 
 def test_a_planted_and_a_damaged_journal_say_nothing() -> None:
     journal = recorded("server-2022-with-strangers").journal
-    assert isinstance(journal, Read)
+    assert isinstance(journal, ReadProbe)
     text = journal.value.text
     extra = line_of({"number": 0, "status": "begun", "kind": "step_recorded"}).decode()
 
