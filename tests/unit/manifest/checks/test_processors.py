@@ -1,8 +1,15 @@
 import pytest
 
-from rarms_iac.model.system import ProviderKind, RunsOn, System
-from tests.builders import a_component, a_cpu, a_host, a_partition, a_simulation, a_system
-from tests.unit.manifest.checks.test_names_and_partitions import details, found
+from rarms_iac.model.system import System
+from tests.builders import (
+    a_component,
+    a_cpu,
+    a_host,
+    a_partition,
+    a_simulation,
+    a_system,
+)
+from tests.unit.manifest.checks.violations import details, found
 
 BIG = a_host("big", logical_processors=8, memory="64 GiB")
 
@@ -78,39 +85,6 @@ def test_more_processors_than_any_host_has() -> None:
     assert found(a_system(hosts=[a_host(), BIG], components=[many])) == []
     assert found(a_system(partitions=[a_partition("vision", processors=3)])) == [
         ("RARMS064", "partitions.vision.processors")
-    ]
-
-
-def test_memory_of_partitions() -> None:
-    components = [a_component("vision"), a_component("speech")]
-    both = a_partition("vision", components=["vision", "speech"], memory="768 MiB")
-
-    assert found(a_system(components=components, partitions=[both])) == [("RARMS065", "partitions.vision.memory")]
-    assert found(a_system(components=[a_component(memory="8 GiB")])) == [("RARMS066", "components.vision.memory")]
-    assert found(a_system(hosts=[a_host(keep_memory="1 GiB")], components=[a_component(memory="3 GiB")])) == []
-    assert found(a_system(hosts=[a_host(), BIG], components=[a_component(memory="8 GiB")])) == []
-
-
-def test_hyperv_counts_memory_in_whole_mebibytes_and_linux_does_not() -> None:
-    odd = [a_component(memory="1000 KiB")]
-
-    assert found(a_system(components=odd)) == [("RARMS067", "components.vision.memory")]
-    assert found(a_system(hosts=[a_host(provider=ProviderKind.HYPERV)], components=odd)) == [
-        ("RARMS067", "components.vision.memory")
-    ]
-    assert found(a_system(hosts=[a_host(provider=ProviderKind.LINUX)], components=odd)) == []
-
-
-def test_a_component_on_the_host_needs_room_there_and_has_no_partition() -> None:
-    watchdog = a_component("watchdog", runs_on=RunsOn.HOST, memory="64 MiB")
-    with_reserve = a_component("watchdog", runs_on=RunsOn.HOST, reserve="10 %", dedicated=True, memory="64 MiB")
-    roomy = a_host(keep_processor="10 %", keep_memory="64 MiB")
-
-    assert found(a_system(components=[watchdog])) == [("RARMS058", "hosts.onboard.keep_for_host")]
-    assert found(a_system(hosts=[roomy], components=[watchdog])) == []
-    assert sorted(found(a_system(hosts=[roomy], components=[with_reserve]))) == [
-        ("RARMS059", "components.watchdog.cpu.reserve"),
-        ("RARMS059", "components.watchdog.dedicated"),
     ]
 
 

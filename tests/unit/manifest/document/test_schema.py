@@ -14,7 +14,7 @@ from rarms_iac.manifest.load import load, no_checks
 from rarms_iac.manifest.text.reading import read_text
 from tests.unit.manifest.examples import EVERYTHING
 
-SCHEMAS = Path(__file__).parents[3] / "schemas"
+SCHEMAS = Path(__file__).parents[4] / "schemas"
 
 
 def test_the_committed_schema_is_the_generated_one() -> None:

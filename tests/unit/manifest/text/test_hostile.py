@@ -12,7 +12,7 @@ from rarms_iac.manifest.load import load
 from tests.hostile import HOSTILE, HOSTILE_VALUES, Hostile
 
 TODAY = date(2026, 1, 1)
-FOLDER = Path(__file__).parents[3]
+FOLDER = Path(__file__).parents[4]
 
 MEASURE = """
 import resource, sys

@@ -1,0 +1,215 @@
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import date
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.manifest.checks import run_checks
+from rarms_iac.manifest.checks.measurement import LogsInFolder, pattern_groups, samples_needed
+from rarms_iac.model.diagnostics import Severity
+from rarms_iac.model.system import (
+    Call,
+    Elapsed,
+    Field,
+    Run,
+    SampleCount,
+    Samples,
+    System,
+    Threshold,
+)
+from tests.builders import (
+    PathPlaces,
+    a_component,
+    a_host,
+    a_run,
+    a_system,
+    at_least,
+    at_most,
+    codes,
+    milliseconds,
+)
+from tests.unit.manifest.checks.violations import details, found
+
+RESPONSE = Field(name="ms")
+
+
+def test_a_measured_reserve_needs_an_apt_and_something_to_run() -> None:
+    nothing = a_component(reserve="measured")
+    no_run = a_component(reserve="measured", apt={"mean_response_time": at_most(100)})
+
+    assert [code for code, _ in found(a_system(components=[nothing]))] == ["RARMS077", "RARMS079"]
+    assert [code for code, _ in found(a_system(components=[no_run]))] == ["RARMS079"]
+
+
+def with_run(run: Run, apt: Mapping[str, Threshold] | None = None) -> System:
+    return a_system(components=[a_component(run=run, apt=apt)])
+
+
+@pytest.mark.parametrize(
+    ("index", "threshold", "samples", "finds"),
+    [
+        ("mean_response_time", at_most(100), Samples(source="json_lines"), True),
+        ("mean_response_time", at_most(100), Samples(source="json_lines", response_time=RESPONSE), False),
+        ("p95_response_time", at_most(100), Samples(source="json_lines", success=RESPONSE), True),
+        ("jitter", at_most(1), Samples(source="json_lines", success=RESPONSE), True),
+        ("success_rate", at_least(95), Samples(source="json_lines", response_time=RESPONSE), True),
+        ("success_rate", at_least(95), Samples(source="per_run"), False),
+        ("throughput", at_least(24), Samples(source="json_lines"), True),
+        ("throughput", at_least(24), Samples(source="json_lines", count=RESPONSE), False),
+    ],
+)
+def test_an_index_needs_the_samples_it_is_made_of(
+    index: str, threshold: Threshold, samples: Samples, finds: bool
+) -> None:
+    system = with_run(a_run(samples=samples), {index: threshold})
+
+    assert found(system) == ([("RARMS070", f"components.vision.apt.{index}")] if finds else [])
+
+
+def test_a_called_function_is_watched_by_its_runner() -> None:
+    run = a_run(samples=Samples(source="json_lines"))
+    called = Run(
+        start=Call(module="a", function="b"),
+        files=run.files,
+        environment=run.environment,
+        folder=run.folder,
+        until=run.until,
+        timeout=run.timeout,
+        stop=run.stop,
+        arrival=run.arrival,
+        samples=run.samples,
+        deadline=run.deadline,
+        failures=run.failures,
+    )
+
+    assert found(with_run(called, {"mean_response_time": at_most(100)})) == []
+
+
+def test_times_that_contradict_each_other() -> None:
+    too_short = a_run(every="2 s", until=Elapsed(time=milliseconds("1 s")))
+    cut_off = a_run(timeout="100 ms")
+
+    assert found(with_run(too_short)) == [("RARMS068", "components.vision.run.until")]
+    assert found(with_run(a_run(every="1 s", until=Elapsed(time=milliseconds("1 s"))))) == []
+    assert found(with_run(cut_off, {"maximum_response_time": at_most(100)})) == [
+        ("RARMS069", "components.vision.run.timeout")
+    ]
+    assert found(with_run(a_run(timeout="100 ms", deadline="1 s"))) == [("RARMS069", "components.vision.run.timeout")]
+    assert found(with_run(cut_off, {"maximum_response_time": at_most(99)})) == []
+
+
+def test_a_miss_rate_needs_a_deadline() -> None:
+    apt = {"deadline_miss_rate": at_most(1)}
+
+    assert found(with_run(a_run(), apt)) == [("RARMS071", "components.vision.apt.deadline_miss_rate")]
+    assert found(with_run(a_run(every="33 ms"), apt)) == []
+
+
+@pytest.mark.parametrize(
+    ("index", "needed"),
+    [
+        ("p95_response_time", 20),
+        ("p99_response_time", 100),
+        ("p50_response_time", 2),
+        ("p99.9_response_time", 1000),
+        ("mean_response_time", None),
+    ],
+)
+def test_samples_that_a_percentile_needs(index: str, needed: int | None) -> None:
+    assert samples_needed(index) == needed
+
+
+def test_a_percentile_of_too_few_samples() -> None:
+    apt = {"p99_response_time": at_most(Fraction(100))}
+
+    assert found(with_run(a_run(until=SampleCount(samples=99)), apt)) == [("RARMS074", "components.vision.run.until")]
+    assert found(with_run(a_run(until=SampleCount(samples=100)), apt)) == []
+
+
+@pytest.mark.parametrize(
+    "pattern",
+    [
+        r"(?=x)y",  # look-ahead
+        r"(?<!x)y",  # look-behind
+        r"(a)\1",  # back-reference
+        r"(?P<a>x)(?P=a)",
+        r"(?>a+)b",  # atomic group
+        r"a++",  # possessive in other dialects, a nested repetition here
+        r"(",
+        r"(((((a{100}){100}){100}){100}){100})",  # memory
+        "\ud800",
+    ],
+)
+def test_patterns_that_are_not_re2_or_too_large(pattern: str) -> None:
+    samples = Samples(source="pattern", pattern=pattern)
+
+    assert found(with_run(a_run(samples=samples))) == [("RARMS072", "components.vision.run.samples.pattern")]
+
+
+def test_a_pattern_that_is_catastrophic_elsewhere_is_harmless_in_re2() -> None:
+    assert pattern_groups(r"^(a+)+$") == {}
+    assert pattern_groups(r"^heard .* ok=(?P<success>[01]) ms=(?P<response>[0-9.]+)") == {"success": 1, "response": 2}
+
+
+def test_a_field_names_a_group_of_the_pattern() -> None:
+    samples = Samples(
+        source="pattern", pattern=r"ms=(?P<response>[0-9.]+)", response_time=Field(name="respnse"), success=None
+    )
+
+    assert found(with_run(a_run(samples=samples))) == [
+        ("RARMS073", "components.vision.run.samples.response_time.field")
+    ]
+    assert 'Did you mean "response"?' in details(with_run(a_run(samples=samples)))
+
+
+@dataclass(frozen=True)
+class Logs:
+    """Data logs that are simply listed."""
+
+    there: frozenset[tuple[str, str, str]] = frozenset()
+
+    def exists(self, platform: str, component: str, interference: str) -> bool:
+        return (platform, component, interference) in self.there
+
+
+def measured() -> System:
+    component = a_component("vision", reserve="measured", apt={"mean_response_time": at_most(100)}, run=a_run())
+    return a_system(hosts=[a_host(platform="atom"), a_host("other", platform="xeon")], components=[component])
+
+
+def test_a_reserve_that_is_not_measured_yet_is_a_warning_for_the_manifest_is_right() -> None:
+    (told,) = run_checks(measured(), PathPlaces(), date(2026, 1, 1), logs=Logs())
+
+    assert (told.code, told.severity) == ("RARMS101", Severity.WARNING)
+    assert "measurements/atom/vision/busy-loop.jsonl" in told.detail
+
+
+def test_a_log_on_one_platform_that_it_may_run_on_is_enough() -> None:
+    logs = Logs(frozenset({("xeon", "vision", "busy-loop")}))
+
+    assert run_checks(measured(), PathPlaces(), date(2026, 1, 1), logs=logs) == ()
+
+
+def test_a_log_against_another_interference_is_none() -> None:
+    logs = Logs(frozenset({("xeon", "vision", "browsers")}))
+
+    assert codes(run_checks(measured(), PathPlaces(), date(2026, 1, 1), logs=logs)) == ["RARMS101"]
+
+
+def test_a_fixed_reserve_needs_no_log_and_without_logs_to_ask_nothing_is_said() -> None:
+    assert run_checks(a_system(), PathPlaces(), date(2026, 1, 1), logs=Logs()) == ()
+    assert run_checks(measured(), PathPlaces(), date(2026, 1, 1)) == ()
+
+
+def test_logs_lie_in_the_folder_of_platform_and_component(tmp_path: Path) -> None:
+    log = tmp_path / "atom" / "vision" / "busy-loop.jsonl"
+    log.parent.mkdir(parents=True)
+    log.write_text("{}\n", encoding="utf-8", newline="\n")
+
+    logs = LogsInFolder(tmp_path)
+
+    assert logs.exists("atom", "vision", "busy-loop")
+    assert not logs.exists("atom", "vision", "browsers")
+    assert not LogsInFolder(tmp_path / "none").exists("atom", "vision", "busy-loop")

@@ -1,0 +1,30 @@
+from rarms_iac.model.system import ProviderKind
+from tests.builders import (
+    a_component,
+    a_host,
+    a_partition,
+    a_system,
+)
+from tests.unit.manifest.checks.violations import found
+
+BIG = a_host("big", logical_processors=8, memory="64 GiB")
+
+
+def test_memory_of_partitions() -> None:
+    components = [a_component("vision"), a_component("speech")]
+    both = a_partition("vision", components=["vision", "speech"], memory="768 MiB")
+
+    assert found(a_system(components=components, partitions=[both])) == [("RARMS065", "partitions.vision.memory")]
+    assert found(a_system(components=[a_component(memory="8 GiB")])) == [("RARMS066", "components.vision.memory")]
+    assert found(a_system(hosts=[a_host(keep_memory="1 GiB")], components=[a_component(memory="3 GiB")])) == []
+    assert found(a_system(hosts=[a_host(), BIG], components=[a_component(memory="8 GiB")])) == []
+
+
+def test_hyperv_counts_memory_in_whole_mebibytes_and_linux_does_not() -> None:
+    odd = [a_component(memory="1000 KiB")]
+
+    assert found(a_system(components=odd)) == [("RARMS067", "components.vision.memory")]
+    assert found(a_system(hosts=[a_host(provider=ProviderKind.HYPERV)], components=odd)) == [
+        ("RARMS067", "components.vision.memory")
+    ]
+    assert found(a_system(hosts=[a_host(provider=ProviderKind.LINUX)], components=odd)) == []
