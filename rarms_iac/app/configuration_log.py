@@ -20,13 +20,20 @@ from rarms_iac.storage.datalog.files import LogUnreadable, configuration_path, r
 
 
 def record_choices(measured: Measurements, components: Iterable[str] = ()) -> tuple[Path, ...]:
-    """Write down what follows from the manifest and the data logs for these components (none: all); what changed.
+    """Write down what follows from the manifest and the data logs, where the configuration log does not say it yet.
 
-    A component whose reservation cannot be told is left out: `rarms plan` tells why.
+    A component whose reservation is not known is left out: `rarms plan` tells why.
+
+    Args:
+        measured: The measurements beside the manifest.
+        components: Names; none: all.
+
+    Returns:
+        The configuration logs that were added to.
 
     Raises:
-        UseCaseError: a configuration log is damaged (4), or held by another run (3).
-        OSError: one cannot be written.
+        UseCaseError: A configuration log is damaged (negative), or held by another run (refused).
+        OSError: One cannot be written.
     """
     with hold_configuration_logs(measured.folder):
         return _choices(measured, components)
@@ -52,8 +59,8 @@ def _choices(measured: Measurements, components: Iterable[str]) -> tuple[Path, .
     return tuple(written)
 
 
-def apt_in_words(component: Component) -> dict[str, str]:
-    """`at most 100 ms` by index."""
+def describe_apt(component: Component) -> dict[str, str]:
+    """Return the thresholds of a component in words, by index: `at most 100 ms`."""
     return {
         name: show_threshold(index, threshold)
         for name, threshold in component.apt.items()
@@ -75,7 +82,7 @@ def _entries(
             component=member.name,
             when=now(),
             rarms_version=__version__,
-            apt=apt_in_words(member),
+            apt=describe_apt(member),
             partition=group.name,
             reserve=reserve,
             interpolated=interpolated,

@@ -1,4 +1,4 @@
-"""Data logs for whoever plans: found, read, compared with what is now, and made into reservations.
+"""Data logs for who plans: found, read, compared with what is now, and made into reservations.
 
 Here and nowhere else files of measurements become values for the planner, which reads none.
 """
@@ -55,7 +55,7 @@ def measurements_of(manifest: Manifest) -> Measurements:
 
 
 def subject_of(system: System, host: Host, members: tuple[str, ...], interference: str) -> Subject:
-    """What a data log of these components on this host is about."""
+    """Return what a data log of these components on this host, against this load, is about."""
     experiment = experiment_of(system, host, members, interference)
     return Subject(
         platform=host.platform,
@@ -67,12 +67,20 @@ def subject_of(system: System, host: Host, members: tuple[str, ...], interferenc
 
 
 def path_of(folder: Path, subject: Subject) -> Path:
-    """Where its data log lies."""
+    """Return where the data log of a subject lies; `folder`: the manifest's."""
     return log_path(folder, subject.platform, subject.setup.members, subject.setup.interference)
 
 
 def measured_reservations(measured: Measurements, states: Mapping[str, State]) -> MeasuredReservations:
-    """What the data logs say on every host of the manifest; of hosts in `states`, what was seen is compared too."""
+    """Read what the data logs say on every host of the manifest.
+
+    Args:
+        measured: The manifest, and where its logs lie.
+        states: What hosts look like, by name; of those that were looked at, that is compared with the logs, too.
+
+    Returns:
+        Reservations for the planner. A log that is missing, damaged or stale is an answer, not an error.
+    """
     system, files, read = measured.system, Files(measured.folder), cache(_read)
     kinds = {name: _kind_of(host, states) for name, host in sorted(system.hosts.items())}
     alike: dict[_Kind, list[str]] = {}
@@ -88,18 +96,26 @@ def measured_reservations(measured: Measurements, states: Mapping[str, State]) -
 
 
 def compared(log: DataLog, subject: Subject, files: Files, bench: BenchNow, *, here: bool) -> Comparison:
-    """A log beside what is now; `here`: components of that host are started on this computer."""
+    """Compare a data log with what is now.
+
+    Args:
+        log: As it was read.
+        subject: What it is to be about.
+        files: Of the manifest's folder.
+        bench: The host as it is now.
+        here: Whether components of that host are started on this computer.
+    """
     interpreters = files.interpreters(subject) if here else {}
     return compare(log.header, identity_of(subject, files.of(subject), interpreters), bench)
 
 
 def is_here(host: Host) -> bool:
-    """Whether programs of this computer run on it."""
+    """Return whether programs of this computer run on the host."""
     return host.connect is None and host.provider is ProviderKind.LINUX
 
 
 def bench_now(host: Host, facts: HostFacts | None = None) -> BenchNow:
-    """What the manifest says of a host, and what was seen of it."""
+    """Return what the manifest says of a host, and what was seen of it; `facts`: None, it was not looked at."""
     image = host.settings.image or "" if isinstance(host.settings, HypervHost) else None
     bench = BenchNow(provider=host.provider, logical_processors=host.logical_processors, guest_image=image)
     if facts is None:
@@ -156,7 +172,7 @@ def _answer(
 
 
 def curves_in(log: DataLog, components: Mapping[str, Component]) -> Callable[[str, str], Curve]:
-    """The curve of a component's index, each made when it is first asked for."""
+    """Return a function from component and index to its curve; each curve is made when it is first asked for."""
 
     @cache
     def curve(component: str, index: str) -> Curve:
@@ -198,7 +214,7 @@ def _remarks(log: DataLog, comparison: Comparison, group: Group, shown: str, aga
             code=findings.DIFFERENT.code,
             advice="Measure again if that can matter to the component.",
         )
-    beside = sorted({name for one in log.counting for name in one.provenance.beside})
+    beside = sorted({name for recorded in log.counting for name in recorded.provenance.beside})
     if beside:
         yield Cause(
             what=what,

@@ -1,14 +1,19 @@
-"""What `rarms explain COMPONENT` walks through, gathered from manifest, data logs, hosts and the layout."""
+"""How a component comes to what it gets, gathered from manifest, data logs, hosts and the layout.
+
+Begin at `explain_component`; the values that it returns are in `explanation`.
+"""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from rarms_iac.app import explanation
-from rarms_iac.app.data_logs import Measurements, measured_reservations, path_of, subject_of
-from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.app.hosts import Hosts, observe_hosts
-from rarms_iac.app.tuning_log import NOT_LOOKED_FOR, shared, tuned_before, why_together
+from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of, path_of, subject_of
+from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
+from rarms_iac.app.explanation import DataLogSummary, Explanation, HostExplanation, HostPromises, MemberCurve
+from rarms_iac.app.hosts import Hosts, observe_hosts, select_hosts
+from rarms_iac.app.manifests import Manifest
+from rarms_iac.app.requests import HostSelection
+from rarms_iac.app.tuning_log import NOT_LOOKED_FOR, previous_tuning, rejected_compounds, why_together
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.capacity import capacity_of, load_of
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
@@ -16,6 +21,7 @@ from rarms_iac.model.layout import Cause, Layout, PlacedPartition
 from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime, in_processors, show_processors
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, Disruption, Host, Measured, System
+from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.alternatives import Chosen, Elsewhere, elsewhere
 from rarms_iac.planner.groups import Group, groups_of, may_share
 from rarms_iac.planner.layout import Planning, plan_layout
@@ -34,60 +40,24 @@ from rarms_iac.planner.reservations import (
 from rarms_iac.planner.sizes import Sized, size
 from rarms_iac.storage.datalog.files import read_log
 from rarms_iac.storage.datalog.log import DataLog
-
-TOLD = 3
-
-
-def partners(
-    group: Group,
-    groups: Sequence[Group],
-    host: Host,
-    reservations: MeasuredReservations,
-    was_measured: Callable[[Names], bool],
-) -> tuple[str, ...]:
-    """The pairs that would save most, if what their members do alone is a guide; the most first.
-
-    Only pairs of which nothing was measured: of others the data log says more.
-    """
-    others = [one for one in groups if one.name != group.name and may_share(group, one)]
-    others = [other for other in others if not was_measured(names_of((*group.members, *other.members)))]
-    predictor = predictor_of(alone_in(groups, reservations, host))
-    found = [_told(group, other, host, reservations, predictor) for other in others]
-    return tuple(says for _, says in sorted(one for one in found if one is not None)[:TOLD])
-
-
-def _told(
-    group: Group, other: Group, host: Host, reservations: MeasuredReservations, predictor: Predictor
-) -> tuple[int, str] | None:
-    """With what it saves, below 0, in per cent of one logical processor; None: nothing, or nothing says so."""
-    sizes = [size(one, host, reservations) for one in (group, other)]
-    claims = [size.claim for size in sizes if isinstance(size, Sized)]
-    if len(claims) < len(sizes):
-        return None
-    costs, processors = [cost(claim) for claim in claims], max(claim.processors for claim in claims)
-    together = expected_of(predictor, names_of((*group.members, *other.members)), processors, costs)
-    if together is None or together * processors >= sum(costs):
-        return None
-    apart, now = (show_processors(Fraction(one, 100)) for one in (sum(costs), together * processors))
-    says = f"sharing with {other.name}: predicted {now} instead of {apart} apart; `rarms tune` measures it"
-    return together * processors - sum(costs), says
+from rarms_iac.storage.finding_pages import known_codes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Explained:
-    """The walk, and what keeps it from an end."""
+class ExplainedComponent:
+    """The explanation, and what keeps it from an end."""
 
-    walk: explanation.Explanation | explanation.HostExplanation
+    explanation: Explanation | HostExplanation
     errors: tuple[Diagnostic, ...] = ()  # why nothing can be said of how much it needs
 
     @property
     def fits(self) -> bool:
         """Whether there is a layout with it."""
-        return isinstance(self.walk, explanation.HostExplanation) or not self.walk.misfit
+        return isinstance(self.explanation, HostExplanation) or not self.explanation.misfit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Asked:
+class _KnownOfPartition:
     """What is known when a partition is explained."""
 
     measured: Measurements
@@ -126,7 +96,7 @@ class _Asked:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Found:
+class _Placement:
     """Where the partition is, or would be if there were room, or if it were known how much it needs."""
 
     host: Host
@@ -134,61 +104,80 @@ class _Found:
     cannot: str = ""  # why no host can have it
 
 
-def explained(measured: Measurements, hosts: Hosts, component: Component) -> Explained:
-    """The walk of a component, as `rarms plan` places it; hosts that cannot be looked at count by the manifest alone.
+def find_component(manifest: Manifest, name: str) -> Component:
+    """Return the component of this name.
 
     Raises:
-        UseCaseError: its partition has no host at all (4).
+        RequestError: There is none; the message offers the nearest component or finding.
     """
-    system = measured.system
-    group = next((one for one in groups_of(system) if component.name in names_of(one.members)), None)
+    component = manifest.system.components.get(name)
+    if component is None:
+        nearest = suggestion(name, (*manifest.system.components, *known_codes()))
+        raise RequestError(f'The manifest has no component "{name}", and no finding is called so.{nearest}')
+    return component
+
+
+def explain_component(manifest: Manifest, name: str) -> ExplainedComponent:
+    """Explain how a component comes to what it gets, as a plan places it.
+
+    Args:
+        manifest: Its hosts are looked at; those that cannot be count by what the manifest says.
+        name: Of the component.
+
+    Raises:
+        RequestError: There is no such component.
+        UseCaseError: Its partition has no host at all (negative).
+    """
+    component, measured, system = find_component(manifest, name), measurements_of(manifest), manifest.system
+    hosts = select_hosts(manifest, HostSelection())
+    group = next((group for group in groups_of(system) if name in names_of(group.members)), None)
     if group is None:
         allowed = component.hosts if component.hosts is not None else system.hosts
         homes = tuple(host for host in by_name(system.hosts) if host.name in allowed)
-        return Explained(walk=explanation.HostExplanation(component=component, hosts=homes))
+        return ExplainedComponent(explanation=HostExplanation(component=component, hosts=homes))
     states = observe_hosts(hosts, needed=())
     reservations = measured_reservations(measured, states)
     views = {name: host_view(state, system.application.name) for name, state in states.items()}
     planning = plan_layout(system, reservations, views, hosts.manifest.places)
-    asked = _Asked(
+    known = _KnownOfPartition(
         measured=measured, hosts=hosts, states=states, reservations=reservations, planning=planning, group=group
     )
-    found = _found(asked)
-    errors = tuple(finding for finding in planning.findings if has_errors([finding])) if found.cannot else ()
-    return Explained(walk=_walk(asked, found, component), errors=errors)
+    placement = _placement_of(known)
+    errors = tuple(finding for finding in planning.findings if has_errors([finding])) if placement.cannot else ()
+    return ExplainedComponent(explanation=_explanation(known, placement, component), errors=errors)
 
 
-def _walk(asked: _Asked, found: _Found, component: Component) -> explanation.Explanation:
-    group, reservations, layout = asked.group, asked.reservations, asked.layout
-    log = reservations.log(group.members, found.host)
+def _explanation(known: _KnownOfPartition, placement: _Placement, component: Component) -> Explanation:
+    group, reservations, layout = known.group, known.reservations, known.layout
+    log = reservations.log(group.members, placement.host)
     rests = rests_on_a_log(group)
     used = log if rests and isinstance(log, MeasuredTogether) else None
-    before = tuned_before(asked.measured.folder, found.host.platform)
-    return explanation.Explanation(
+    previous = previous_tuning(known.measured.folder, placement.host.platform)
+    return Explanation(
         component=component,
         group=group,
-        host=found.host,
-        placed=found.placed,
-        cannot=found.cannot,
-        wanted=_wanted(group, found.host, reservations),
+        host=placement.host,
+        placed=placement.placed,
+        cannot=placement.cannot,
+        wanted=_wanted(group, placement.host, reservations),
         fixed_by="" if rests else _fixed_by(group),
-        measured=None if used is None else _measured(asked.measured, group, found.host, used),
-        looked=() if used is None else tuple(_looked(group, used)),
-        least=None if used is None else reservations.least(group.members, found.host),
+        measured=None if used is None else _data_log_summary(known.measured, group, placement.host, used),
+        looked=() if used is None else tuple(_member_curves(group, used)),
+        least=None if used is None else reservations.least(group.members, placement.host),
         remarks=() if used is None else tuple(remark.says for remark in used.remarks),
-        why_together=tuple(why_together(group, asked.system, before)),
-        apart=_apart(asked, found),
-        shared=tuple(shared(group, before, found.host)) if rests else (NOT_LOOKED_FOR,),
+        why_together=tuple(why_together(group, known.system, previous)),
+        apart=_apart(known, placement),
+        shared=tuple(rejected_compounds(group, previous, placement.host)) if rests else (NOT_LOOKED_FOR,),
         partners=()
         if used is None
-        else partners(
-            group, groups_of(asked.system), found.host, reservations, _was_measured(asked.measured, found.host)
+        else _partners(
+            group, groups_of(known.system), placement.host, reservations, _was_measured(known.measured, placement.host)
         ),
-        on_host=None if layout is None else _on_host(asked, layout, found),
-        where_now=_where_now(asked, found),
-        unseen=tuple(sorted(set(asked.system.hosts) - set(asked.states))),
-        elsewhere=_elsewhere(asked, found),
-        misfit=() if layout is not None else tuple(_misfit(asked.planning)),
+        on_host=None if layout is None else _on_host(known, layout, placement),
+        where_now=_where_now(known, placement),
+        unseen=tuple(sorted(set(known.system.hosts) - set(known.states))),
+        elsewhere=_elsewhere(known, placement),
+        misfit=() if layout is not None else tuple(_misfit(known.planning)),
     )
 
 
@@ -200,26 +189,26 @@ def _was_measured(measured: Measurements, host: Host) -> Callable[[Names], bool]
     return has_log
 
 
-def _found(asked: _Asked) -> _Found:
+def _placement_of(known: _KnownOfPartition) -> _Placement:
     """In the layout; else where it is, or the first host by name that could have it, or that it may run on."""
-    system, group = asked.system, asked.group
-    if asked.layout is not None:
-        placed = next(partition for partition in asked.layout.partitions if partition.name == group.name)
-        return _Found(host=system.hosts[placed.host], placed=placed)
+    system, group = known.system, known.group
+    if known.layout is not None:
+        placed = next(partition for partition in known.layout.partitions if partition.name == group.name)
+        return _Placement(host=system.hosts[placed.host], placed=placed)
     allowed = [
         host
-        for host in sorted(system.hosts.values(), key=lambda one: (one.name != asked.now, one.name))
+        for host in sorted(system.hosts.values(), key=lambda host: (host.name != known.now, host.name))
         if all(member.hosts is None or host.name in member.hosts for member in group.members)
     ]
-    answers = [(host, size(group, host, asked.reservations)) for host in allowed]
+    answers = [(host, size(group, host, known.reservations)) for host in allowed]
     for host, answer in answers:
         if isinstance(answer, Sized):
-            return _Found(host=host, placed=answer.placed)
+            return _Placement(host=host, placed=answer.placed)
     for host, answer in answers:
         shape = size(_without_reserve(group), host, FixedReservations())
         if isinstance(shape, Sized) and isinstance(answer, Cause):
-            return _Found(host=host, placed=shape.placed, cannot=answer.says.rstrip("."))
-    raise UseCaseError(Outcome.NEGATIVE, asked.planning.findings, asked.hosts.manifest.sources)
+            return _Placement(host=host, placed=shape.placed, cannot=answer.says.rstrip("."))
+    raise UseCaseError(Outcome.NEGATIVE, known.planning.findings, known.hosts.manifest.sources)
 
 
 def _without_reserve(group: Group) -> Group:
@@ -244,13 +233,13 @@ def _fixed_by(group: Group) -> str:
     return f"the manifest, for {' and '.join(names)}," if names else ""
 
 
-def _measured(measured: Measurements, group: Group, host: Host, log: MeasuredTogether) -> explanation.DataLogSummary:
+def _data_log_summary(measured: Measurements, group: Group, host: Host, log: MeasuredTogether) -> DataLogSummary:
     members = names_of(group.members)
     subject = subject_of(measured.system, host, members, interference_of(measured.system, members))
     whole = read_log(path_of(measured.folder, subject))
     assert isinstance(whole, DataLog), "what a reservation rests on was read a moment ago"
-    bench, times = whole.header.bench, sorted(one.provenance.when for one in whole.recorded)
-    return explanation.DataLogSummary(
+    bench, times = whole.header.bench, sorted(recorded.provenance.when for recorded in whole.recorded)
+    return DataLogSummary(
         path=log.path,
         first=times[0] if times else "",
         last=times[-1] if times else "",
@@ -267,68 +256,108 @@ def _measured(measured: Measurements, group: Group, host: Host, log: MeasuredTog
     )
 
 
-def _looked(group: Group, log: MeasuredTogether) -> Iterator[explanation.MemberCurve]:
+def _member_curves(group: Group, log: MeasuredTogether) -> Iterator[MemberCurve]:
     for member in group.members:
         for index, threshold in member.apt.items():
-            yield explanation.MemberCurve(
+            yield MemberCurve(
                 member=member.name, index=index, threshold=threshold, curve=log.curves(member.name, index)
             )
 
 
-def _apart(asked: _Asked, found: _Found) -> str:
+def _apart(known: _KnownOfPartition, placement: _Placement) -> str:
     """What the members would reserve in partitions of their own, and whether that fits, as planned without this one."""
-    group, measured = asked.group, asked.measured
+    group, measured = known.group, known.measured
     if group.name not in measured.system.partitions or len(group.members) == 1:
         return ""
     partitions = {name: request for name, request in measured.system.partitions.items() if name != group.name}
     alone = replace(measured, system=replace(measured.system, partitions=partitions))
-    reservations = measured_reservations(alone, asked.states)
+    reservations = measured_reservations(alone, known.states)
     names = set(names_of(group.members))
     sizes = [
-        size(one, found.host, reservations) for one in groups_of(alone.system) if names & set(names_of(one.members))
+        size(part, placement.host, reservations)
+        for part in groups_of(alone.system)
+        if names & set(names_of(part.members))
     ]
     told = [size.placed for size in sizes if isinstance(size, Sized)]
     if len(told) < len(sizes) or len(sizes) == 1:
         return ""
-    places = asked.hosts.manifest.places
-    fits = isinstance(plan_layout(alone.system, reservations, asked.views, places).answer, Layout)
+    places = known.hosts.manifest.places
+    fits = isinstance(plan_layout(alone.system, reservations, known.views, places).answer, Layout)
     parts = " and ".join(f"{partition.name} {show_processors(partition.reserved)}" for partition in told)
     total = show_processors(sum((partition.reserved for partition in told), Fraction(0)))
     return (
-        f"apart: {parts}, {total} instead of {show_processors(found.placed.reserved)}; "
+        f"apart: {parts}, {total} instead of {show_processors(placement.placed.reserved)}; "
         f"{'that fits too' if fits else 'that does not fit'}"
     )
 
 
-def _on_host(asked: _Asked, layout: Layout, found: _Found) -> explanation.HostPromises:
-    view = asked.views.get(found.host.name, HostView())
-    capacity = capacity_of(found.host, view.facts)
+def _on_host(known: _KnownOfPartition, layout: Layout, placement: _Placement) -> HostPromises:
+    view = known.views.get(placement.host.name, HostView())
+    capacity = capacity_of(placement.host, view.facts)
     others = sorted(
         (partition.name, partition.reserved)
         for partition in layout.partitions
-        if partition.host == found.host.name and partition.name != found.placed.name
+        if partition.host == placement.host.name and partition.name != placement.placed.name
     )
     kept = LogicalProcessors(Fraction(capacity.logical_processors) - capacity.processors)
     foreign = LogicalProcessors(Fraction(load_of(view.claims).percent, 100))
-    return explanation.HostPromises(
+    return HostPromises(
         capacity=capacity.processors, kept=kept, foreign=foreign, beside=tuple(others), placement=layout.placement
     )
 
 
-def _where_now(asked: _Asked, found: _Found) -> str:
-    if not asked.now:
+def _where_now(known: _KnownOfPartition, placement: _Placement) -> str:
+    if not known.now:
         return ""
-    if asked.now != found.host.name:
-        return f"it is on {asked.now} now: applied, it is made anew on {found.host.name}"
-    return asked.stays or "it is there now"
+    if known.now != placement.host.name:
+        return f"it is on {known.now} now: applied, it is made anew on {placement.host.name}"
+    return known.stays or "it is there now"
 
 
-def _elsewhere(asked: _Asked, found: _Found) -> tuple[Elsewhere, ...]:
-    chosen = Chosen(placed=found.placed, layout=asked.layout, views=asked.views, stays=asked.stays)
-    return elsewhere(asked.group, chosen, asked.system, asked.reservations)
+def _elsewhere(known: _KnownOfPartition, placement: _Placement) -> tuple[Elsewhere, ...]:
+    chosen = Chosen(placed=placement.placed, layout=known.layout, views=known.views, stays=known.stays)
+    return elsewhere(known.group, chosen, known.system, known.reservations)
 
 
 def _misfit(planning: Planning) -> Iterator[str]:
     for finding in planning.findings:
         if has_errors([finding]):
             yield f"{finding.summary} ({finding.code}): {finding.detail} {finding.advice}"
+
+
+MOST_PARTNERS = 3
+
+
+def _partners(
+    group: Group,
+    groups: Sequence[Group],
+    host: Host,
+    reservations: MeasuredReservations,
+    was_measured: Callable[[Names], bool],
+) -> tuple[str, ...]:
+    """The pairs that would save most, if what their members do alone is a guide; the most first.
+
+    Only pairs of which nothing was measured: of others the data log says more.
+    """
+    others = [other for other in groups if other.name != group.name and may_share(group, other)]
+    others = [other for other in others if not was_measured(names_of((*group.members, *other.members)))]
+    predictor = predictor_of(alone_in(groups, reservations, host))
+    savings = [_saving(group, other, host, reservations, predictor) for other in others]
+    return tuple(message for _, message in sorted(saving for saving in savings if saving is not None)[:MOST_PARTNERS])
+
+
+def _saving(
+    group: Group, other: Group, host: Host, reservations: MeasuredReservations, predictor: Predictor
+) -> tuple[int, str] | None:
+    """With what it saves, below 0, in per cent of one logical processor; None: nothing, or nothing says so."""
+    sizes = [size(part, host, reservations) for part in (group, other)]
+    claims = [size.claim for size in sizes if isinstance(size, Sized)]
+    if len(claims) < len(sizes):
+        return None
+    costs, processors = [cost(claim) for claim in claims], max(claim.processors for claim in claims)
+    together = expected_of(predictor, names_of((*group.members, *other.members)), processors, costs)
+    if together is None or together * processors >= sum(costs):
+        return None
+    apart, now = (show_processors(Fraction(percent, 100)) for percent in (sum(costs), together * processors))
+    says = f"sharing with {other.name}: predicted {now} instead of {apart} apart; `rarms tune` measures it"
+    return together * processors - sum(costs), says

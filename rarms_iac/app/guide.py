@@ -4,16 +4,17 @@ import shlex
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from rarms_iac.app.configuration_log import apt_in_words
-from rarms_iac.app.data_logs import Measurements, measured_reservations
-from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.configuration_log import describe_apt
+from rarms_iac.app.data_logs import measured_reservations, measurements_of
+from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
+from rarms_iac.app.explain import find_component
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.quantities import Unit
 from rarms_iac.model.system import Command, Component, Host, RunsOn
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import plan_layout
-from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, rests_on_a_log
+from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, names_of, rests_on_a_log
 from rarms_iac.planner.sizes import Sized, size
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
 
@@ -40,15 +41,20 @@ class GuideFacts:
     shortest_ms: float | None  # the shortest response time that a threshold allows
 
 
-def guide_facts(measured: Measurements, manifest: Manifest, name: str) -> GuideFacts:
-    """What is to be set for a component, on the first host (by name) that can have it.
+def guide_facts(manifest: Manifest, name: str) -> GuideFacts:
+    """Return what is to be set by hand for a component, on the first host by name that can have it.
 
     Raises:
-        UseCaseError: nothing says how much it needs (4).
+        RequestError: There is no such component, or it runs on the host itself and has nothing to set up.
+        UseCaseError: Nothing says how much it needs (negative).
     """
-    system = measured.system
-    reservations = measured_reservations(measured, {})
-    group = next(one for one in groups_of(system) if name in {each.name for each in one.members})
+    system = manifest.system
+    if find_component(manifest, name).runs_on is not RunsOn.PARTITION:
+        raise RequestError(
+            f"{name} runs on the host itself: it has no partition, and no share of the processors to set up."
+        )
+    reservations = measured_reservations(measurements_of(manifest), {})
+    group = next(group for group in groups_of(system) if name in names_of(group.members))
     for _, host in sorted(system.hosts.items()):
         sized = size(group, host, reservations)
         if isinstance(sized, Sized) and all(
@@ -73,11 +79,6 @@ def _task_values(task: str | None, classes: Iterable[ClassValues]) -> tuple[str,
     )
 
 
-def has_a_partition(component: Component) -> bool:
-    """Whether there is something to set by hand but a task class."""
-    return component.runs_on is RunsOn.PARTITION
-
-
 def _facts(
     group: Group, host: Host, sized: Sized, reservations: MeasuredReservations, component: Component
 ) -> GuideFacts:
@@ -88,7 +89,7 @@ def _facts(
         component=component.name,
         partition=group.name,
         beside=tuple(member.name for member in group.members if member.name != component.name),
-        apt=tuple(f"{index} {words}" for index, words in apt_in_words(component).items()),
+        apt=tuple(f"{index} {words}" for index, words in describe_apt(component).items()),
         platform=host.platform,
         reserve=placed.reserve,
         limit=placed.limit,

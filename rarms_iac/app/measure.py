@@ -142,7 +142,7 @@ def _remeasurements(
         return {}
 
     def refuse(experiment: Experiment) -> None:
-        _refuse(hosts, experiment, request, _look(experiment, benches[experiment.host.name]))
+        _refuse(hosts, experiment, request, _look_at_bench(experiment, benches[experiment.host.name]))
 
     return remeasurements_for(hosts, experiments, benches, request, refuse)
 
@@ -229,7 +229,7 @@ def _run_held(
     stop: StopSignal,
     strategy: Strategy | None,
 ) -> ExperimentResult:
-    seen = _look(experiment, bench)
+    seen = _look_at_bench(experiment, bench)
     log = read_experiment_log(hosts, experiment, bench)
     book = settings_log_of(log, request.seed, seen.running)
     if log.changed:
@@ -261,7 +261,7 @@ def _run_held(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Seen:
+class _BenchState:
     """What there is on the host."""
 
     budget: HostBudget
@@ -269,13 +269,15 @@ class _Seen:
     top: int  # the highest CR that it can give
 
 
-def _look(experiment: Experiment, bench: MeasuringHost) -> _Seen:
+def _look_at_bench(experiment: Experiment, bench: MeasuringHost) -> _BenchState:
     state = bench.observe()
     budget = host_budget(experiment.host, state, experiment.application)
-    return _Seen(budget=budget, running=other_running_partitions(state), top=highest_reserve(budget, experiment.setup))
+    return _BenchState(
+        budget=budget, running=other_running_partitions(state), top=highest_reserve(budget, experiment.setup)
+    )
 
 
-def _strategy(hosts: Hosts, experiment: Experiment, request: MeasureRequest, seen: _Seen) -> Strategy:
+def _strategy(hosts: Hosts, experiment: Experiment, request: MeasureRequest, seen: _BenchState) -> Strategy:
     """What the options ask for.
 
     Raises:
@@ -323,7 +325,7 @@ def _refuse_what_has_no_demand(hosts: Hosts, experiment: Experiment) -> None:
             raise UseCaseError(Outcome.NEGATIVE, [found], hosts.manifest.sources)
 
 
-def _refuse(hosts: Hosts, experiment: Experiment, request: MeasureRequest, seen: _Seen) -> None:
+def _refuse(hosts: Hosts, experiment: Experiment, request: MeasureRequest, seen: _BenchState) -> None:
     """Asked once something must really be run.
 
     Raises:

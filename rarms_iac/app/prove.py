@@ -118,7 +118,7 @@ def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]
             if partition.mark
         }
         where = {member.name: name for name, members in proof.layout.partitions.items() for member in members}
-        everyone = tuple(one.name for one in proof.layout.components)
+        everyone = tuple(component.name for component in proof.layout.components)
         for component in proof.layout.judged:
             entry = Proven(
                 component=component.name,
@@ -127,24 +127,26 @@ def _record(hosts: Hosts, proofs: list[LayoutProof], states: Mapping[str, State]
                 host=proof.host,
                 partition=where.get(component.name, ""),
                 reserve=reserves.get(where.get(component.name, ""), 0),
-                beside=tuple(one for one in everyone if one != component.name),
-                indexes=tuple(_proven(one) for one in proof.verdicts if one.measured.component == component.name),
+                beside=tuple(name for name in everyone if name != component.name),
+                indexes=tuple(
+                    _proven(verdict) for verdict in proof.verdicts if verdict.measured.component == component.name
+                ),
             )
             platform = hosts.system.hosts[proof.host].platform
             append_entry(configuration_path(Path(hosts.folder), platform, component.name), entry)
 
 
-def _proven(tried: IndexVerdict) -> ProvenIndex:
-    seen = tried.measured.estimate
+def _proven(verdict: IndexVerdict) -> ProvenIndex:
+    seen = verdict.measured.estimate
     return ProvenIndex(
-        index=tried.measured.index,
-        threshold=show_threshold(tried.measured.index, tried.measured.threshold),
+        index=verdict.measured.index,
+        threshold=show_threshold(verdict.measured.index, verdict.measured.threshold),
         value=seen.value if seen else None,
         lower=seen.lower if seen and isfinite(seen.lower) else None,
         upper=seen.upper if seen and isfinite(seen.upper) else None,
-        met=tried.met,
-        verdict=verdict_of(tried.verdict),
-        error=tried.error,
+        met=verdict.met,
+        verdict=verdict_of(verdict.verdict),
+        error=verdict.error,
     )
 
 
@@ -267,30 +269,30 @@ def _prove(
 
 def _not_met(hosts: Hosts, proofs: list[LayoutProof]) -> Iterator[Diagnostic]:
     for proof in proofs:
-        for one in proof.not_met:
-            name, index = one.measured.component, one.measured.index
-            finding, advice = _told_as(one)
+        for verdict in proof.not_met:
+            name, index = verdict.measured.component, verdict.measured.index
+            finding, advice = _finding_of(verdict)
             yield finding.at(
                 hosts.manifest.places.value("components", name, "apt", index),
-                f"{name} on {proof.host}: {show_index(one.measured)}, and its threshold is "
-                f"{show_threshold(index, one.measured.threshold)}.",
+                f"{name} on {proof.host}: {show_index(verdict.measured)}, and its threshold is "
+                f"{show_threshold(index, verdict.measured.threshold)}.",
                 advice,
                 address=f"component/{name}",
             )
 
 
-def _told_as(tried: IndexVerdict) -> tuple[Finding, str]:
+def _finding_of(verdict: IndexVerdict) -> tuple[Finding, str]:
     """Which finding a verdict is that is not met, and what to do about it."""
-    match tried.verdict:
+    match verdict.verdict:
         case Unsteady():
             return findings.NO_STEADY_STATE, "Look for what grows while it runs, or give it more: `--samples 2000`."
         case WithinNoise() | TooFewSamples() | TooManyFailures():
             return findings.NOT_RESOLVED, "Allow more samples (`--samples 2000`), or raise its reservation."
         case Met() | Missed():
-            again = f"`rarms undo`, then `rarms measure {tried.measured.component} --again`"
+            again = f"`rarms undo`, then `rarms measure {verdict.measured.component} --again`"
             return findings.MISSED, f"Raise its reservation, relax its APT, or measure it again: {again}."
         case _:
-            assert_never(tried.verdict)
+            assert_never(verdict.verdict)
 
 
 def verdict_of(verdict: Verdict) -> ProofVerdict:

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rarms_iac.app.candidates import unpredicted_nodes
 from rarms_iac.app.data_logs import (
     bench_now,
     compared,
@@ -16,6 +15,7 @@ from rarms_iac.app.data_logs import (
 )
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.experiments import refuse_unknown
+from rarms_iac.app.graph import candidate_nodes
 from rarms_iac.app.hosts import Hosts, last_runs, observe_host, select_hosts
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.report_measurements import LogBesideManifest, report_of
@@ -76,7 +76,7 @@ def report_of_manifest(manifest: Manifest, components: Sequence[str] = ()) -> Re
 def candidates_for_report(manifest: Manifest) -> tuple[Node, ...]:
     """Return the candidate graph, parts before what consists of them; nothing where a reservation is not known yet."""
     try:
-        return unpredicted_nodes(measurements_of(manifest), manifest)
+        return candidate_nodes(manifest, predict=False)
     except UseCaseError:
         return ()
 
@@ -133,20 +133,20 @@ def _entries(path: Path) -> list[Proven]:
         raise _unreadable(path, problem) from None
 
 
-def _proof(entry: Proven, one: ProvenIndex, said: str) -> ComponentProof:
-    index = find_index(one.index)
+def _proof(entry: Proven, proven: ProvenIndex, note: str) -> ComponentProof:
+    index = find_index(proven.index)
     assert index is not None, "only indexes that there are were proven"
     return ComponentProof(
         component=entry.component,
         index=index,
-        threshold=one.threshold,
-        value=one.value,
-        lower=one.lower,
-        upper=one.upper,
-        met=one.met,
-        verdict=one.verdict or ("met" if one.met else "missed"),
-        error=one.error,
-        note=said,
+        threshold=proven.threshold,
+        value=proven.value,
+        lower=proven.lower,
+        upper=proven.upper,
+        met=proven.met,
+        verdict=proven.verdict or ("met" if proven.met else "missed"),
+        error=proven.error,
+        note=note,
     )
 
 

@@ -48,7 +48,14 @@ def report_of(
     proofs: Sequence[ComponentProof] = (),
     standings: Sequence[HostStatus] = (),
 ) -> Report:
-    """Everything that these logs show of the system; what they say of components that are gone is left out."""
+    """Make a report of data logs.
+
+    Args:
+        system: What the manifest says.
+        logs: In any order; what they say of components that are gone is left out.
+        proofs: What components showed in the applied layout.
+        standings: How far each host is.
+    """
     known = [log for log in logs if all(name in system.components for name in log.log.header.setup.members)]
     measurements = sorted((_measurement(system, logged) for logged in known), key=_order)
     rested = {measurement.components for measurement in measurements if measurement.rests}
@@ -81,7 +88,7 @@ def _measurement(system: System, logged: LogBesideManifest) -> Measurement:
     header = logged.log.header
     members = [system.components[name] for name in header.setup.members]
     names = tuple(member.name for member in members)
-    group = next((one for one in groups_of(system) if names_of(one.members) == names), None)
+    group = next((group for group in groups_of(system) if names_of(group.members) == names), None)
     host = _platforms(system).get(header.platform, [None])[0]
     processors = header.setup.processors
     return Measurement(
@@ -136,7 +143,7 @@ def _capacity(system: System, platform: str) -> PlatformCapacity:
 
 def _fixed(system: System, hosts: Sequence[Host]) -> Iterator[FixedReservation]:
     """What the manifest itself reserves on these hosts, as their first would."""
-    host, names = hosts[0], {one.name for one in hosts}
+    host, names = hosts[0], {host.name for host in hosts}
     for group in groups_of(system):
         if rests_on_a_log(group) or not all(
             member.hosts is None or names & set(member.hosts) for member in group.members
@@ -153,10 +160,10 @@ def _fixed(system: System, hosts: Sequence[Host]) -> Iterator[FixedReservation]:
 
 def _facts(log: DataLog) -> Iterator[tuple[str, str]]:
     bench, setup = log.header.bench, log.header.setup
-    when = sorted(one.provenance.when for one in log.counting)
+    when = sorted(recorded.provenance.when for recorded in log.counting)
     if when:
         yield "Measured", when[0] if when[0] == when[-1] else f"{when[0]} to {when[-1]}"
-        yield "By rarms", ", ".join(sorted({one.provenance.rarms_version for one in log.counting}))
+        yield "By rarms", ", ".join(sorted({recorded.provenance.rarms_version for recorded in log.counting}))
     yield "Machine", f"{bench.processor}, {show_processors(bench.logical_processors)}{', SMT' if bench.smt else ''}"
     yield "Provider", f"{bench.provider.value}, scheduler {bench.scheduler.value}"
     if bench.os_build:
@@ -165,7 +172,7 @@ def _facts(log: DataLog) -> Iterator[tuple[str, str]]:
         yield "Guest image", bench.guest_image
     yield "Partition", f"{setup.processors} VPs, {show_bytes(setup.memory)}"
     yield "Limit and weight", f"{show_percent(setup.limit)}, {setup.weight}"
-    beside = sorted({name for one in log.counting for name in one.provenance.beside})
+    beside = sorted({name for recorded in log.counting for name in recorded.provenance.beside})
     if beside:
         yield "Ran beside it", ", ".join(beside)
     yield "Identity", log.header.digest
@@ -174,11 +181,11 @@ def _facts(log: DataLog) -> Iterator[tuple[str, str]]:
 def points_of(
     recorded: tuple[Recorded, ...], component: str, index: str, apt: Mapping[str, Threshold], run: Run
 ) -> tuple[MeasuredPoint, ...]:
-    """A point a setting in which the component was measured, by reserve."""
+    """Return a point for each setting in which the component was measured, by reserve."""
     found = [
-        _point(one.setting, series, index, {index: apt[index]} if index in apt else {}, run)
-        for one in recorded
-        for series in one.setting.series
+        _point(entry.setting, series, index, {index: apt[index]} if index in apt else {}, run)
+        for entry in recorded
+        for series in entry.setting.series
         if series.component == component
     ]
     return tuple(sorted(found, key=lambda point: point.reserve))
@@ -212,7 +219,7 @@ def _point(setting: Setting, series: Series, index: str, apt: Mapping[str, Thres
         effective=estimate.effective_samples,
         verdict=told if apt else "",
         error=error if apt else None,
-        remark="; ".join(one for one in (remark, beyond) if one),
+        remark="; ".join(text for text in (remark, beyond) if text),
     )
 
 

@@ -6,10 +6,10 @@ from fractions import Fraction
 from typing import Literal
 
 from rarms_iac import __version__
-from rarms_iac.app.candidates import recorded_answers
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.experiments import MeasureRequest
+from rarms_iac.app.graph import recorded_answers
 from rarms_iac.app.hosts import Hosts, observe_hosts
 from rarms_iac.app.manifest_edits import PartitionEdits, write_partitions
 from rarms_iac.app.manifests import load_manifest
@@ -17,7 +17,14 @@ from rarms_iac.app.measure import hold_benches, record_reservations
 from rarms_iac.app.measurement_files import now
 from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.app.tuning_log import record_tuning
-from rarms_iac.app.tuning_subject import Experiments, Room, Subject, TuningStopped, bench_of, subject_of_tuning
+from rarms_iac.app.tuning_subject import (
+    Experiments,
+    LayoutFit,
+    TuningStopped,
+    TuningSubject,
+    bench_of,
+    subject_of_tuning,
+)
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.quantities import show_processors
@@ -104,7 +111,7 @@ class TuneOutcome:
 class TuningEnd:
     """How the search ended."""
 
-    subject: Subject
+    subject: TuningSubject
     ending: TuningEnding
     cois: tuple[Coi, ...]  # as they are now, most critical first
     trail: tuple[Asked, ...] = ()
@@ -120,7 +127,7 @@ class TuningEnd:
 
     @staticmethod
     def of(
-        subject: Subject, asking: Asking, strategy: str, *, repeat: bool, probability: float | None = None
+        subject: TuningSubject, asking: Asking, strategy: str, *, repeat: bool, probability: float | None = None
     ) -> "TuningEnd":
         """Tune by this strategy, until there is an answer or somebody asks for an end."""
         trail: list[Asked] = []
@@ -238,9 +245,9 @@ def _by_the_paper(before: TuningEnd, asking: Asking, *, repeat: bool) -> TuningE
 def _by_the_graph(before: TuningEnd, asking: Asking, probability: float | None) -> TuningEnd:
     subject = before.subject
     most = min((subject.highest(coi.members) for coi in subject.cois), default=WHOLE)
-    room = Room(subject=subject)
+    layout_fit = LayoutFit(subject=subject)
     tuning = replace(
-        tuning_of(subject.cois, subject.objective(room), asking.may_share, most=most),
+        tuning_of(subject.cois, subject.objective(layout_fit), asking.may_share, most=most),
         predictor=subject.predictor,
         probability=probability,
     )
@@ -248,7 +255,7 @@ def _by_the_graph(before: TuningEnd, asking: Asking, probability: float | None) 
     recorded = recorded_answers(measured, subject.bench, tuning.candidates, {subject.bench.name: subject.state})
     found, trail = search(tuning, asking, recorded=recorded)
     if not isinstance(found, Best):
-        proved = found.proved and not room.unsure
+        proved = found.proved and not layout_fit.unsure
         return replace(before, ending="unable", trail=trail, proved=proved, breaks=found.breaks)
     ending: TuningEnding = "successful" if set(found.cois) != set(subject.cois) else "nothing_to_do"
     for coi in found.cois:
@@ -259,13 +266,13 @@ def _by_the_graph(before: TuningEnd, asking: Asking, probability: float | None) 
         ending=ending,
         cois=found.cois,
         trail=trail,
-        proved=found.proved and not room.unsure,
-        probability=None if room.unsure else found.probability,
+        proved=found.proved and not layout_fit.unsure,
+        probability=None if layout_fit.unsure else found.probability,
         breaks=found.breaks,
     )
 
 
-def _parts(subject: Subject, coi: Coi) -> Sequence[Coi]:
+def _parts(subject: TuningSubject, coi: Coi) -> Sequence[Coi]:
     return [each for each in subject.cois if set(each.members) <= set(coi.members)]
 
 

@@ -18,11 +18,11 @@ from rarms_iac.storage.datalog.tuning import TuningRun, append_run, read_runs, t
 
 
 def record_tuning(hosts: Hosts, platform: str, run: TuningRun) -> None:
-    """Write it into the platform's log of tuning; one that asked for nothing says nothing that the manifest does not.
+    """Write a run into the platform's log of tuning; one that asked for nothing is left out.
 
     Raises:
-        UseCaseError: the log is damaged (4), or another run does not let go of it (3).
-        OSError: it cannot be written.
+        UseCaseError: The log is damaged (negative), or another run does not let go of it (refused).
+        OSError: It cannot be written.
     """
     if not run.trail:
         return
@@ -34,10 +34,10 @@ def record_tuning(hosts: Hosts, platform: str, run: TuningRun) -> None:
 
 
 def tunings_of(system: System, folder: Path) -> Iterator[PlatformTuning]:
-    """The last run of every platform of the manifest that has one.
+    """Yield the last run of every platform of the manifest that has one, platforms by name.
 
     Raises:
-        UseCaseError: a log is damaged (4).
+        UseCaseError: A log is damaged (negative).
     """
     for platform in sorted({host.platform for host in system.hosts.values()}):
         try:
@@ -55,7 +55,7 @@ NOT_LOOKED_FOR = "sharing with others: not looked for, as its reserve rests on n
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TunedBefore:
+class PreviousTuning:
     """The runs of a platform, oldest first; or why they cannot be read."""
 
     runs: tuple[TuningRun, ...] = ()
@@ -95,20 +95,20 @@ class TunedBefore:
         return "" if self.runs else f"`rarms tune` has measured nothing on {platform}"
 
 
-def tuned_before(folder: Path, platform: str) -> TunedBefore:
-    """What the platform's log of tuning says."""
+def previous_tuning(folder: Path, platform: str) -> PreviousTuning:
+    """Read the platform's log of tuning; a damaged log is no error here, and is told of."""
     path = tuning_path(folder, platform)
     try:
-        return TunedBefore(runs=read_runs(path))
+        return PreviousTuning(runs=read_runs(path))
     except LogUnreadable as problem:
         shown = path.relative_to(folder).as_posix()
-        return TunedBefore(
+        return PreviousTuning(
             unreadable=f"what `rarms tune` measured cannot be told: {shown}, line {problem.line}: {problem.says}"
         )
 
 
-def why_together(group: Group, system: System, before: TunedBefore) -> Iterator[str]:
-    """What put the members of a partition together: the manifest, and who wrote that there."""
+def why_together(group: Group, system: System, before: PreviousTuning) -> Iterator[str]:
+    """Say what put the members of a partition together: the manifest, and who wrote that there."""
     if group.name in system.partitions:
         tuned = before.combined(names_of(group.members))
         by_hand = "no run of `rarms tune` that is on record here wrote it, so it was written by hand"
@@ -119,8 +119,8 @@ def why_together(group: Group, system: System, before: TunedBefore) -> Iterator[
             yield f"{member.name} says that it must be together with {', '.join(others)}"
 
 
-def shared(group: Group, before: TunedBefore, host: Host) -> Iterator[str]:
-    """Compounds with its members that were measured and not taken, or that there are none."""
+def rejected_compounds(group: Group, before: PreviousTuning, host: Host) -> Iterator[str]:
+    """Say which compounds with its members were measured and not taken, or that there are none."""
     told = list(before.rejected(names_of(group.members)))
     yield from told
     if not told:

@@ -39,7 +39,7 @@ class TuningStopped(Unanswered):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Subject:
+class TuningSubject:
     """What is to be tuned: partitions whose reservations rest on measurements, on hosts of one platform."""
 
     hosts: Hosts
@@ -70,11 +70,11 @@ class Subject:
         """These together in P1, against the load that they must stand up to."""
         return experiment_of(self.system, self.bench, members, interference_of(self.system, members), samples)
 
-    def objective(self, room: "Room") -> Objective:
+    def objective(self, layout_fit: "LayoutFit") -> Objective:
         """What makes a layout the better one here."""
         return Objective(
             capacity=self.capacity,
-            fits=room.fits,
+            fits=layout_fit.fits,
             minimise=self.system.policy.minimise,
             criticalities={name: self.system.components[name].criticality for coi in self.cois for name in coi.members},
         )
@@ -101,10 +101,10 @@ class Subject:
 
 
 @dataclass(slots=True, kw_only=True)
-class Room:
+class LayoutFit:
     """Says which layouts fit, and keeps whether any was refused only because it is not known that it fits."""
 
-    subject: Subject
+    subject: TuningSubject
     unsure: bool = False
 
     def fits(self, layout: Sequence[Coi]) -> bool:
@@ -114,7 +114,7 @@ class Room:
         return isinstance(packing, Packing)
 
 
-def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) -> Subject:
+def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) -> TuningSubject:
     """What there is to tune.
 
     Raises:
@@ -151,8 +151,8 @@ def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) ->
     tuned = {coi.name for coi in cois}
     chosen = [host_bin for host_bin in problem.bins if host_bin.name in hosts.chosen]
     others = sum(min(map(cost, item.claims.values())) for item in problem.items if item.name not in tuned)
-    capacity = sum(free_in(one).percent for one in chosen) - others
-    return Subject(
+    capacity = sum(free_in(host_bin).percent for host_bin in chosen) - others
+    return TuningSubject(
         hosts=hosts,
         bench=bench,
         problem=problem,
@@ -190,7 +190,7 @@ def _can_be_tuned(group: Group, problem: Problem, bench: Host) -> bool:
 class Experiments:
     """A `PerformanceOracle` that runs what the data logs do not know yet."""
 
-    subject: Subject
+    subject: TuningSubject
     bench: MeasuringHost
     request: MeasureRequest
     reporter: Reporter = SILENT

@@ -1,23 +1,15 @@
 """`rarms explain`: what a finding means and how to mend it; how a component is set up by hand."""
 
-from typing import TYPE_CHECKING
-
 import click
 
-from rarms_iac.app.requests import HostSelection, ManifestSource
+from rarms_iac.app.requests import ManifestSource
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import json_option, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.model.wording import suggestion
-from rarms_iac.storage.finding_pages import finding_page, known_codes
+from rarms_iac.storage.finding_pages import finding_page
 from rarms_iac.views.as_json import as_json as to_json
 from rarms_iac.views.explain import page_text, unknown_code
 from rarms_iac.views.output.common import ExplanationOutput
-
-if TYPE_CHECKING:
-    from rarms_iac.app.data_logs import Measurements
-    from rarms_iac.app.manifests import Manifest
-    from rarms_iac.model.system import Component
 
 
 @rarms_command("explain")
@@ -44,50 +36,27 @@ def command(session: Session, *, subject: str, guide: bool, source: ManifestSour
 
 
 def _component(session: Session, source: ManifestSource, name: str, *, as_json: bool) -> ExitCode:
-    from rarms_iac.app.explain import explained
-    from rarms_iac.app.hosts import select_hosts
+    from rarms_iac.app.explain import explain_component
+    from rarms_iac.app.manifests import load_manifest
     from rarms_iac.cli.telling import tell
     from rarms_iac.views.explain import explanation_json, explanation_text
 
-    measured, manifest, component = _asked_for(source, name)
-    hosts = select_hosts(manifest, HostSelection())
-    found = explained(measured, hosts, component)
-    tell(session.terminal, found.errors, manifest.sources)
+    manifest = load_manifest(source)
+    explained = explain_component(manifest, name)
+    tell(session.terminal, explained.errors, manifest.sources)
     if as_json:
-        session.terminal.data(explanation_json(found.walk))
+        session.terminal.data(explanation_json(explained.explanation))
     else:
-        session.terminal.show(explanation_text(found.walk))
-    return ExitCode.DONE if found.fits else ExitCode.NO
+        session.terminal.show(explanation_text(explained.explanation))
+    return ExitCode.DONE if explained.fits else ExitCode.NO
 
 
 def _guide(source: ManifestSource, name: str) -> str:
-    from rarms_iac.app.guide import guide_facts, has_a_partition
+    from rarms_iac.app.guide import guide_facts
+    from rarms_iac.app.manifests import load_manifest
     from rarms_iac.views.guide import guide
 
-    measured, manifest, component = _asked_for(source, name)
-    if not has_a_partition(component):
-        says = f"{name} runs on the host itself: it has no partition, and no share of the processors to set up."
-        raise click.UsageError(says, click.get_current_context())
-    return guide(guide_facts(measured, manifest, name))
-
-
-def _asked_for(source: ManifestSource, name: str) -> "tuple[Measurements, Manifest, Component]":
-    """The manifest with its measurements, and the component of that name.
-
-    Raises:
-        UsageError: there is none.
-    """
-    from rarms_iac.app.data_logs import measurements_of
-    from rarms_iac.app.manifests import load_manifest
-
-    manifest = load_manifest(source)
-    system = manifest.system
-    component = system.components.get(name)
-    if component is None:
-        meant = suggestion(name, (*system.components, *known_codes()))
-        says = f'The manifest has no component "{name}", and no finding is called so.{meant}'
-        raise click.UsageError(says, click.get_current_context())
-    return measurements_of(manifest), manifest, component
+    return guide(guide_facts(load_manifest(source), name))
 
 
 def _finding(session: Session, finding: str, *, as_json: bool) -> ExitCode:

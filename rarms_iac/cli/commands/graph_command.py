@@ -2,16 +2,13 @@
 
 import click
 
-from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of
-from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.app.manifests import Manifest, load_manifest
+from rarms_iac.app.graph import candidate_nodes, layout_of_manifest
+from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import json_option, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.model.layout import Layout
-from rarms_iac.planner.layout import plan_layout
-from rarms_iac.views.graph import GraphFormat, graph_json, graph_nodes, graph_text
+from rarms_iac.views.graph import GraphFormat, candidates_json, candidates_text, graph_json, graph_nodes, graph_text
 
 
 @rarms_command("graph")
@@ -19,7 +16,7 @@ from rarms_iac.views.graph import GraphFormat, graph_json, graph_nodes, graph_te
 @click.option(
     "--format",
     "form",
-    type=click.Choice([one.value for one in GraphFormat]),
+    type=click.Choice([language.value for language in GraphFormat]),
     default=GraphFormat.MERMAID.value,
     help="The language of the graph. [default: mermaid]",
 )
@@ -33,24 +30,12 @@ def command(session: Session, *, source: ManifestSource, form: str, candidates: 
     Mermaid is drawn by GitHub and GitLab; DOT by Graphviz: rarms graph --format dot | dot -Tsvg.
     """
     manifest = load_manifest(source)
-    system = manifest.system
+    name, language = manifest.system.application.name, GraphFormat(form)
     if candidates:
-        return _candidates(session, measurements_of(manifest), manifest, form, as_json=as_json)
-    reservations = measured_reservations(measurements_of(manifest), {})
-    planning = plan_layout(system, reservations, {}, manifest.places)
-    if not isinstance(planning.answer, Layout):
-        raise UseCaseError(Outcome.NEGATIVE, planning.findings, manifest.sources)
-    name, nodes = system.application.name, graph_nodes(system, planning.answer)
-    session.terminal.data(graph_json(name, nodes) if as_json else graph_text(GraphFormat(form), name, nodes))
-    return ExitCode.DONE
-
-
-def _candidates(session: Session, measured: Measurements, manifest: Manifest, form: str, *, as_json: bool) -> ExitCode:
-    from rarms_iac.app.candidates import candidates_in
-    from rarms_iac.planner.combining.candidates import nodes_of as candidate_nodes
-    from rarms_iac.views.graph import candidates_json, candidates_text
-
-    drawn = candidates_in(measured, manifest)
-    name, nodes = measured.system.application.name, candidate_nodes(drawn.candidates, drawn.predicted)
-    session.terminal.data(candidates_json(name, nodes) if as_json else candidates_text(GraphFormat(form), name, nodes))
+        nodes = candidate_nodes(manifest, predict=True)
+        text = candidates_json(name, nodes) if as_json else candidates_text(language, name, nodes)
+    else:
+        placed = graph_nodes(manifest.system, layout_of_manifest(manifest))
+        text = graph_json(name, placed) if as_json else graph_text(language, name, placed)
+    session.terminal.data(text)
     return ExitCode.DONE

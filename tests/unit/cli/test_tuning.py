@@ -11,7 +11,7 @@ from rarms_iac.app.hosts import observe_hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.tune import TuningEnd, findings_of_end
-from rarms_iac.app.tuning_subject import Room, Subject, TuningStopped, bench_of, subject_of_tuning
+from rarms_iac.app.tuning_subject import LayoutFit, TuningStopped, TuningSubject, bench_of, subject_of_tuning
 from rarms_iac.planner.combining.oracle import Coi, Members
 from rarms_iac.planner.combining.paper import Asking
 from rarms_iac.planner.findings import CONTRADICTION
@@ -55,7 +55,7 @@ def write(text: str) -> None:
     Path("rarms.yaml").write_text(text, encoding="utf-8", newline="\n")
 
 
-def subject_of(*hosts: str) -> Subject:
+def subject_of(*hosts: str) -> TuningSubject:
     source = ManifestSource(today=date(2026, 11, 22))
     found = select_hosts(load_manifest(source), HostSelection(hosts=hosts))
     return subject_of_tuning(found, bench_of(found), observe_hosts(found))
@@ -71,10 +71,10 @@ def test_a_compound_stays_where_the_partition_of_its_name_runs(here: Path) -> No
     vision = next(coi for coi in subject.cois if coi.name == "vision")
     both = Coi(name="paths", members=("paths", "video"), criticality=20, processors=2, reserve=31)
 
-    room = Room(subject=subject)
-    assert not room.fits([vision, both]), "paths runs on onboard, and there is room for 30 % only"
-    assert room.fits([vision, Coi(name="paths", members=both.members, criticality=20, processors=2, reserve=30)])
-    assert not room.unsure
+    layout_fit = LayoutFit(subject=subject)
+    assert not layout_fit.fits([vision, both]), "paths runs on onboard, and there is room for 30 % only"
+    assert layout_fit.fits([vision, Coi(name="paths", members=both.members, criticality=20, processors=2, reserve=30)])
+    assert not layout_fit.unsure
 
 
 class Once:

@@ -1,16 +1,17 @@
-"""The candidate graph of a manifest, with what the data logs of compounds say; nothing is measured."""
+"""What `rarms graph` draws: the layout as the manifest alone places it, and the candidate graph."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
-from rarms_iac.app.data_logs import Measurements, measured_reservations
+from rarms_iac.app.data_logs import Measurements, measured_reservations, measurements_of
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.diagnostics import has_errors
+from rarms_iac.model.layout import Layout
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Host, PartitionWish, System
-from rarms_iac.planner.combining.candidates import Candidates, Mask, Node, candidates_of, informed, nodes_of
+from rarms_iac.planner.combining.candidates import Candidates, Node, candidates_of, informed, nodes_of
 from rarms_iac.planner.combining.guiding import Guide, guide_of
 from rarms_iac.planner.combining.oracle import WHOLE, Asked, Members, coi_as_measured
 from rarms_iac.planner.groups import Group, groups_of, may_share
@@ -21,51 +22,55 @@ from rarms_iac.planner.reservations import NotMeasured, names_of, rests_on_a_log
 from rarms_iac.storage.datalog.files import log_path
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Drawn:
-    """The graph, with the CR that each compound of it will probably need."""
-
-    candidates: Candidates
-    predicted: Mapping[Mask, int]
-
-
-def candidates_in(measured: Measurements, manifest: Manifest) -> Drawn:
-    """Every compound of the partitions that rest on data logs, on the first host by name that all of them may run on.
+def layout_of_manifest(manifest: Manifest) -> Layout:
+    """Place all components as the manifest and its data logs alone say; no host is looked at.
 
     Raises:
-        UseCaseError: a reservation is not known, or no host may have them all (4).
+        UseCaseError: There is no layout (negative).
     """
-    known, guide = _known(measured, manifest)
-    return Drawn(candidates=known, predicted=_predicted(guide, known.by_mask))
+    reservations = measured_reservations(measurements_of(manifest), {})
+    planning = plan_layout(manifest.system, reservations, {}, manifest.places)
+    if not isinstance(planning.answer, Layout):
+        raise UseCaseError(Outcome.NEGATIVE, planning.findings, manifest.sources)
+    return planning.answer
 
 
-def unpredicted_nodes(measured: Measurements, manifest: Manifest) -> tuple[Node, ...]:
-    """Return the same graph as nodes without predictions, which take longer than everything else.
+def candidate_nodes(manifest: Manifest, *, predict: bool) -> tuple[Node, ...]:
+    """Return the candidate graph: every compound of the partitions whose reservations rest on data logs.
+
+    Args:
+        manifest: The graph is that of the first host by name that all of the components may run on.
+        predict: Whether a compound that was not measured says what it will probably need; that takes longer than
+            everything else.
+
+    Returns:
+        Nodes, parts before what consists of them.
 
     Raises:
-        UseCaseError: as `candidates_in`.
+        UseCaseError: A reservation is not known, or no host may have them all (negative).
     """
-    known, _ = _known(measured, manifest)
-    return nodes_of(known, {})
+    candidates, guide = _candidates(manifest)
+    if not predict:
+        return nodes_of(candidates, {})
+    predicted = {mask: reserve for mask in candidates.by_mask if (reserve := guide.predicted(mask)) is not None}
+    return nodes_of(candidates, predicted)
 
 
-def _predicted(guide: Guide, masks: Iterable[Mask]) -> Mapping[Mask, int]:
-    return {mask: told for mask in masks if (told := guide.predicted(mask)) is not None}
-
-
-def _known(measured: Measurements, manifest: Manifest) -> tuple[Candidates, Guide]:
-    system = measured.system
+def _candidates(manifest: Manifest) -> tuple[Candidates, Guide]:
+    measured, system = measurements_of(manifest), manifest.system
     reservations = measured_reservations(measured, {})
     problem = problem_of(system, reservations, {}, may_move=False)
     groups = [
         group for group in problem.groups if rests_on_a_log(group) and all(member.apt for member in group.members)
     ]
-    host = next((one for one in by_name(system.hosts) if all(one.name in problem.claims[g.name] for g in groups)), None)
-    if host is None:
-        found = plan_layout(system, reservations, {}, manifest.places).findings
-        raise UseCaseError(
-            Outcome.NEGATIVE, [diagnostic for diagnostic in found if has_errors([diagnostic])], manifest.sources
-        )
+    shared = [
+        host for host in by_name(system.hosts) if all(host.name in problem.claims[group.name] for group in groups)
+    ]
+    if not shared:
+        findings = plan_layout(system, reservations, {}, manifest.places).findings
+        errors = [finding for finding in findings if has_errors([finding])]
+        raise UseCaseError(Outcome.NEGATIVE, errors, manifest.sources)
+    host = shared[0]
     cois = [coi_as_measured(group, problem.claims[group.name][host.name], reservations, host) for group in groups]
     candidates = candidates_of(cois, lambda names: _may_share(groups, names), most=WHOLE)
     known = informed(candidates, recorded_answers(measured, host, candidates, {}))
@@ -79,7 +84,14 @@ def _may_share(groups: Sequence[Group], names: Members) -> bool:
 def recorded_answers(
     measured: Measurements, host: Host, candidates: Candidates, states: Mapping[str, State]
 ) -> tuple[Asked, ...]:
-    """What the data logs of compounds say that hold on this host, by the rule of a plan; `states`: as seen."""
+    """Return what the valid data logs of compounds say, by the rule of a plan.
+
+    Args:
+        measured: The measurements beside the manifest.
+        host: On which they are to hold.
+        candidates: The compounds.
+        states: Of hosts that were looked at: what was seen is compared with the logs, too.
+    """
     compounds = [candidate.coi.members for candidate in candidates.by_mask.values()]
     return tuple(asked for names in compounds for asked in _answers(measured, host, names, states))
 
@@ -90,7 +102,7 @@ def _answers(measured: Measurements, host: Host, names: Members, states: Mapping
         return
     system = _together(measured.system, names)
     reservations = measured_reservations(replace(measured, system=system), states)
-    group = next(one for one in groups_of(system) if set(names) == {member.name for member in one.members})
+    group = next(group for group in groups_of(system) if set(names) == set(names_of(group.members)))
     log, least = reservations.log(group.members, host), reservations.least(group.members, host)
     if isinstance(log, NotMeasured):
         return
