@@ -60,8 +60,8 @@ def test_compounds_stand_with_the_interval_in_which_they_save_something(here: Pa
         '  n0["path<br/>20 %"]',
         '  n1["speech<br/>30 %"]',
         '  n2["vision<br/>50 %"]',
-        '  n3["path+speech<br/>28 % to 49 %, predicted: 39 %, to be measured"]',
-        '  n4["speech+vision<br/>48 % to 79 %, predicted: 64 %, to be measured"]',
+        '  n3["path+speech<br/>28 % to 49 %, predicted: 42 %, to be measured"]',
+        '  n4["speech+vision<br/>48 % to 79 %, predicted: 68 %, to be measured"]',
     ]
 
 
@@ -88,7 +88,7 @@ def test_dot_and_json_show_the_same_graph(here: Path) -> None:
     dot = rarms("graph", "--candidates", "--format", "dot", "-f", str(here)).lines
     assert '  "path" -> "path+speech";' in dot
     assert (
-        '  "path+speech" [label="path+speech\\n28 % to 49 %, predicted: 39 %, to be measured", style="rounded,dashed"];'
+        '  "path+speech" [label="path+speech\\n28 % to 49 %, predicted: 42 %, to be measured", style="rounded,dashed"];'
         in dot
     )
 
