@@ -30,7 +30,7 @@ from rarms_iac.measuring import findings
 from rarms_iac.measuring.findings import findings_of
 from rarms_iac.measuring.loop import MeasuringContext, Strategy, highest_seed, measure
 from rarms_iac.measuring.partitions import (
-    HostBudget,
+    MeasuringBudget,
     highest_reserve,
     host_budget,
     other_running_partitions,
@@ -235,7 +235,7 @@ def _run_held(
     if log.changed:
         reporter.message(_describe_stale(log))
 
-    def checked() -> HostBudget:
+    def checked() -> MeasuringBudget:
         _refuse(hosts, experiment, request, seen)
         return seen.budget
 
@@ -264,7 +264,7 @@ def _run_held(
 class _BenchState:
     """What there is on the host."""
 
-    budget: HostBudget
+    budget: MeasuringBudget
     running: tuple[Partition, ...]  # what is in the way
     top: int  # the highest CR that it can give
 

@@ -13,7 +13,7 @@ from typing import Protocol
 from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.measuring.partitions import (
     Classes,
-    HostBudget,
+    MeasuringBudget,
     PartitionShape,
     memory_for_load,
     reserve_for_load,
@@ -128,7 +128,7 @@ class MeasuringContext:
     """What a run of the loop is given beside the experiment."""
 
     host: MeasuringHost  # its lock is held by who calls
-    budget: Callable[[], HostBudget]  # asked once, before the first setting that must be run; may refuse
+    budget: Callable[[], MeasuringBudget]  # asked once, before the first setting that must be run; may refuse
     seed: int
     reporter: MeasuringReporter
     should_stop: Callable[[], bool]
@@ -227,7 +227,7 @@ def highest_seed(settings: tuple[Setting, ...]) -> int:
 class _TestBench:
     """The test partitions, and what there is room for."""
 
-    budget: HostBudget
+    budget: MeasuringBudget
     shapes: tuple[PartitionShape, PartitionShape]
 
 
@@ -259,17 +259,17 @@ def _run_setting(
         if not step.until_clear:
             return False
         recorded = _setting(step.reserve, beside, context.seed, seen)
-        series = {series.component: series for series in recorded.series}
-        return is_clear(series, goal_of(experiment), precision=step.precision)
+        by_component = {series.component: series for series in recorded.series}
+        return is_clear(by_component, goal_of(experiment), precision=step.precision)
 
     set_reserves(context.host, experiment.application, bench.shapes, {P1: step.reserve, P2: beside})
     with context.host.run(_work(experiment, context, step.reserve)) as running:
-        seen = watch(running, experiment.members, is_enough, context.should_stop)
-    if seen is None:
+        series = watch(running, experiment.members, is_enough, context.should_stop)
+    if series is None:
         return Stopped()
-    if isinstance(seen, TooManyFailures):
-        return SettingFailed(reserve=step.reserve, verdict=seen)
-    return _setting(step.reserve, beside, context.seed, seen)
+    if isinstance(series, TooManyFailures):
+        return SettingFailed(reserve=step.reserve, verdict=series)
+    return _setting(step.reserve, beside, context.seed, series)
 
 
 def _setting(reserve: int, beside: int, seed: int, seen: Mapping[str, Series]) -> Setting:

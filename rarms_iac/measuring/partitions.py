@@ -39,31 +39,31 @@ _AT_REST = {RunState.OFF, RunState.SAVED}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HostBudget:
+class MeasuringBudget:
     """What a host has to give, and what of it is promised already."""
 
     capacity: Capacity
-    others: tuple[Claim, ...]  # of every machine that counts and is no test partition
+    claims: tuple[Claim, ...]  # of every machine that counts and is no test partition
 
     @property
     def unreserved(self) -> bool:
         """Whether P1 and P2 can have all of every logical processor between them, as CMCPUR takes for granted."""
         whole = self.capacity.processors == self.capacity.logical_processors
-        return whole and not any(other.reserve and other.processors for other in self.others)
+        return whole and not any(other.reserve and other.processors for other in self.claims)
 
 
-def host_budget(host: Host, state: State, application: str) -> HostBudget:
-    """What this host has to give: partitions of the application count while they run, all others as always."""
-    return HostBudget(
+def host_budget(host: Host, state: State, application: str) -> MeasuringBudget:
+    """Add up what this host has to give: partitions of the application count while they run, all claims as always."""
+    return MeasuringBudget(
         capacity=capacity_of(host, state.facts),
-        others=tuple(
+        claims=tuple(
             claim_of_settings(partition.settings) for partition in state.partitions if _counts(partition, application)
         ),
     )
 
 
 def other_running_partitions(state: State) -> tuple[Partition, ...]:
-    """What would run beside P1 and P2 and change what is measured, by name: everything that is not at rest."""
+    """List what would run beside P1 and P2 and change what is measured, by name: every partition not at rest."""
     running = [
         partition
         for partition in state.partitions
@@ -73,30 +73,30 @@ def other_running_partitions(state: State) -> tuple[Partition, ...]:
 
 
 def partition_name(partition: Partition) -> str:
-    """What people call it: the name of its mark where it has one."""
+    """Name a partition as people call it: by its mark where it has one."""
     return partition.mark.name if partition.mark else partition.settings.name
 
 
 def is_test_partition(partition: Partition) -> bool:
-    """Whether it is a P1 or P2, finished or still under its pending name."""
+    """Tell whether it is a P1 or P2, finished or still under its pending name."""
     if partition.mark is not None:
         return partition.mark.name in TEST_PARTITIONS
     return any(partition.settings.name.startswith(f"{name}.") for name in TEST_PARTITIONS)
 
 
-def memory_for_load(budget: HostBudget, setup: EnvironmentSetup) -> int:
-    """Bytes that P2 gets beside P1: the usual, or what is left where that is less."""
+def memory_for_load(budget: MeasuringBudget, setup: EnvironmentSetup) -> int:
+    """Say how many bytes P2 gets beside P1: the usual, or what is left where that is less."""
     return free_memory(budget, setup.memory)
 
 
-def free_memory(budget: HostBudget, taken: int = 0) -> int:
-    """Bytes for a P2: the usual, or what is left where that is less; whole MiB."""
-    free = budget.capacity.memory - sum(other.memory for other in budget.others) - taken
+def free_memory(budget: MeasuringBudget, taken: int = 0) -> int:
+    """Say how many bytes there are for a P2: the usual, or what is left where that is less; whole MiB."""
+    free = budget.capacity.memory - sum(other.memory for other in budget.claims) - taken
     return min(USUAL_LOAD_MEMORY, free // MEBIBYTE * MEBIBYTE)
 
 
-def reserve_for_load(budget: HostBudget, setup: EnvironmentSetup, reserve: int) -> int | None:
-    """What P2 reserves while P1 reserves this: the most that the host can still give, so 100 - CR on an empty one.
+def reserve_for_load(budget: MeasuringBudget, setup: EnvironmentSetup, reserve: int) -> int | None:
+    """Say what P2 reserves while P1 reserves this: the most that the host can still give, 100 - CR on an empty one.
 
     Both are whole per cent of each of the partition's own processors. None: the host cannot give P1 so much.
     """
@@ -104,22 +104,22 @@ def reserve_for_load(budget: HostBudget, setup: EnvironmentSetup, reserve: int) 
     return _highest_reserve_of_p2(budget, (p1,), memory_for_load(budget, setup))
 
 
-def free_reserve(budget: HostBudget, memory: int) -> int:
-    """What a P2 alone can reserve beside what is promised already; 0 where nothing is left."""
+def free_reserve(budget: MeasuringBudget, memory: int) -> int:
+    """Say what a P2 alone can reserve beside what is promised already; 0 where nothing is left."""
     return _highest_reserve_of_p2(budget, (), memory) or 0
 
 
-def _highest_reserve_of_p2(budget: HostBudget, others: tuple[Claim, ...], memory: int) -> int | None:
+def _highest_reserve_of_p2(budget: MeasuringBudget, claims: tuple[Claim, ...], memory: int) -> int | None:
     wide = budget.capacity.logical_processors
     for reserve in range(WHOLE, -1, -1):
         p2 = Claim(processors=wide, reserve=reserve, memory=max(0, memory))
-        if fits(budget.capacity, (*budget.others, *others, p2)):
+        if fits(budget.capacity, (*budget.claims, *claims, p2)):
             return reserve
     return None
 
 
-def highest_reserve(budget: HostBudget, setup: EnvironmentSetup) -> int:
-    """The highest CR that the host can give to P1; 0 where it can give none."""
+def highest_reserve(budget: MeasuringBudget, setup: EnvironmentSetup) -> int:
+    """Find the highest CR that the host can give to P1; 0 where it can give none."""
     if memory_for_load(budget, setup) < LEAST_MEMORY:
         return 0
     possible = range(min(WHOLE, setup.limit), 0, -1)
@@ -157,7 +157,7 @@ class PartitionShape:
 def shapes_of_test_partitions(
     setup: EnvironmentSetup, logical_processors: int, load_memory: int
 ) -> tuple[PartitionShape, PartitionShape]:
-    """P1 and P2: the load may use all of every logical processor."""
+    """Shape P1 and P2: the load may use all of every logical processor."""
     p1 = PartitionShape(
         name=P1, processors=setup.processors, memory=setup.memory, limit=setup.limit, weight=setup.weight
     )
@@ -165,7 +165,7 @@ def shapes_of_test_partitions(
 
 
 def load_shape(logical_processors: int, load_memory: int) -> PartitionShape:
-    """P2 alone: what keeps an interfering load that was asked for."""
+    """Shape P2 alone, for an interfering load that was asked for."""
     return PartitionShape(name=P2, processors=logical_processors, memory=load_memory, limit=100, weight=100)
 
 
@@ -177,7 +177,7 @@ Classes = Mapping[str, Mapping[str, RegistryValue]]
 def running_test_partitions(
     host: StepwiseHost, application: str, shapes: Sequence[PartitionShape], classes: Classes = MappingProxyType({})
 ) -> Iterator[None]:
-    """The test partitions are there and run while the context lasts, and are gone after it, however it ends.
+    """Have the test partitions there and running while the context lasts; they are gone after it, however it ends.
 
     `classes` are the task classes in the operating system of P1: they go with it.
 

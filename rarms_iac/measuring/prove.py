@@ -8,7 +8,7 @@ from typing import assert_never
 from rarms_iac.measuring.loop import watch
 from rarms_iac.measuring.partitions import (
     LEAST_MEMORY,
-    HostBudget,
+    MeasuringBudget,
     free_memory,
     free_reserve,
     load_shape,
@@ -86,7 +86,7 @@ class LayoutProof:
 
 
 def with_samples(layout: AppliedLayout, samples: int | None) -> AppliedLayout:
-    """The same with so many samples of each component; None: as each `run.until` says."""
+    """Have so many samples of each component taken; None: as each `run.until` says."""
     if samples is None:
         return layout
 
@@ -102,15 +102,27 @@ def prove(
     host: MeasuringHost,
     layout: AppliedLayout,
     load: Interference | None,
-    budget: HostBudget,
+    budget: MeasuringBudget,
     *,
     seed: int,
     should_stop: Callable[[], bool],
     looked: Callable[[Mapping[str, Series]], None],
 ) -> LayoutProof | TooManyFailures | None:
-    """Run everything, each component as long as its `run.until` says; P2 is there only for a load that was asked for.
+    """Run everything that is applied, and judge each component with a threshold.
 
-    None: an end was asked for. Whoever calls holds the host's lock.
+    Each component runs as long as its `run.until` says; P2 is there only for a load that was asked for.
+
+    Args:
+        host: Its lock is held by who calls.
+        layout: What runs where.
+        load: The interference in P2; None: no P2 is made.
+        budget: What the host has left for P2.
+        seed: Of chance, where the host draws it.
+        should_stop: Asked after every sample.
+        looked: Told now and then what was seen so far.
+
+    Returns:
+        None: an end was asked for.
 
     Raises:
         HostError: the host did not do what was asked.
@@ -136,14 +148,14 @@ def prove(
             seed=seed,
         )
         running: RunningWork = ends.enter_context(host.run(work))
-        seen = watch(running, layout.judged, is_enough, should_stop)
-    if seen is None or isinstance(seen, TooManyFailures):
-        return seen
-    return LayoutProof(host=host.name, layout=layout, series=seen, verdicts=judge_layout(layout.judged, seen))
+        series = watch(running, layout.judged, is_enough, should_stop)
+    if series is None or isinstance(series, TooManyFailures):
+        return series
+    return LayoutProof(host=host.name, layout=layout, series=series, verdicts=judge_layout(layout.judged, series))
 
 
 def judge_layout(components: tuple[Component, ...], seen: Mapping[str, Series]) -> tuple[IndexVerdict, ...]:
-    """The verdict on every index of these, each series looked at whole and once."""
+    """Judge every index of every component's APT; each series is looked at whole and once."""
     return tuple(
         _judge_index(component, index, verdict)
         for component in components
@@ -174,12 +186,12 @@ def _estimate_of(verdict: Verdict) -> tuple[Estimate | None, str]:
             assert_never(verdict)
 
 
-def has_memory_for_load(budget: HostBudget) -> bool:
-    """Whether a P2 fits beside what runs."""
+def has_memory_for_load(budget: MeasuringBudget) -> bool:
+    """Tell whether a P2 fits beside what runs."""
     return free_memory(budget) >= LEAST_MEMORY
 
 
-def _make_load(host: MeasuringHost, application: str, budget: HostBudget, ends: ExitStack) -> None:
+def _make_load(host: MeasuringHost, application: str, budget: MeasuringBudget, ends: ExitStack) -> None:
     """P2 with what is left of the host: what is reserved stays reserved, and the load takes the rest."""
     memory = free_memory(budget)
     shape = load_shape(budget.capacity.logical_processors, memory)

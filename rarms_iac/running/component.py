@@ -26,9 +26,9 @@ class ComponentRun:
     more failed ones than `run.failures`, or when it is closed, at any moment.
     """
 
-    def __init__(self, component: str, run: Run, around: StartContext) -> None:
+    def __init__(self, component: str, run: Run, context: StartContext) -> None:
         self.component = component
-        self._order = order_of(component, run, around)
+        self._order = order_of(component, run, context)
         self._record = SampleRecord(run)
         self._supervisor: Supervisor | None = None
         self._interrupted = False

@@ -51,13 +51,13 @@ class InterferingLoad:
         CannotStart: a program is not there, or it does not get to run.
     """
 
-    def __init__(self, name: str, load: Interference, around: StartContext, *, processors: int | None = None) -> None:
+    def __init__(self, name: str, load: Interference, context: StartContext, *, processors: int | None = None) -> None:
         """`processors`: the LPs to keep busy, where the load does not say how many; None: this machine's."""
         self.name = name
         self._scratch = Path(tempfile.mkdtemp(prefix="rarms-load-"))
         try:
             words = load_words(name, load, self._scratch, processors or logical_processors())
-            self._supervisor = Supervisor(order_of_words(name, words, around.base, around))
+            self._supervisor = Supervisor(order_of_words(name, words, context.base, context))
             try:
                 self._wait()
             except BaseException:
@@ -143,8 +143,8 @@ def find_browser(name: str) -> str:
         CannotStart: it has none.
     """
     for browser in BROWSERS:
-        if found := shutil.which(browser):
-            return found
+        if path := shutil.which(browser):
+            return path
     raise CannotStart(name, f"there is no browser on the PATH: {', '.join(BROWSERS)}")
 
 

@@ -103,10 +103,10 @@ def number(value: object) -> float | None:
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
     try:
-        found = float(value)
+        read = float(value)
     except (ValueError, OverflowError):
         return None
-    return found if math.isfinite(found) and found >= 0 else None
+    return read if math.isfinite(read) and read >= 0 else None
 
 
 def truth(value: object) -> bool | None:
@@ -130,8 +130,8 @@ def _matcher(pattern: str) -> Callable[[str], Mapping[str, Any] | None]:
     compiled = re2.compile(pattern, options=options)
 
     def match(line: str) -> Mapping[str, Any] | None:
-        found = compiled.search(line)
-        return None if found is None else found.groupdict()
+        matched = compiled.search(line)
+        return None if matched is None else matched.groupdict()
 
     return match
 

@@ -71,24 +71,24 @@ class StartContext:
     inside: ProcessPlace = field(default_factory=ProcessPlace)
 
 
-def order_of(component: str, run: Run, around: StartContext) -> StartOrder:
+def order_of(component: str, run: Run, context: StartContext) -> StartOrder:
     """How the component is started.
 
     Raises:
         CannotStart: a folder, a program or a variable of rarms' own environment is not there.
     """
-    folder = around.base / run.folder
+    folder = context.base / run.folder
     if not folder.is_dir():
         raise CannotStart(component, f"its folder {folder} is not there")
-    environment = environment_of(component, run, around.environment)
-    return order_of_words(component, _words(run, around.base), folder, around, environment=environment, stop=run.stop)
+    environment = environment_of(component, run, context.environment)
+    return order_of_words(component, _words(run, context.base), folder, context, environment=environment, stop=run.stop)
 
 
 def order_of_words(
     name: str,
     words: tuple[str, ...],
     folder: Path,
-    around: StartContext,
+    context: StartContext,
     *,
     environment: Mapping[str, str] | None = None,
     stop: Stop | None = None,
@@ -98,19 +98,21 @@ def order_of_words(
     Raises:
         CannotStart: the program is not there.
     """
-    known = around.environment if environment is None else environment
-    found = words if folder.resolve() == around.base.resolve() else tuple(_word(word, around.base) for word in words)
-    before = around.inside.words
-    program = _program(name, (*before, *found)[0], folder, known)
+    known = context.environment if environment is None else environment
+    resolved = (
+        words if folder.resolve() == context.base.resolve() else tuple(_word(word, context.base) for word in words)
+    )
+    before = context.inside.words
+    program = _program(name, (*before, *resolved)[0], folder, known)
     if before:
-        found = (_program(name, found[0], folder, known), *found[1:])
+        resolved = (_program(name, resolved[0], folder, known), *resolved[1:])
     return StartOrder(
         name=name,
-        words=(program, *(*before, *found)[1:]),
+        words=(program, *(*before, *resolved)[1:]),
         folder=folder.resolve(),
         environment=known,
         stop=stop or Stop(),
-        join=around.inside.join,
+        join=context.inside.join,
     )
 
 
@@ -143,8 +145,8 @@ def _words(run: Run, base: Path) -> tuple[str, ...]:
 
 def _pace(run: Run) -> tuple[str, str]:
     period = str(float(run.arrival.period)) if isinstance(run.arrival, Periodic) else "0"
-    asked = any((run.samples.response_time, run.samples.success, run.samples.count))
-    return period, "values" if asked else "none"
+    reads_values = any((run.samples.response_time, run.samples.success, run.samples.count))
+    return period, "values" if reads_values else "none"
 
 
 def _word(word: str, base: Path) -> str:
@@ -160,13 +162,13 @@ def _program(component: str, word: str, folder: Path, environment: Mapping[str, 
     if not word or "\0" in word:
         raise CannotStart(component, "its command names no program")
     if os.sep in word or (os.altsep and os.altsep in word):
-        path = folder.resolve() / word
-        if not path.is_file():
-            raise CannotStart(component, f"there is no program {path}")
-        return str(path)
-    found = shutil.which(word, path=environment.get("PATH", os.defpath))
-    if found is None and word in {"python3", "python"}:
-        found = sys.executable  # rarms itself runs on one: Windows has no python3, a venv is not always on the PATH
-    if found is None:
+        program = folder.resolve() / word
+        if not program.is_file():
+            raise CannotStart(component, f"there is no program {program}")
+        return str(program)
+    path = shutil.which(word, path=environment.get("PATH", os.defpath))
+    if path is None and word in {"python3", "python"}:
+        path = sys.executable  # rarms itself runs on one: Windows has no python3, a venv is not always on the PATH
+    if path is None:
         raise CannotStart(component, f'there is no program "{word}" on the PATH')
-    return str(Path(found).absolute())
+    return str(Path(path).absolute())

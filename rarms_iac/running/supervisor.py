@@ -129,8 +129,10 @@ class Supervisor:
                 raise ReadingInterrupted
             try:
                 # Waited for in short pieces: on Windows a wait without end would not hear a Ctrl-C.
-                left = None if until is None else until - time.perf_counter()
-                self._ready = self._events.get(timeout=0.5 if left is None else max(0.0, min(left, 0.5)))[::-1]
+                remaining = None if until is None else until - time.perf_counter()
+                self._ready = self._events.get(timeout=0.5 if remaining is None else max(0.0, min(remaining, 0.5)))[
+                    ::-1
+                ]
             except queue.Empty:
                 if until is not None and time.perf_counter() >= until:
                     return None
@@ -245,27 +247,27 @@ class _Lines:
 
     def cut(self, piece: bytes, at: float) -> list[Event | dict[str, Any]]:
         """What this piece completes."""
-        found: list[Event | dict[str, Any]] = []
+        events: list[Event | dict[str, Any]] = []
         *lines, rest = (self._rest + piece).split(b"\n")
         for line in lines:
             if self._skipped:
                 self._skipped = 0  # its end
             elif line.startswith(self._mark):
-                found.append(json.loads(line[len(self._mark) :]))
+                events.append(json.loads(line[len(self._mark) :]))
             elif len(line) > LONGEST_LINE:
-                found.append(OverlongLine(at=at))
+                events.append(OverlongLine(at=at))
             elif line.strip():
-                found.append(OutputLine(at=at, text=line.decode("utf-8", "replace").rstrip("\r"), size=len(line)))
+                events.append(OutputLine(at=at, text=line.decode("utf-8", "replace").rstrip("\r"), size=len(line)))
         if self._skipped:
             before, self._skipped = self._skipped, self._skipped + len(rest)
             if before < FLOOD <= self._skipped:
-                found.append(OverlongLine(at=at, flood=True))
+                events.append(OverlongLine(at=at, flood=True))
             rest = b""
         elif len(rest) > LONGEST_LINE:
-            found.append(OverlongLine(at=at))
+            events.append(OverlongLine(at=at))
             self._skipped, rest = len(rest), b""
         self._rest = rest
-        return found
+        return events
 
 
 def _read(stream: IO[bytes]) -> bytes:

@@ -60,17 +60,17 @@ def demand_of(component: Component, priority: int = ORDINARY) -> JobDemand:
     Raises:
         NoDemand: it has no `simulation`.
     """
-    asked = component.simulation
-    if asked is None:
+    simulation = component.simulation
+    if simulation is None:
         raise NoDemand(component.name)
     return JobDemand(
         component=component.name,
-        work_ms=float(asked.work),
-        blocked_ms=float(asked.blocked),
-        varies=float(asked.varies),
-        threads=asked.threads,
+        work_ms=float(simulation.work),
+        blocked_ms=float(simulation.blocked),
+        varies=float(simulation.varies),
+        threads=simulation.threads,
         arrival=_arrival(component),
-        success_within_ms=None if asked.success_within is None else float(asked.success_within),
+        success_within_ms=None if simulation.success_within is None else float(simulation.success_within),
         timeout_ms=float(run_of(component).timeout),
         priority=priority,
     )
@@ -158,18 +158,18 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
                 loads=loads,
                 partitioned=False,
             )
-        found = self._running(content, inside.partition, application)
-        demands = tuple(self._demand(component, content, found.id) for component in inside.components)
-        return _partition(found, inside.partition, components=demands, loads=loads)
+        machine = self._running(content, inside.partition, application)
+        demands = tuple(self._demand(component, content, machine.id) for component in inside.components)
+        return _partition(machine, inside.partition, components=demands, loads=loads)
 
     def _running(self, content: Content, partition: str, application: str) -> SimulatedMachine:
         state: State = self._machines(content)
-        found = resolve(state.partitions, partition, Scope(application=application, plan=""))
-        if len(found) != 1 or not found[0].settings.running:
+        partitions = resolve(state.partitions, partition, Scope(application=application, plan=""))
+        if len(partitions) != 1 or not partitions[0].settings.running:
             raise HostRefused(
                 self.name, f"no partition {partition} of {application} runs", "rarms plan shows what is wanted"
             )
-        return content.machines[found[0].id]
+        return content.machines[partitions[0].id]
 
     def _idle(self, content: Content, work: Work) -> tuple[model.VirtualMachine, ...]:
         """What else runs: it does nothing, and what it reserves is its own."""
@@ -248,8 +248,8 @@ def _partition(
 def _sample(job: model.JobDone, timeout: float) -> Sample:
     """A job that was ended by its component's `timeout` has no answer."""
     if not job.answered:
-        says = f"no answer within {timeout:g} ms"
-        return Sample(began_ms=job.began, response_ms=None, successful=False, failure=says)
+        failure = f"no answer within {timeout:g} ms"
+        return Sample(began_ms=job.began, response_ms=None, successful=False, failure=failure)
     return Sample(began_ms=job.began, response_ms=job.response, successful=job.successful)
 
 
@@ -267,6 +267,6 @@ def _priority(task: str | None, content: Content, machine: str) -> int:
 
 
 def _data(values: Mapping[str, RegistryValue], name: str) -> int | str | None:
-    found = values.get(name)
-    wanted = ValueKind.SZ if name == "scheduling category" else ValueKind.DWORD
-    return found.data if found is not None and found.kind is wanted else None
+    value = values.get(name)
+    kind = ValueKind.SZ if name == "scheduling category" else ValueKind.DWORD
+    return value.data if value is not None and value.kind is kind else None

@@ -158,11 +158,11 @@ def refuse_change(
             return None
 
 
-def _refuse_running(machine: SimulatedMachine, what: str) -> Refusal | None:
+def _refuse_running(machine: SimulatedMachine, setting: str) -> Refusal | None:
     if machine.state is RunState.OFF:
         return None
     return Refusal(
-        message=f"{machine.settings.name} is {machine.state.value}, and {what} can only change while it is off",
+        message=f"{machine.settings.name} is {machine.state.value}, and {setting} can only change while it is off",
         advice="stop it first",
     )
 

@@ -256,11 +256,11 @@ class SimulatedHostProvider:
 
     def _only(self, content: Content, state: State, address: Address, scope: Scope) -> SimulatedMachine:
         """The one machine that the name stands for."""
-        found = resolve(state.partitions, address.partition, scope, address.machine)
-        if len(found) != 1:
-            count = f"{len(found)} machines stand" if found else "no machine stands"
+        machines = resolve(state.partitions, address.partition, scope, address.machine)
+        if len(machines) != 1:
+            count = f"{len(machines)} machines stand" if machines else "no machine stands"
             raise HostRefused(self.name, f"{count} for the partition {address.partition}", PARTITION_AGAIN)
-        return content.machines[found[0].id]
+        return content.machines[machines[0].id]
 
     def _fault(self, content: Content, operation: Operation) -> tuple[str, Fault] | None:
         address = str(address_of(operation)).lower()

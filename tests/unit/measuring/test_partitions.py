@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.measuring.partitions import (
-    HostBudget,
+    MeasuringBudget,
     highest_reserve,
     host_budget,
     load_shape,
@@ -128,7 +128,7 @@ def a_setup(*, processors: int = 2, ram: str = "512 MiB", limit: int = 100) -> E
     )
 
 
-def the_room(*partitions: object, keep_processor: str = "0 %", keep_memory: str = "0 B") -> HostBudget:
+def the_room(*partitions: object, keep_processor: str = "0 %", keep_memory: str = "0 B") -> MeasuringBudget:
     state = State(facts=facts(), partitions=partitions)  # type: ignore[arg-type]  # partitions, said by each test
     return host_budget(a_host(keep_processor=keep_processor, keep_memory=keep_memory), state, "robot")
 
@@ -183,5 +183,5 @@ def test_whatever_runs_is_in_the_way_and_test_partitions_are_not() -> None:
     state = State(facts=facts(), partitions=(ours, strangers, off, left, pending))
 
     assert [partition.settings.name for partition in other_running_partitions(state)] == ["a-game", "vision"]
-    assert host_budget(a_host(), state, "robot").others != ()
+    assert host_budget(a_host(), state, "robot").claims != ()
     assert {partition.state for partition in other_running_partitions(state)} == {RunState.RUNNING}
