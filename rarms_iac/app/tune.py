@@ -63,7 +63,8 @@ TuningEnding = Literal["nothing_to_do", "successful", "unable", "stopped"]
 class TuningResult:
     """How `rarms tune` ended; amounts in per cent of one logical processor."""
 
-    platform: str  # of the hosts that share `capacity`
+    platform: str
+    hosts: tuple[str, ...]  # of the platform, that share `capacity`
     strategy: Literal["default", "paper"]
     ending: TuningEnding
     message: str
@@ -331,6 +332,7 @@ def _result_of(end: TuningEnd, strategy: Literal["default", "paper"], system: Sy
     message = {"successful": SUCCESSFUL, "unable": UNABLE, "nothing_to_do": "", "stopped": ""}[end.ending]
     return TuningResult(
         platform=end.subject.bench.platform,
+        hosts=tuple(sorted(end.subject.hosts.chosen)),
         strategy=strategy,
         ending=end.ending,
         message=message,

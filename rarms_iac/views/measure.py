@@ -132,15 +132,18 @@ def _totals(results: Sequence[ExperimentResult]) -> Iterator[str]:
             f"{name}: {show_processors(amount)} of {show_processors(size.logical_processors)} in all, "
             f"by {settings}, {new} of them new."
         )
+    footnotes = []
     errors = [
         result.conclusion.error
         for result in results
         if isinstance(result.conclusion, Sufficient | NotAchievable) and not _only_extremes(result)
     ]
     if errors:
-        yield f"A verdict is wrong in at most {show_error(max(errors))} of cases (docs/measuring.md)."
+        footnotes.append(f"a verdict is wrong in at most {show_error(max(errors))} of cases (docs/measuring.md)")
     if any(map(_only_extremes, results)):
-        yield "A maximum or minimum is met so far: nobody can say what the next job does."
+        footnotes.append("a maximum or minimum is met so far")
+    if footnotes:
+        yield f"{'; '.join(footnotes).capitalize()}."
 
 
 def _reserved(result: ExperimentResult) -> Fraction:
@@ -200,11 +203,16 @@ def _output(measured: ExperimentResult) -> ExperimentOutput:
     return ExperimentOutput(
         components=experiment.setup.members,
         host=experiment.host.name,
+        host_processors=experiment.host.logical_processors,
+        processors=experiment.setup.processors,
         platform=experiment.host.platform,
         interference=experiment.setup.interference,
         log=measured.log,
         ending=_ending(conclusion),
         reserve=conclusion.reserve if isinstance(conclusion, Sufficient) else None,
+        reserved_processors=float(guaranteed(conclusion.reserve, experiment.setup.processors))
+        if isinstance(conclusion, Sufficient)
+        else None,
         failed=conclusion.failed if isinstance(conclusion, Sufficient) else None,
         undecided=isinstance(conclusion, Sufficient)
         and conclusion.failed is not None
@@ -250,22 +258,23 @@ def index_outputs(indexes: Sequence[MeasuredIndex]) -> tuple[IndexOutput, ...]:
     return tuple(map(_index, indexes))
 
 
-def _index(shown: MeasuredIndex) -> IndexOutput:
-    seen = shown.estimate
+def _index(measured: MeasuredIndex) -> IndexOutput:
+    estimate = measured.estimate
     return IndexOutput(
-        component=shown.component,
-        index=shown.index,
-        at_most=float(shown.threshold.value) if isinstance(shown.threshold, AtMost) else None,
-        at_least=float(shown.threshold.value) if isinstance(shown.threshold, AtLeast) else None,
-        value=seen.value if seen else None,
-        lower=seen.lower if seen and isfinite(seen.lower) else None,
-        upper=seen.upper if seen and isfinite(seen.upper) else None,
-        error=seen.error if seen else None,
-        samples=seen.samples if seen else 0,
+        component=measured.component,
+        unit=index_unit(measured.index),
+        index=measured.index,
+        at_most=float(measured.threshold.value) if isinstance(measured.threshold, AtMost) else None,
+        at_least=float(measured.threshold.value) if isinstance(measured.threshold, AtLeast) else None,
+        value=estimate.value if estimate else None,
+        lower=estimate.lower if estimate and isfinite(estimate.lower) else None,
+        upper=estimate.upper if estimate and isfinite(estimate.upper) else None,
+        error=estimate.error if estimate else None,
+        samples=estimate.samples if estimate else 0,
     )
 
 
-BETWEEN_LINES = 10.0
+BETWEEN_LINES = 30.0
 """Seconds from one line of progress to the next where nothing can be updated in place."""
 
 
@@ -352,9 +361,9 @@ def samples_of(seen: Mapping[str, Series]) -> str:
 
 
 def brief(indexes: Sequence[MeasuredIndex], *, several: bool = False) -> str:
-    """The values alone: `mean_response_time 94.1 ms`; of several components `vision mean_response_time 94.1 ms`."""
+    """The values alone: `mean_response_time 94.1 ms`; of several components `vision 94.1 ms`."""
     values = [
-        f"{_owner(index, several=several)}{index.index} {show_value(index.index, index.estimate.value)}"
+        f"{index.component if several else index.index} {show_value(index.index, index.estimate.value)}"
         for index in indexes
         if index.estimate is not None
     ]

@@ -38,10 +38,14 @@ def proof_text(proofs: Sequence[LayoutProof], interference: str | None) -> "Rend
 def _row(proof: LayoutProof, tried: IndexVerdict) -> tuple[str, ...]:
     """The partition, the component, its index with its value, its threshold, and the verdict."""
     index = tried.measured
-    partitions = {member.name: name for name, members in proof.layout.partitions.items() for member in members}
     value = index.reason if index.estimate is None else show_value(index.index, index.estimate.value)
     bound = show_bound(index.index, index.threshold).removeprefix(f"{index.index} ")
-    return partitions.get(index.component, "-"), index.component, index.index, value, bound, _in_words(tried)
+    return _partitions(proof).get(index.component, "-"), index.component, index.index, value, bound, _in_words(tried)
+
+
+def _partitions(proof: LayoutProof) -> Mapping[str, str]:
+    """The partition of each component that has one."""
+    return {member.name: name for name, members in proof.layout.partitions.items() for member in members}
 
 
 def _sentence(proof: LayoutProof, against: str) -> str:
@@ -78,11 +82,13 @@ def _in_words(tried: IndexVerdict) -> str:
 
 
 def _outputs(proof: LayoutProof) -> Iterator[ProvenIndexOutput]:
+    partitions = _partitions(proof)
     for tried, shown in zip(proof.verdicts, index_outputs([tried.measured for tried in proof.verdicts]), strict=True):
         seen = {field.name: getattr(shown, field.name) for field in fields(shown)}
         yield ProvenIndexOutput(
             **seen,
             host=proof.host,
+            partition=partitions.get(tried.measured.component),
             verdict=verdict_of(tried.verdict),
             verdict_error=tried.error,
             why=tried.measured.reason,

@@ -9,6 +9,7 @@ from rarms_iac.model.indexes import PerformanceIndex, find_index, show_threshold
 from rarms_iac.model.quantities import guaranteed, show_processors
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import paragraph, stack
+from rarms_iac.views.measure import index_unit
 from rarms_iac.views.output.measuring import HeadroomOutput, LevelOutput, SelectionOutput
 
 if TYPE_CHECKING:
@@ -29,13 +30,18 @@ def selection_json(selection: Selection, file: str, *, written: bool) -> str:
         SelectionOutput(
             component=selection.component,
             index=selection.index,
+            unit=index_unit(selection.index),
             before=None if selection.before is None else float(selection.before.value),
             after=float(selection.after.value),
             file=file,
             written=written,
             levels=tuple(map(_level_output, selection.levels)),
             headrooms=tuple(
-                HeadroomOutput(host=headroom.host, processors=float(headroom.processors))
+                HeadroomOutput(
+                    host=headroom.host,
+                    processors=float(headroom.processors),
+                    host_processors=headroom.host_processors,
+                )
                 for headroom in selection.headrooms
             ),
             fits=bool(selection.headrooms),
@@ -47,9 +53,12 @@ def _level_output(level: SelectedLevel) -> LevelOutput:
     value, lower, upper = level.expected or (None, None, None)
     return LevelOutput(
         platform=level.platform,
+        host=level.host,
+        host_processors=level.host_processors,
         partition=level.partition,
         reserve=level.reserve,
         processors=level.processors,
+        reserved_processors=float(guaranteed(level.reserve, level.processors)),
         interpolated=level.interpolated,
         value=value,
         lower=lower,

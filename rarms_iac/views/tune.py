@@ -56,7 +56,7 @@ class TuningProgress(Silent):
 
 def answer_text(worse: Sequence[str]) -> str:
     """Whether a setting is enough for the components together; `worse`: those of whom that is not sure."""
-    return f"too little for {', '.join(worse)}" if worse else "all thresholds met"
+    return f"too little for {', '.join(worse)}" if worse else "all met"
 
 
 def tuned_text(tuned: TuningResult) -> "RenderableType":
@@ -77,15 +77,16 @@ def tuned_text(tuned: TuningResult) -> "RenderableType":
 
 def _sentences(tuned: TuningResult) -> Sequence[str]:
     before, after, capacity = map(_lps, (tuned.before, tuned.after, tuned.capacity))
+    hosts = ", ".join(tuned.hosts)
     match tuned.ending:
         case "nothing_to_do":
-            return [f"{tuned.platform}: nothing to do, {before} of {capacity} are reserved."]
+            return [f"{hosts}: nothing to do, {before} of {capacity} are reserved."]
         case "stopped":
-            return [f"{tuned.platform}: stopped, {before} are reserved, and there are {capacity}."]
+            return [f"{hosts}: stopped, {before} are reserved, and there are {capacity}."]
         case "unable":
-            return [f"{tuned.platform}: {before} are reserved, and there are {capacity}. {tuned.message}."]
+            return [f"{hosts}: {before} are reserved, and there are {capacity}. {tuned.message}."]
         case "successful":
-            return [f"{tuned.platform}: {tuned.message}, {before} became {after} of {capacity}.", *_claims(tuned)]
+            return [f"{hosts}: {tuned.message}, {before} became {after} of {capacity}.", *_claims(tuned)]
 
 
 def _claims(tuned: TuningResult) -> Sequence[str]:
@@ -112,6 +113,7 @@ def tuned_json(tuned: TuningResult, findings: Sequence[Diagnostic]) -> str:
     return as_json(
         TuneOutput(
             platform=tuned.platform,
+            hosts=tuned.hosts,
             strategy=tuned.strategy,
             ending=tuned.ending,
             message=tuned.message,

@@ -39,7 +39,8 @@ class TuneOutput:
 
     format_version: Format = FORMAT_VERSION
     kind: Literal["tune"] = "tune"
-    platform: str  # of the hosts that share the capacity
+    platform: str
+    hosts: tuple[str, ...]  # of the platform, that share the capacity
     strategy: Literal["default", "paper"]
     ending: Literal["nothing_to_do", "successful", "unable", "stopped"]
     message: str

@@ -17,6 +17,7 @@ class IndexOutput:
 
     component: str
     index: str
+    unit: str
     at_most: float | None
     at_least: float | None
     value: float | None
@@ -47,11 +48,14 @@ class ExperimentOutput:
 
     components: tuple[str, ...]
     host: str
+    host_processors: int  # LPs
     platform: str
+    processors: int  # VPs, whose per cent a reserve is
     interference: str
     log: str
     ending: Literal["found", "not_achievable", "not_resolved", "no_verdict", "swept", "stopped"]
     reserve: int | None
+    reserved_processors: float | None  # LPs of that
     failed: int | None
     undecided: bool
     untold: tuple[int, ...]
@@ -84,6 +88,7 @@ class ProvenIndexOutput(IndexOutput):
     """
 
     host: str
+    partition: str | None  # null: it runs on the host itself
     verdict: ProvenVerdict
     verdict_error: float | None
     why: str
@@ -139,9 +144,12 @@ class LevelOutput:
     """What a partition gets on a platform, in per cent of each of its processors; the index there with its band."""
 
     platform: str
+    host: str  # the first of the platform
+    host_processors: int  # LPs
     partition: str
     reserve: int
     processors: int
+    reserved_processors: float  # LPs
     interpolated: bool
     value: float | None
     lower: float | None
@@ -154,6 +162,7 @@ class HeadroomOutput:
 
     host: str
     processors: float
+    host_processors: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,6 +173,7 @@ class SelectionOutput:
     kind: Literal["selection"] = "selection"
     component: str
     index: str
+    unit: str
     before: float | None
     after: float
     file: str

@@ -123,7 +123,7 @@ def test_programs_read_the_same(here: Path) -> None:
         True,
     )
     assert document["levels"][0]["reserve"] == 61
-    assert document["headrooms"] == [{"host": "onboard", "processors": 0.78}]
+    assert document["headrooms"] == [{"host": "onboard", "processors": 0.78, "host_processors": 2}]
 
 
 def test_an_overlay_that_says_the_level_is_what_is_changed(here: Path) -> None:

@@ -165,7 +165,7 @@ def test_a_log_that_nobody_asked_for_may_void_the_proof(here: Path) -> None:
     ran = rarms("tune", "--samples", "60", "--dry-run")
 
     assert ran.code == 0
-    assert "paths+vision at 5 %: all thresholds met" in ran.err
+    assert "paths+vision at 5 %: all met" in ran.err
     assert "RARMS306" in ran.err
     assert "No other layout is better" not in ran.out
 

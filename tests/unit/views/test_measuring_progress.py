@@ -47,8 +47,8 @@ def written(
 
 def test_a_pipe_is_told_of_a_setting_where_the_last_line_is_long_ago() -> None:
     assert written(seconds_since_start=1.0) == []
-    assert written(seconds_since_start=12.0) == [
-        "vision at 62 %: 100 samples, mean_response_time 98 ms (97.8 to 98.2 ms), in 12 s\n"
+    assert written(seconds_since_start=32.0) == [
+        "vision at 62 %: 100 samples, mean_response_time 98 ms (97.8 to 98.2 ms), in 32 s\n"
     ]
 
 
