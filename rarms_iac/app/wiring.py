@@ -73,8 +73,7 @@ def read_script_output(data: bytes, host: str) -> ScriptObservation | None:
     Raises:
         NotDecodable: it says that it is, and is not as the script writes it.
     """
-    from rarms_iac.providers.hyperv.condition import condition_of
-    from rarms_iac.providers.hyperv.findings import findings_of
+    from rarms_iac.providers.hyperv.condition import condition_of, findings_of
     from rarms_iac.providers.hyperv.observation import document_of, is_observation, observation_of
     from rarms_iac.providers.hyperv.parse import last_run_of, tasks_of, to_state
 

@@ -10,13 +10,13 @@ from rarms_iac.storage.digest import set_of_settings
 
 NO_SUCH_MACHINE = Finding(code="RARMS195", severity=Severity.ERROR, summary="No machine on the host has this id")
 TAKEN = Finding(code="RARMS196", severity=Severity.ERROR, summary="The machine or the partition is taken already")
-NOT_OURS = Finding(code="RARMS197", severity=Severity.ERROR, summary="This partition is not ours to release")
+NOT_OURS = Finding(code="RARMS197", severity=Severity.ERROR, summary="This partition is not managed to release")
 
 
 def adoption(state: State, application: str, name: str, machine: str, place: Place | None) -> Adopt | Diagnostic:
     """The change that makes the machine of this id the manifest's partition; its settings stay.
 
-    The mark says what the machine has now, so that the next plan tells what the manifest wants of it.
+    The mark problem what the machine has now, so that the next plan tells what the manifest wants of it.
     """
     address = f"partition/{name}"
     before = next((partition for partition in state.partitions if partition.id.lower() == machine.lower()), None)
@@ -29,15 +29,15 @@ def adoption(state: State, application: str, name: str, machine: str, place: Pla
             place, f"{state.facts.name} has no machine {machine}: {known}.", "Give one of these ids.", address=address
         )
     if before.mark is not None:
-        says = f"Machine {machine} is partition {before.mark.name!r} of application {before.mark.application!r}."
-        return TAKEN.at(place, says, "Release it there first: `rarms release`.", address=address)
+        problem = f"Machine {machine} is partition {before.mark.name!r} of application {before.mark.application!r}."
+        return TAKEN.at(place, problem, "Release it there first: `rarms release`.", address=address)
     holder = next(
         (partition for partition in state.of(application).partitions if partition.mark and partition.mark.name == name),
         None,
     )
     if holder is not None:
-        says = f"Partition {name!r} is machine {holder.id} already."
-        return TAKEN.at(place, says, f"Release that one first: `rarms release {name}`.", address=address)
+        problem = f"Partition {name!r} is machine {holder.id} already."
+        return TAKEN.at(place, problem, f"Release that one first: `rarms release {name}`.", address=address)
     mark = Mark(application=application, name=name, machine=before.id[:8], set=set_of_settings(before.settings))
     return Adopt(
         address=Address(partition=name, machine=before.id),
@@ -49,16 +49,16 @@ def adoption(state: State, application: str, name: str, machine: str, place: Pla
 
 def releasing(state: State, application: str, name: str, place: Place | None) -> Release | Diagnostic:
     """The change that takes our mark off this partition; the machine and its settings stay."""
-    ours: dict[str, Partition] = {
+    managed: dict[str, Partition] = {
         partition.mark.name: partition for partition in state.of(application).partitions if partition.mark
     }
-    before = ours.get(name)
+    before = managed.get(name)
     if before is None:
-        known = ", ".join(sorted(ours)) or "none"
+        known = ", ".join(sorted(managed)) or "none"
         return NOT_OURS.at(
             place,
             f"On {state.facts.name} no partition {name!r} carries a mark of {application!r}; these do: {known}."
-            f"{suggestion(name, ours)}",
+            f"{suggestion(name, managed)}",
             "Give one of these names.",
             address=f"partition/{name}",
         )

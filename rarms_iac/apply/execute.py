@@ -88,10 +88,12 @@ def apply_plan(
         try:
             match host:
                 case StepwiseHost():
-                    reports.append(run_steps(host, _begun(host, plan, part, owner), reporter, should_stop))
+                    reports.append(run_steps(host, _begin_or_resume(host, plan, part, owner), reporter, should_stop))
                 case ScriptedHost():
-                    told = run_job(host, apply_job(plan.id, part), reporter, should_stop, waits)
-                    reports.append(replace(told, hosts=tuple(replace(one, changes=part.changes) for one in told.hosts)))
+                    report = run_job(host, apply_job(plan.id, part), reporter, should_stop, waits)
+                    reports.append(
+                        replace(report, hosts=tuple(replace(entry, changes=part.changes) for entry in report.hosts))
+                    )
                 case _:
                     assert_never(host)
         except HostError as error:
@@ -138,7 +140,7 @@ def _runs_here(host: LiveHost, part: HostPlan) -> bool:
     return bool(part.steps)
 
 
-def _begun(host: StepwiseHost, plan: Plan, part: HostPlan, owner: str) -> Journal:
+def _begin_or_resume(host: StepwiseHost, plan: Plan, part: HostPlan, owner: str) -> Journal:
     """The plan's own unfinished run, or a fresh one."""
     journal = host.unfinished()
     if journal is not None:

@@ -20,7 +20,7 @@ def totals_of(
     A machine that is taken over or let go of changes sides, and keeps what it has. One that is wanted and does not run
     is promised what the layout gives it, as the planner counts it.
     """
-    ours = {
+    claims = {
         partition.mark.name: claim_of(partition) for partition in observed.of(application).partitions if partition.mark
     }
     renamed: dict[str, str] = {
@@ -29,26 +29,26 @@ def totals_of(
     for step in steps:
         address = step.address
         if address.partition and not address.task:
-            ours.pop(renamed.get(address.machine, ""), None)
-            ours[address.partition] = step.claim_after
+            claims.pop(renamed.get(address.machine, ""), None)
+            claims[address.partition] = step.claim_after
     others = list(foreign_claims(observed, application))
     for change in changes:
         match change:
             case Adopt(before=Partition(claims_resources=True, settings=settings)):
                 others.remove(claim_of_settings(settings))
             case Release(before=Partition() as before):
-                ours.pop(change.address.partition, None)
+                claims.pop(change.address.partition, None)
                 others += [claim_of_settings(before.settings)] if before.claims_resources else []
             case _:
                 pass
     layout = {partition.settings.name: claim_of_settings(partition.settings) for partition in desired.partitions}
-    idle = load_of(layout[name] for name, claim in ours.items() if claim == NO_CLAIM and name in layout)
-    mine, theirs = load_of(ours.values()), load_of(others)
+    idle = load_of(layout[name] for name, claim in claims.items() if claim == NO_CLAIM and name in layout)
+    own, foreign = load_of(claims.values()), load_of(others)
     return Totals(
-        percent=mine.percent + idle.percent,
-        memory=mine.memory + idle.memory,
-        others_percent=theirs.percent,
-        others_memory=theirs.memory,
+        percent=own.percent + idle.percent,
+        memory=own.memory + idle.memory,
+        others_percent=foreign.percent,
+        others_memory=foreign.memory,
         idle_percent=idle.percent,
         idle_memory=idle.memory,
     )

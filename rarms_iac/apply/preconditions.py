@@ -23,11 +23,11 @@ def unproven_rights(observed: Iterable[State], places: Places) -> Iterator[Diagn
 
 
 def no_rights(facts: HostFacts, place: Place | None = None) -> Diagnostic:
-    """One of them."""
-    says = "has no right to" if facts.rights is Rights.MISSING else "could not prove that it may"
+    """The finding about a host of which nobody knows whether everything was seen."""
+    lack = "has no right to" if facts.rights is Rights.MISSING else "could not prove that it may"
     return NO_RIGHTS.at(
         place,
-        f"On {facts.name}, rarms {says} manage machines: those that are there cannot be seen, let alone changed.",
+        f"On {facts.name}, rarms {lack} manage machines: those that are there cannot be seen, let alone changed.",
         "Run as an administrator of the host; on a simulated one, say `administrator: true`.",
         address=f"host/{facts.name}",
     )

@@ -64,7 +64,7 @@ def unfinished(host: str, journal: Journal | ScriptRun) -> Diagnostic:
     return UNFINISHED.at(
         None,
         f"{_run(started)} on {host} was begun by {started.started_by} and not finished.",
-        f"Wait where that process still works. Otherwise: {GO_ON[:1].lower()}{GO_ON[1:]}",
+        f"Wait location that process still works. Otherwise: {GO_ON[:1].lower()}{GO_ON[1:]}",
         address=f"host/{host}",
     )
 
@@ -94,7 +94,7 @@ def step_failed(host: str, step: Step, error: HostError) -> Diagnostic:
     return STEP_FAILED.at(
         step.place,
         f"{step.address} on {host}, `{step.title}`: {error.says}.",
-        f"{_sentence(error.advice)} {GO_ON}",
+        f"{_as_sentence(error.advice)} {GO_ON}",
         address=str(step.address),
     )
 
@@ -112,14 +112,14 @@ def step_missed(host: str, step: Step, live: Readings) -> Diagnostic:
 def host_failed(error: HostError) -> Diagnostic:
     """The host cannot be read, or what it keeps for us is damaged."""
     finding = DAMAGED if isinstance(error, HostDamaged) else HOST_FAILED
-    return finding.at(None, f"{error.host}: {error.says}.", _sentence(error.advice), address=f"host/{error.host}")
+    return finding.at(None, f"{error.host}: {error.says}.", _as_sentence(error.advice), address=f"host/{error.host}")
 
 
-def not_reached(host: str, address: str, says: str) -> Diagnostic:
+def not_reached(host: str, address: str, difference: str) -> Diagnostic:
     """All steps went through, and looking again shows a difference."""
     return NOT_REACHED.at(
         None,
-        f"{address} on {host}: {says}.",
+        f"{address} on {host}: {difference}.",
         "Something else changes it too. Look with `rarms drift`.",
         address=address,
     )
@@ -140,9 +140,9 @@ def undo_partial(host: str, step: Step) -> Diagnostic:
     )
 
 
-def undo_script_partial(host: str, says: str) -> Diagnostic:
+def undo_script_partial(host: str, lost: str) -> Diagnostic:
     """The same, as an undo script says it of itself."""
-    detail = f"{host}: {says.rstrip('.')}."
+    detail = f"{host}: {lost.rstrip('.')}."
     return UNDO_PARTIAL.at(None, detail, "Look at it with `rarms drift` afterwards.", address=f"host/{host}")
 
 
@@ -185,12 +185,12 @@ def script_refused(host: str, event: RunEvent) -> Diagnostic:
     )
 
 
-def script_failed(host: str, at: str, words: str, code: int) -> Diagnostic:
+def script_failed(host: str, at: str, message: str, code: int) -> Diagnostic:
     """The script ended with another exit code, in the middle of a step or outside of all."""
-    where = f"{at} on {host}" if at else host
+    location = f"{at} on {host}" if at else host
     return (STEP_FAILED if at else SCRIPT_FAILED).at(
         None,
-        f"{where}: {words.strip().rstrip('.') or 'the script says nothing'} (exit code {code}).",
+        f"{location}: {message.strip().rstrip('.') or 'the script says nothing'} (exit code {code}).",
         f"Mend that on the host. {GO_ON}",
         address=at or f"host/{host}",
     )
@@ -198,21 +198,21 @@ def script_failed(host: str, at: str, words: str, code: int) -> Diagnostic:
 
 def differences(live: Readings, expected: Readings) -> str:
     """`reserve is 50, not 70`, for everything expected that is not so; sorted by name."""
-    found = [
-        f"{name.removeprefix('value:')} is {_shown(live[name])}, not {_shown(expected[name])}"
+    changes = [
+        f"{name.removeprefix('value:')} is {_format_reading(live[name])}, not {_format_reading(expected[name])}"
         if name in live
         else f"{name.removeprefix('value:')} is not there"
         for name in sorted(expected)
         if live.get(name) != expected[name]
     ]
-    return ", ".join(found)
+    return ", ".join(changes)
 
 
-def _sentence(advice: str) -> str:
+def _as_sentence(advice: str) -> str:
     return f"{advice[:1].upper()}{advice[1:]}."
 
 
-def _shown(value: bool | int | str) -> str:
+def _format_reading(value: bool | int | str) -> str:
     match value:
         case bool():
             return "yes" if value else "no"

@@ -104,7 +104,7 @@ def steps_undone_by_script(journal: ScriptRun) -> tuple[UndoneStep, ...]:
     from rarms_iac.powershell.tree import NotParsed
 
     text = journal.started.script if journal.started.run is RunKind.UNDO else journal.started.undo
-    touched = {int(one) for one in journal.started.touched if one.isdecimal()} or journal.touched()
+    touched = {int(number) for number in journal.started.touched if number.isdecimal()} or journal.touched()
     try:
         steps = outline(text.encode("ascii", "replace")).steps
     except (NotParsed, ValueError):
@@ -156,21 +156,21 @@ class RunListener:
     def _step(self, event: RunEvent) -> None:
         running = self._running
         if running is None or running.number != event.number or event.status is EventStatus.BEGUN:
-            self._reporter.step_started(self._host, event.number + 1, event.total, _told(event))
+            self._reporter.step_started(self._host, event.number + 1, event.total, _titled_step(event))
             self._running = event
         if event.status is EventStatus.BEGUN:
             return
         status = StepStatus.CHANGED if event.status is EventStatus.CHANGED else StepStatus.UNCHANGED
-        told = _told(running if running is not None and running.number == event.number else event)
+        step = _titled_step(running if running is not None and running.number == event.number else event)
         self._statuses.setdefault(event.number, status)
-        self._reporter.step_ended(self._host, event.number + 1, event.total, told, status)
+        self._reporter.step_ended(self._host, event.number + 1, event.total, step, status)
         self._running = None
 
     def report(self, ended: ScriptExited | ScriptLost) -> RunReport:
         """What the run came to."""
         ending, *problems = self._ending(ended)
         changed = sum(status is StepStatus.CHANGED for status in self._statuses.values())
-        told = HostReport(
+        host_report = HostReport(
             host=self._host,
             plan=self._order.plan,
             run=self._order.run,
@@ -180,14 +180,14 @@ class RunListener:
             total=max(self._total, len(self._statuses)),
             resumed=bool(self._order.earlier),
         )
-        return RunReport(ending=ending, hosts=(told,), diagnostics=tuple(problems))
+        return RunReport(ending=ending, hosts=(host_report,), diagnostics=tuple(problems))
 
     def _ending(self, ended: ScriptExited | ScriptLost) -> "tuple[RunEnding, *tuple[Diagnostic, ...]]":
         last = self._last
         match ended:
             case ScriptLost(why=why):
                 return RunEnding.FAILED, refusals.unknown(self._host, self._order.plan, why)
-            case ScriptExited(code=0) if last is not None and last.status in _WELL:
+            case ScriptExited(code=0) if last is not None and last.status in _GOOD_ENDS:
                 return (RunEnding.DONE,)
             case ScriptExited(code=0):
                 why = "it ended with exit code 0 and without its last event"
@@ -206,8 +206,8 @@ class RunListener:
         return refusals.script_failed(self._host, at, words, code)
 
 
-_WELL = frozenset({EventStatus.DONE, EventStatus.ABANDONED, EventStatus.UNCHANGED})
+_GOOD_ENDS = frozenset({EventStatus.DONE, EventStatus.ABANDONED, EventStatus.UNCHANGED})
 
 
-def _told(event: RunEvent) -> TitledStep:
+def _titled_step(event: RunEvent) -> TitledStep:
     return TitledStep(address=event.address, title=event.detail or event.status.value)

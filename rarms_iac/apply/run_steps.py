@@ -35,7 +35,7 @@ def run_steps(host: StepwiseHost, journal: Journal, reporter: RunReporter, shoul
 
     def report(ending: RunEnding, *problems: Diagnostic) -> RunReport:
         changed = sum(status is StepStatus.CHANGED for status in done.values())
-        told = HostReport(
+        host_report = HostReport(
             host=host.name,
             plan=started.plan,
             run=started.run,
@@ -46,7 +46,7 @@ def run_steps(host: StepwiseHost, journal: Journal, reporter: RunReporter, shoul
             resumed=resumed,
             changes=started.host_plan.changes if started.run is RunKind.APPLY else (),
         )
-        return RunReport(ending=ending, hosts=(told,), diagnostics=problems)
+        return RunReport(ending=ending, hosts=(host_report,), diagnostics=problems)
 
     total = len(started.steps)
     for number, step in enumerate(started.steps):
@@ -63,8 +63,8 @@ def run_steps(host: StepwiseHost, journal: Journal, reporter: RunReporter, shoul
         reporter.step_ended(host.name, number + 1, total, step, outcome)
 
     host.record(RunClosed(closing=Closing.DONE))
-    strays = tuple(_strays(host, started, scope))
-    return report(RunEnding.FAILED if strays else RunEnding.DONE, *strays)
+    deviations = tuple(_deviations(host, started, scope))
+    return report(RunEnding.FAILED if deviations else RunEnding.DONE, *deviations)
 
 
 def _perform(host: StepwiseHost, scope: Scope, number: int, step: Step, *, was_begun: bool) -> StepStatus | Diagnostic:
@@ -93,7 +93,7 @@ def matches(live: Readings, expected: Readings) -> bool:
     return all(name in live and live[name] == value for name, value in expected.items())
 
 
-def _strays(host: StepwiseHost, started: RunStarted, scope: Scope) -> Iterator[Diagnostic]:
+def _deviations(host: StepwiseHost, started: RunStarted, scope: Scope) -> Iterator[Diagnostic]:
     """Looking again: every address against the last reading that a step of the run expects of it."""
     state = host.observe()
     expected: dict[Address, dict[str, Reading]] = {}

@@ -41,13 +41,15 @@ def guest_scripts_by_hand(host_plan: HostPlan, tasks: Iterable[GuestTask], locat
     """That the scripts of guests do not run with the host's: nothing reaches into a guest."""
     if host_plan.facts.provider is not ProviderKind.HYPERV:
         return
-    seen = {inside for inside in insides(host_plan) if inside}
-    for inside in sorted(seen | {task.partition for task in tasks}):
+    observed = {inside for inside in insides(host_plan) if inside}
+    for inside in sorted(observed | {task.partition for task in tasks}):
         name = script_name(host_plan, inside)
-        says = "was looked into" if inside in seen else "could not be looked into: its own record decides what is done"
+        how = (
+            "was looked into" if inside in observed else "could not be looked into: its own record decides what is done"
+        )
         yield BY_HAND.at(
             locate(Address(partition=inside)),
-            f"The task classes of {inside} lie in its guest, which {says}. The plan holds the script that writes them, "
+            f"The task classes of {inside} lie in its guest, which {how}. The plan holds the script that writes them, "
             f"{name}; applying the plan does not run it.",
             f"Write it out (`rarms show --script PLAN --guest {inside} --out FOLDER`), take it and its undo script "
             "into the guest, and run it there as administrator. The next plan compares what observe.ps1 printed "

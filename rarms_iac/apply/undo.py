@@ -17,12 +17,107 @@ from rarms_iac.apply.run_script import (
     undo_job,
 )
 from rarms_iac.apply.run_steps import ShouldStop, run_steps
-from rarms_iac.apply.told_operations import describe_operation
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunStarted, ScriptRun
+from rarms_iac.model.operations import (
+    CreatePartition,
+    EraseMark,
+    EraseResponsiveness,
+    EraseResponsivenessRecord,
+    EraseTaskRecord,
+    Operation,
+    PartitionOperation,
+    RemoveDisk,
+    RemovePartition,
+    RemoveTaskClass,
+    RenamePartition,
+    ResponsivenessOperation,
+    SetActions,
+    SetCpu,
+    SetMemory,
+    SetProcessors,
+    StartPartition,
+    StopPartition,
+    TaskOperation,
+    WriteMark,
+    WriteResponsiveness,
+    WriteResponsivenessRecord,
+    WriteTaskClass,
+    WriteTaskRecord,
+)
 from rarms_iac.model.plan import Step, UndoLevel
+from rarms_iac.model.quantities import show_bytes
 from rarms_iac.model.state import Rights
 from rarms_iac.providers.interface import NO_WAITING, HostError, LiveHost, ScriptedHost, StepwiseHost, WaitLimits
+
+
+def describe_operation(operation: Operation) -> str:
+    """`stop it`, `reserve 64 %, limit 100 %, weight 300`; without its address, which stands before it."""
+    match operation:
+        case RemoveDisk(path=path):
+            return f"delete its disk {path}"
+        case WriteTaskClass() | RemoveTaskClass() | WriteTaskRecord() | EraseTaskRecord():
+            return _of_a_task(operation)
+        case WriteResponsiveness() | EraseResponsiveness() | WriteResponsivenessRecord() | EraseResponsivenessRecord():
+            return _of_responsiveness(operation)
+        case _:
+            return _of_a_partition(operation)
+
+
+def _of_a_partition(operation: PartitionOperation) -> str:
+    match operation:
+        case CreatePartition(memory=memory):
+            return f"make the machine with {show_bytes(memory)}"
+        case RemovePartition():
+            return "remove the machine that was made, with all that was set on it"
+        case RenamePartition(name=name):
+            return f"give it its name {name}"
+        case WriteMark(application=application, name=name):
+            return f"mark it as {application}/{name}"
+        case EraseMark():
+            return "erase the mark"
+        case SetProcessors(processors=processors):
+            return f"processors {processors}"
+        case SetCpu(reserve=reserve, limit=limit, weight=weight):
+            return f"reserve {reserve} %, limit {limit} %, weight {weight}"
+        case SetMemory(memory=memory, dynamic=dynamic):
+            return f"memory {show_bytes(memory)}{', dynamic' if dynamic else ''}"
+        case SetActions():
+            return "what happens when the host starts and stops, and its checkpoints, as before"
+        case StartPartition():
+            return "start it"
+        case StopPartition():
+            return "stop it"
+        case _:
+            assert_never(operation)
+
+
+def _of_a_task(operation: TaskOperation) -> str:
+    match operation:
+        case WriteTaskClass(values=values):
+            return f"set {', '.join(sorted(values))} as before"
+        case RemoveTaskClass():
+            return "remove the class"
+        case WriteTaskRecord():
+            return "record that it is ours, and what was there"
+        case EraseTaskRecord():
+            return "forget it: it is no longer ours"
+        case _:
+            assert_never(operation)
+
+
+def _of_responsiveness(operation: ResponsivenessOperation) -> str:
+    match operation:
+        case WriteResponsiveness():
+            return "set it as before"
+        case EraseResponsiveness():
+            return "take the value away"
+        case WriteResponsivenessRecord():
+            return "record that it is ours, and what was there"
+        case EraseResponsivenessRecord():
+            return "forget it: it is no longer ours"
+        case _:
+            assert_never(operation)
 
 
 def undo(
@@ -34,12 +129,12 @@ def undo(
             case StepwiseHost():
                 journal = host.journal()
                 if journal is None or not can_be_undone(journal):
-                    return _nothing(host, journal)
+                    return _nothing_to_undo(host, journal)
                 return without_rights(host) or _walk_back(host, journal, owner, reporter, should_stop)
             case ScriptedHost():
                 run = host.journal()
                 if run is None or not can_be_undone(run):
-                    return _nothing(host, run)
+                    return _nothing_to_undo(host, run)
                 order = finish_job(host.name, run) if run.started.run is RunKind.UNDO else undo_job(host.name, run)
                 report = without_rights(host) or run_job(host, order, reporter, should_stop, waits)
                 return replace(report, diagnostics=(*report.diagnostics, *not_undone_findings(host.name, run)))
@@ -96,7 +191,7 @@ def steps_undone(journal: Journal | ScriptRun) -> tuple[UndoneStep, ...]:
     match journal:
         case Journal():
             return tuple(
-                UndoneStep(address=str(step.address), title=_told(step), level=step.undo.level)
+                UndoneStep(address=str(step.address), title=_describe_undo(step), level=step.undo.level)
                 for _, step in steps_to_undo(journal)
                 if not goes_with_its_machine(step)
             )
@@ -104,7 +199,7 @@ def steps_undone(journal: Journal | ScriptRun) -> tuple[UndoneStep, ...]:
             return steps_undone_by_script(journal)
 
 
-def _told(step: Step) -> str:
+def _describe_undo(step: Step) -> str:
     """What the undo does; of a step without one, what stays done."""
     return step.title if step.undo.operation is None else describe_operation(step.undo.operation)
 
@@ -147,7 +242,7 @@ def not_undone_findings(host: str, journal: Journal | ScriptRun) -> tuple[Diagno
                 if step.undo.level is not UndoLevel.FULL
             )
         case ScriptRun():
-            return tuple(refusals.undo_script_partial(host, says) for says in not_undone(journal.started.undo))
+            return tuple(refusals.undo_script_partial(host, lost) for lost in not_undone(journal.started.undo))
 
 
 def undo_run(journal: Journal, *, started_by: str) -> RunStarted:
@@ -184,7 +279,7 @@ def reversed_step(step: Step) -> Step:
     )
 
 
-def _nothing(host: LiveHost, journal: Journal | ScriptRun | None) -> RunReport:
+def _nothing_to_undo(host: LiveHost, journal: Journal | ScriptRun | None) -> RunReport:
     why = (
         "rarms has applied nothing there"
         if journal is None

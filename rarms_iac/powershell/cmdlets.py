@@ -5,6 +5,7 @@ its whole name.
 """
 
 import json
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -65,7 +66,7 @@ class Cmdlet:
 class CallProblem:
     """Why a call would not bind, or not mean the same everywhere."""
 
-    says: str
+    message: str
     advice: str
 
 
@@ -80,13 +81,13 @@ def _cmdlet(name: str, facts: Mapping[str, Any]) -> Cmdlet:
     parameters = {
         key.lower(): Parameter(
             name=key,
-            type=one["type"],
-            sets={group: _in_set(flags) for group, flags in one["sets"].items()},
-            aliases=tuple(one.get("aliases", ())),
-            accepted=tuple(one.get("values", ())),
+            type=fact["type"],
+            sets={group: _in_set(flags) for group, flags in fact["sets"].items()},
+            aliases=tuple(fact.get("aliases", ())),
+            accepted=tuple(fact.get("values", ())),
             in_7=key not in missing,
         )
-        for key, one in facts["parameters"].items()
+        for key, fact in facts["parameters"].items()
     }
     return Cmdlet(
         name=name,
@@ -126,17 +127,19 @@ def problems_of_call(
     `given` are the names as written, `positional` the number of values without one, `piped` whether it takes input.
     """
     spelling = [problem for name in given for problem in _spelling(called, name)]
-    doubled = [name for name in {one.lower() for one in given} if [one.lower() for one in given].count(name) > 1]
+    doubled = [name for name, count in Counter(name.lower() for name in given).items() if count > 1]
     if spelling or doubled:
-        return (*spelling, *(CallProblem(says=f"-{name} is given twice", advice="give it once") for name in doubled))
-    own = [one for name in given if (one := called.parameter(name))]
+        return (*spelling, *(CallProblem(message=f"-{name} is given twice", advice="give it once") for name in doubled))
+    own = [parameter for name in given if (parameter := called.parameter(name))]
     if positional:
-        return (CallProblem(says=f"{called.name} is given a value without a name", advice="name every parameter"),)
+        return (CallProblem(message=f"{called.name} is given a value without a name", advice="name every parameter"),)
     if any(_fits(called, group, own, piped) for group in _groups(called)):
         return ()
     written = ", ".join(f"-{parameter.name}" for parameter in own) or "no parameter"
     return (
-        CallProblem(says=f"{called.name} has no parameter set for {written}", advice="see the cmdlet's parameter sets"),
+        CallProblem(
+            message=f"{called.name} has no parameter set for {written}", advice="see the cmdlet's parameter sets"
+        ),
     )
 
 
@@ -147,9 +150,11 @@ def _spelling(called: Cmdlet, name: str) -> Iterable[CallProblem]:
     if found is None:
         yield _unknown(called, name)
     elif found.name != name:
-        yield CallProblem(says=f"-{name} is written -{found.name}", advice="write parameters as the cmdlet's page does")
+        yield CallProblem(
+            message=f"-{name} is written -{found.name}", advice="write parameters as the cmdlet's page does"
+        )
     elif not found.in_7:
-        yield CallProblem(says=f"-{name} of {called.name} does not exist in PowerShell 7", advice="do without it")
+        yield CallProblem(message=f"-{name} of {called.name} does not exist in PowerShell 7", advice="do without it")
 
 
 def _unknown(called: Cmdlet, name: str) -> CallProblem:
@@ -162,10 +167,10 @@ def _unknown(called: Cmdlet, name: str) -> CallProblem:
     ]
     begun = [parameter.name for key, parameter in called.parameters.items() if key.startswith(low)]
     if aliased:
-        return CallProblem(says=f"-{name} is an alias", advice=f"write -{aliased[0]}")
+        return CallProblem(message=f"-{name} is an alias", advice=f"write -{aliased[0]}")
     if begun:
-        return CallProblem(says=f"-{name} is an abbreviation", advice=f"write -{' or -'.join(sorted(begun))}")
-    return CallProblem(says=f"{called.name} has no parameter -{name}", advice="see the cmdlet's parameters")
+        return CallProblem(message=f"-{name} is an abbreviation", advice=f"write -{' or -'.join(sorted(begun))}")
+    return CallProblem(message=f"{called.name} has no parameter -{name}", advice="see the cmdlet's parameters")
 
 
 def _groups(called: Cmdlet) -> tuple[str, ...]:
@@ -182,4 +187,4 @@ def _fits(called: Cmdlet, group: str, given: Collection[Parameter], piped: bool)
         for parameter in called.parameters.values()
         if group in parameter.sets and parameter.sets[group].mandatory and parameter not in given
     ]
-    return all(piped and one.from_pipeline for one in missing)
+    return all(piped and membership.from_pipeline for membership in missing)

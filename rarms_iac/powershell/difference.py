@@ -97,7 +97,7 @@ def _longest_rising(numbers: Sequence[int]) -> frozenset[int]:
     """Of numbers that differ, as many as can be kept in rising order: the others have moved."""
     best: list[list[int]] = [[]]
     for number in numbers:
-        before = [one for one in best if not one or one[-1] < number]
+        before = [run for run in best if not run or run[-1] < number]
         best.append([*max(before, key=len), number])
     longest = max(best, key=len)
     return frozenset(longest)
@@ -105,21 +105,22 @@ def _longest_rising(numbers: Sequence[int]) -> frozenset[int]:
 
 def _run(old: Outline, new: Outline) -> Iterator[Detail]:
     counted = {"Total", "UndoDigest"}  # they follow from the steps
-    before = {f"run.{name}": _shown(value, "") for name, value in old.run.items() if name not in counted}
-    after = {f"run.{name}": _shown(value, "") for name, value in new.run.items() if name not in counted}
+    before = {f"run.{name}": _format_value(value, "") for name, value in old.run.items() if name not in counted}
+    after = {f"run.{name}": _format_value(value, "") for name, value in new.run.items() if name not in counted}
     yield from _details(before, after)
 
 
 def _facts(step: ScriptStep, script: Outline) -> dict[str, str]:
     """Everything about a step that can differ, by name."""
     plan = str(script.run.get("Plan", ""))
-    found = {f"before.{name}": _shown(value, plan) for name, value in step.before.items()}
-    found |= {f"after.{name}": _shown(value, plan) for name, value in step.after.items()}
+    found = {f"before.{name}": _format_value(value, plan) for name, value in step.before.items()}
+    found |= {f"after.{name}": _format_value(value, plan) for name, value in step.after.items()}
     for asked in (step.read, *([step.fits] if step.fits else [])):
-        found |= {f"{asked.name} -{name}": _shown(value, plan) for name, value in asked.parameters.items()}
-    for at, one in enumerate(step.calls):
-        name = f"{one.name}" if [call.name for call in step.calls].count(one.name) == 1 else f"{one.name}[{at}]"
-        found |= {f"{name} -{key}": _shown(value, plan) for key, value in one.parameters.items()}
+        found |= {f"{asked.name} -{name}": _format_value(value, plan) for name, value in asked.parameters.items()}
+    names = [call.name for call in step.calls]
+    for at, call in enumerate(step.calls):
+        name = call.name if names.count(call.name) == 1 else f"{call.name}[{at}]"
+        found |= {f"{name} -{key}": _format_value(value, plan) for key, value in call.parameters.items()}
     if step.undoes is not None:
         found["undoes step"] = str(step.undoes + 1)
     return found
@@ -131,12 +132,12 @@ def _details(old: Mapping[str, str], new: Mapping[str, str]) -> Iterator[Detail]
             yield Detail(name=name, old=old.get(name), new=new.get(name))
 
 
-def _shown(value: Value, plan: str) -> str:
+def _format_value(value: Value, plan: str) -> str:
     match value:
         case bool():
             return "yes" if value else "no"
         case ScriptCall(name=name, parameters=parameters):
-            return " ".join([name, *(f"-{key} {_shown(one, plan)}" for key, one in parameters.items())])
+            return " ".join([name, *(f"-{key} {_format_value(value, plan)}" for key, value in parameters.items())])
         case MachineVariable():
             return "the machine"
         case str() if plan:

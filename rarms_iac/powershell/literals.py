@@ -27,7 +27,7 @@ class NoLiteral(ValueError):
     """The value has no literal; the facts say which and why."""
 
     def __init__(self, value: object, says: str) -> None:
-        super().__init__(f"{_shown(value)} cannot be written into a script: {says}")
+        super().__init__(f"{_abbreviate(value)} cannot be written into a script: {says}")
         self.value = value
         self.says = says
 
@@ -96,12 +96,12 @@ def _parts(plain: bool, units: list[int]) -> list[str]:
     return [_quoted("".join(map(chr, units)))] if plain else [f"[char]0x{unit:04X}" for unit in units]
 
 
-def _shown(value: object) -> str:
+def _abbreviate(value: object) -> str:
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-_CHARACTER = re.compile(r"0x([0-9A-Fa-f]{4})")
+_CHARACTER = re.compile(r"0x[0-9A-Fa-f]{4}")
 _BOOLEANS = {"$true": True, "$false": False}
 
 
@@ -155,9 +155,7 @@ def _part(ahead: tuple[Token, ...], text: str) -> tuple[str, int]:
     match ahead:
         case (Token(kind=TokenKind.STRING, text=value), *_):
             return value, 1
-        case (Token(text="["), Token(text="char"), Token(text="]"), Token(text=word)) if one := _CHARACTER.fullmatch(
-            word
-        ):
-            return chr(int(one[1], 16)), 4
+        case (Token(text="["), Token(text="char"), Token(text="]"), Token(text=unit)) if _CHARACTER.fullmatch(unit):
+            return chr(int(unit, 16)), 4
         case _:
             raise NotALiteral(text)

@@ -132,21 +132,21 @@ def _calls(block: "Node") -> Iterator[ScriptCall]:
         if call is not None:
             yield _call(call, found=False)
         else:
-            yield from (_call(one, found=True) for one in calls_of(statement))
+            yield from (_call(call, found=True) for call in calls_of(statement))
 
 
 def _call(call: CommandCall, *, found: bool) -> ScriptCall:
-    parameters = {one.name: _value(one.value) for one in call.given}
+    parameters = {given.name: _value(given.value) for given in call.given}
     return ScriptCall(name=call.name, parameters=parameters, found=found)
 
 
 def _value(node: "Node | None") -> Scalar | MachineVariable | ScriptCall:
     if node is None:
         return True  # a switch
-    one = inner(node)
-    if literal_of(one) is not None:
-        return _literal(one)
-    if text_of(one) == "$vm":
+    value = inner(node)
+    if literal_of(value) is not None:
+        return _literal(value)
+    if text_of(value) == "$vm":
         return MachineVariable()
-    (call,) = (candidate for candidate in walk(one) if candidate.type == "command")
+    (call,) = (candidate for candidate in walk(value) if candidate.type == "command")
     return _call(next(calls_of(call)), found=False)

@@ -31,7 +31,7 @@ NOT_UNDONE = "Not undone"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Ready:
+class _TemplateStep:
     """A step as its template takes it: literals and remarks."""
 
     number: Literal
@@ -52,7 +52,7 @@ class _Ready:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Numbered:
+class _NumberedPiece:
     """A part with its place in the script.
 
     `undoes`: the number of the apply script's step that it takes back; `lost`: of the one that removes its machine.
@@ -100,7 +100,7 @@ def render_apply(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_sc
     """
     undo = render_undo(host_plan, plan, inside, accept_scheduler=accept_scheduler)
     steps = [
-        _Numbered(number=number, part=part, step=step, undoes=None)
+        _NumberedPiece(number=number, part=part, step=step, undoes=None)
         for number, (part, step) in enumerate(_forward(host_plan, plan, inside))
     ]
     run = {
@@ -120,17 +120,17 @@ def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_sch
     first: dict[int, tuple[int, Step]] = {}  # of each step its first part: what comes after goes with it
     for number, (_, step) in enumerate(_forward(host_plan, plan, inside)):
         first.setdefault(id(step), (number, step))
-    steps: list[_Numbered] = []
+    steps: list[_NumberedPiece] = []
     lost: dict[Address, int] = {}  # what was done to a machine before it was removed went with it
     for undoes, step in reversed(first.values()):
         if isinstance(step.operation, RemovePartition):
             lost[step.address] = undoes
         if step.undo.operation is None:
             continue
-        back = _taken_back(step)
+        back = _reversed_step(step)
         for part in pieces_of(back, _scope(plan)):
             gone = lost.get(step.address)
-            steps.append(_Numbered(number=len(steps), part=part, step=back, undoes=undoes, lost=gone))
+            steps.append(_NumberedPiece(number=len(steps), part=part, step=back, undoes=undoes, lost=gone))
     run = {"undo": literal(""), "undo_digest": literal(""), "accept_scheduler": literal(accept_scheduler)}
     return _fill(RunKind.UNDO, host_plan, plan, inside, steps, run)
 
@@ -143,9 +143,11 @@ def render_guest(host_plan: HostPlan, plan: Plan, inside: str, tasks: Sequence[G
     """
     name, undo_name = script_name(host_plan, inside), script_name(host_plan, inside, undo=True)
     last = len(tasks) - 1
-    pieces = [_Numbered(number=at, part=forward(task), step=task.step, undoes=None) for at, task in enumerate(tasks)]
+    pieces = [
+        _NumberedPiece(number=at, part=forward(task), step=task.step, undoes=None) for at, task in enumerate(tasks)
+    ]
     taken_back = [
-        _Numbered(number=at, part=back(task), step=task.step, undoes=last - at)
+        _NumberedPiece(number=at, part=back(task), step=task.step, undoes=last - at)
         for at, task in enumerate(reversed(tasks))
     ]
     never = {"accept_scheduler": literal(False)}
@@ -173,7 +175,7 @@ def _forward(host_plan: HostPlan, plan: Plan, inside: str) -> list[tuple[ScriptP
     return [(part, step) for step in chosen for part in pieces_of(step, _scope(plan))]
 
 
-def _taken_back(step: Step) -> Step:
+def _reversed_step(step: Step) -> Step:
     assert step.undo.operation is not None, "a step without an undo is not taken back"
     return replace(
         step,
@@ -191,12 +193,12 @@ def _fill(
     host_plan: HostPlan,
     plan: Plan,
     inside: str,
-    steps: Sequence[_Numbered],
+    steps: Sequence[_NumberedPiece],
     more: Mapping[str, Literal],
 ) -> bytes:
     run = {"kind": literal(kind.value), "total": literal(len(steps)), **_run(host_plan, plan, inside), **more}
-    ready = [_ready(step, len(steps)) for step in steps]
-    parts = parts_for("\n".join([run["guard"], *(text for one in ready for text in one.code)]))
+    ready = [_template_step(step, len(steps)) for step in steps]
+    parts = parts_for("\n".join([run["guard"], *(text for step in ready for text in step.code)]))
     values = {
         "requirements": _GUEST_REQUIRES if inside else _HOST_REQUIRES,
         "title": _TITLES[kind],
@@ -211,7 +213,7 @@ def _fill(
 def _run(host_plan: HostPlan, plan: Plan, inside: str) -> dict[str, str]:
     """What a script and its undo say alike of their run."""
     host, facts = host_plan.host, host_plan.facts
-    kept = in_processors(host.keep_for_host.processor, host.logical_processors)
+    reserved = in_processors(host.keep_for_host.processor, host.logical_processors)
     return {
         "plan": literal(plan.id),
         "application": literal(plan.application),
@@ -219,18 +221,18 @@ def _run(host_plan: HostPlan, plan: Plan, inside: str) -> dict[str, str]:
         "guest": literal(bool(inside)),
         "computer": literal(facts.computer_name),
         "logical_processors": literal(facts.logical_processors),
-        "percent": literal(max(0, floor(100 * (facts.logical_processors - kept)))),
+        "percent": literal(max(0, floor(100 * (facts.logical_processors - reserved)))),
         "memory": literal(max(0, facts.memory - host.keep_for_host.memory)),
         "guard": "Assert-Guest" if inside else "Assert-VmHost",
     }
 
 
 def _header(
-    host_plan: HostPlan, plan: Plan, inside: str, steps: Sequence[_Numbered], parts: Sequence[str]
+    host_plan: HostPlan, plan: Plan, inside: str, steps: Sequence[_NumberedPiece], parts: Sequence[str]
 ) -> list[str]:
-    where = f"the guest of partition {inside}" if inside else "the host itself"
+    system = f"the guest of partition {inside}" if inside else "the host itself"
     lines = {
-        "Application": f"{plan.application}, host {host_plan.host.name}: {where}",
+        "Application": f"{plan.application}, host {host_plan.host.name}: {system}",
         "Plan": f"{plan.id}, manifest {plan.manifest_digest[:12]}, rarms {plan.rarms_version}",
         "Steps": str(len(steps)),
         "Parts": f"{', '.join(parts)}: what the runtime and these steps call",
@@ -241,23 +243,23 @@ def _header(
     ]
 
 
-def _ready(one: _Numbered, total: int) -> _Ready:
-    part, step = one.part, one.step
-    return _Ready(
-        number=literal(one.number),
+def _template_step(numbered: _NumberedPiece, total: int) -> _TemplateStep:
+    part, step = numbered.part, numbered.step
+    return _TemplateStep(
+        number=literal(numbered.number),
         address=literal(part.address),
-        action=literal(_plain(part.action)),
+        action=literal(_one_line(part.action)),
         needs=literals(_needs(part.address)),
-        extra=tuple(_extra(one)),
+        extra=tuple(_extra(numbered)),
         read=part.read,
         before=_table(part.before),
         after=_table(part.after),
         calls=part.calls,
-        remarks=tuple(_remarks(one, total, step)),
+        remarks=tuple(_remarks(numbered, total, step)),
     )
 
 
-def _plain(text: str) -> str:
+def _one_line(text: str) -> str:
     """A title on one line, whatever names it shows."""
     return remark(text)
 
@@ -268,13 +270,13 @@ def _needs(address: str) -> tuple[str, ...]:
     return tuple("/".join(parts[:length]) for length in range(2, len(parts) + 1) if length != 3 or len(parts) == 3)
 
 
-def _extra(one: _Numbered) -> Iterable[tuple[str, Literal]]:
-    if one.undoes is not None:
-        yield "Undoes", literal(one.undoes)
-    if one.lost is not None:
-        yield "Lost", literal(one.lost)
-    if _grows(one.step.claim_before, one.step.claim_after):
-        yield "Fits", "{ " + fits(one.step) + " }"
+def _extra(numbered: _NumberedPiece) -> Iterable[tuple[str, Literal]]:
+    if numbered.undoes is not None:
+        yield "Undoes", literal(numbered.undoes)
+    if numbered.lost is not None:
+        yield "Lost", literal(numbered.lost)
+    if _grows(numbered.step.claim_before, numbered.step.claim_after):
+        yield "Fits", "{ " + fits(numbered.step) + " }"
 
 
 def _grows(before: Claim, after: Claim) -> bool:
@@ -287,8 +289,8 @@ def _table(readings: Readings) -> str:
     return "; ".join(f"{literal(name)} = {literal(value)}" for name, value in sorted(readings.items()))
 
 
-def _remarks(one: _Numbered, total: int, step: Step) -> Iterable[str]:
-    yield f"{one.number + 1}/{total}  {remark(one.part.address)}: {remark(one.part.action)}"
+def _remarks(numbered: _NumberedPiece, total: int, step: Step) -> Iterable[str]:
+    yield f"{numbered.number + 1}/{total}  {remark(numbered.part.address)}: {remark(numbered.part.action)}"
     if step.comment:
         yield f"why: {remark(step.comment)}"
     if step.place:

@@ -118,7 +118,7 @@ def remark(text: str) -> str:
     return "".join(map(_character, " ".join(text.split())))
 
 
-def _character(one: str) -> str:
-    if one.isascii() and one.isprintable():
-        return one
-    return f"\\u{ord(one):04x}" if ord(one) < 0x10000 else f"\\U{ord(one):08x}"
+def _character(character: str) -> str:
+    if character.isascii() and character.isprintable():
+        return character
+    return f"\\u{ord(character):04x}" if ord(character) < 0x10000 else f"\\U{ord(character):08x}"

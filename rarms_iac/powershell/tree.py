@@ -110,7 +110,7 @@ def _is_array(node: "Node") -> bool:
         inside = inside[0].children
     if len(inside) == 1 and inside[0].type == "array_literal_expression":
         inside = inside[0].children
-    return all(one.type == "," or _is_element(one) for one in inside)
+    return all(element.type == "," or _is_element(element) for element in inside)
 
 
 def _is_element(node: "Node") -> bool:

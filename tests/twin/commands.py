@@ -108,7 +108,7 @@ def _call_cmdlet(written: Written, scope: Scope) -> Value:
         raise Unsupported(f"the command {written.name}")
     names = [name for name, _ in written.given]
     if problems := problems_of_call(called, names, positional=len(written.positional)):
-        raise ScriptError(problems[0].says, error_id="NamedParameterNotFound", category="InvalidArgument")
+        raise ScriptError(problems[0].message, error_id="NamedParameterNotFound", category="InvalidArgument")
     bound: dict[str, Value] = {}
     for name, value in written.given:
         parameter = called.parameter(name)

@@ -6,7 +6,7 @@ import pytest
 
 from rarms_iac.app.wiring import read_script_output
 from rarms_iac.model.state import Rights
-from rarms_iac.providers.hyperv.findings import findings_of
+from rarms_iac.providers.hyperv.condition import findings_of
 from rarms_iac.providers.hyperv.observation import read_observation
 from rarms_iac.providers.hyperv.run import LiveHypervHost
 from rarms_iac.providers.interface import ExaminableHost, HostFailed, RecordableHost

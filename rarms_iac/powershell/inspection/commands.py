@@ -88,7 +88,7 @@ def _check_binding(script: Script, call: CommandCall, found: Cmdlet) -> Iterator
             detail = f"-{given.name} of {found.name} does not take {text_of(given.value)[:40]}"
             yield script.problem(CALL, given.node, detail, f"it takes {', '.join(parameter.accepted[:12])}")
     for problem in problems_of_call(found, names, positional=loose, piped=call.piped):
-        yield script.problem(CALL, call.node, problem.says, problem.advice)
+        yield script.problem(CALL, call.node, problem.message, problem.advice)
     if found.name == "New-Item" and "Force" in names:
         detail = "New-Item with -Force makes a key anew: what it held is lost"
         yield script.problem(FORCE, call.node, detail, "test for the key first, and create it without -Force")

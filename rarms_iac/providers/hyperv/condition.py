@@ -1,11 +1,13 @@
-"""An observation as the condition of a host: what only `rarms doctor` asks for. Pure."""
+"""What an observation shows beside the State: the condition of a host, and findings about it. Pure."""
 
 import re
 from collections.abc import Iterator, Mapping
 from typing import TypeVar
 
 from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
+from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.state import RegistryValue
+from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted
 from rarms_iac.providers.hyperv.observation import (
     HostObservation,
     ObservedMachine,
@@ -14,7 +16,7 @@ from rarms_iac.providers.hyperv.observation import (
     UnreadProbe,
     or_else,
 )
-from rarms_iac.providers.hyperv.parse import responsiveness_of
+from rarms_iac.providers.hyperv.parse import last_run_of, responsiveness_of
 
 T = TypeVar("T")
 
@@ -22,29 +24,29 @@ NO_GROUP = "00000000-0000-0000-0000-000000000000"
 _INSTANCE = re.compile(r"Microsoft:(?P<id>[0-9a-fA-F-]{36})\\")
 
 
-def condition_of(seen: HostObservation) -> HostCondition:
+def condition_of(observation: HostObservation) -> HostCondition:
     """How the host is, as far as it could be looked at."""
-    powershell = seen.powershell.value if isinstance(seen.powershell, ReadProbe) else None
-    windows = seen.windows.value if isinstance(seen.windows, ReadProbe) else None
-    sockets = _value(seen.processors)
-    nodes = _value(seen.numa)
-    groups = _groups(seen)
+    powershell = observation.powershell.value if isinstance(observation.powershell, ReadProbe) else None
+    windows = observation.windows.value if isinstance(observation.windows, ReadProbe) else None
+    sockets = _value(observation.processors)
+    nodes = _value(observation.numa)
+    groups = _groups(observation)
     return HostCondition(
         powershell=powershell.version if powershell else None,
         bits=windows.bits if windows else None,
         policies={
             PolicyScope(policy.scope): policy.policy
-            for policy in or_else(seen.execution_policy, ())
-            if _known(policy.scope)
+            for policy in or_else(observation.execution_policy, ())
+            if _is_known_scope(policy.scope)
         },
-        module=_value(seen.module),
-        power_plans=_value(seen.power_plan),
-        pending_restart=_value(seen.pending_restart),
+        module=_value(observation.module),
+        power_plans=_value(observation.power_plan),
+        pending_restart=_value(observation.pending_restart),
         seen_processors=sum(socket.logical for socket in sockets) if sockets else None,
         numa_nodes=len(nodes) if nodes else None,
-        machines=tuple(_machine(machine, groups.get(machine.id, "")) for machine in or_else(seen.machines, ())),
-        responsiveness=_responsiveness(seen),
-        unread=dict(_unread(seen)),
+        machines=tuple(_machine(machine, groups.get(machine.id, "")) for machine in or_else(observation.machines, ())),
+        responsiveness=_responsiveness(observation),
+        unread=dict(_unread(observation)),
     )
 
 
@@ -57,10 +59,10 @@ def _machine(machine: ObservedMachine, group: str) -> MachineCondition:
     )
 
 
-def _groups(seen: HostObservation) -> Mapping[str, str]:
+def _groups(observation: HostObservation) -> Mapping[str, str]:
     """By id of a machine: its CPU group, where it is in one. Settings of checkpoints carry other ids."""
     found = {}
-    for setting in or_else(seen.cpu_groups, ()):
+    for setting in or_else(observation.cpu_groups, ()):
         instance = _INSTANCE.match(setting.instance)
         group = setting.group.strip("{}").lower()
         if instance and group and group != NO_GROUP:
@@ -68,13 +70,13 @@ def _groups(seen: HostObservation) -> Mapping[str, str]:
     return found
 
 
-def _responsiveness(seen: HostObservation) -> RegistryValue | None:
-    there = responsiveness_of(seen)
-    return there.value if there else None
+def _responsiveness(observation: HostObservation) -> RegistryValue | None:
+    responsiveness = responsiveness_of(observation)
+    return responsiveness.value if responsiveness else None
 
 
-def _known(scope: str) -> bool:
-    return scope in {one.value for one in PolicyScope}
+def _is_known_scope(scope: str) -> bool:
+    return scope in {known.value for known in PolicyScope}
 
 
 _LOOKED_AT = {
@@ -92,9 +94,9 @@ _LOOKED_AT = {
 (journal, records), is not here."""
 
 
-def _unread(seen: HostObservation) -> Iterator[tuple[str, str]]:
+def _unread(observation: HostObservation) -> Iterator[tuple[str, str]]:
     for what, name in _LOOKED_AT.items():
-        probe = getattr(seen, name)
+        probe = getattr(observation, name)
         if isinstance(probe, UnreadProbe):
             why = "denied" if probe.denied else "absent"
             yield what, f"{why} ({probe.error})" if probe.error else why
@@ -102,3 +104,65 @@ def _unread(seen: HostObservation) -> Iterator[tuple[str, str]]:
 
 def _value(probe: Probe[T]) -> T | None:
     return probe.value if isinstance(probe, ReadProbe) else None
+
+
+NOT_WHOLE = Finding(code="RARMS161", severity=Severity.WARNING, summary="A reserve is no whole per cent")
+JOURNAL = Finding(code="RARMS163", severity=Severity.ERROR, summary="The journal of a Hyper-V host cannot be believed")
+
+THOUSANDTHS = 1000
+"""Of these a per cent has so many in WMI, while cmdlets show whole ones (FACTS 1.3)."""
+
+
+def findings_of(observation: HostObservation, host: str) -> tuple[Diagnostic, ...]:
+    """What is told of the host that the manifest calls so."""
+    return (*_journal_findings(observation, host), *_reserve_findings(observation))
+
+
+def fine_reserves(observation: HostObservation) -> Mapping[str, int]:
+    """By id of a machine: its reserve in thousandths of a per cent, as WMI has it. Checkpoints are left out."""
+    ids = {machine.id for machine in or_else(observation.machines, ())}
+    found: dict[str, int] = {}
+    for setting in or_else(observation.cpu_groups, ()):
+        machine = _INSTANCE.match(setting.instance)
+        if machine and machine["id"].lower() in ids:
+            found[machine["id"].lower()] = setting.reservation
+    return found
+
+
+def _reserve_findings(observation: HostObservation) -> Iterator[Diagnostic]:
+    fine = fine_reserves(observation)
+    for machine in sorted(or_else(observation.machines, ()), key=lambda machine: (machine.name, machine.id)):
+        reserve = fine.get(machine.id, 0)
+        if reserve % THOUSANDTHS:
+            yield _not_whole(machine, reserve)
+
+
+def _not_whole(machine: ObservedMachine, reserve: int) -> Diagnostic:
+    exact = f"{reserve / THOUSANDTHS:.3f}".rstrip("0")
+    return NOT_WHOLE.at(
+        None,
+        f"WMI has a reserve of {exact} % for machine {machine.name!r} ({machine.id}), the cmdlets show "
+        f"{machine.reserve} %: another tool wrote it, and no cmdlet can.",
+        "Set a whole per cent with Set-VMProcessor -Reserve; until then plans count what the cmdlets show.",
+        address=f"machine/{machine.id}",
+    )
+
+
+def _journal_findings(observation: HostObservation, host: str) -> Iterator[Diagnostic]:
+    match last_run_of(observation):
+        case JournalPlanted(owner=owner):
+            yield JOURNAL.at(
+                None,
+                f"%ProgramData%\\rarms\\journal.jsonl of {host} belongs to {owner}, not to Administrators or SYSTEM.",
+                "Find out who put it there, then remove it. A script refuses to run beside it.",
+                address=f"host/{host}",
+            )
+        case JournalDamaged(says=says):
+            yield JOURNAL.at(
+                None,
+                f"%ProgramData%\\rarms\\journal.jsonl of {host} is damaged: {says}.",
+                "Look at the host to see what the last run did, then remove the file.",
+                address=f"host/{host}",
+            )
+        case _:
+            return

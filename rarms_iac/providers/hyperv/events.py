@@ -30,17 +30,17 @@ def read_event(line: str) -> RunEvent | None:
     if len(line) > LONGEST or not line.startswith("{"):
         return None
     try:
-        one = decode(_EventLine, parse_json(line))
+        event = decode(_EventLine, parse_json(line))
     except NotDecodable:
         return None
-    if not 0 <= one.number <= one.total:
+    if not 0 <= event.number <= event.total:
         return None
     return RunEvent(
-        kind=one.kind,
-        plan=one.plan,
-        number=one.number,
-        total=one.total,
-        address=one.address,
-        status=one.status,
-        detail=one.detail,
+        kind=event.kind,
+        plan=event.plan,
+        number=event.number,
+        total=event.total,
+        address=event.address,
+        status=event.status,
+        detail=event.detail,
     )

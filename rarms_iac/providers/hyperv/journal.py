@@ -70,5 +70,5 @@ def _run(records: tuple[dict[str, Json], ...]) -> ScriptRun | NoJournal:
 
 def _started(record: dict[str, Json]) -> ScriptStarted:
     touched = record.get("touched")
-    texts: list[Json] = [str(one) for one in touched] if isinstance(touched, list) else []
+    texts: list[Json] = [str(number) for number in touched] if isinstance(touched, list) else []
     return decode(ScriptStarted, {**record, "touched": texts})

@@ -295,14 +295,14 @@ def _probe(document: Mapping[str, Json], name: str, hint: Any) -> Probe[Any]:
             return ReadProbe(value=_decoded(hint, probe["value"], f"{name}.value"))
         case "absent" | "denied" as status:
             rest = {key: value for key, value in probe.items() if key != "status"}
-            told = _decoded(_Told, rest, name)
-            return UnreadProbe(denied=status == "denied", error=told.error, says=told.says)
+            answer = _decoded(_NoAnswer, rest, name)
+            return UnreadProbe(denied=status == "denied", error=answer.error, says=answer.says)
         case other:
             raise NotDecodable(f"{name}.status", f"{other!r} is none of value, absent, denied, with what belongs to it")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Told:
+class _NoAnswer:
     error: str
     says: str
 
@@ -317,6 +317,6 @@ def _decoded(hint: Any, data: Json, path: str) -> Any:
 
 def _check_machines(found: HostObservation) -> None:
     ids = [machine.id for machine in or_else(found.machines, ())]
-    for one in ids:
-        if ids.count(one) > 1:
-            raise NotDecodable("machines.value", f"two machines have the id {one}")
+    for machine_id in ids:
+        if ids.count(machine_id) > 1:
+            raise NotDecodable("machines.value", f"two machines have the id {machine_id}")

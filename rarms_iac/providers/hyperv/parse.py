@@ -62,93 +62,99 @@ _CHECKPOINTS = {
 _RESPONSIVENESS = SYSTEM_RESPONSIVENESS.lower()
 _DISKS = {"Fixed": DiskKind.FIXED, "Dynamic": DiskKind.DYNAMIC, "Differencing": DiskKind.DIFFERENCING}
 _SPELT = {name.lower(): name for name in TASK_VALUES}
-_KINDS = {"dword": ValueKind.DWORD, "string": ValueKind.SZ} | {one.value: one for one in ValueKind}
+_KINDS = {"dword": ValueKind.DWORD, "string": ValueKind.SZ} | {kind.value: kind for kind in ValueKind}
 
 
-def to_state(seen: HostObservation, name: str) -> State:
+def to_state(observation: HostObservation, name: str) -> State:
     """The host that the manifest calls `name`: without proven rights no machines, whatever the list says (FACTS 5).
 
     Raises:
         NotDecodable: an enumeration has a name that Hyper-V does not give.
     """
-    facts = facts_of(seen, name)
+    facts = facts_of(observation, name)
     return State(
         facts=facts,
-        partitions=partitions_of(seen) if facts.rights is Rights.PROVEN else (),
-        tasks=tasks_of(seen),
-        serials=serials_of(seen),
-        responsiveness=responsiveness_of(seen),
-        switches=seen.switches.value
-        if isinstance(seen.switches, ReadProbe) and facts.rights is Rights.PROVEN
+        partitions=partitions_of(observation) if facts.rights is Rights.PROVEN else (),
+        tasks=tasks_of(observation),
+        serials=serials_of(observation),
+        responsiveness=responsiveness_of(observation),
+        switches=observation.switches.value
+        if isinstance(observation.switches, ReadProbe) and facts.rights is Rights.PROVEN
         else None,
-        disks=disks_of(seen) if facts.rights is Rights.PROVEN else (),
+        disks=disks_of(observation) if facts.rights is Rights.PROVEN else (),
     )
 
 
-def facts_of(seen: HostObservation, name: str) -> HostFacts:
+def facts_of(observation: HostObservation, name: str) -> HostFacts:
     """What decisions about the host rest on."""
-    sockets = or_else(seen.processors, ())
-    hypervisor = seen.hypervisor.value if isinstance(seen.hypervisor, ReadProbe) else None
-    windows = seen.windows.value if isinstance(seen.windows, ReadProbe) else None
+    sockets = or_else(observation.processors, ())
+    hypervisor = observation.hypervisor.value if isinstance(observation.hypervisor, ReadProbe) else None
+    windows = observation.windows.value if isinstance(observation.windows, ReadProbe) else None
     return HostFacts(
         name=name,
-        id=or_else(seen.machine_id, ""),
+        id=or_else(observation.machine_id, ""),
         provider=ProviderKind.HYPERV,
-        computer_name=hypervisor.name if hypervisor else seen.computer,
+        computer_name=hypervisor.name if hypervisor else observation.computer,
         os_build=windows.build if windows else 0,
-        client=is_client(seen),
-        scheduler=scheduler_of(seen),
+        client=is_client(observation),
+        scheduler=scheduler_of(observation),
         smt=sum(socket.logical for socket in sockets) > sum(socket.cores for socket in sockets),
         logical_processors=hypervisor.logical_processors if hypervisor else sum(socket.logical for socket in sockets),
         memory=hypervisor.memory if hypervisor else 0,
-        rights=rights_of(seen),
+        rights=rights_of(observation),
         disk_folder=hypervisor.disk_folder if hypervisor else "",
     )
 
 
-def is_client(seen: HostObservation) -> bool:
+def is_client(observation: HostObservation) -> bool:
     """Whether it is a client Windows."""
-    return isinstance(seen.windows, ReadProbe) and seen.windows.value.installation == CLIENT
+    return isinstance(observation.windows, ReadProbe) and observation.windows.value.installation == CLIENT
 
 
-def scheduler_of(seen: HostObservation) -> SchedulerType:
+def scheduler_of(observation: HostObservation) -> SchedulerType:
     """What its event says. Where that has left the log, a client has root (FACTS 2); of a server nothing is known."""
-    told = _SCHEDULERS.get(or_else(seen.scheduler, 0))
-    return told or (SchedulerType.ROOT if is_client(seen) else SchedulerType.UNKNOWN)
+    scheduler = _SCHEDULERS.get(or_else(observation.scheduler, 0))
+    return scheduler or (SchedulerType.ROOT if is_client(observation) else SchedulerType.UNKNOWN)
 
 
-def rights_of(seen: HostObservation) -> Rights:
+def rights_of(observation: HostObservation) -> Rights:
     """Whether an empty list of machines would prove that there are none.
 
     Proven by elevation, or by the host's own instance, which only who may see machines sees. Where neither can be
     asked, Hyper-V's own answer about the host, which it refuses to all others, has to do.
     """
-    asked = (seen.elevated, seen.host_visible)
-    if isinstance(seen.machines, UnreadProbe):
-        return Rights.MISSING if is_denied(seen.machines) or not or_else(seen.elevated, True) else Rights.UNKNOWN
-    if any(or_else(one, False) for one in asked):
+    asked = (observation.elevated, observation.host_visible)
+    if isinstance(observation.machines, UnreadProbe):
+        return (
+            Rights.MISSING
+            if is_denied(observation.machines) or not or_else(observation.elevated, True)
+            else Rights.UNKNOWN
+        )
+    if any(or_else(probe, False) for probe in asked):
         return Rights.PROVEN
     if all(isinstance(unread, UnreadProbe) and not unread.denied for unread in asked):
-        return Rights.PROVEN if isinstance(seen.hypervisor, ReadProbe) else Rights.UNKNOWN
+        return Rights.PROVEN if isinstance(observation.hypervisor, ReadProbe) else Rights.UNKNOWN
     return Rights.MISSING
 
 
-def partitions_of(seen: HostObservation) -> tuple[Partition, ...]:
+def partitions_of(observation: HostObservation) -> tuple[Partition, ...]:
     """The machines by name, then id, with the marks that count.
 
     Raises:
         NotDecodable: an enumeration has a name that Hyper-V does not give.
     """
-    machines = sorted(or_else(seen.machines, ()), key=lambda machine: (machine.name, machine.id))
-    judged = read_marks({machine.id: machine.notes for machine in machines})
-    return tuple(_partition(machine, judged[machine.id]) for machine in machines)
+    machines = sorted(or_else(observation.machines, ()), key=lambda machine: (machine.name, machine.id))
+    readings = read_marks({machine.id: machine.notes for machine in machines})
+    return tuple(_partition(machine, readings[machine.id]) for machine in machines)
 
 
-def disks_of(seen: HostObservation) -> tuple[Disk, ...]:
+def disks_of(observation: HostObservation) -> tuple[Disk, ...]:
     """The virtual disks that machines have, by path; where only the path is known, of unknown kind."""
-    looked_at = {disk.path: disk for disk in or_else(seen.virtual_disks, ())}
-    attached = sorted((path, machine.id) for machine in or_else(seen.machines, ()) for path in machine.disks if path)
-    return tuple(_disk(path, machine, looked_at.get(path)) for path, machine in attached)
+    known_disks = {disk.path: disk for disk in or_else(observation.virtual_disks, ())}
+    attached = sorted(
+        (path, machine.id) for machine in or_else(observation.machines, ()) for path in machine.disks if path
+    )
+    return tuple(_disk(path, machine, known_disks.get(path)) for path, machine in attached)
 
 
 def _disk(path: str, machine: str, known: VirtualDisk | None) -> Disk:
@@ -156,11 +162,11 @@ def _disk(path: str, machine: str, known: VirtualDisk | None) -> Disk:
     return Disk(path=path, kind=kind, parent=known.parent if known else "", machine=machine)
 
 
-def tasks_of(seen: HostObservation, inside: str = "", machine: str = "") -> tuple[TaskClass, ...]:
+def tasks_of(observation: HostObservation, inside: str = "", machine: str = "") -> tuple[TaskClass, ...]:
     """The task classes of one operating system by name, a record without its key included."""
-    records = _records(or_else(seen.records, ()))
+    records = _records(or_else(observation.records, ()))
     records.pop(_RESPONSIVENESS, None)
-    keys = {key.name.lower(): key for key in or_else(seen.tasks, ())}
+    keys = {key.name.lower(): key for key in or_else(observation.tasks, ())}
     return tuple(
         TaskClass(
             name=keys[lower].name if lower in keys else records[lower][0],
@@ -173,24 +179,24 @@ def tasks_of(seen: HostObservation, inside: str = "", machine: str = "") -> tupl
     )
 
 
-def responsiveness_of(seen: HostObservation) -> Responsiveness | None:
+def responsiveness_of(observation: HostObservation) -> Responsiveness | None:
     """SystemResponsiveness of that operating system with its record; None where the caller may not read it."""
-    if is_denied(seen.profile) or is_denied(seen.records):
+    if is_denied(observation.profile) or is_denied(observation.records):
         return None
-    values = {name.lower(): value for name, value in values_of(or_else(seen.profile, ())).items()}
-    _, record = _records(or_else(seen.records, ())).get(_RESPONSIVENESS, ("", None))
+    values = {name.lower(): value for name, value in values_of(or_else(observation.profile, ())).items()}
+    _, record = _records(or_else(observation.records, ())).get(_RESPONSIVENESS, ("", None))
     return Responsiveness(value=values.get(_RESPONSIVENESS), record=record)
 
 
-def last_run_of(seen: HostObservation) -> LastRun:
+def last_run_of(observation: HostObservation) -> LastRun:
     """What the journal of that operating system says of its last run."""
-    journal = seen.journal
+    journal = observation.journal
     return last_run(journal.value.owner, journal.value.text) if isinstance(journal, ReadProbe) else NoJournal()
 
 
-def serials_of(seen: HostObservation) -> Mapping[str, int]:
+def serials_of(observation: HostObservation) -> Mapping[str, int]:
     """How many applies and undos there were, by application; none where the journal is not to be believed."""
-    run = last_run_of(seen)
+    run = last_run_of(observation)
     return dict(sorted(run.started.serials.items())) if isinstance(run, ScriptRun) else {}
 
 
@@ -211,7 +217,7 @@ def run_state(state: str) -> RunState:
     return _AT_REST.get(state, RunState.BUSY)
 
 
-def _partition(machine: ObservedMachine, judged: MarkReading) -> Partition:
+def _partition(machine: ObservedMachine, readings: MarkReading) -> Partition:
     state = run_state(machine.state)
     settings = PartitionSettings(
         name=machine.name,
@@ -231,9 +237,9 @@ def _partition(machine: ObservedMachine, judged: MarkReading) -> Partition:
         settings=settings,
         id=machine.id,
         state=state,
-        mark=judged.mark,
-        other_notes=judged.other_notes,
-        foreign_mark=judged.foreign,
+        mark=readings.mark,
+        other_notes=readings.other_notes,
+        foreign_mark=readings.foreign,
         checkpoints=machine.checkpoint_count,
     )
 

@@ -7,9 +7,8 @@ from rarms_iac.model.state import State
 from rarms_iac.model.system import Host
 from rarms_iac.powershell.render import render_observe
 from rarms_iac.providers.hyperv.bootstrap import arguments_of
-from rarms_iac.providers.hyperv.condition import condition_of
+from rarms_iac.providers.hyperv.condition import condition_of, findings_of
 from rarms_iac.providers.hyperv.events import read_event
-from rarms_iac.providers.hyperv.findings import findings_of
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted, NoJournal
 from rarms_iac.providers.hyperv.observation import HostObservation, is_denied, observation_of
 from rarms_iac.providers.hyperv.parse import last_run_of, to_state
@@ -46,53 +45,53 @@ class LiveHypervHost:
         return self._host.name
 
     def observe(self) -> State:
-        """As the interface says."""
+        """As the interface message."""
         try:
             return to_state(self.observation(), self.name)
         except NotDecodable as error:
             raise self._unreadable(str(error)) from None
 
     def examined(self) -> HostLook:
-        """As the interface says."""
-        seen = self.observation()
+        """As the interface message."""
+        observation = self.observation()
         try:
-            state = to_state(seen, self.name)
+            state = to_state(observation, self.name)
         except NotDecodable as error:
             raise self._unreadable(str(error)) from None
-        return HostLook(state=state, condition=condition_of(seen), findings=findings_of(seen, self.name))
+        return HostLook(state=state, condition=condition_of(observation), findings=findings_of(observation, self.name))
 
     def journal(self) -> ScriptRun | None:
-        """As the interface says."""
-        seen = self.observation()
-        if is_denied(seen.journal):
+        """As the interface message."""
+        observation = self.observation()
+        if is_denied(observation.journal):
             raise HostFailed(self.name, f"{JOURNAL} may not be read", "connect as a member of its Administrators")
-        match last_run_of(seen):
+        match last_run_of(observation):
             case NoJournal():
                 return None
             case ScriptRun() as run:
                 return run
             case JournalPlanted(owner=owner):
-                says = f"{JOURNAL} belongs to {owner}, not to Administrators or SYSTEM"
-                raise HostDamaged(self.name, says, "find out who put it there, then remove it")
-            case JournalDamaged(says=says):
+                message = f"{JOURNAL} belongs to {owner}, not to Administrators or SYSTEM"
+                raise HostDamaged(self.name, message, "find out who put it there, then remove it")
+            case JournalDamaged(says=message):
                 advice = "look at what the last run did, then remove it"
-                raise HostDamaged(self.name, f"{JOURNAL} is damaged: {says}", advice)
+                raise HostDamaged(self.name, f"{JOURNAL} is damaged: {message}", advice)
 
     def unfinished(self) -> ScriptRun | None:
-        """As the interface says."""
+        """As the interface message."""
         run = self.journal()
         return run if run is not None and run.unfinished else None
 
     def run_script(
         self, script: ScriptBundle, waits: WaitLimits, hearing: RunHearing, *, abandoning: bool = False
     ) -> ScriptExited | ScriptLost:
-        """As the interface says."""
+        """As the interface message."""
         arguments = arguments_of(waits, abandoning=abandoning)
         silence_s = (waits.silence_ms + waits.lock_ms + _longest_grace(script)) / 1000
         return self._transport.run(script, arguments, silence_s, _Events(hearing))
 
     def recorded(self) -> bytes:
-        """As the interface says: the very line that `observe.ps1` prints."""
+        """As the interface message: the very line that `observe.ps1` prints."""
         document = self._printed()
         self._read(document)
         return f"{document}\n".encode()
@@ -116,8 +115,8 @@ class LiveHypervHost:
                 )
             case ScriptExited(code=0):
                 pass
-            case ScriptExited(code=code, says=says):
-                raise self._unreadable(f"exit code {code}, {' '.join(says[-3:]) or 'and no word why'}")
+            case ScriptExited(code=code, says=message):
+                raise self._unreadable(f"exit code {code}, {' '.join(message[-3:]) or 'and no word why'}")
         return document.text
 
     def _read(self, document: str) -> HostObservation:
@@ -126,9 +125,9 @@ class LiveHypervHost:
         except NotDecodable as error:
             raise self._unreadable(str(error)) from None
 
-    def _unreadable(self, says: str) -> HostFailed:
+    def _unreadable(self, message: str) -> HostFailed:
         advice = "run the script there by hand and look: `rarms snapshot --script` writes it"
-        return HostFailed(self.name, f"what {OBSERVE} printed cannot be read: {says}", advice)
+        return HostFailed(self.name, f"what {OBSERVE} printed cannot be read: {message}", advice)
 
 
 def open_hyperv(host: Host) -> LiveHypervHost:
@@ -171,4 +170,4 @@ class _Document:
 
 def _longest_grace(script: ScriptBundle) -> int:
     """How many milliseconds the script may wait for one guest to shut down, and say nothing."""
-    return max((int(one) for one in _GRACE.findall(script.files[script.runs])), default=0)
+    return max((int(grace) for grace in _GRACE.findall(script.files[script.runs])), default=0)

@@ -12,7 +12,7 @@ from tests.needs import CHECKOUT, SHARED
 def said(name: str, *given: str, positional: int = 0, piped: bool = False) -> list[str]:
     called = cmdlets.cmdlet(name)
     assert called
-    return [problem.says for problem in cmdlets.problems_of_call(called, given, positional=positional, piped=piped)]
+    return [problem.message for problem in cmdlets.problems_of_call(called, given, positional=positional, piped=piped)]
 
 
 @pytest.mark.parametrize(

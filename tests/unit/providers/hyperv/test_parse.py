@@ -5,7 +5,7 @@ import pytest
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import RegistryValue, Rights, RunState, StartAction, StopAction, TaskRecord, ValueKind
 from rarms_iac.model.system import ProviderKind, SchedulerType
-from rarms_iac.providers.hyperv.findings import findings_of
+from rarms_iac.providers.hyperv.condition import findings_of
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted, NoJournal, last_run
 from rarms_iac.providers.hyperv.observation import HostObservation, ReadProbe
 from rarms_iac.providers.hyperv.parse import last_run_of, run_state, scheduler_of, serials_of, tasks_of, to_state
