@@ -79,11 +79,18 @@ def read_plan_file(path: str) -> Plan:
     try:
         return read_plan(read_file(path, MAX_BYTES, "rarms plan --out FILE"))
     except PlanFileError as error:
-        raise UseCaseError(
-            Outcome.REFUSED, [error.finding.at(None, f"{path}: {error.says}.", f"{error.advice}.")]
-        ) from error
+        raise refuse_plan_file(path, error) from error
 
 
-def folder_of(plan: Plan) -> str:
-    """Where simulated hosts lie for who applies the plan: beside its manifest, as seen from here."""
-    return "." if plan.manifest == "-" else str(Path(manifest_path(plan.manifest)).parent)
+def refuse_plan_file(path: str, error: PlanFileError) -> UseCaseError:
+    """Why a file is not used as a plan."""
+    return UseCaseError(Outcome.REFUSED, [error.finding.at(None, f"{path}: {error.says}.", f"{error.advice}.")])
+
+
+def folder_of(manifest: str) -> str:
+    """The folder of a manifest, as seen from here: simulated hosts and data logs lie below it.
+
+    Args:
+        manifest: its path, as given or as a plan names it; `-` is a manifest from standard input, of this folder.
+    """
+    return "." if manifest == STANDARD_INPUT else str(Path(manifest_path(manifest)).parent)

@@ -1,35 +1,25 @@
 """Running a plan on live hosts: show, ask, hold, walk, and say how it ended."""
 
 import sys
-import time
-from collections.abc import Mapping
 
-import click
-
-from rarms_iac.app.errors import Outcome, UseCaseError, declined
+from rarms_iac.app.applying import apply, finish_runs
+from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, declined
 from rarms_iac.app.files import write_file
-from rarms_iac.app.hosts import Hosts, hold_hosts, owner, refuse_unfinished
-from rarms_iac.apply.execute import apply_plan, finish_unfinished
+from rarms_iac.app.hosts import Hosts, refuse_unfinished
 from rarms_iac.apply.run_report import RunEnding, RunReport
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.interrupts import Interrupted
+from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.options import RunOptions
 from rarms_iac.cli.planning import Wish, make_plan
 from rarms_iac.cli.session import Session
-from rarms_iac.cli.telling import tell
 from rarms_iac.model.diagnostics import Sources
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.providers.interface import LiveHost
 from rarms_iac.storage.plan_file import write_plan
 from rarms_iac.views.plan import plan_text
 from rarms_iac.views.plan_json import plan_json
-from rarms_iac.views.run import RunProgress, run_json, run_text
-
-
-def reporter_of(session: Session) -> RunProgress:
-    """Progress on standard error."""
-    terminal = session.terminal
-    return RunProgress(terminal.status, time.monotonic, terminal.live() if terminal.lively else None)
+from rarms_iac.views.run import run_json, run_text
 
 
 def show_plan(
@@ -54,8 +44,8 @@ def write_plan_file(session: Session, path: str, plan: Plan) -> None:
 
 def finish_first(session: Session, live: tuple[LiveHost, ...], how: RunOptions) -> RunReport | None:
     """Finish what an earlier run left on these hosts, asking nothing; None where nothing was left."""
-    with hold_hosts(live, how.lock_timeout_ms), session.interrupts.gently(), reporter_of(session) as reporter:
-        report = finish_unfinished(live, reporter, session.interrupts.should_stop, how.waits)
+    with TerminalReporter(session) as reporter:
+        report = finish_runs(live, waits=how.waits, reporter=reporter, stop=session.interrupts)
     if report is not None and report.ending is RunEnding.DONE:
         session.terminal.talk("That finished the run that was begun earlier. Nothing else was done: run again to plan.")
     return report
@@ -72,10 +62,9 @@ def plan_ask_apply(
     if finished is not None:
         return ended(session, finished, as_json=as_json)
     if not (how.auto_approve or session.terminal.answers):
-        raise click.UsageError(
+        raise RequestError(
             "There is no terminal to ask at. Give --auto-approve, or write the plan down, have it reviewed, and apply "
-            f"that: `{_writing(wish.purpose)} --out FILE`, then `rarms apply FILE`.",
-            click.get_current_context(),
+            f"that: `{_writing(wish.purpose)} --out FILE`, then `rarms apply FILE`."
         )
     plan = make_plan(hosts, wish)
     text = plan_text(plan, sources=hosts.manifest.sources)
@@ -87,19 +76,17 @@ def plan_ask_apply(
         return ended(session, RunReport(ending=RunEnding.NOTHING), as_json=as_json, quiet=True)
     if not how.auto_approve:
         ask(session, "Do this?")
-    live = {part.host.name: hosts.open(part.host.name) for part in plan.hosts}
-    return ended(session, run(session, plan, live, how), as_json=as_json)
+    return ended(session, run(session, plan, hosts.folder, how), as_json=as_json)
 
 
 def _writing(purpose: Purpose) -> str:
     return "rarms plan" if purpose is Purpose.APPLY else f"rarms {purpose.value}"
 
 
-def run(session: Session, plan: Plan, live: Mapping[str, LiveHost], how: RunOptions) -> RunReport:
-    """Do what the plan says on these hosts; the first signal stops after the running step."""
-    hosts = tuple(live.values())
-    with hold_hosts(hosts, how.lock_timeout_ms), session.interrupts.gently(), reporter_of(session) as reporter:
-        return apply_plan(plan, live, owner(), reporter, session.interrupts.should_stop, how.waits)
+def run(session: Session, plan: Plan, folder: str | None, how: RunOptions) -> RunReport:
+    """Do what the plan says; the first signal stops after the running step."""
+    with TerminalReporter(session) as reporter:
+        return apply(plan, folder=folder, waits=how.waits, reporter=reporter, stop=session.interrupts)
 
 
 def ask(session: Session, question: str) -> None:

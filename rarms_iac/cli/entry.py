@@ -105,7 +105,7 @@ def _tell(
     sources: "Sources | None" = None,
     certificate: str = "",
 ) -> ExitCode:
-    from rarms_iac.cli.telling import tell
+    from rarms_iac.cli.messages import tell
 
     tell(session.terminal, diagnostics, sources)
     _tell_programs(session, diagnostics, certificate)

@@ -13,8 +13,8 @@ from rarms_iac.app.files import STANDARD_INPUT
 from rarms_iac.app.report_model import Measurement
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.select import SelectOutcome
+from rarms_iac.cli.messages import tell
 from rarms_iac.cli.session import Session
-from rarms_iac.cli.telling import tell
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.combining.oracle import Members

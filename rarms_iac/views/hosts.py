@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from rarms_iac.app.doctor import ExaminedHost
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.changes import Address, Change
 from rarms_iac.model.condition import HostCondition
@@ -25,17 +26,8 @@ if TYPE_CHECKING:
 HEALTHY = "Nothing here makes a plan void or unsafe."
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Examined:
-    """A host as it was looked at, and what was found there."""
-
-    state: State
-    condition: HostCondition
-    findings: tuple[Diagnostic, ...]
-
-
 def doctor_text(
-    application: str, hosts: Sequence[Examined], sources: Sources, accepted: Sequence[Diagnostic] = ()
+    application: str, hosts: Sequence[ExaminedHost], sources: Sources, accepted: Sequence[Diagnostic] = ()
 ) -> "RenderableType":
     """Show the facts of each host, then the findings of all."""
     parts: list[RenderableType] = []
@@ -48,7 +40,7 @@ def doctor_text(
     return stack(*parts, HEALTHY if healthy else findings_text(findings, sources, accepted=accepted))
 
 
-def _rows(examined: Examined, application: str) -> Iterator[tuple[str, str]]:
+def _rows(examined: ExaminedHost, application: str) -> Iterator[tuple[str, str]]:
     facts, condition = examined.state.facts, examined.condition
     yield "computer", facts.computer_name
     yield "Windows", _windows(facts)
@@ -85,7 +77,7 @@ def _machines(state: State, application: str) -> str:
     return f"{len(state.partitions)}: {managed} of {application}, {running} running"
 
 
-def doctor_json(application: str, hosts: Sequence[Examined], accepted: Sequence[Diagnostic] = ()) -> str:
+def doctor_json(application: str, hosts: Sequence[ExaminedHost], accepted: Sequence[Diagnostic] = ()) -> str:
     """The same for programs."""
     findings = [finding for host in hosts for finding in host.findings]
     return as_json(
@@ -98,7 +90,7 @@ def doctor_json(application: str, hosts: Sequence[Examined], accepted: Sequence[
     )
 
 
-def _examined(examined: Examined, application: str) -> ExaminedOutput:
+def _examined(examined: ExaminedHost, application: str) -> ExaminedOutput:
     facts, condition = examined.state.facts, examined.condition
     return ExaminedOutput(
         name=facts.name,

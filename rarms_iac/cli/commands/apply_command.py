@@ -1,25 +1,20 @@
 """`rarms apply`: do what a plan says, finish what was begun, or plan, ask and do it."""
 
-from dataclasses import replace
-from pathlib import Path
-
 import click
 from click.core import ParameterSource
 
+from rarms_iac.app.applying import abandon_runs, combine_reports, hosts_left_unfinished, manifest_of
 from rarms_iac.app.errors import UseCaseError
-from rarms_iac.app.files import STANDARD_INPUT, folder_of, read_plan_file
-from rarms_iac.app.hosts import Hosts, hold_hosts, select_hosts
+from rarms_iac.app.files import folder_of, read_plan_file
+from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits
-from rarms_iac.app.wiring import open_host, unfinished_beside
-from rarms_iac.apply.run_report import RunEnding, RunReport
-from rarms_iac.apply.undo import abandon
+from rarms_iac.apply.run_report import RunEnding
 from rarms_iac.cli.applying import ended, finish_first, plan_ask_apply, run
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import RunOptions, change_options, host_options, json_option, manifest_options, run_options
 from rarms_iac.cli.planning import Wish
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.manifest.load import manifest_path
 from rarms_iac.model.plan import Plan
 from rarms_iac.providers.interface import LiveHost
 
@@ -58,8 +53,9 @@ def command(
         code = _apply_plan(session, plan, source, how, as_json=as_json)
         if not proving:
             return code
+        named = source if _is_named() else manifest_of(plan, source)
         planned = HostSelection(hosts=tuple(part.host.name for part in plan.hosts))
-        return _then_prove(session, _manifest_of(plan, source), planned, how, code, as_json=as_json)
+        return _then_prove(session, named, planned, how, code, as_json=as_json)
     if proving and abandoning:
         raise click.UsageError("--abandon applies nothing that could be proven.", click.get_current_context())
     hosts = _hosts(source, where)
@@ -103,12 +99,11 @@ def _hosts(source: ManifestSource, where: HostSelection) -> Hosts | UseCaseError
 
 
 def _abandon(session: Session, live: tuple[LiveHost, ...], how: RunOptions, *, as_json: bool) -> ExitCode:
-    with hold_hosts(live, how.lock_timeout_ms):
-        reports = [abandon(host, how.waits) for host in live]
-    for host, report in zip(live, reports, strict=True):
+    reports = abandon_runs(live, waits=how.waits)
+    for name, report in reports.items():
         if report.ending is RunEnding.DONE:
-            session.terminal.talk(f"{host.name}: the unfinished run is closed, and the host stays as it is.")
-    return ended(session, worst(reports), as_json=as_json)
+            session.terminal.talk(f"{name}: the unfinished run is closed, and the host stays as it is.")
+    return ended(session, combine_reports(list(reports.values())), as_json=as_json)
 
 
 def _finish_without_manifest(
@@ -119,7 +114,7 @@ def _finish_without_manifest(
     Raises:
         UseCaseError: nothing was begun; the manifest's errors are told.
     """
-    live = unfinished_beside(str(Path(manifest_path(source.manifest)).parent))
+    live = hosts_left_unfinished(source)
     if not live:
         raise halted
     if abandoning:
@@ -131,27 +126,10 @@ def _finish_without_manifest(
 
 
 def _apply_plan(session: Session, plan: Plan, source: ManifestSource, how: RunOptions, *, as_json: bool) -> ExitCode:
-    folder = str(Path(manifest_path(source.manifest)).parent) if _is_named() else folder_of(plan)
-    live = {part.host.name: open_host(part.host, folder, part.state_path) for part in plan.hosts}
-    return ended(session, run(session, plan, live, how), as_json=as_json)
-
-
-def _manifest_of(plan: Plan, source: ManifestSource) -> ManifestSource:
-    """What the plan was made of, unless another is named."""
-    return source if _is_named() or plan.manifest == STANDARD_INPUT else replace(source, manifest=plan.manifest)
+    folder = folder_of(source.manifest) if _is_named() else None
+    return ended(session, run(session, plan, folder, how), as_json=as_json)
 
 
 def _is_named() -> bool:
     """Whether a manifest is named beside the plan."""
     return click.get_current_context().get_parameter_source("manifest") is not ParameterSource.DEFAULT
-
-
-def worst(reports: list[RunReport]) -> RunReport:
-    """What several hosts' reports come to: a failure counts, else something done, else nothing."""
-    endings = [report.ending for report in reports]
-    order = (RunEnding.FAILED, RunEnding.REFUSED, RunEnding.INTERRUPTED, RunEnding.DONE)
-    return RunReport(
-        ending=next((ending for ending in order if ending in endings), RunEnding.NOTHING),
-        hosts=tuple(host for report in reports for host in report.hosts),
-        diagnostics=tuple(problem for report in reports for problem in report.diagnostics),
-    )

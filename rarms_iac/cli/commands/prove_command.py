@@ -7,10 +7,9 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.prove import USUAL_SEED, ProveRequest, prove_layout
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.messages import ProofProgress, TerminalReporter, tell
 from rarms_iac.cli.options import host_options, json_option, manifest_options, time_option
-from rarms_iac.cli.reporter import ProofProgress, TerminalReporter
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.cli.telling import tell
 from rarms_iac.views.prove import proof_text, prove_json
 
 

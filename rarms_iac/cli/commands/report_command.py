@@ -9,9 +9,9 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.report import candidates_for_report, report_of_manifest
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.messages import tell
 from rarms_iac.cli.options import json_option, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.cli.telling import tell
 from rarms_iac.model.diagnostics import Finding, Severity
 
 LARGE = Finding(code="RARMS291", severity=Severity.WARNING, summary="The report is larger than a megabyte")

@@ -6,9 +6,9 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.run_component import ComponentRunResult, RunRequest, SilentSamples, run_components
 from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.messages import tell
 from rarms_iac.cli.options import json_option, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.cli.telling import tell
 from rarms_iac.cli.terminal import Terminal
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.measurement import Sample

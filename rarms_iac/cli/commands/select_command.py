@@ -6,10 +6,10 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.select import SelectRequest, select_level
 from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.messages import tell
 from rarms_iac.cli.options import json_option, manifest_options
 from rarms_iac.cli.prompts import refuse_standard_input
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.cli.telling import tell
 from rarms_iac.views.select import selection_json, selection_text
 
 

@@ -1,18 +1,44 @@
 """`rarms show`: a plan file, as `rarms plan` showed it, and its scripts as they run."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
 import click
 
+from rarms_iac.app.errors import RequestError
 from rarms_iac.app.files import read_plan_file
 from rarms_iac.app.hosts import refuse_unfinished, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
+from rarms_iac.app.scripts import (
+    PlanScript,
+    ScriptSelection,
+    check_script,
+    compare_with_file,
+    only_script,
+    plan_scripts,
+    scripts_to_write,
+    select_scripts,
+    write_scripts,
+)
+from rarms_iac.app.wiring import bootstrap_script
 from rarms_iac.cli.applying import show_plan
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import host_or_snapshot_options, json_option, manifest_options
 from rarms_iac.cli.planning import Wish, make_plan
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.cli.showing import ScriptOptions, show_check, show_scripts, show_transport
+from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.plan import Plan
+from rarms_iac.views.as_json import as_json as written
+from rarms_iac.views.console import stack
+from rarms_iac.views.finding_forms import findings_json
+from rarms_iac.views.findings import findings_text
+from rarms_iac.views.output.plan import ScriptOutput, ScriptsOutput
+from rarms_iac.views.scripts import difference_json, difference_text, script_text
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
 
 @rarms_command("show")
@@ -54,27 +80,38 @@ def command(
     --script and without a PLAN, the plan is made first, as `rarms plan` makes it. --against shows a difference and
     judges nothing: the exit code is 0 whether there is one or not.
     """
-    options = ScriptOptions(
-        hosts=where.hosts, guest=guest, undo=undo, whole=whole, raw=raw, out=out, against=against, as_json=as_json
-    )
     if check is not None:
-        return show_check(session, check, as_json=as_json)
+        return _check(session, check, as_json=as_json)
+    form = ScriptForm(whole=whole, raw=raw, out=out, against=against, as_json=as_json)
     if transport:
-        return show_transport(session, options)
+        return _show_transport(session, form)
     if not script:
-        _refuse_without_script(options, where)
+        if guest or undo or whole or raw or out or against or where.hosts or where.snapshots:
+            raise RequestError("That is asked of scripts: add --script.")
         if plan_file is None:
-            raise click.UsageError("Missing argument '[PLAN]'.", click.get_current_context())
+            raise RequestError("Missing argument '[PLAN]'.")
         plan = read_plan_file(plan_file)
         show_plan(session, plan, as_json=as_json, verbose=verbose)
         return ExitCode.DONE
-    return show_scripts(session, _plan(plan_file, source, where), options)
+    selection = ScriptSelection(hosts=where.hosts, guest=guest, undo=undo)
+    return _show_scripts(session, _plan(plan_file, source, where), selection, form)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScriptForm:
+    """How scripts are shown or written."""
+
+    whole: bool
+    raw: bool
+    out: str | None
+    against: str | None
+    as_json: bool
 
 
 def _plan(plan_file: str | None, source: ManifestSource, where: HostSelection) -> Plan:
     if plan_file is not None:
         if where.snapshots:
-            raise click.UsageError("A PLAN takes no --snapshot: it was made already.", click.get_current_context())
+            raise RequestError("A PLAN takes no --snapshot: it was made already.")
         return read_plan_file(plan_file)
     manifest = load_manifest(source)
     hosts = select_hosts(manifest, where)
@@ -82,7 +119,75 @@ def _plan(plan_file: str | None, source: ManifestSource, where: HostSelection) -
     return make_plan(hosts, Wish())
 
 
-def _refuse_without_script(options: ScriptOptions, where: HostSelection) -> None:
-    given = (options.guest, options.undo, options.whole, options.raw, options.out, options.against)
-    if any(given) or where.hosts or where.snapshots:
-        raise click.UsageError("That is asked of scripts: add --script.", click.get_current_context())
+def _show_scripts(session: Session, plan: Plan, selection: ScriptSelection, form: ScriptForm) -> ExitCode:
+    """Show, write or compare the scripts of a plan that are selected."""
+    scripts = plan_scripts(plan)
+    selected = select_scripts(scripts, selection, plan)
+    if form.out is not None:
+        return _write(session, scripts_to_write(scripts, selected, selection), form.out)
+    if form.against is not None:
+        script = only_script(selected, "--against")
+        difference = compare_with_file(form.against, script)
+        if form.as_json:
+            session.terminal.data(difference_json(difference, form.against, script.name))
+        else:
+            session.terminal.show(difference_text(difference, form.against, script.name))
+        return ExitCode.DONE
+    if form.as_json:
+        session.terminal.data(written(ScriptsOutput(plan=plan.id, scripts=tuple(map(_output, selected)))))
+    elif form.raw:
+        session.terminal.exactly(only_script(selected, "--raw").text)
+    else:
+        for script in selected:
+            session.terminal.show(_with_heading(script.name, script.text, whole=form.whole))
+    _mention_others(session, scripts, selected)
+    return ExitCode.DONE
+
+
+def _write(session: Session, scripts: Sequence[PlanScript], folder: str) -> ExitCode:
+    for path in write_scripts(scripts, folder):
+        session.terminal.talk(f"Wrote {path}.")
+    if not scripts:
+        session.terminal.talk("The plan changes nothing, so it has no scripts.")
+    return ExitCode.DONE
+
+
+def _mention_others(session: Session, scripts: Sequence[PlanScript], selected: Sequence[PlanScript]) -> None:
+    guests = sorted({script.guest for script in scripts if script.guest} - {script.guest for script in selected})
+    if not selected:
+        session.terminal.talk("The plan changes nothing on the hosts themselves.")
+    if guests:
+        session.terminal.talk(f"Guests have scripts of their own: {', '.join(guests)} (--guest NAME).")
+
+
+def _check(session: Session, path: str, *, as_json: bool) -> ExitCode:
+    """What is wrong with a script that somebody edited; nothing else is looked at."""
+    text, findings = check_script(path)
+    if as_json:
+        session.terminal.data(findings_json(findings))
+    elif findings:
+        session.terminal.show(findings_text(findings, {path: text}))
+    else:
+        session.terminal.data(f"{path} may run: it is made as rarms makes its scripts, whatever values it holds.\n")
+    return ExitCode.FOUND if has_errors(findings) else ExitCode.DONE
+
+
+def _show_transport(session: Session, form: ScriptForm) -> ExitCode:
+    """The fixed command that receives scripts at the other end of ssh."""
+    script = bootstrap_script()
+    heading = "bootstrap.ps1, given to ssh as one command"
+    if form.raw:
+        session.terminal.data(script)
+    else:
+        session.terminal.show(_with_heading(heading, script, whole=True))
+    return ExitCode.DONE
+
+
+def _with_heading(name: str, text: str, *, whole: bool) -> "RenderableType":
+    return stack(name, script_text(text, whole=whole), "")
+
+
+def _output(script: PlanScript) -> ScriptOutput:
+    return ScriptOutput(
+        name=script.name, host=script.host, guest=script.guest, undo=script.undo, sha256=script.sha256, text=script.text
+    )

@@ -4,16 +4,14 @@ from pathlib import Path
 
 import click
 
-from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.files import make_folder, write_file
 from rarms_iac.app.hosts import record_host, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
+from rarms_iac.app.scripts import OBSERVE_NAME, observe_script
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import host_options, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
-
-OBSERVE = "observe.ps1"
 
 
 @rarms_command("snapshot")
@@ -54,19 +52,12 @@ def command(
 
 
 def _script(session: Session, out: str | None) -> ExitCode:
-    """The script, inspected as any other that is shown."""
-    from rarms_iac.powershell.inspection.allowed import ScriptKind
-    from rarms_iac.powershell.inspection.inspect import inspect
-    from rarms_iac.powershell.render import render_observe
-
-    data = render_observe()
-    if wrong := inspect(data, ScriptKind.OBSERVE, OBSERVE):
-        raise UseCaseError(Outcome.FAILED, wrong)
+    text = observe_script()
     if out is None:
-        session.terminal.exactly(data.decode("ascii"))
+        session.terminal.exactly(text)
         return ExitCode.DONE
-    path = (Path(out) / OBSERVE).as_posix() if Path(out).is_dir() else out
-    write_file(path, data)
+    path = (Path(out) / OBSERVE_NAME).as_posix() if Path(out).is_dir() else out
+    write_file(path, text.encode("ascii"))
     session.terminal.talk(
         f"Wrote {path}. Run it on the host as administrator, and take what it prints along:\n"
         f"  powershell -NoProfile -ExecutionPolicy RemoteSigned -File {Path(path).name} > host.json\n"

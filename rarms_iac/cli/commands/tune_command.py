@@ -10,11 +10,10 @@ from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.tune import TuneOutcome, TuneRequest, tune_components
 from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.messages import TerminalReporter, stopped, tell
 from rarms_iac.cli.options import host_options, json_option, manifest_options, time_option
 from rarms_iac.cli.prompts import TerminalConsent, refuse_standard_input, refuse_without_terminal
-from rarms_iac.cli.reporter import TerminalReporter, stopped
 from rarms_iac.cli.session import Session, rarms_command
-from rarms_iac.cli.telling import tell
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.views.reports.spreadsheet import csv_text, trail_rows
 from rarms_iac.views.tune import TuningProgress, tuned_json, tuned_text

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import click
 
-from rarms_iac.app.files import write_file
 from rarms_iac.app.manifests import check_manifest
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.messages import write_output
 from rarms_iac.cli.options import manifest_options, output_option
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import in_order
@@ -36,8 +36,5 @@ def command(
             session.terminal.show(findings_text(findings, sources, accepted=accepted))
             continue
         text = render_findings(output.format, findings, sources, accepted=accepted)
-        if output.path is None:
-            session.terminal.data(text)
-        else:
-            write_file(output.path, text.encode("utf-8", errors="backslashreplace"))
+        write_output(session.terminal, output, text)
     return ExitCode.FOUND if any(manifest.has_errors for manifest in manifests) else ExitCode.DONE

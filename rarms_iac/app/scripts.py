@@ -1,24 +1,24 @@
-"""Scripts of plans for `rarms show --script`: chosen, inspected, written out, compared."""
+"""The scripts of a plan: chosen, inspected, written out, compared, and checked after somebody edited them."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import click
-
-from rarms_iac.app.errors import Outcome, UseCaseError, not_written
-from rarms_iac.app.files import read_file, write_file
+from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
+from rarms_iac.app.files import make_folder, read_file, refuse_plan_file, write_file
 from rarms_iac.apply.scripts import scripts_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.wording import suggestion
+from rarms_iac.powershell.difference import ScriptDifference, difference
 from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.outline import Outline, outline
-from rarms_iac.powershell.render import script_name
+from rarms_iac.powershell.render import render_observe, script_name
 from rarms_iac.storage.plan_file import MAX_BYTES, PlanFileError, read_plan
 
+OBSERVE_NAME = "observe.ps1"
 SCRIPT_ORIGIN = "rarms show --script PLAN --out FOLDER"
 
 NO_SCRIPT = Finding(code="RARMS164", severity=Severity.ERROR, summary="This is not a script of rarms")
@@ -52,11 +52,11 @@ class PlanScript:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Choice:
-    """Which scripts are meant."""
+class ScriptSelection:
+    """Which scripts of a plan are meant."""
 
     hosts: tuple[str, ...] = ()  # none: all
-    guest: str = ""
+    guest: str = ""  # a partition; empty: the hosts' own
     undo: bool = False
 
 
@@ -73,22 +73,51 @@ def plan_scripts(plan: Plan) -> tuple[PlanScript, ...]:
     return tuple(found)
 
 
-def chosen(scripts: Sequence[PlanScript], choice: Choice, plan: Plan) -> tuple[PlanScript, ...]:
+def select_scripts(scripts: Sequence[PlanScript], selection: ScriptSelection, plan: Plan) -> tuple[PlanScript, ...]:
     """Those that are meant: without a guest, the hosts' own.
 
+    Args:
+        scripts: all of the plan (`plan_scripts`).
+        selection: which.
+        plan: names the hosts; a host without changes has no script.
+
     Raises:
-        click.UsageError: the plan has no such host or guest.
+        RequestError: the plan has no such host or guest.
     """
     names = [part.host.name for part in plan.hosts]
-    for host in choice.hosts:
+    for host in selection.hosts:
         if host not in names:
-            raise _usage(f"The plan has no host {host!r}.{suggestion(host, names)} It has: {', '.join(names)}.")
-    here = [script for script in scripts if script.host in (choice.hosts or names)]
+            raise RequestError(f"The plan has no host {host!r}.{suggestion(host, names)} It has: {', '.join(names)}.")
+    here = [script for script in scripts if script.host in (selection.hosts or names)]
     guests = sorted({script.guest for script in here if script.guest})
-    if choice.guest and choice.guest not in guests:
-        told = f"It has: {', '.join(guests)}." if guests else "It has none."
-        raise _usage(f"The plan has no script for a guest {choice.guest!r}.{suggestion(choice.guest, guests)} {told}")
-    return tuple(script for script in here if script.guest == choice.guest and script.undo is choice.undo)
+    guest = selection.guest
+    if guest and guest not in guests:
+        others = f"It has: {', '.join(guests)}." if guests else "It has none."
+        raise RequestError(f"The plan has no script for a guest {guest!r}.{suggestion(guest, guests)} {others}")
+    return tuple(script for script in here if script.guest == guest and script.undo is selection.undo)
+
+
+def only_script(selected: Sequence[PlanScript], option: str) -> PlanScript:
+    """The script that an option takes, of those that are meant.
+
+    Raises:
+        RequestError: there is none, or more than one.
+    """
+    if len(selected) == 1:
+        return selected[0]
+    hosts = ", ".join(script.host for script in selected)
+    problem = f"those of {hosts} are meant" if selected else "the plan has none of that kind"
+    raise RequestError(f"{option} takes one script, and {problem}: choose with --host.")
+
+
+def scripts_to_write(
+    scripts: Sequence[PlanScript], selected: Sequence[PlanScript], selection: ScriptSelection
+) -> tuple[PlanScript, ...]:
+    """All scripts of the selected hosts; with a guest or an undo selected, that script and the one that reverses it."""
+    if not selection.guest and not selection.undo:
+        return tuple(script for script in scripts if not selection.hosts or script.host in selection.hosts)
+    pairs = {(script.host, script.guest) for script in selected}
+    return tuple(script for script in scripts if (script.host, script.guest) in pairs)
 
 
 def write_scripts(scripts: Sequence[PlanScript], folder: str) -> tuple[str, ...]:
@@ -97,10 +126,7 @@ def write_scripts(scripts: Sequence[PlanScript], folder: str) -> tuple[str, ...]
     Raises:
         UseCaseError: the system does not let us.
     """
-    try:
-        Path(folder).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UseCaseError(Outcome.FAILED, [not_written(folder, error)]) from error
+    make_folder(folder)
     paths = []
     for script in scripts:
         paths.append((Path(folder) / script.name).as_posix())
@@ -108,7 +134,7 @@ def write_scripts(scripts: Sequence[PlanScript], folder: str) -> tuple[str, ...]
     return tuple(paths)
 
 
-def check_file(path: str) -> tuple[str, tuple[Diagnostic, ...]]:
+def check_script(path: str) -> tuple[str, tuple[Diagnostic, ...]]:
     """The text of a script that somebody edited, and what is wrong with it.
 
     Raises:
@@ -116,41 +142,57 @@ def check_file(path: str) -> tuple[str, tuple[Diagnostic, ...]]:
     """
     data = read_file(path, MAX_BYTES, SCRIPT_ORIGIN)
     text = data.decode("ascii", "replace")
-    kind = kind_of(text)
+    kind = _kind_of(text)
     if kind is None:
         return text, (_no_script(path),)
     return text, inspect(data, kind, path)
 
 
-def kind_of(text: str) -> ScriptKind | None:
+def _kind_of(text: str) -> ScriptKind | None:
     """What the script says in its head that it is for."""
     head = text[:2000].splitlines()
     return next((kind for start, kind in _KINDS.items() if any(line.startswith(start) for line in head)), None)
 
 
-def outline_of(script: PlanScript) -> Outline:
-    """What a script of a plan does."""
+def compare_with_file(path: str, script: PlanScript) -> ScriptDifference:
+    """How a script of a plan differs, step by step, from the script or the plan in a file.
+
+    Raises:
+        RequestError: the file is a plan without such a script.
+        UseCaseError: it is neither, was edited, or does not pass the inspection.
+    """
+    return difference(_outline_in(path, script), _outline_of(script))
+
+
+def observe_script() -> str:
+    """`observe.ps1`: what looks at a Hyper-V host or into a guest, and changes nothing.
+
+    Raises:
+        UseCaseError: it does not pass the inspection that every script passes (failed).
+    """
+    data = render_observe()
+    if wrong := inspect(data, ScriptKind.OBSERVE, OBSERVE_NAME):
+        raise UseCaseError(Outcome.FAILED, wrong)
+    return data.decode("ascii")
+
+
+def _outline_of(script: PlanScript) -> Outline:
     return outline(script.text.encode("ascii"))
 
 
-def outline_in(path: str, like: PlanScript) -> Outline:
-    """What the script of this file does, or that of the same name in the plan that it is.
-
-    Raises:
-        UseCaseError: it is neither, or does not pass the inspection.
-    """
+def _outline_in(path: str, like: PlanScript) -> Outline:
+    """What the script of this file does, or that of the same name in the plan that it is."""
     data = read_file(path, MAX_BYTES, SCRIPT_ORIGIN)
     if data.lstrip().startswith((b"{", b"\xef\xbb\xbf{")):
         try:
             scripts = {script.name: script for script in plan_scripts(read_plan(data))}
         except PlanFileError as error:
-            raise UseCaseError(
-                Outcome.REFUSED, [error.finding.at(None, f"{path}: {error.says}.", f"{error.advice}.")]
-            ) from error
+            raise refuse_plan_file(path, error) from error
         if like.name not in scripts:
-            raise _usage(f"{path} is a plan without a script {like.name}. It has: {', '.join(scripts) or 'none'}.")
-        return outline_of(scripts[like.name])
-    kind = kind_of(data.decode("ascii", "replace"))
+            names = ", ".join(scripts) or "none"
+            raise RequestError(f"{path} is a plan without a script {like.name}. It has: {names}.")
+        return _outline_of(scripts[like.name])
+    kind = _kind_of(data.decode("ascii", "replace"))
     wrong = inspect(data, kind, path) if kind in {ScriptKind.APPLY, ScriptKind.UNDO} else (_no_script(path),)
     if wrong:
         raise UseCaseError(Outcome.FAILED, wrong)
@@ -179,7 +221,3 @@ def _no_script(path: str) -> Diagnostic:
         f"{path} does not say in its head that it is an apply, undo or observe script of rarms.",
         "Give a script that `rarms show --script --out FOLDER` or `rarms snapshot --script` wrote.",
     )
-
-
-def _usage(says: str) -> click.UsageError:
-    return click.UsageError(says, click.get_current_context())

@@ -1,0 +1,96 @@
+"""Doing what a plan says on live hosts, finishing what an earlier run left, and closing it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
+from rarms_iac.app.files import STANDARD_INPUT, folder_of
+from rarms_iac.app.hosts import hold_hosts, owner
+from rarms_iac.app.requests import ManifestSource
+from rarms_iac.app.wiring import open_host, unfinished_beside
+from rarms_iac.apply.execute import apply_plan, finish_unfinished
+from rarms_iac.apply.run_report import RunEnding, RunReport
+from rarms_iac.apply.undo import abandon
+from rarms_iac.model.plan import Plan
+from rarms_iac.providers.interface import NO_WAITING, LiveHost, WaitLimits
+
+
+def apply(
+    plan: Plan,
+    *,
+    folder: str | None = None,
+    waits: WaitLimits = NO_WAITING,
+    reporter: Reporter = SILENT,
+    stop: StopSignal = NEVER_STOP,
+) -> RunReport:
+    """Do exactly what a plan says, host by host, or refuse before the first step.
+
+    A plan of several hosts that was interrupted goes on where it stopped. Nobody is asked.
+
+    Args:
+        plan: as `planning.plan` made it, or as `files.read_plan_file` read it.
+        folder: what simulated hosts lie below; None: the folder of the manifest that the plan names.
+        waits: how long to wait for a held host, and for the next word of a host's script.
+        reporter: hears of each step.
+        stop: asked after each step; the run can be finished later.
+
+    Returns:
+        How it ended, with the changes of each host. A refusal and a host's failure are reported here, not raised.
+
+    Raises:
+        UseCaseError: a host is held (refused), or this version cannot reach it (failed).
+    """
+    below = folder_of(plan.manifest) if folder is None else folder
+    hosts = {part.host.name: open_host(part.host, below, part.state_path) for part in plan.hosts}
+    with hold_hosts(tuple(hosts.values()), waits.lock_ms), stop.gently():
+        return apply_plan(plan, hosts, owner(), reporter.steps, stop.should_stop, waits)
+
+
+def finish_runs(
+    hosts: Sequence[LiveHost],
+    *,
+    waits: WaitLimits = NO_WAITING,
+    reporter: Reporter = SILENT,
+    stop: StopSignal = NEVER_STOP,
+) -> RunReport | None:
+    """Finish what an earlier run left on these hosts, each from its own journal.
+
+    Returns:
+        How that ended; None where no host has an unfinished run.
+
+    Raises:
+        UseCaseError: a host is held (refused).
+    """
+    with hold_hosts(tuple(hosts), waits.lock_ms), stop.gently():
+        return finish_unfinished(hosts, reporter.steps, stop.should_stop, waits)
+
+
+def abandon_runs(hosts: Sequence[LiveHost], *, waits: WaitLimits = NO_WAITING) -> Mapping[str, RunReport]:
+    """Close the unfinished runs of these hosts, by host; the hosts stay as they are.
+
+    Raises:
+        UseCaseError: a host is held (refused).
+    """
+    with hold_hosts(tuple(hosts), waits.lock_ms):
+        return {host.name: abandon(host, waits) for host in hosts}
+
+
+def hosts_left_unfinished(source: ManifestSource) -> tuple[LiveHost, ...]:
+    """The simulated hosts beside a manifest with an unfinished run, also where the manifest has errors by now."""
+    return unfinished_beside(folder_of(source.manifest))
+
+
+def manifest_of(plan: Plan, source: ManifestSource) -> ManifestSource:
+    """The manifest that a plan was made of, with the overlays and the day of `source`."""
+    return source if plan.manifest == STANDARD_INPUT else replace(source, manifest=plan.manifest)
+
+
+def combine_reports(reports: Sequence[RunReport]) -> RunReport:
+    """One report of several hosts: a failure counts before a refusal, an interruption, something done, nothing."""
+    endings = [report.ending for report in reports]
+    order = (RunEnding.FAILED, RunEnding.REFUSED, RunEnding.INTERRUPTED, RunEnding.DONE)
+    return RunReport(
+        ending=next((ending for ending in order if ending in endings), RunEnding.NOTHING),
+        hosts=tuple(host for report in reports for host in report.hosts),
+        diagnostics=tuple(problem for report in reports for problem in report.diagnostics),
+    )

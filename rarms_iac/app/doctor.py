@@ -1,0 +1,82 @@
+"""Looking at the hosts for what makes a plan void or unsafe there."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from rarms_iac.app.hosts import Hosts, host_errors, observe_host
+from rarms_iac.app.wiring import read_script_output
+from rarms_iac.apply.doctor.examination import Examination
+from rarms_iac.apply.doctor.examine import examine
+from rarms_iac.manifest.acceptance import apply_acceptances
+from rarms_iac.model.condition import HostCondition
+from rarms_iac.model.diagnostics import Diagnostic, in_order
+from rarms_iac.model.state import State
+from rarms_iac.providers.interface import ExaminableHost, HostLook
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExaminedHost:
+    """A host as it was looked at, and what was found there."""
+
+    state: State
+    condition: HostCondition
+    findings: tuple[Diagnostic, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Examinations:
+    """All chosen hosts, by name, and what the policy accepts of the findings."""
+
+    hosts: tuple[ExaminedHost, ...]
+    accepted: tuple[Diagnostic, ...]
+
+    @property
+    def findings(self) -> tuple[Diagnostic, ...]:
+        """Those of all hosts that are not accepted, in order."""
+        return in_order([finding for host in self.hosts for finding in host.findings])
+
+
+def examine_hosts(hosts: Hosts) -> Examinations:
+    """Look at every chosen host once, live or in its snapshot. Only reads.
+
+    Raises:
+        UseCaseError: a host cannot be reached or read (failed).
+    """
+    manifest = hosts.manifest
+    examined: list[ExaminedHost] = []
+    accepted: list[Diagnostic] = []
+    for host in _examinations(hosts):
+        findings, silenced = apply_acceptances(
+            examine(host),
+            manifest.system.policy,
+            manifest.places,
+            manifest.source.today,
+            codes=(),  # an acceptance that silences nothing here may be needed by a plan
+        )
+        examined.append(ExaminedHost(state=host.state, condition=host.condition, findings=findings))
+        accepted += silenced
+    return Examinations(hosts=tuple(examined), accepted=tuple(accepted))
+
+
+def _examinations(hosts: Hosts) -> Iterator[Examination]:
+    for name in hosts.chosen:
+        looked = _look(hosts, name)
+        yield Examination(
+            state=looked.state,
+            condition=looked.condition,
+            provider_findings=looked.findings,
+            place=hosts.manifest.places.key("hosts", name),
+        )
+
+
+def _look(hosts: Hosts, name: str) -> HostLook:
+    snapshot = hosts.snapshots.hosts.get(name)
+    if snapshot is not None:
+        observation = read_script_output(snapshot.data, name)
+        condition = observation.condition if observation else HostCondition()
+        return HostLook(state=snapshot.state, condition=condition, findings=snapshot.findings)
+    host = hosts.open(name)
+    if isinstance(host, ExaminableHost):
+        with host_errors():
+            return host.examined()
+    return HostLook(state=observe_host(host), condition=HostCondition(), findings=())

@@ -1,0 +1,85 @@
+"""Writing manifests: a first one to start from, and any in its canonical form."""
+
+from codecs import BOM_UTF8
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, in_the_way
+from rarms_iac.app.files import make_folder, write_file
+from rarms_iac.manifest.edit.formatting import CannotFormat, format_tree
+from rarms_iac.manifest.init import initial_manifest, name_from
+from rarms_iac.manifest.load import DEFAULT_NAME, manifest_path
+from rarms_iac.manifest.text.characters import BYTE_ORDER_MARK
+from rarms_iac.manifest.text.reading import ParsedText, read
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.names import is_name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FormattedManifest:
+    """A manifest's or an overlay's text, before and in its canonical form."""
+
+    path: str
+    file: str  # as messages name it
+    before: bytes
+    after: str
+
+    @property
+    def changed(self) -> bool:
+        """Whether it was not in the canonical form; a byte order mark or CRLF counts too."""
+        return self.before != self.after.encode()
+
+
+def write_first_manifest(folder: str, name: str | None = None) -> str:
+    """Write a commented manifest that validates and plans as it is; return its path.
+
+    Args:
+        folder: where; it is made where it does not exist.
+        name: the application's; None: as the folder is called.
+
+    Raises:
+        RequestError: the name cannot be an application's.
+        UseCaseError: there is a manifest already, or it cannot be written (failed).
+    """
+    if name is not None and not is_name(name):
+        raise RequestError(f"{name!r} cannot be an application's name: small letters, digits and hyphens, 63 at most.")
+    path = Path(folder) / DEFAULT_NAME
+    if path.exists() or path.is_symlink():
+        raise UseCaseError(Outcome.FAILED, [in_the_way(path.as_posix())])
+    text = initial_manifest(name or name_from(path.resolve().parent.name))
+    make_folder(path.parent.as_posix())
+    write_file(str(path), text.encode())
+    return path.as_posix()
+
+
+def format_manifests(paths: Sequence[str]) -> tuple[FormattedManifest, ...]:
+    """The canonical form of manifests and overlays, comments kept. Writes nothing.
+
+    Args:
+        paths: files, folders of a manifest, or `-` for standard input.
+
+    Raises:
+        UseCaseError: one of them is no manifest (negative); all problems of all files are told.
+    """
+    formatted: list[FormattedManifest] = []
+    problems: list[Diagnostic] = []
+    sources = {}
+    for path in map(manifest_path, paths):
+        tree = read(path)
+        sources[tree.source.file] = tree.source.lines
+        try:
+            after = format_tree(tree)
+        except CannotFormat as problem:
+            problems += problem.diagnostics
+            continue
+        formatted.append(FormattedManifest(path=path, file=tree.source.file, before=_as_stored(tree), after=after))
+    if problems:
+        raise UseCaseError(Outcome.NEGATIVE, problems, sources)
+    return tuple(formatted)
+
+
+def _as_stored(parsed: ParsedText) -> bytes:
+    """The file's bytes; the reader takes a byte order mark away and notes it."""
+    marked = any(diagnostic.code == BYTE_ORDER_MARK.code for diagnostic in parsed.diagnostics)
+    return BOM_UTF8 + parsed.source.data if marked else parsed.source.data

@@ -1,0 +1,106 @@
+"""What a command says beside its data: findings and progress, on standard error."""
+
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from functools import cached_property
+from types import TracebackType
+from typing import Self
+
+from rarms_iac.app.files import write_file
+from rarms_iac.apply.run_report import RunReporter
+from rarms_iac.cli.codes import ExitCode
+from rarms_iac.cli.session import Session
+from rarms_iac.cli.terminal import Terminal
+from rarms_iac.measuring.loop import MeasuringReporter
+from rarms_iac.model.diagnostics import Diagnostic, Sources, in_order
+from rarms_iac.model.measurement import Series
+from rarms_iac.views.finding_forms import OutputTarget
+from rarms_iac.views.findings import findings_text
+
+
+def tell(terminal: Terminal, diagnostics: Sequence[Diagnostic], sources: Sources | None = None) -> None:
+    """Write these findings as text, in order; nothing where there are none."""
+    if diagnostics:
+        terminal.talk(findings_text(in_order(tuple(diagnostics)), sources or {}))
+
+
+def write_output(terminal: Terminal, output: OutputTarget, text: str) -> None:
+    """Write rendered findings into the file that `--output` names, else to standard output.
+
+    Raises:
+        UseCaseError: the file cannot be written.
+    """
+    if output.path is None:
+        terminal.data(text)
+    else:
+        write_file(output.path, text.encode("utf-8", errors="backslashreplace"))
+
+
+class TerminalReporter:
+    """What a use case tells while it works, for a person at a terminal; progress ends with the `with` block."""
+
+    def __init__(self, session: Session) -> None:
+        self._terminal = session.terminal
+        self._progress = ExitStack()
+
+    def __enter__(self) -> Self:
+        """Progress is shown from its first word on."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Leave the last state of what was updated in place."""
+        self._progress.__exit__(kind, error, trace)
+
+    @cached_property
+    def steps(self) -> RunReporter:
+        """Steps of a run, a line a partition, updated in place."""
+        from rarms_iac.views.run import RunProgress
+
+        terminal = self._terminal
+        live = terminal.live() if terminal.lively else None
+        return self._progress.enter_context(RunProgress(terminal.status, time.monotonic, live))
+
+    @cached_property
+    def settings(self) -> MeasuringReporter:
+        """Settings that are measured, in a table that is updated in place."""
+        from rarms_iac.views.measure import MeasuringProgress
+
+        return MeasuringProgress(self._terminal.talk, time.monotonic, self._terminal.live_table())
+
+    def message(self, text: str) -> None:
+        """Write whole sentences."""
+        self._terminal.talk(text)
+
+    def findings(self, diagnostics: Sequence[Diagnostic], sources: Sources | None = None) -> None:
+        """Write findings."""
+        tell(self._terminal, diagnostics, sources)
+
+
+class ProofProgress:
+    """Shows how far the components of a host are, while they are run all together; used in a `with`."""
+
+    def __init__(self, session: Session) -> None:
+        self._table = session.terminal.live_table()
+
+    def __enter__(self) -> "ProofProgress":
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        if self._table is not None:
+            self._table.hide()
+
+    def __call__(self, host: str, series: Mapping[str, Series]) -> None:
+        """Show it in place; nothing where there is no terminal."""
+        if self._table is not None:
+            from rarms_iac.views.prove import sampled
+
+            self._table.show(sampled(host, series))
+
+
+def stopped(session: Session) -> ExitCode:
+    """Say that somebody's end was heard, and how to go on; how the command ends then."""
+    session.terminal.talk("Stopped. What is recorded stays: the same command goes on.")
+    return session.interrupts.asked or ExitCode.INTERRUPTED
