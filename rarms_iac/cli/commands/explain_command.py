@@ -36,7 +36,7 @@ def command(session: Session, *, subject: str, guide: bool, source: ManifestSour
 
 
 def _component(session: Session, source: ManifestSource, name: str, *, as_json: bool) -> ExitCode:
-    from rarms_iac.app.explain import explain_component, explained
+    from rarms_iac.app.explain import explain_component
     from rarms_iac.app.manifests import load_manifest
     from rarms_iac.cli.messages import tell
     from rarms_iac.views.explain import explanation_json, explanation_text
