@@ -128,8 +128,8 @@ def _settings(settings: PartitionSettings, facts: HostFacts) -> _Shown:
         "memory": (show_bytes(settings.memory), ""),
         "dynamic memory": (_yes(settings.dynamic_memory), ""),
         "generation": (str(settings.generation), ""),
-        "when the host starts": (settings.start_action.value.replace("_", " "), ""),
-        "when the host stops": (settings.stop_action.value.replace("_", " "), ""),
+        "start action": (settings.start_action.value.replace("_", " "), ""),
+        "stop action": (settings.stop_action.value.replace("_", " "), ""),
         "checkpoints": (settings.checkpoints.value.replace("_", " "), ""),
         "running": (_yes(settings.running), ""),
     }

@@ -40,7 +40,7 @@ TAB_STOP = 8
 
 
 def findings_text(
-    diagnostics: Sequence[Diagnostic], sources: Sources, *, accepted: Sequence[Diagnostic] = ()
+    diagnostics: Sequence[Diagnostic], sources: Sources, *, accepted: Sequence[Diagnostic] = (), brief: bool = False
 ) -> "RenderableType":
     """Show every finding, and a last line that counts them.
 
@@ -48,15 +48,20 @@ def findings_text(
         diagnostics: what is shown, in this order; those of one kind stand together, at the first of them.
         sources: the text of each file, or its lines, by the name that places use; it may lack some.
         accepted: findings that the policy silences; they are counted.
+        brief: a kind of notes is one line, which says where; `rarms validate` and `rarms explain` say the rest.
     """
     lines = {file: source_lines(sources[file]) for file in _files(diagnostics) if file in sources}
     kinds: dict[tuple[str, str], list[Diagnostic]] = {}
     for diagnostic in diagnostics:
         kinds.setdefault((diagnostic.code, diagnostic.summary), []).append(diagnostic)
+    notes = [alike for alike in kinds.values() if brief and alike[0].severity is Severity.NOTE]
     parts: list[RenderableType] = []
     for alike in kinds.values():
-        parts += [*(_single(alike[0], lines) if len(alike) == 1 else _together(alike)), ""]
-    return stack(*parts, summary(diagnostics, accepted))
+        if alike not in notes:
+            parts += [*(_single(alike[0], lines) if len(alike) == 1 else _together(alike)), ""]
+    parts += map(_note, notes)
+    only_notes = notes and len(notes) == len(kinds)
+    return stack(*parts, None if only_notes else summary(diagnostics, accepted))
 
 
 def summary(diagnostics: Sequence[Diagnostic], accepted: Sequence[Diagnostic] = ()) -> str:
@@ -82,6 +87,14 @@ def _head(diagnostic: Diagnostic, number: int = 1) -> "RenderableType":
     return paragraph(
         styled((visible(diagnostic.summary, keep="") + (f" ({number})" if number > 1 else ""), STRONG)), start=start
     )
+
+
+def _note(alike: Sequence[Diagnostic]) -> "RenderableType":
+    """`note[RARMS086] An interference is not used: rarms.yaml:82:3, interference.browsers`."""
+    locations = "; ".join(", ".join(_location(diagnostic)) for diagnostic in alike)
+    summary = visible(alike[0].summary, keep="")
+    text = f"{summary}: {locations}" if any(diagnostic.place or diagnostic.address for diagnostic in alike) else summary
+    return paragraph(styled((f"note[{alike[0].code}] ", NOTE), text), more=2)
 
 
 def _single(diagnostic: Diagnostic, sources: Mapping[str, Sequence[str]]) -> "Iterator[RenderableType]":

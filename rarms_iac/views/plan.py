@@ -72,7 +72,7 @@ def plan_text(plan: Plan, *, sources: Sources | None = None, verbose: bool = Fal
             parts.append(paragraph(describe_placement(plan.placement)))
         parts.append("")
     if plan.findings:
-        parts += [findings_text(plan.findings, sources or {}), ""]
+        parts += [findings_text(plan.findings, sources or {}, brief=not verbose), ""]
     if plan.accepted:
         parts += [f"{counted(len(plan.accepted), 'finding')} accepted by the policy.", ""]
     return stack(*parts, paragraph(styled((summary(plan), STRONG))))

@@ -1,16 +1,16 @@
 """What the README shows is what the commands print."""
 
+import os
 import re
 from contextlib import chdir
 from pathlib import Path
+from unittest.mock import patch
 
 from tests.unit.cli.running import rarms
 
 ROOT = Path(__file__).parents[2]
 PLAN = re.compile(r"plan [0-9a-f]{12}")  # it holds the day
-FINDINGS = re.compile(
-    r"(?:note|warning)\[.*?\n\n0 errors.*?\n\n", re.DOTALL
-)  # what a plan also tells, behind the totals
+FINDINGS = re.compile(r"(?:note|warning)\[.*?\n1 warning, 1 note\.\n\n", re.DOTALL)  # behind the totals
 
 
 def test_the_plan_in_the_readme_is_what_rarms_prints(tmp_path: Path) -> None:
@@ -23,7 +23,8 @@ def test_the_plan_in_the_readme_is_what_rarms_prints(tmp_path: Path) -> None:
         measured = rarms("measure")
         applied = rarms("apply", "--auto-approve")
         selected = rarms("select", "face-detection", "--at", "120 ms")
-        planned = rarms("plan")
+        with patch.dict(os.environ, {"COLUMNS": "80"}):
+            planned = rarms("plan")
 
     assert (measured.code, applied.code, selected.code, planned.code) == (0, 0, 0, 2)
     assert PLAN.sub("plan", FINDINGS.sub("", planned.out)) == PLAN.sub("plan", shown)

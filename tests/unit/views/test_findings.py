@@ -188,3 +188,13 @@ def test_no_source_line_takes_more_than_eighty_columns(diagnostic: Diagnostic, s
     text = as_text([diagnostic], {"robot.yaml": source})
 
     assert all(columns(line) <= 80 for line in text.splitlines() if " | " in line[:8] and "^" in line)
+
+
+def test_briefly_a_kind_of_notes_is_one_line() -> None:
+    note = Finding(code="RARMS086", severity=Severity.NOTE, summary="An interference is not used")
+    some = [note.at(at(1, 1, path="interference.browsers"), "Why.", "Do it."), note.at(at(2, 1), "Why.", "Do it.")]
+
+    brief = render(findings_text(some, {}, brief=True), 120).splitlines()
+
+    line = "note[RARMS086] An interference is not used: robot.yaml:1:1, interference.browsers; robot.yaml:2:1"
+    assert brief == [line]

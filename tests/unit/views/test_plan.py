@@ -72,8 +72,8 @@ def test_a_change_shows_what_differs_and_verbosely_its_reason_its_line_and_the_r
     assert "  ~ vision  reserve 70 % -> 40 %" in shown_alone(change)
     shown = shown_alone(change, verbose=True)
     start = shown.index("  ~ vision  (rarms.yaml:7)")
-    assert shown[start + 1 : start + 3] == ["      asked", "      name                  vision"]
-    assert "      reserve               70 % -> 40 %" in shown
+    assert shown[start + 1 : start + 3] == ["      asked", "      name            vision"]
+    assert "      reserve         70 % -> 40 %" in shown
 
 
 def test_a_stop_says_how_long_it_may_take() -> None:
@@ -117,8 +117,8 @@ def test_a_reserve_is_shown_as_a_share_of_the_host_where_that_is_another_number(
     narrow = shown_alone(create(partition(settings(processors=1, reserve=30))), verbose=True)
     wide = shown_alone(create(partition(settings(processors=2, reserve=30))), verbose=True)
 
-    assert "      reserve               30 %       (0.3 LP, 15 % of the host)" in narrow
-    assert "      reserve               30 %" in wide
+    assert "      reserve         30 %       (0.3 LP, 15 % of the host)" in narrow
+    assert "      reserve         30 %" in wide
 
 
 def test_a_removal_says_that_disks_stay() -> None:
