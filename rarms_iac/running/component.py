@@ -75,11 +75,6 @@ class ComponentRun:
         return self._record.ending
 
     @property
-    def failed(self) -> int:
-        """How many of the samples are failed ones."""
-        return self._record.failed
-
-    @property
     def tail(self) -> str:
         """The last that the component wrote to standard error: at most 4 KiB."""
         return self._supervisor.tail if self._supervisor else ""

@@ -173,11 +173,6 @@ class Supervisor:
         """The last that was written to standard error."""
         return self._tail.decode("utf-8", "replace")
 
-    @property
-    def pid(self) -> int:
-        """The supervisor's process id."""
-        return self._process.pid
-
     def _commands(self) -> IO[bytes]:
         assert self._process.stdin is not None
         return self._process.stdin

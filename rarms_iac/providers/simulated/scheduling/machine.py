@@ -1,6 +1,5 @@
 """What the scheduler model is given and what it tells. Times are milliseconds, shares per cent of one's own VPs."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import inf
 from typing import NamedTuple
@@ -127,5 +126,3 @@ class TracePiece(NamedTuple):
 IDLE = "idle"
 INTERRUPT = "interrupt"
 PARENT = "parent"
-
-Jobs = Iterator[JobDone]

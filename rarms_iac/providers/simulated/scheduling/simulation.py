@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from math import inf
 from random import Random
-from typing import Self, assert_never
+from typing import assert_never
 
 from rarms_iac.providers.simulated.scheduling.guest import OperatingSystem
 from rarms_iac.providers.simulated.scheduling.hypervisor import HypervisorScheduler
@@ -60,11 +60,6 @@ class SchedulerSimulation:
                 InterruptSource(lp, machine.interrupts / 100.0, self._hypervisor, self._agenda, random).start()
         self._hypervisor.decide()
 
-    @property
-    def clock_ms(self) -> float:
-        """The time of the job told last, or `until_ms` when all was told."""
-        return self._agenda.now
-
     def consumed_ms(self, component: str) -> float:
         """The processor time that the component has consumed until now, unfinished jobs included."""
         self._hypervisor.settle_all()
@@ -83,17 +78,6 @@ class SchedulerSimulation:
             if self._hypervisor.changed:
                 self._hypervisor.decide()
         return self._done.popleft()
-
-    def close(self) -> None:
-        """Tells nothing more."""
-        self._until = self._agenda.now
-        self._done.clear()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _random(self, name: str) -> Random:
         return Random(f"{self._seed}/{name}")  # noqa: S311 - repeatable noise is the purpose, not a secret
