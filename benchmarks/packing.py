@@ -1,102 +1,83 @@
-"""The exact packing, family by family: CPU time, proofs, certificates and what checking one costs.
+"""Packing with the solver beside first fit alone, in one run: CPU time, packings found, packings proved.
 
-`python -m benchmarks.packing [instances of a family] [family ...]`; without words, the goals of 30 items on 12 hosts.
+`python -m benchmarks.packing [fleets [partitions hosts]]`; 70 fleets of 5 to 30 partitions unless said otherwise.
 """
 
-import os
 import statistics
 import sys
+import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from unittest.mock import patch
 
-from benchmarks.packings import FAMILIES, HARD, Instance, instance
+from benchmarks.packing_fleets import Fleet, fleet
 from benchmarks.timing import Figure, report
-from rarms_iac.planner.certifying.checker import Wrong, check
-from rarms_iac.planner.certifying.claim import claim_of, problem_data
-from rarms_iac.planner.packing.solve import Packed, solve
+from rarms_iac.manifest.load import load
+from rarms_iac.planner.packing import pack as packing
+from rarms_iac.planner.packing.values import NoPacking, Packing
+from rarms_iac.planner.problem import Problem, host_view, problem_of
+from rarms_iac.planner.reservations import FixedReservations
+from rarms_iac.storage.snapshot_file import read_snapshot
 
-EACH = 60
-MEDIAN, WORST, CERTIFIED, CHECKED = 0.3, 5.0, 99.0, 0.5
-HARD_SHARE = 90.0
+FLEETS = 70
+MEDIAN, WORST, NOT_PROVED = 0.3, 30.0, 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
-    """One instance, solved."""
+    """One fleet, packed."""
 
-    instance: Instance
     seconds: float
-    proved: bool
-    certified: bool
-    checked: float
+    found: Packing | NoPacking
 
 
-def run(one: Instance) -> Run:
-    problem = one.problem
+def problem(drawn: Fleet) -> Problem:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "rarms.yaml"
+        path.write_text(drawn.manifest, encoding="utf-8")
+        system = load(str(path), today=date(2026, 1, 1)).system
+    assert system is not None
+    views = {name: host_view(read_snapshot(data), "fleet") for name, data in drawn.snapshots.items()}
+    return problem_of(system, FixedReservations(), views, may_move=True)
+
+
+def run(drawn: Problem) -> Run:
     begun = time.process_time()
-    found = solve(problem)
-    seconds = time.process_time() - begun
-    assert isinstance(found, Packed), "what is cut out of hosts fits them"
-    assert one.least is None or found.cost.value >= one.least, "nothing is below what is known"
-    proved = found.cost.value == found.cost.bound and found.moves.value == found.moves.bound
-    claim = claim_of(problem, found)
-    begun = time.process_time()
-    certified = False
-    if claim is not None:
-        try:
-            check(problem_data(problem), claim)
-            certified = True
-        except Wrong as wrong:
-            print(f"{one.family} {one.seed}: {wrong}")
-    checked = time.process_time() - begun
-    return Run(instance=one, seconds=seconds, proved=proved, certified=certified, checked=checked)
+    found = packing.pack(drawn.items, drawn.bins)
+    return Run(seconds=time.process_time() - begun, found=found)
 
 
-def told(family: str, runs: Sequence[Run]) -> str:
-    times = sorted(one.seconds for one in runs)
-    worst = max(runs, key=lambda one: one.seconds)
-    return (
-        f"{family:<18}{len(runs):>5}{statistics.median(times):>9.2f}{times[-1]:>9.2f} (seed {worst.instance.seed})"
-        f"{sum(one.proved for one in runs):>7}{sum(one.certified for one in runs):>7}"
-        f"{max(one.checked for one in runs):>9.3f}"
-    )
-
-
-def share(runs: Sequence[Run], within: float) -> float:
-    """Per cent that are proved within so many seconds."""
-    return 100 * sum(one.proved and one.seconds <= within for one in runs) / len(runs)
+def missing(runs: Sequence[Run]) -> float:
+    """Per cent without a packing."""
+    return 100 * sum(isinstance(each.found, NoPacking) for each in runs) / len(runs)
 
 
 def main(words: Sequence[str]) -> int:
-    each = int(words[0]) if words else EACH
-    families = list(words[1:]) or [*FAMILIES, *HARD]
-    if hasattr(os, "getloadavg"):
-        print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors; times are CPU time of the process, in s")
-    print("family                n   median    worst          proved  certified  checker")
-    usual: list[Run] = []
-    hard: list[Run] = []
-    for family in families:
-        runs = [run(instance(family, seed)) for seed in range(each)]
-        (hard if family in HARD else usual).extend(runs)
-        print(told(family, runs), flush=True)
-    figures = []
-    if usual:
-        times = [one.seconds for one in usual]
-        missing = sum(not one.proved for one in usual)
-        uncertified = 100 * sum(one.proved and not one.certified for one in usual) / len(usual)
-        figures += [
-            Figure(name="median", value=statistics.median(times), unit="s", at_most=MEDIAN),
-            Figure(name="worst", value=max(times), unit="s", at_most=WORST),
-            Figure(name="not proved on both levels", value=missing, unit="", at_most=0),
-            Figure(name="not certified", value=uncertified, unit="%", at_most=100 - CERTIFIED),
+    number, *size = [int(word) for word in words] or [FLEETS]
+    partitions, hosts = size or (0, 0)
+    solved, first = [], []
+    for seed in range(number):
+        drawn = fleet(seed, partitions=partitions, hosts=hosts)
+        given = problem(drawn)
+        with patch.object(packing, "is_installed", return_value=False):
+            first.append(run(given))
+        solved.append(run(given))
+        print(f"{drawn.name:<15}{first[-1].seconds:>8.2f}{solved[-1].seconds:>8.2f} s", flush=True)
+    median = statistics.median(each.seconds for each in solved)
+    not_proved = 100 * sum(not each.found.proven for each in solved) / number
+    return report(
+        [
+            Figure(name="median", value=median, unit="s", at_most=MEDIAN),
+            Figure(name="worst", value=max(each.seconds for each in solved), unit="s", at_most=WORST),
+            Figure(name="median, of first fit's", value=median / statistics.median(each.seconds for each in first)),
+            Figure(name="not proved", value=not_proved, unit="%", at_most=NOT_PROVED),
+            Figure(name="no packing", value=missing(solved), unit="%"),
+            Figure(name="no packing by first fit alone", value=missing(first), unit="%"),
         ]
-    if hard:
-        missed = 100 - share(hard, WORST)
-        figures.append(Figure(name="hard, missed in 5 s", value=missed, unit="%", at_most=100 - HARD_SHARE))
-    longest = max(one.checked for one in (*usual, *hard))
-    figures.append(Figure(name="longest check", value=longest, unit="s", at_most=CHECKED))
-    return report(figures)
+    )
 
 
 if __name__ == "__main__":

@@ -31,7 +31,6 @@ class UseCaseError(Exception):
         outcome: what kind of end it is; the command line makes an exit code of it.
         diagnostics: the reasons, at least one.
         sources: the manifest's files that the reasons point into, by the names that places use.
-        certificate: the proof that no layout exists, for programs; empty where there is none.
     """
 
     def __init__(
@@ -39,14 +38,11 @@ class UseCaseError(Exception):
         outcome: Outcome,
         diagnostics: Sequence[Diagnostic],
         sources: Sources | None = None,
-        *,
-        certificate: str = "",
     ) -> None:
         super().__init__("; ".join(diagnostic.summary for diagnostic in diagnostics))
         self.outcome = outcome
         self.diagnostics = tuple(diagnostics)
         self.sources = sources or {}
-        self.certificate = certificate
 
 
 class RequestError(ValueError):

@@ -25,7 +25,7 @@ from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.alternatives import Chosen, Elsewhere, elsewhere
 from rarms_iac.planner.groups import Group, groups_of, may_share
 from rarms_iac.planner.layout import Planning, plan_layout
-from rarms_iac.planner.placing.first_fit import cost
+from rarms_iac.planner.packing.values import cost
 from rarms_iac.planner.prediction.members import Predictor, alone_in, expected_of, predictor_of
 from rarms_iac.planner.problem import HostView, by_name, host_view
 from rarms_iac.planner.reservations import (

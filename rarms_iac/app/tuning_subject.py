@@ -21,12 +21,12 @@ from rarms_iac.model.plan import Claim
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Host, System
 from rarms_iac.planner import findings
-from rarms_iac.planner.assigning.pack import pack
-from rarms_iac.planner.assigning.values import Item, NoPacking, Packing, cost, free_in
 from rarms_iac.planner.combining.layouts import Objective
 from rarms_iac.planner.combining.oracle import Coi, Members, Unanswered, coi_as_measured
 from rarms_iac.planner.groups import Group, may_share
 from rarms_iac.planner.layout import plan_layout
+from rarms_iac.planner.packing.pack import pack
+from rarms_iac.planner.packing.values import Item, NoPacking, Packing, cost, free_in
 from rarms_iac.planner.prediction.members import NOTHING, Predictor, alone_in, predictor_of
 from rarms_iac.planner.problem import Problem, host_view, problem_of
 from rarms_iac.planner.reservations import names_of, rests_on_a_log

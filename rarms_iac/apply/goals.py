@@ -50,7 +50,6 @@ class Goals:
     layout: Layout | None
     hosts: Mapping[str, HostGoal]
     findings: tuple[Diagnostic, ...]
-    certificate: str = ""  # that no layout exists, where there is one
 
 
 def goals_of(
@@ -77,7 +76,7 @@ def goals_of(
     if not isinstance(layout, Layout):
         namesakes = tuple(map(_without_place, _namesakes(system, observed, places)))
         lacking = map(_advise_namesake_first, planning.findings) if namesakes else planning.findings
-        return Goals(layout=None, hosts={}, findings=(*namesakes, *lacking), certificate=layout.certificate)
+        return Goals(layout=None, hosts={}, findings=(*namesakes, *lacking))
     hosts: dict[str, HostGoal] = {}
     findings = list(planning.findings)
     for name, state in sorted(observed.items()):

@@ -74,7 +74,6 @@ class Prepared:
     plan: Plan | None
     findings: tuple[Diagnostic, ...]
     accepted: tuple[Diagnostic, ...] = ()
-    certificate: str = ""  # that no layout exists, where there is one
 
 
 def prepare(request: Request, observed: Mapping[str, State]) -> Prepared:
@@ -92,7 +91,7 @@ def prepare(request: Request, observed: Mapping[str, State]) -> Prepared:
     found += unknown_targets([address for part in parts for address in part.addresses], request.targets)
     kept, accepted = request.judge(in_order(found))
     if has_errors(kept):
-        return Prepared(plan=None, findings=kept, accepted=accepted, certificate=goals.certificate)
+        return Prepared(plan=None, findings=kept, accepted=accepted)
     bare = _plan(request, tuple(part.plan for part in parts), goals.layout, kept, accepted)
     plan, wrong = with_scripts(bare, {part.plan.host.name: part.guests for part in parts})
     return Prepared(plan=None if wrong else plan, findings=in_order((*kept, *wrong)), accepted=accepted)

@@ -49,9 +49,7 @@ def guarded(
         return ExitCode.USAGE
     except UseCaseError as problem:
         _trace(terminal)
-        return _tell(
-            session, _code_of(session, problem.outcome), problem.diagnostics, problem.sources, problem.certificate
-        )
+        return _tell(session, _code_of(session, problem.outcome), problem.diagnostics, problem.sources)
     except (Interrupted, KeyboardInterrupt) as interrupt:
         code = interrupt.code if isinstance(interrupt, Interrupted) else ExitCode.INTERRUPTED
         from rarms_iac.views.console import paragraph, stack
@@ -103,22 +101,21 @@ def _tell(
     code: ExitCode,
     diagnostics: Sequence[Diagnostic],
     sources: "Sources | None" = None,
-    certificate: str = "",
 ) -> ExitCode:
     from rarms_iac.cli.messages import tell
 
     tell(session.terminal, diagnostics, sources)
-    _tell_programs(session, diagnostics, certificate)
+    _tell_programs(session, diagnostics)
     return code
 
 
-def _tell_programs(session: Session, diagnostics: Sequence[Diagnostic], certificate: str = "") -> None:
+def _tell_programs(session: Session, diagnostics: Sequence[Diagnostic]) -> None:
     """Why there is no answer, for who asked for one in JSON; an answer that is there already stays the only one."""
     if session.as_json and not session.terminal.answered:
         from rarms_iac.model.diagnostics import in_order
         from rarms_iac.views.finding_forms import findings_json
 
-        session.terminal.data(findings_json(in_order(tuple(diagnostics)), certificate=certificate))
+        session.terminal.data(findings_json(in_order(tuple(diagnostics))))
 
 
 def _trace(terminal: Terminal) -> None:

@@ -45,7 +45,7 @@ def make_plan(hosts: Hosts, wish: Wish) -> Plan:
     prepared = prepare(request_of(hosts, wish, states), states)
     if prepared.plan is None:
         outcome, sources = outcome_of(prepared.findings), hosts.manifest.sources
-        raise UseCaseError(outcome, prepared.findings, sources, certificate=prepared.certificate)
+        raise UseCaseError(outcome, prepared.findings, sources)
     return prepared.plan
 
 

@@ -98,4 +98,3 @@ class Infeasible:
     conflict: tuple[str, ...]  # names of partitions, a smallest set that does not fit together
     causes: tuple[Cause, ...]
     relaxations: tuple[Relaxation, ...]
-    certificate: str = ""  # JSON that shows it, as the checker accepted it; empty: none

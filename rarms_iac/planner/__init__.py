@@ -1,17 +1,8 @@
-"""System -> Layout: which component runs in which partition on which host, with which reservation."""
+"""System -> Layout: which component runs in which partition on which host, with which reservation.
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from rarms_iac.planner.packing.plain.equal import PackedSizes, pack_sizes
-
-__all__ = ["PackedSizes", "pack_sizes"]
-
-
-def __getattr__(name: str) -> object:
-    """The packing is imported when it is asked for: most commands never do, and starting up would wait for it."""
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from rarms_iac.planner.packing.plain import equal
-
-    return getattr(equal, name)
+In come the model's `System`, a source of reservations and what is known of the hosts; out comes a `Layout`, or
+`Infeasible` with who cannot share what and which changes would fit. Begin with `layout.plan_layout`: `groups` says who
+shares a partition, `sizes` what a partition gets on a host, `problem` what is to be placed, `packing` places it,
+`infeasibility` explains why nothing fits, and `alternatives` why a partition is not elsewhere. `combining` decides whom
+to combine, `prediction` what that would probably need.
+"""

@@ -13,11 +13,8 @@ from rarms_iac.model.layout import Infeasible, Layout
 from rarms_iac.model.quantities import show_bytes, show_processors
 from rarms_iac.model.system import Disruption, Measured, System
 from rarms_iac.planner import findings
-from rarms_iac.planner.does_not_fit.conflict import explained
-from rarms_iac.planner.does_not_fit.telling import told
-from rarms_iac.planner.does_not_fit.variants import Trial, Variant
-from rarms_iac.planner.placing.first_fit import cost
-from rarms_iac.planner.problem import HostView, Problem, by_name, has_layout, problem_of, solve
+from rarms_iac.planner.packing.values import cost
+from rarms_iac.planner.problem import HostView, Problem, by_name, problem_of, solve
 from rarms_iac.planner.reservations import ReservationSource
 
 
@@ -51,20 +48,13 @@ def plan_layout(
         notes += _remarks(answer, problem, places)
         notes += _placement(answer, places)
     else:
-
-        def of(variant: Variant) -> Problem:
-            return problem_of(variant.system, variant.reservations, variant.views, may_move=variant.may_move)
-
-        def works(variant: Variant) -> bool:
-            return has_layout(of(variant))
-
-        def may_work(variant: Variant) -> bool:
-            return has_layout(of(variant), nodes=50)
+        from rarms_iac.planner.infeasibility.edits import Trial, Variant
+        from rarms_iac.planner.infeasibility.explain import diagnostics, explained
 
         may_move = limit is Disruption.REMOVAL
         start = Variant(system=system, views=hosts, reservations=reservations, may_move=may_move)
-        answer = explained(answer, problem, Trial(start=start, works=works, may_work=may_work))
-        notes += told(answer, problem, places)
+        answer = explained(answer, problem, Trial(start=start))
+        notes += diagnostics(answer, problem, places)
     return Planning(answer=answer, findings=tuple(notes))
 
 

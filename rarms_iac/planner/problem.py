@@ -9,9 +9,9 @@ from rarms_iac.model.plan import Claim
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Host, RunsOn, System
 from rarms_iac.planner import findings
-from rarms_iac.planner.assigning.pack import NODES, pack
-from rarms_iac.planner.assigning.values import Bin, Item, NoPacking, Packing
 from rarms_iac.planner.groups import Group, company, groups_of
+from rarms_iac.planner.packing.pack import pack, packs
+from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing
 from rarms_iac.planner.reservations import ReservationSource, rests_on_a_log
 from rarms_iac.planner.sizes import Sized, size
 
@@ -150,11 +150,11 @@ def _placement(packing: Packing, items: Sequence[Item]) -> Placement | None:
     )
 
 
-def has_layout(problem: Problem, *, nodes: int = NODES) -> bool:
-    """Say whether `solve` finds a layout, however good; `nodes` as `pack` takes it."""
+def has_layout(problem: Problem) -> bool:
+    """Say whether a short search finds a layout, however good."""
     if any(_causes(problem)) or _on_hosts(problem.system)[1]:
         return False
-    return isinstance(pack(problem.items, problem.bins, nodes=nodes), Packing)
+    return packs(problem.items, problem.bins) is True
 
 
 def _causes(problem: Problem) -> Iterator[Cause]:

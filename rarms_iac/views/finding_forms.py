@@ -100,16 +100,13 @@ def render_findings(
             assert_never(form)
 
 
-def findings_json(
-    diagnostics: Sequence[Diagnostic], *, accepted: Sequence[Diagnostic] = (), certificate: str = ""
-) -> str:
-    """One versioned document; `certificate` is JSON text that shows that no layout exists, or empty."""
+def findings_json(diagnostics: Sequence[Diagnostic], *, accepted: Sequence[Diagnostic] = ()) -> str:
+    """One versioned document."""
     return as_json(
         FindingsOutput(
             findings=tuple(diagnostics),
             accepted=tuple(accepted),
             counts=count_severities(diagnostics),
-            certificate=certificate,
         )
     )
 

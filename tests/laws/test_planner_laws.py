@@ -3,6 +3,7 @@
 from fractions import Fraction
 from itertools import permutations, product
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -13,8 +14,8 @@ from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.model.system import TaskCategory, TaskWish
 from rarms_iac.planner.layout import plan_layout
-from rarms_iac.planner.placing.first_fit import Bin, Item, cost
-from rarms_iac.planner.placing.place import place
+from rarms_iac.planner.packing.pack import pack
+from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing, cost
 from rarms_iac.planner.problem import HostView
 from rarms_iac.planner.reservations import FixedReservations
 from rarms_iac.planner.task_classes import classes_of
@@ -66,18 +67,19 @@ def possible(items: tuple[Item, ...], bins: tuple[Bin, ...]) -> list[tuple[int, 
     return found
 
 
+@pytest.mark.needs("highspy")
 @given(problems())
 def test_the_search_finds_the_best_of_all_placements(problem: tuple[tuple[Item, ...], tuple[Bin, ...]]) -> None:
     items, bins = problem
 
-    found = place(items, bins)
+    found = pack(items, bins)
 
     every = possible(items, bins)
     assert found.proven
     if not every:
-        assert found.hosts is None
+        assert isinstance(found, NoPacking)
     else:
-        assert found.hosts is not None
+        assert isinstance(found, Packing)
         assert tuple(found.hosts[item.name] for item in items) == min(every)[2]
 
 

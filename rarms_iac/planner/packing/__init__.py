@@ -1,1 +1,8 @@
-"""Items onto hosts at least cost and then with the fewest moves: exact, with certificates, and beyond 30 with a gap."""
+"""Partitions onto hosts: least reservation in all, then fewest moves, then names (DESIGN section 3).
+
+In come partitions with what each would claim on each host (`Item`) and hosts with what they can promise (`Bin`); out
+comes a `Packing` with the bounds that no other is below, or `NoPacking`. Begin with `pack.pack`.
+
+`first_fit` makes a start. Where that meets `bounds`, nothing more is asked. Otherwise `assignment` writes the choice of
+hosts as a program in whole numbers, and `highs` lets HiGHS solve it. What HiGHS answers is checked in `pack`.
+"""

@@ -19,7 +19,6 @@ class FindingsOutput:
     findings: tuple[Diagnostic, ...]
     accepted: tuple[Diagnostic, ...]
     counts: Mapping[str, int]
-    certificate: str  # JSON text that shows that no layout exists; empty where there is none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -121,7 +121,7 @@ def test_reservations_that_exceed_the_platform_are_told_with_ways_out_that_fit()
         ("RARMS014", "hosts.onboard.logical_processors")
     ]
     needed = "fdp 70 %, srp 30 % and ppp 20 % need 120 % of the two logical processors."
-    assert found[0].detail == f"{needed} This is certified."
+    assert found[0].detail == f"{needed}"
     assert "srp reserves 10 % instead of 30 %" in found[0].advice
     lowered = replace(system.components["srp"], cpu=a_cpu(reserve="10 %"))
     assert layout(replace(system, components={**system.components, "srp": lowered})).partitions
@@ -163,7 +163,7 @@ def test_memory_that_is_not_there_is_told_with_how_much_more_would_do() -> None:
     found = planned(system).findings
 
     assert codes(found) == ["RARMS120"]
-    assert found[0].detail == "vision 1536 MiB needs 1536 MiB; onboard has 1 GiB to promise. This is certified."
+    assert found[0].detail == "vision 1536 MiB needs 1536 MiB; onboard has 1 GiB to promise."
     assert "512 MiB more memory on onboard" in found[0].advice
 
 

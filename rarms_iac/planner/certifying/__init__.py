@@ -1,1 +1,0 @@
-"""What is claimed of a packing, and the checker of it, which imports nothing of what made it."""

@@ -1,1 +1,0 @@
-"""Why everything does not fit, and what would make it fit: each way out is planned before it is told."""

@@ -1,1 +1,0 @@
-"""Plain sizes, or vectors, into equal bins: many items, and published instances."""

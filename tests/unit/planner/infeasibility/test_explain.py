@@ -1,0 +1,85 @@
+"""A refusal says who cannot share which host, names no more than it must, and says how sure that is."""
+
+from dataclasses import replace
+
+import pytest
+
+from rarms_iac.model.layout import Cause, Infeasible
+from rarms_iac.model.system import Disruption, System
+from rarms_iac.planner import findings
+from rarms_iac.planner.infeasibility.explain import diagnostics
+from rarms_iac.planner.layout import Planning, plan_layout
+from rarms_iac.planner.problem import problem_of
+from rarms_iac.planner.reservations import FixedReservations
+from tests.builders import a_component, a_host, a_system
+from tests.planning import PLACES
+
+
+def planned(system: System) -> Planning:
+    return plan_layout(system, FixedReservations(), {}, PLACES, max_disruption=Disruption.REMOVAL)
+
+
+def five_of_two(hosts: int = 1, others: int = 0) -> System:
+    """On a host of two logical processors, five virtual ones of 40 %: their sum is all there is."""
+    bound = [a_component(f"p{at}", reserve="20 %", processors=1, memory="64 MiB") for at in range(5)]
+    free = [a_component(f"q{at:02}", reserve="1 %", processors=1, memory="64 MiB") for at in range(others)]
+    return a_system(
+        hosts=[a_host(f"host{at}", logical_processors=2, memory="16 GiB") for at in range(hosts)],
+        components=[*(replace(component, hosts=("host0",)) for component in bound), *free],
+    )
+
+
+def test_virtual_processors_that_find_no_logical_ones_are_told() -> None:
+    planning = planned(five_of_two())
+
+    assert isinstance(planning.answer, Infeasible)
+    assert [(finding.code, finding.detail) for finding in planning.findings] == [
+        (
+            "RARMS121",
+            "p0, p1, p2, p3 and p4 cannot share host0: each virtual processor needs its whole reserve on one of the "
+            "two logical processors, and there is no way to place them.",
+        )
+    ]
+
+
+@pytest.mark.needs("highspy")
+@pytest.mark.parametrize("others", [3, 40])
+def test_few_among_many_are_named_with_their_host(others: int) -> None:
+    planning = planned(five_of_two(hosts=4, others=others))
+
+    answer = planning.answer
+    assert isinstance(answer, Infeasible)
+    assert answer.proven
+    assert answer.conflict == ("p0", "p1", "p2", "p3", "p4")
+    assert (planning.findings[0].code, planning.findings[0].address) == ("RARMS121", "host/host0")
+
+
+def test_the_sum_of_those_that_must_be_on_one_host_is_told() -> None:
+    heavy = [a_component(name, reserve="60 %", memory="64 MiB") for name in ("a", "b")]
+    light = [a_component(name, reserve="10 %", memory="64 MiB") for name in ("c", "d")]
+    system = a_system(
+        hosts=[a_host(name, logical_processors=2) for name in ("left", "right")],
+        components=[*(replace(component, hosts=("right",)) for component in heavy), *light],
+    )
+
+    planning = planned(system)
+
+    assert isinstance(planning.answer, Infeasible)
+    assert planning.answer.conflict == ("a", "b")
+    assert [(finding.code, finding.address) for finding in planning.findings] == [("RARMS014", "host/right")]
+    assert planning.findings[0].detail == "a 60 % and b 60 % need 120 % of the two logical processors."
+
+
+@pytest.mark.parametrize(
+    ("proven", "detail"),
+    [
+        (True, "Nothing fits."),
+        (False, "Nothing fits. It is not proven that there is none: the search ended at its limit."),
+    ],
+)
+def test_it_is_said_how_sure_it_is(proven: bool, detail: str) -> None:
+    cause = Cause(what="application", says="Nothing fits.", code=findings.PLACEMENT.code)
+    answer = Infeasible(proven=proven, conflict=(), causes=(cause,), relaxations=())
+    problem = problem_of(five_of_two(), FixedReservations(), {}, may_move=True)
+
+    assert [finding.detail for finding in diagnostics(answer, problem, PLACES)] == [detail]

@@ -1,0 +1,275 @@
+"""Ways out of what does not fit, where reservations rest on curves: each is planned again here."""
+
+import re
+from collections.abc import Iterable
+from dataclasses import replace
+from fractions import Fraction
+
+from rarms_iac.model.layout import Infeasible, Layout, Relaxation
+from rarms_iac.model.system import AtMost, PartitionWish, System
+from tests.builders import a_component, a_cpu, a_host, a_system, at_most
+from tests.unit.planner.test_measured_reservations import NOT_MEASURED, Logs, a_log, planned
+
+APT = {"mean_response_time": at_most(100)}
+LINE = re.compile(r"([a-z]+): mean_response_time at most ([0-9.]+) ms instead of 100 ms")
+
+
+def a_robot(names: Iterable[str] = ("path", "speech", "vision")) -> System:
+    """As many measured components, each more critical than the one before."""
+    return a_system(
+        components=[
+            a_component(name, criticality=at, reserve="measured", apt=APT, memory="64 MiB")
+            for at, name in enumerate(names, 1)
+        ]
+    )
+
+
+def ways(system: System, logs: Logs) -> tuple[Relaxation, ...]:
+    answer = planned(system, logs).answer
+    assert isinstance(answer, Infeasible)
+    return answer.relaxations
+
+
+def relaxed(system: System, said: str) -> tuple[System, dict[str, str]]:
+    """The manifest with the thresholds of a sentence."""
+    found: dict[str, str] = dict(LINE.findall(said))
+    components = dict(system.components)
+    for name, value in found.items():
+        components[name] = replace(components[name], apt={"mean_response_time": AtMost(value=Fraction(value))})
+    return replace(system, components=components), found
+
+
+def fits(system: System, logs: Logs) -> bool:
+    return isinstance(planned(system, logs).answer, Layout)
+
+
+LOGS: Logs = {
+    ("path",): a_log({10: 200, 20: 90}, "path"),
+    ("speech",): a_log({30: 140, 40: 90}, "speech"),
+    ("vision",): a_log({30: 210, 50: 90}, "vision"),
+}
+
+
+def test_an_apt_is_relaxed_by_as_little_as_makes_it_fit() -> None:
+    system = a_robot()  # 20, 40 and 50 per cent, less what the slopes give back
+
+    told = [one for one in ways(system, LOGS) if LINE.search(one.says)]
+
+    assert told
+    for one in told:
+        changed, found = relaxed(system, one.says)
+        ((name, value),) = found.items()
+        assert fits(changed, LOGS)
+        tighter = AtMost(value=Fraction(value) - 4)
+        component = replace(changed.components[name], apt={"mean_response_time": tighter})
+        assert not fits(replace(changed, components={**changed.components, name: component}), LOGS)
+
+
+def test_where_no_apt_alone_is_enough_several_are_relaxed_together() -> None:
+    system = a_robot()
+    logs: Logs = {
+        ("path",): a_log({25: 110, 30: 90}, "path"),
+        ("speech",): a_log({35: 110, 40: 90}, "speech"),
+        ("vision",): a_log({39: 110, 44: 90}, "vision"),
+    }
+
+    (told,) = [one for one in ways(system, logs) if LINE.search(one.says)]
+
+    changed, found = relaxed(system, told.says)
+    assert told.says.startswith("all of these:\n  - ")
+    assert len(found) > 1
+    assert fits(changed, logs)
+    for name in found:
+        others = {**changed.components, name: system.components[name]}
+        assert not fits(replace(changed, components=others), logs), f"{name} need not be relaxed"
+
+
+def test_nothing_is_offered_below_what_was_measured() -> None:
+    logs: Logs = {(name,): a_log({60: 90}, name) for name in ("path", "vision")}
+
+    assert not [one for one in ways(a_robot(("path", "vision")), logs) if LINE.search(one.says)]
+
+
+def pair_in(system: System, logs: Logs) -> str | None:
+    return next((one.says for one in ways(system, logs) if one.says.startswith("combining")), None)
+
+
+def test_the_pair_to_combine_is_of_the_least_critical_and_only_may_help() -> None:
+    system = a_robot()
+    logs: Logs = {(name,): a_log({39: 200, 40: 90}, name) for name in ("path", "speech", "vision")}
+
+    assert pair_in(system, logs) == (
+        "combining path and speech in one partition may be enough: the two need 38 % to 79 % of onboard then "
+        "(predicted: 58 %), and up to 60 % fits (`rarms tune` measures it)"
+    )
+    for reserve, does in (("60 %", True), ("61 %", False)):
+        both = PartitionWish(name="path", components=("path", "speech"), cpu=a_cpu(reserve=reserve))
+        assert fits(replace(system, partitions={"path": both}), logs) is does
+
+
+def test_of_several_hosts_the_pair_is_combined_where_both_may_run() -> None:
+    hosts = [a_host(name, platform="onboard") for name in ("front", "rear")]
+    components = [
+        a_component("arm", criticality=1, reserve="measured", apt=APT, hosts=["rear"]),
+        a_component("base", criticality=2, reserve="measured", apt=APT, hosts=["rear"]),
+        a_component("camera", criticality=3, reserve="measured", apt=APT),
+    ]
+    logs: Logs = {(name,): a_log({59: 200, 60: 90}, name) for name in ("arm", "base", "camera")}
+
+    told = pair_in(a_system(hosts=hosts, components=components), logs)
+
+    assert told is not None
+    assert told.startswith(
+        "combining arm and base in one partition may be enough: the two need 58 % to 119 % of rear then"
+    )
+
+
+def test_a_pair_that_must_be_apart_or_is_not_measured_is_not_offered() -> None:
+    system = a_robot()
+    logs: Logs = {(name,): a_log({39: 200, 40: 90}, name) for name in ("path", "speech", "vision")}
+    apart = replace(system.components["path"], apart=("speech",))
+    told = pair_in(replace(system, components={**system.components, "path": apart}), logs)
+    assert told is not None
+    assert told.startswith("combining path and vision in one partition may be enough")
+
+    fixed = [a_component(name, reserve="40 %") for name in ("path", "speech", "vision")]
+    assert pair_in(a_system(components=fixed), {}) is None, "what is fixed adds up, whoever shares"
+
+
+def test_more_processors_are_promised_only_where_nothing_was_measured_on_fewer() -> None:
+    fixed = a_system(components=[a_component(name, reserve="0.9 LP") for name in ("arm", "base", "camera")])
+    more = "one more logical processor on onboard"
+    assert more in [one.says for one in ways(fixed, {}) if not one.may]
+
+    mixed = a_system(components=[*fixed.components.values(), a_component("path", reserve="measured", apt=APT)])
+    found = ways(mixed, {("path",): a_log({5: 200, 10: 90}, "path")})
+
+    assert not [one.says for one in found if more in one.says and not one.may]
+    (perhaps,) = [one.says for one in found if more in one.says]
+    assert perhaps == (
+        f"{more} may be enough, with `processors: 2` for path as now: what they then need has to be measured there "
+        f"(`rarms measure`)"
+    )
+
+
+def test_where_partitions_grow_with_their_host_a_larger_one_is_no_way_out() -> None:
+    system = a_system(components=[a_component(name, reserve="40 %") for name in ("arm", "base", "camera")])
+
+    assert not [one for one in ways(system, {}) if "logical processor" in one.says]
+
+
+def test_a_reserve_in_processors_is_lowered_by_as_little_as_helps() -> None:
+    system = a_system(
+        components=[
+            a_component("arm", criticality=1, reserve="0.9 LP", processors=1),
+            a_component("base", criticality=2, reserve="60 %"),
+        ]
+    )
+
+    told = [one.says for one in ways(system, {})]
+
+    assert "arm reserves 0.4 LP instead of 0.9 LP" in told, "0.41 LP would find 40 % on either processor"
+
+
+def test_several_reserves_are_lowered_together_the_least_critical_first() -> None:
+    shares = {"arm": 40, "base": 40, "camera": 70, "dock": 60}
+    system = a_system(
+        components=[
+            a_component(name, criticality=at, reserve=f"{share} %") for at, (name, share) in enumerate(shares.items())
+        ]
+    )
+
+    (told,) = [one.says for one in ways(system, {})]
+
+    assert told.splitlines() == [
+        "all of these:",
+        "  - arm reserves 1 % instead of 40 %",
+        "  - base reserves 1 % instead of 40 %",
+        "  - camera reserves 38 % instead of 70 %",
+    ]
+
+
+def test_where_memory_is_missing_too_it_is_added_and_one_reserve_lowered() -> None:
+    system = a_system(
+        hosts=[a_host(memory="4 GiB")],
+        components=[
+            a_component("arm", criticality=1, reserve="70 %", memory="3 GiB"),
+            a_component("base", criticality=2, reserve="50 %", memory="2 GiB"),
+        ],
+    )
+
+    assert [one.says.splitlines()[1:] for one in ways(system, {})] == [
+        ["  - 1 GiB more memory on onboard", "  - arm reserves 50 % instead of 70 %"],
+        ["  - 1 GiB more memory on onboard", "  - base reserves 30 % instead of 50 %"],
+    ]
+
+
+def test_memory_and_processors_are_added_together_where_that_is_enough() -> None:
+    system = a_system(
+        hosts=[a_host(memory="4 GiB")],
+        components=[
+            a_component("arm", criticality=1, reserve="1.4 LP", memory="3 GiB"),
+            a_component("base", criticality=2, reserve="1 LP", memory="2 GiB"),
+        ],
+    )
+
+    first = ways(system, {})[0].says.splitlines()
+
+    assert first == ["all of these:", "  - 1 GiB more memory on onboard", "  - one more logical processor on onboard"]
+
+
+def test_a_partition_that_fixes_its_reserve_is_what_is_lowered() -> None:
+    both = PartitionWish(name="arm", components=("arm", "base"), cpu=a_cpu(reserve="70 %"))
+    components = [a_component(name, reserve="40 %") for name in ("arm", "base", "camera")]
+
+    told = [one.says for one in ways(a_system(components=components, partitions=[both]), {})]
+
+    assert "partition arm reserves 60 % instead of 70 %" in told
+
+
+def test_hosts_of_one_platform_stay_alike() -> None:
+    hosts = [a_host(name, platform="alike") for name in ("front", "rear")]
+    components = [a_component(name, reserve="1.1 LP") for name in ("arm", "base", "camera", "dock")]
+
+    told = [one.says for one in ways(a_system(hosts=hosts, components=components), {})]
+
+    assert "one more logical processor on each of front and rear" in told
+
+
+def test_the_advice_says_which_help_and_which_may() -> None:
+    logs: Logs = {(name,): a_log({39: 200, 40: 90}, name) for name in ("path", "speech", "vision")}
+
+    (told,) = [one for one in planned(a_robot(), logs).findings if one.code == "RARMS014"]
+
+    pair, more = told.advice.splitlines()
+    assert pair.startswith("Combining path and speech in one partition may be enough: the two need 38 % to 79 %")
+    assert more.startswith("One more logical processor on onboard may be enough, with `processors: 2` for path")
+
+
+def test_several_ways_out_are_a_list_and_apts_that_belong_together_are_one_of_them() -> None:
+    system = a_robot()
+    more = a_component("dock", criticality=9, reserve="8 %", memory="64 MiB")
+    logs: Logs = {
+        ("path",): a_log({24: 110, 27: 90}, "path"),
+        ("speech",): a_log({29: 110, 32: 90}, "speech"),
+        ("vision",): a_log({36: 110, 39: 90}, "vision"),
+    }
+
+    system = replace(system, components={**system.components, "dock": more})
+    (told,) = [one for one in planned(system, logs).findings if one.code == "RARMS014"]
+
+    head, together, *apts = told.advice.splitlines()[:4]
+    assert [head, together] == ["Each of these alone would fit:", "- all of these:"], told.advice
+    assert len(apts) > 1
+    assert all(one.startswith("  - ") and LINE.search(one) for one in apts)
+
+
+def test_where_nothing_was_measured_on_another_host_that_is_told() -> None:
+    system = a_robot()
+    spare = a_host("spare", platform=NOT_MEASURED)
+    larger = replace(system, hosts={**system.hosts, "spare": spare})
+    kept = {name: replace(one, hosts=("onboard",)) for name, one in system.components.items()}
+
+    told = "measuring on spare may help: nothing says what they need there (`rarms measure --host spare`)"
+    assert [one.says for one in ways(larger, LOGS) if "spare" in one.says] == [told]
+    assert not any("spare" in one.says for one in ways(replace(larger, components=kept), LOGS))

@@ -1,0 +1,211 @@
+"""A packing is the best of all, says how sure that is, and is found without the solver where sums are enough."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from fractions import Fraction
+from itertools import product
+from random import Random
+
+import pytest
+
+from rarms_iac.model.capacity import Capacity, fits, packed
+from rarms_iac.model.plan import Claim
+from rarms_iac.model.quantities import Bytes, LogicalProcessors
+from rarms_iac.planner.packing import pack as packing_module
+from rarms_iac.planner.packing.pack import pack
+from rarms_iac.planner.packing.repair import repaired
+from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing, all_hold, value_of
+
+Value = tuple[int, int, tuple[str, ...]]
+
+
+def a_bin(name: str, processors: int, memory: int = 1000, taken: tuple[Claim, ...] = ()) -> Bin:
+    capacity = Capacity(
+        logical_processors=processors, processors=LogicalProcessors(Fraction(processors)), memory=Bytes(memory)
+    )
+    return Bin(name=name, capacity=capacity, taken=taken)
+
+
+def a_claim(random: Random) -> Claim:
+    return Claim(processors=random.randint(1, 2), reserve=random.randint(0, 70), memory=random.randint(0, 400))
+
+
+def a_problem(seed: int) -> tuple[list[Item], list[Bin]]:
+    """Up to six partitions on up to three hosts: equal or not, narrow or not, some pinned, some running."""
+    random = Random(seed)
+    names = [f"host{at}" for at in range(random.randint(1, 3))]
+    taken = tuple(a_claim(random) for _ in range(random.randint(0, 1)))
+    bins = [a_bin(name, random.choice((1, 2, 2, 4)), taken=taken) for name in names]
+    if random.random() < 0.5:
+        bins = [replace(bins[0], name=name) for name in names]
+    items = []
+    for at in range(random.randint(1, 6)):
+        same = a_claim(random)
+        allowed = sorted(random.sample(names, random.randint(1, len(names))))
+        claims = {name: same if random.random() < 0.7 else a_claim(random) for name in allowed}
+        items.append(Item(name=f"part{at}", claims=claims, now=random.choice(("", "host0", "host1"))))
+    return items, bins
+
+
+def every_packing(items: list[Item], bins: list[Bin]) -> list[Value]:
+    """All that there are, by their definition: reservation, moves and hosts."""
+    found = []
+    for hosts in product(*(item.claims for item in items)):
+        claims = {host.name: list(host.taken) for host in bins}
+        for item, name in zip(items, hosts, strict=True):
+            claims[name].append(item.claims[name])
+        if all(fits(host.capacity, claims[host.name]) for host in bins if host.name in hosts):
+            where = {item.name: name for item, name in zip(items, hosts, strict=True)}
+            found.append((*value_of(items, where), hosts))
+    return found
+
+
+@pytest.mark.needs("highspy")
+def test_small_packings_are_the_best_of_all_and_the_first_by_name() -> None:
+    solved = 0
+    for seed in range(400):
+        items, bins = a_problem(seed)
+        every = every_packing(items, bins)
+
+        packing = pack(items, bins)
+
+        solved += bool(every)
+        if isinstance(packing, NoPacking):
+            assert packing.proven
+            assert not every, seed
+        else:
+            assert packing.proven
+            assert (packing.reserved, packing.moves, tuple(packing.hosts.values())) == min(every), seed
+    assert 100 < solved < 390, "some have a packing, and some have none"
+
+
+def a_tight_fleet(seed: int, hosts: int = 6) -> tuple[list[Item], list[Bin]]:
+    """Hosts that are cut into four partitions each, in processors and memory, with three points to spare."""
+    random = Random(seed)
+    items = []
+    for at in range(hosts):
+        cuts = [[0, *sorted(random.sample(range(1, 97), 3)), 97] for _ in range(2)]
+        for piece in range(4):
+            reserve, memory = (cut[piece + 1] - cut[piece] for cut in cuts)
+            claim = Claim(processors=4, reserve=reserve, memory=10 * memory)
+            items.append(Item(name=f"part{at}{piece}", claims={f"host{number}": claim for number in range(hosts)}))
+    random.shuffle(items)
+    return items, [a_bin(f"host{at}", 4) for at in range(hosts)]
+
+
+@pytest.mark.needs("highspy")
+@pytest.mark.parametrize("seed", range(3))
+def test_tight_packings_are_found(seed: int) -> None:
+    items, bins = a_tight_fleet(seed)
+
+    packing = pack(items, bins)
+
+    assert isinstance(packing, Packing)
+    assert packing.proven
+    assert all_hold(items, bins, packing.hosts)
+    assert packing == pack(items[::-1], bins[::-1]), "order does not matter"
+
+
+@pytest.mark.needs("highspy")
+def test_a_few_hosts_at_a_time_are_packed_anew_until_nobody_is_left_over() -> None:
+    items, bins = a_tight_fleet(1, hosts=4)
+    items.sort(key=lambda item: item.name)
+
+    hosts = repaired(items, bins)
+
+    assert hosts is not None
+    assert hosts.keys() == {item.name for item in items}
+    assert all_hold(items, bins, hosts)
+
+
+def test_without_the_solver_first_fit_is_the_answer_and_nothing_is_proven(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(packing_module, "is_installed", lambda: False)
+    cheap, dear = (Claim(processors=1, reserve=reserve, memory=1) for reserve in (60, 70))
+    items = [Item(name=name, claims={"host0": cheap, "host1": dear}) for name in ("a", "b")]
+
+    packing = pack(items, [a_bin("host0", 1), a_bin("host1", 1)])
+
+    assert isinstance(packing, Packing)
+    assert (packing.reserved, packing.reserved_bound, packing.proven) == (130, 120, False)
+    assert pack(*a_tight_fleet(0)) == NoPacking(proven=False)
+
+
+def test_the_solver_is_not_imported_where_first_fit_meets_the_bound() -> None:
+    script = (
+        "import sys; from tests.unit.planner.packing.test_pack import a_bin, Item, Claim, pack;"
+        "claim = Claim(processors=1, reserve=40, memory=1);"
+        "pack([Item(name=name, claims={'one': claim, 'two': claim}, now='two') for name in 'abc'],"
+        " [a_bin('one', 1), a_bin('two', 2)]);"
+        "print('highspy' in sys.modules)"
+    )
+
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+
+    assert done.stdout.strip() == "False"
+
+
+@pytest.mark.needs("highspy")
+def test_what_is_not_proven_says_how_far_from_the_bound_it_may_be() -> None:
+    random = Random(3)
+    bins = [a_bin(f"host{at}", 2 + at % 3) for at in range(5)]
+    items = [
+        Item(
+            name=f"part{at:02}",
+            claims={
+                host.name: Claim(processors=2, reserve=random.randint(10, 60), memory=random.randint(50, 300))
+                for host in bins
+            },
+        )
+        for at in range(14)
+    ]
+
+    packing = pack(items, bins, nodes=1)
+
+    assert isinstance(packing, Packing)
+    assert packing.reserved_bound <= packing.reserved
+    best = pack(items, bins)
+    assert isinstance(best, Packing)
+    assert best.proven
+    assert packing.reserved_bound <= best.reserved <= packing.reserved
+
+
+CELL = Capacity(logical_processors=8, processors=LogicalProcessors(Fraction(8)), memory=Bytes(32 << 30))
+
+
+def test_a_large_fleet_is_packed_so_that_every_host_holds() -> None:
+    cells = [Bin(name=f"cell-{number:02}", capacity=CELL) for number in range(50)]
+    items = []
+    for number in range(1000):
+        claim = Claim(processors=2, reserve=4 * (1 + number % 5), memory=(256 + number % 4 * 64) << 20)
+        items.append(Item(name=f"component-{number:04}", claims={cell.name: claim for cell in cells}))
+
+    packing = pack(items, cells)
+
+    assert isinstance(packing, Packing)
+    assert set(packing.hosts) == {item.name for item in items}
+    assert all_hold(items, cells, packing.hosts)
+
+
+TRIPLES = (46, 34, 32, 40, 30, 40, 39, 32, 32, 37, 40, 30, 28, 36, 38, 28, 32, 38, 31, 28, 32, 31, 36, 31, 29, 29, 27)
+"""With 26, 41 and 27 more they fill ten processors exactly, and the search for that gives up."""
+
+
+@pytest.mark.parametrize("hosts", [1, pytest.param(2, marks=pytest.mark.needs("highspy"))])
+def test_where_the_search_for_places_gives_up_nothing_is_proven(hosts: int) -> None:
+    bins = [a_bin("one", 10), replace(a_bin("two", 10), capacity=replace(a_bin("two", 0).capacity))][:hosts]
+    claims = [Claim(processors=1, reserve=size, memory=0) for size in (*TRIPLES, 26, 41, 27)]
+    assert packed(claims, 10) is None
+    items = [Item(name=f"part-{at:02}", claims={host.name: claim for host in bins}) for at, claim in enumerate(claims)]
+
+    assert pack(items, bins) == NoPacking(proven=False)
+
+
+@pytest.mark.needs("highspy")
+def test_virtual_processors_that_find_no_logical_ones_are_proven_not_to_fit() -> None:
+    claim = Claim(processors=1, reserve=40, memory=1)
+    bins = [a_bin("one", 2), a_bin("two", 2)]
+    items = [Item(name=f"part{at}", claims={"one": claim, "two": claim}) for at in range(9)]
+
+    assert pack(items, bins) == NoPacking(proven=True)
+    assert isinstance(pack(items[:8], bins), Packing)
