@@ -102,9 +102,9 @@ def _record(folder: Path, platform: str, chosen: Chosen) -> Path | None:
     try:
         last = last_chosen(read_entries(path))
     except LogUnreadable as problem:
-        says = f"{path.relative_to(folder).as_posix()}, line {problem.line}: {problem.says}."
+        message = f"{path.relative_to(folder).as_posix()}, line {problem.line}: {problem.says}."
         advice = "Bring it back from git, or remove it: what is chosen is then written anew."
-        raise UseCaseError(Outcome.NEGATIVE, [UNREADABLE.at(None, says, advice)]) from None
+        raise UseCaseError(Outcome.NEGATIVE, [UNREADABLE.at(None, message, advice)]) from None
     same = last is not None and replace(last, when=chosen.when, rarms_version=chosen.rarms_version) == chosen
     if same:
         return None

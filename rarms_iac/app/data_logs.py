@@ -145,12 +145,12 @@ def _answer(
     again = f"rarms measure {' '.join(members)}{' --together' if len(members) > 1 else ''}{measured.options}"
     log = read(path)
     if log is None:
-        says = (
+        message = (
             f"The reserve of {' and '.join(members)} is measured, and there is no data log on {host.platform} "
             f"against {subject.setup.interference} ({shown})."
         )
         advice = f"Measure it: `{again}`. Or fix it for now: `cpu: {{ reserve: 20 % }}`."
-        return NotMeasured(components=to_be_measured(group.members), says=says, advice=advice)
+        return NotMeasured(components=to_be_measured(group.members), says=message, advice=advice)
     if isinstance(log, LogUnreadable):
         advice = f"Bring it back from git, or remove it and measure again: `{again}`."
         return _no(group, findings.UNREADABLE.code, f"{shown}, line {log.line}: {log.says}.", advice)
@@ -158,8 +158,8 @@ def _answer(
     now = replace(bench, guest_image=own) if own is not None else bench
     comparison = compared(log, subject, files, now, here=is_here(host))
     if comparison.changed:
-        says = f"{shown} no longer holds. Since it was measured, this changed: {_some(comparison.changed)}."
-        return _no(group, findings.STALE.code, says, f"Measure again: `{again}`. Or take the change back.")
+        message = f"{shown} no longer holds. Since it was measured, this changed: {_some(comparison.changed)}."
+        return _no(group, findings.STALE.code, message, f"Measure again: `{again}`. Or take the change back.")
     return MeasuredTogether(
         path=shown,
         processors=log.header.setup.processors,
@@ -194,8 +194,8 @@ def _cpu_ms_in(log: DataLog) -> Callable[[str], float | None]:
     return cpu_ms_of
 
 
-def _no(group: Group, code: str, says: str, advice: str) -> NotMeasured:
-    return NotMeasured(components=to_be_measured(group.members), code=code, says=says, advice=advice)
+def _no(group: Group, code: str, message: str, advice: str) -> NotMeasured:
+    return NotMeasured(components=to_be_measured(group.members), code=code, says=message, advice=advice)
 
 
 def _remarks(log: DataLog, comparison: Comparison, group: Group, shown: str, again: str) -> Iterator[Cause]:
@@ -225,9 +225,9 @@ def _remarks(log: DataLog, comparison: Comparison, group: Group, shown: str, aga
 
 
 def _some(things: tuple[object, ...] | list[str]) -> str:
-    told = [str(thing) for thing in things[:LISTED]]
-    more = len(things) - len(told)
-    return "; ".join(told) + (f"; and {more} more" if more else "")
+    listed = [str(thing) for thing in things[:LISTED]]
+    more = len(things) - len(listed)
+    return "; ".join(listed) + (f"; and {more} more" if more else "")
 
 
 def _kind_of(host: Host, states: Mapping[str, State]) -> _Kind:

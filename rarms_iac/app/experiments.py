@@ -59,15 +59,17 @@ def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Exper
     refuse_unknown((request.interference,) if request.interference else (), system.interference, "interference")
     for name in request.components:
         if system.components[name].runs_on is RunsOn.HOST:
-            says = f"{name} runs on the host itself: it has no partition, and no reservation that could be measured."
-            raise RequestError(says)
+            message = f"{name} runs on the host itself: it has no partition, and no reservation that could be measured."
+            raise RequestError(message)
     if not request.components and not any(component.apt for component in system.components.values()):
         raise _nothing_to_measure(hosts)
-    found: list[Experiment] = []
+    experiments: list[Experiment] = []
     for members in _members(hosts, request):
         load = request.interference or interference_of(system, members)
-        found += [experiment_of(system, host, members, load, request.samples) for host in _benches(hosts, members)]
-    return tuple(found)
+        experiments += [
+            experiment_of(system, host, members, load, request.samples) for host in _benches(hosts, members)
+        ]
+    return tuple(experiments)
 
 
 def _nothing_to_measure(hosts: Hosts) -> UseCaseError:
@@ -75,8 +77,8 @@ def _nothing_to_measure(hosts: Hosts) -> UseCaseError:
         "Say how well one must do: `apt: { mean_response_time: { at_most: 50 ms } }`; or name one with --from, --to."
     )
     place = hosts.manifest.places.key("components")
-    says = "No component has an `apt`, so there is nothing to measure for."
-    return UseCaseError(Outcome.NEGATIVE, [findings.NO_THRESHOLD.at(place, says, advice)], hosts.manifest.sources)
+    message = "No component has an `apt`, so there is nothing to measure for."
+    return UseCaseError(Outcome.NEGATIVE, [findings.NO_THRESHOLD.at(place, message, advice)], hosts.manifest.sources)
 
 
 def _members(hosts: Hosts, request: MeasureRequest) -> tuple[tuple[str, ...], ...]:

@@ -278,13 +278,13 @@ def _apart(known: _KnownOfPartition, placement: _Placement) -> str:
         for part in groups_of(alone.system)
         if names & set(names_of(part.members))
     ]
-    told = [size.placed for size in sizes if isinstance(size, Sized)]
-    if len(told) < len(sizes) or len(sizes) == 1:
+    placed = [size.placed for size in sizes if isinstance(size, Sized)]
+    if len(placed) < len(sizes) or len(sizes) == 1:
         return ""
     places = known.hosts.manifest.places
     fits = isinstance(plan_layout(alone.system, reservations, known.views, places).answer, Layout)
-    parts = " and ".join(f"{partition.name} {show_processors(partition.reserved)}" for partition in told)
-    total = show_processors(sum((partition.reserved for partition in told), Fraction(0)))
+    parts = " and ".join(f"{partition.name} {show_processors(partition.reserved)}" for partition in placed)
+    total = show_processors(sum((partition.reserved for partition in placed), Fraction(0)))
     return (
         f"apart: {parts}, {total} instead of {show_processors(placement.placed.reserved)}; "
         f"{'that fits too' if fits else 'that does not fit'}"
@@ -359,5 +359,5 @@ def _saving(
     if together is None or together * processors >= sum(costs):
         return None
     apart, now = (show_processors(Fraction(percent, 100)) for percent in (sum(costs), together * processors))
-    says = f"sharing with {other.name}: predicted {now} instead of {apart} apart; `rarms tune` measures it"
-    return together * processors - sum(costs), says
+    message = f"sharing with {other.name}: predicted {now} instead of {apart} apart; `rarms tune` measures it"
+    return together * processors - sum(costs), message

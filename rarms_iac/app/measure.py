@@ -288,11 +288,11 @@ def _strategy(hosts: Hosts, experiment: Experiment, request: MeasureRequest, see
     for member in experiment.members:
         if not member.apt:
             place = hosts.manifest.places.key("components", member.name)
-            says = f"{member.name} has no `apt`."
+            message = f"{member.name} has no `apt`."
             advice = f"Give it one, or measure chosen settings: rarms measure {member.name} --from 10% --to 100%."
             raise UseCaseError(
                 Outcome.NEGATIVE,
-                [findings.NO_THRESHOLD.at(place, says, advice, address=f"component/{member.name}")],
+                [findings.NO_THRESHOLD.at(place, message, advice, address=f"component/{member.name}")],
                 hosts.manifest.sources,
             )
     goal = goal_of(experiment)
@@ -317,12 +317,12 @@ def _refuse_what_has_no_demand(hosts: Hosts, experiment: Experiment) -> None:
     places, host = hosts.manifest.places, experiment.host
     for member in experiment.members:
         if host.provider is ProviderKind.SIMULATED and member.simulation is None:
-            says = f"{host.name} is simulated, and {member.name} does not say what it demands there."
+            message = f"{host.name} is simulated, and {member.name} does not say what it demands there."
             advice = "Say it: `simulation: { work: 20 ms }`."
-            found = findings.NOTHING_TO_RUN.at(
-                places.key("components", member.name), says, advice, address=f"component/{member.name}"
+            finding = findings.NOTHING_TO_RUN.at(
+                places.key("components", member.name), message, advice, address=f"component/{member.name}"
             )
-            raise UseCaseError(Outcome.NEGATIVE, [found], hosts.manifest.sources)
+            raise UseCaseError(Outcome.NEGATIVE, [finding], hosts.manifest.sources)
 
 
 def _refuse(hosts: Hosts, experiment: Experiment, request: MeasureRequest, seen: _BenchState) -> None:
@@ -336,23 +336,23 @@ def _refuse(hosts: Hosts, experiment: Experiment, request: MeasureRequest, seen:
     host = experiment.host.name
     if seen.running and not request.on_busy_host:
         names = ", ".join(partition_name(partition) for partition in seen.running)
-        says = f"On {host} these run, and would change what is measured: {names}."
+        message = f"On {host} these run, and would change what is measured: {names}."
         advice = (
             "Stop them: of the application's own, `rarms undo` takes the last apply back, and `rarms destroy` all of "
             "them. Or give --on-busy-host: the log says so."
         )
-        raise UseCaseError(Outcome.REFUSED, [findings.BUSY_HOST.at(None, says, advice, address=f"host/{host}")])
+        raise UseCaseError(Outcome.REFUSED, [findings.BUSY_HOST.at(None, message, advice, address=f"host/{host}")])
     if request.strategy == PAPER and not request.reserves and not seen.budget.unreserved:
-        says = f"On {host} a part of the processors is kept for the host or reserved by other machines."
+        message = f"On {host} a part of the processors is kept for the host or reserved by other machines."
         advice = "Use the default strategy, or free the host: `keep_for_host: { processor: 0 % }`."
-        raise UseCaseError(Outcome.REFUSED, [findings.RESERVED_HOST.at(None, says, advice, address=f"host/{host}")])
+        raise UseCaseError(Outcome.REFUSED, [findings.RESERVED_HOST.at(None, message, advice, address=f"host/{host}")])
     if seen.top == 0 or (request.reserves and max(request.reserves) > seen.top):
-        says = (
+        message = (
             f"{host} can give P1 at most {seen.top} % of each of its {experiment.setup.processors} processors, and P2 "
             "some memory beside it."
         )
         advice = "Stop other machines, lower keep_for_host, give the component less memory, or ask for lower settings."
-        raise UseCaseError(Outcome.NEGATIVE, [findings.NO_ROOM.at(None, says, advice, address=f"host/{host}")])
+        raise UseCaseError(Outcome.NEGATIVE, [findings.NO_ROOM.at(None, message, advice, address=f"host/{host}")])
 
 
 def _going_on(hosts: Hosts, running: Sequence[Partition]) -> Iterator[PartitionWork]:

@@ -55,9 +55,9 @@ def _held(folder: Path, name: str, timeout_ms: int) -> Iterator[None]:
         try:
             held.enter_context(hold(lock, owner(), timeout_ms))
         except Locked as problem:
-            says = f"{FOLDER}/{name} is written to by {problem.owner}."
+            message = f"{FOLDER}/{name} is written to by {problem.owner}."
             advice = "Wait for that run to end, or let rarms wait: `--lock-timeout 60s`. What is recorded stays."
-            raise UseCaseError(Outcome.REFUSED, [MEASURED_ELSEWHERE.at(None, says, advice)]) from None
+            raise UseCaseError(Outcome.REFUSED, [MEASURED_ELSEWHERE.at(None, message, advice)]) from None
         yield
 
 

@@ -152,11 +152,11 @@ def _proven(verdict: IndexVerdict) -> ProvenIndex:
 
 def _seen_elsewhere(hosts: Hosts, able: tuple[str, ...]) -> dict[str, State]:
     """What the other hosts look like, as far as they can be reached: partitions that are there are not missing here."""
-    found: dict[str, State] = {}
+    states: dict[str, State] = {}
     for name in sorted(set(hosts.system.hosts) - set(able)):
         with suppress(UseCaseError):
-            found[name] = observe_host(hosts.open(name))
-    return found
+            states[name] = observe_host(hosts.open(name))
+    return states
 
 
 def _left_out(hosts: Hosts, layouts: Mapping[str, AppliedLayout]) -> tuple[str, ...]:
@@ -182,15 +182,15 @@ def applied_layouts(
     }
     groups = groups_of(system)
     if absent := [group.name for group in groups if group.name not in running]:
-        says = f"These partitions are on no host, or do not run: {', '.join(absent)}."
-        raise UseCaseError(Outcome.REFUSED, [_not_applied(says, f"partition/{absent[0]}")])
-    found: dict[str, AppliedLayout] = {}
+        message = f"These partitions are on no host, or do not run: {', '.join(absent)}."
+        raise UseCaseError(Outcome.REFUSED, [_not_applied(message, f"partition/{absent[0]}")])
+    layouts: dict[str, AppliedLayout] = {}
     for name in sorted(states):
         partitions = {group.name: group.members for group in groups if running[group.name] == name}
         on_host = tuple(_on_host(hosts, name, tuple(sorted(states))))
         if partitions or on_host:
-            found[name] = AppliedLayout(application=application, partitions=partitions, on_host=on_host)
-    return found
+            layouts[name] = AppliedLayout(application=application, partitions=partitions, on_host=on_host)
+    return layouts
 
 
 def _refuse_what_is_not_applied(hosts: Hosts, states: Mapping[str, State], everywhere: Mapping[str, State]) -> None:
@@ -206,8 +206,8 @@ def _refuse_what_is_not_applied(hosts: Hosts, states: Mapping[str, State], every
         raise UseCaseError(outcome_of(prepared.findings), prepared.findings, hosts.manifest.sources)
     waiting = [f"{change.address} on {part.host.name}" for part in prepared.plan.hosts for change in part.changes]
     if waiting:
-        says = f"The manifest asks for something that is not applied yet: {', '.join(waiting)}."
-        raise UseCaseError(Outcome.REFUSED, [_not_applied(says, str(waiting[0]).partition(" ")[0])])
+        message = f"The manifest asks for something that is not applied yet: {', '.join(waiting)}."
+        raise UseCaseError(Outcome.REFUSED, [_not_applied(message, str(waiting[0]).partition(" ")[0])])
 
 
 def _on_host(hosts: Hosts, name: str, able: tuple[str, ...]) -> Iterator[Component]:
@@ -225,15 +225,15 @@ def _able(hosts: Hosts) -> tuple[str, ...]:
         if open_bench(hosts.system.hosts[name], hosts.folder, hosts.state_path(name)) is not None
     )
     if not able:
-        says = f"None of these is a simulated host: {', '.join(hosts.chosen) or 'there are none'}."
+        message = f"None of these is a simulated host: {', '.join(hosts.chosen) or 'there are none'}."
         advice = "Run the components there by hand, and compare what they show with their thresholds."
-        raise UseCaseError(Outcome.FAILED, [findings.CANNOT_MEASURE.at(None, says, advice)])
+        raise UseCaseError(Outcome.FAILED, [findings.CANNOT_MEASURE.at(None, message, advice)])
     return able
 
 
-def _not_applied(says: str, address: str) -> Diagnostic:
+def _not_applied(message: str, address: str) -> Diagnostic:
     advice = "See what is missing with `rarms plan`, and bring it there with `rarms apply`."
-    return findings.NOT_APPLIED.at(None, says, advice, address=address)
+    return findings.NOT_APPLIED.at(None, message, advice, address=address)
 
 
 def _prove(

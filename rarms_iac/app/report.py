@@ -83,9 +83,9 @@ def candidates_for_report(manifest: Manifest) -> tuple[Node, ...]:
 
 def _nothing(components: Sequence[str]) -> Diagnostic:
     of = f" of {', '.join(components)}" if components else ""
-    says = f"Below {FOLDER}/ beside the manifest there is no data log{of}."
+    message = f"Below {FOLDER}/ beside the manifest there is no data log{of}."
     return NOTHING_MEASURED.at(
-        None, says, f"Measure first: `rarms measure{''.join(f' {component}' for component in components)}`."
+        None, message, f"Measure first: `rarms measure{''.join(f' {component}' for component in components)}`."
     )
 
 
@@ -158,9 +158,9 @@ def _read(path: Path) -> DataLog | None:
 
 
 def _unreadable(path: Path, problem: LogUnreadable) -> UseCaseError:
-    says = f"{path.as_posix()}, line {problem.line}: {problem.says}."
+    message = f"{path.as_posix()}, line {problem.line}: {problem.says}."
     advice = "Bring it back from git, or remove it and measure again."
-    return UseCaseError(Outcome.NEGATIVE, [UNREADABLE.at(None, says, advice)])
+    return UseCaseError(Outcome.NEGATIVE, [UNREADABLE.at(None, message, advice)])
 
 
 def _statuses(manifest: Manifest) -> tuple[HostStatus, ...]:

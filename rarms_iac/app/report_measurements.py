@@ -182,19 +182,19 @@ def points_of(
     recorded: tuple[Recorded, ...], component: str, index: str, apt: Mapping[str, Threshold], run: Run
 ) -> tuple[MeasuredPoint, ...]:
     """Return a point for each setting in which the component was measured, by reserve."""
-    found = [
+    points = [
         _point(entry.setting, series, index, {index: apt[index]} if index in apt else {}, run)
         for entry in recorded
         for series in entry.setting.series
         if series.component == component
     ]
-    return tuple(sorted(found, key=lambda point: point.reserve))
+    return tuple(sorted(points, key=lambda point: point.reserve))
 
 
 def _point(setting: Setting, series: Series, index: str, apt: Mapping[str, Threshold], run: Run) -> MeasuredPoint:
     estimates = curve_of([setting], series.component, index, run).estimates
     verdict = judge(series, apt, run, error=SAFE_SIDE)
-    told, error, remark = _in_words(verdict)
+    words, error, remark = _in_words(verdict)
     if not estimates:
         return MeasuredPoint(
             reserve=setting.reserve,
@@ -204,7 +204,7 @@ def _point(setting: Setting, series: Series, index: str, apt: Mapping[str, Thres
             samples=len(series.samples),
             failed=len(failures(series)),
             effective=0.0,
-            verdict=told,
+            verdict=words,
             remark=remark,
         )
     [estimate] = estimates
@@ -217,7 +217,7 @@ def _point(setting: Setting, series: Series, index: str, apt: Mapping[str, Thres
         samples=len(series.samples),
         failed=len(failures(series)),
         effective=estimate.effective_samples,
-        verdict=told if apt else "",
+        verdict=words if apt else "",
         error=error if apt else None,
         remark="; ".join(text for text in (remark, beyond) if text),
     )

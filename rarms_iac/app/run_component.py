@@ -236,20 +236,20 @@ def _run_group(
     return results
 
 
-def _cannot_start(manifest: Manifest, name: str, says: str) -> Diagnostic:
+def _cannot_start(manifest: Manifest, name: str, message: str) -> Diagnostic:
     return CANNOT_START.at(
         manifest.places.key("components", name, "run"),
-        f'"{name}" cannot be started: {says}.',
+        f'"{name}" cannot be started: {message}.',
         "Words of `run.command` that name files, and `run.folder`, are relative to the manifest; a program is looked "
         "for on the PATH. A module of `run.call` is found from the manifest's folder.",
         address=f"component/{name}",
     )
 
 
-def _load_problem(name: str, says: str) -> Diagnostic:
+def _load_problem(name: str, message: str) -> Diagnostic:
     return LOAD_NOT_RUNNING.at(
         None,
-        f'The interference "{name}" does not run: {says}.',
+        f'The interference "{name}" does not run: {message}.',
         "Try its program by hand. Browsers need chromium or a relative of it on the PATH.",
         address=f"interference/{name}",
     )

@@ -69,14 +69,14 @@ FAR = 10
 def _advice_beyond(index: PerformanceIndex, curve: Curve, log: MeasuredTogether, host: Host) -> str:
     """What can be chosen as it is, and what to measure first for more, where no measured reservation is enough."""
     highest = log.measured[-1]
-    most = min(100, int(100 * capacity_of(host, None).processors / log.processors))
+    limit = min(100, int(100 * capacity_of(host, None).processors / log.processors))
     safe = curve.safe_value_at(highest)
     holds = "" if safe is None or not isfinite(safe) else f": {_as_a_level(index, safe)} holds at {highest} %"
-    if highest >= most:
-        return f"Choose an easier level{holds}, and {most} % is the most that there is."
+    if highest >= limit:
+        return f"Choose an easier level{holds}, and {limit} % is the most that there is."
     return (
         f"Choose an easier level{holds}. Or measure higher settings, and select again: "
-        f"`{log.again} --from {highest + 1}% --to {most}%`."
+        f"`{log.again} --from {highest + 1}% --to {limit}%`."
     )
 
 
@@ -179,16 +179,16 @@ def _choice_of(system: System, name: str, at: str, index: str | None) -> _Choice
     if component is None:
         raise RequestError(f"The manifest has no component {name!r}.{suggestion(name, tuple(system.components))}")
     if index is not None:
-        found = find_index(index)
-        if found is None:
+        known_index = find_index(index)
+        if known_index is None:
             raise RequestError(f"There is no performance index {index!r}.{suggestion(index, tuple(component.apt))}")
-        return _choice(component, found, at)
-    indexes = [found for key in component.apt if (found := find_index(key)) is not None]
+        return _choice(component, known_index, at)
+    indexes = [known_index for key in component.apt if (known_index := find_index(key)) is not None]
     if not indexes:
         raise RequestError(f"{name} has no APT yet: say which index is meant, as in --index mean_response_time.")
-    fitting = [found for found in indexes if _fits(found, at)]
+    fitting = [known_index for known_index in indexes if _fits(known_index, at)]
     if len(fitting) > 1:
-        named = ", ".join(f"--index {found.name}" for found in fitting)
+        named = ", ".join(f"--index {known_index.name}" for known_index in fitting)
         raise RequestError(f"{name} has several indexes that {at} could be of: say which, {named}.")
     return _choice(component, fitting[0] if fitting else indexes[0], at)
 
@@ -272,9 +272,9 @@ def _levels(
     group: Group, system: System, reservations: MeasuredReservations, choice: _Choice
 ) -> Sequence[SelectedLevel]:
     """What the group gets on each platform that it was measured for; hosts in name order."""
-    found: dict[str, SelectedLevel] = {}
+    levels: dict[str, SelectedLevel] = {}
     for _, host in sorted(system.hosts.items()):
-        if host.platform in found or any(
+        if host.platform in levels or any(
             member.hosts is not None and host.name not in member.hosts for member in group.members
         ):
             continue
@@ -283,7 +283,7 @@ def _levels(
         if not isinstance(sized, Sized) or isinstance(log, NotMeasured):
             continue
         least = reservations.least(group.members, host)
-        found[host.platform] = SelectedLevel(
+        levels[host.platform] = SelectedLevel(
             platform=host.platform,
             partition=group.name,
             reserve=sized.placed.reserve,
@@ -293,7 +293,7 @@ def _levels(
             interpolated=least is not None and least.interpolated,
             expected=_expected(log, choice, sized.placed.reserve),
         )
-    return tuple(found.values())
+    return tuple(levels.values())
 
 
 def _expected(log: MeasuredTogether, choice: _Choice, reserve: int) -> tuple[float, float, float] | None:

@@ -254,22 +254,22 @@ def _by_the_graph(before: TuningEnd, asking: Asking, probability: float | None) 
     )
     measured = measurements_of(subject.hosts.manifest)
     recorded = recorded_answers(measured, subject.bench, tuning.candidates, {subject.bench.name: subject.state})
-    found, trail = search(tuning, asking, recorded=recorded)
-    if not isinstance(found, Best):
-        proved = found.proved and not layout_fit.unsure
-        return replace(before, ending="unable", trail=trail, proved=proved, breaks=found.breaks)
-    ending: TuningEnding = "successful" if set(found.cois) != set(subject.cois) else "nothing_to_do"
-    for coi in found.cois:
+    best, trail = search(tuning, asking, recorded=recorded)
+    if not isinstance(best, Best):
+        proved = best.proved and not layout_fit.unsure
+        return replace(before, ending="unable", trail=trail, proved=proved, breaks=best.breaks)
+    ending: TuningEnding = "successful" if set(best.cois) != set(subject.cois) else "nothing_to_do"
+    for coi in best.cois:
         if coi not in subject.cois:
             asking.reporter.combined(coi, total(_parts(subject, coi)))
     return replace(
         before,
         ending=ending,
-        cois=found.cois,
+        cois=best.cois,
         trail=trail,
-        proved=found.proved and not layout_fit.unsure,
-        probability=None if layout_fit.unsure else found.probability,
-        breaks=found.breaks,
+        proved=best.proved and not layout_fit.unsure,
+        probability=None if layout_fit.unsure else best.probability,
+        breaks=best.breaks,
     )
 
 

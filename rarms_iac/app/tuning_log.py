@@ -107,24 +107,24 @@ def previous_tuning(folder: Path, platform: str) -> PreviousTuning:
         )
 
 
-def why_together(group: Group, system: System, before: PreviousTuning) -> Iterator[str]:
+def why_together(group: Group, system: System, previous: PreviousTuning) -> Iterator[str]:
     """Say what put the members of a partition together: the manifest, and who wrote that there."""
     if group.name in system.partitions:
-        tuned = before.combined(names_of(group.members))
+        by_tuning = previous.combined(names_of(group.members))
         by_hand = "no run of `rarms tune` that is on record here wrote it, so it was written by hand"
-        yield f"the manifest's `partitions` puts them together ({group.name}); {tuned or by_hand}"
+        yield f"the manifest's `partitions` puts them together ({group.name}); {by_tuning or by_hand}"
     for member in group.members:
         others = [name for name in member.together if name in names_of(group.members)]
         if others:
             yield f"{member.name} says that it must be together with {', '.join(others)}"
 
 
-def rejected_compounds(group: Group, before: PreviousTuning, host: Host) -> Iterator[str]:
+def rejected_compounds(group: Group, previous: PreviousTuning, host: Host) -> Iterator[str]:
     """Say which compounds with its members were measured and not taken, or that there are none."""
-    told = list(before.rejected(names_of(group.members)))
-    yield from told
-    if not told:
-        why = before.nothing(host.platform) or "`rarms tune` measured no other compound with it"
+    messages = list(previous.rejected(names_of(group.members)))
+    yield from messages
+    if not messages:
+        why = previous.nothing(host.platform) or "`rarms tune` measured no other compound with it"
         yield f"sharing with others: {why}"
 
 

@@ -122,13 +122,13 @@ def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) ->
     """
     platforms = sorted({hosts.system.hosts[name].platform for name in hosts.chosen})
     if len(platforms) > 1:
-        says = f"The hosts are of the platforms {', '.join(platforms)}, and measurements hold for one."
+        message = f"The hosts are of the platforms {', '.join(platforms)}, and measurements hold for one."
         raise UseCaseError(
             Outcome.NEGATIVE,
             [
                 findings.PLATFORMS.at(
                     None,
-                    says,
+                    message,
                     "Name the hosts of one with --host; hosts that are alike may share one: `platform: NAME` on each.",
                 )
             ],
@@ -138,10 +138,10 @@ def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) ->
     views = {name: host_view(state, system.application.name) for name, state in states.items()}
     problem = problem_of(system, reservations, views, may_move=False)
     if any(not problem.claims[group.name] for group in problem.groups) or problem.contradictions:
-        found = plan_layout(system, reservations, views, places).findings
+        diagnostics = plan_layout(system, reservations, views, places).findings
         raise UseCaseError(
             Outcome.NEGATIVE,
-            [diagnostic for diagnostic in found if has_errors([diagnostic])],
+            [diagnostic for diagnostic in diagnostics if has_errors([diagnostic])],
             hosts.manifest.sources,
         )
     groups = [group for group in problem.groups if _can_be_tuned(group, problem, bench)]
@@ -172,9 +172,9 @@ def bench_of(hosts: Hosts) -> Host:
     for name in hosts.chosen:
         if open_bench(hosts.system.hosts[name], hosts.folder, hosts.state_path(name)) is not None:
             return hosts.system.hosts[name]
-    says = f"None of {', '.join(hosts.chosen)} is a simulated host."
+    message = f"None of {', '.join(hosts.chosen)} is a simulated host."
     raise UseCaseError(
-        Outcome.FAILED, [CANNOT_MEASURE.at(None, says, "Tune on a simulated host of the same platform: --host.")]
+        Outcome.FAILED, [CANNOT_MEASURE.at(None, message, "Tune on a simulated host of the same platform: --host.")]
     )
 
 

@@ -1,7 +1,7 @@
 from pathlib import Path
 
+from tests.unit.app.test_data_logs import MEANS, edit, here, measure
 from tests.unit.cli.running import rarms
-from tests.unit.cli.test_data_logs import MEANS, edit, here, measure
 from tests.unit.views.test_json import check
 
 __all__ = ["here"]

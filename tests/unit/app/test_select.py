@@ -6,8 +6,8 @@ import pytest
 
 from rarms_iac.storage.datalog.configuration import Chosen, read_entries
 from rarms_iac.storage.datalog.files import configuration_path
+from tests.unit.app.test_data_logs import MEANS, edit, here, measure
 from tests.unit.cli.running import rarms
-from tests.unit.cli.test_data_logs import MEANS, edit, here, measure
 from tests.unit.views.test_json import check
 
 __all__ = ["here"]

@@ -7,8 +7,8 @@ from pathlib import Path
 from rarms_iac.storage.datalog.tuning import TrailSetting, TunedPartition, TuningRun, append_run, tuning_path
 from tests.builders_measured import a_setting
 from tests.measuring import leave_log, steady
+from tests.unit.app.test_data_logs import MEANS, edit, here, measure
 from tests.unit.cli.running import rarms
-from tests.unit.cli.test_data_logs import MEANS, edit, here, measure
 from tests.unit.views.test_json import check
 
 __all__ = ["here"]
