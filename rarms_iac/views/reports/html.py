@@ -47,21 +47,18 @@ def as_html(report: Report) -> bytes:
         .get_template("report.html.j2")
         .render(
             application=report.application,
-            descriptions=[report.description] if report.description else [],
+            description=report.description,
             cards=cards,
             summary=summary_rows(report),
             bars=[_bar(fit) for fit in platform_fits(report)],
-            proved=[proof_rows(report)] if report.proofs else [],
+            proofs=proof_rows(report),
             tunings=[
                 (tuning.platform, tuning_text(tuning), trail_rows(tuning), tuned_rows(tuning))
                 for tuning in report.tunings
             ],
-            candidates=[candidate_rows(report)] if candidate_rows(report) else [],
+            candidates=candidate_rows(report),
             more_candidates=candidates_left_out(report),
-            standings=[
-                ("standing differs" if standing.differs else "standing", standing.host, status_text(standing))
-                for standing in report.standings
-            ],
+            statuses=[(bool(status.differs), status.host, status_text(status)) for status in report.standings],
             reserves=RESERVES,
             errors=ERRORS_EXPLAINED,
             style=Markup(style),  # noqa: S704 - ours, to the byte

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import isfinite
 
-from rarms_iac.app.report_model import CurveRow, IndexCurve, MeasuredPoint, Measurement, PlatformCapacity, Report
+from rarms_iac.app.report_model import CurveRow, IndexCurve, MeasuredPoint, Measurement, Report
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.curves import least_reserve
 from rarms_iac.views.reports.scale import UNIT_TEXT, Scale, digits, scale_of, show_exactly, show_value
@@ -62,32 +62,6 @@ class Plot:
     scale: Scale
     points: tuple[tuple[str, ...], ...]  # the table of what was measured
 
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """What stands beside the title."""
-        logarithmic = ("(logarithmic scale)",) if self.scale.logarithmic else ()
-        return logarithmic if self.has_apt else (*logarithmic, "(no APT yet)")
-
-    @property
-    def way(self) -> str:
-        """The direction in words."""
-        return self.direction.replace("_", " ")
-
-    @property
-    def foot(self) -> int:
-        """Where the line meets the lower axis; at its left end while it meets nothing, and is `hidden`."""
-        return self.reserve or 0
-
-    @property
-    def reserved(self) -> str:
-        """What stands there."""
-        return "" if self.reserve is None else f"{self.reserve} %"
-
-    @property
-    def hidden(self) -> tuple[str, ...]:
-        """The value of `visibility` where what belongs to the reserve is not to be seen; none where it is."""
-        return ("hidden",) if self.reserve is None else ()
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Card:
@@ -96,7 +70,6 @@ class Card:
     id: str
     measurement: Measurement
     plots: tuple[Plot, ...]
-    capacity: PlatformCapacity | None
 
     @property
     def name(self) -> str:
@@ -112,27 +85,9 @@ class Card:
             return "; the manifest fixes the reserve"
         return "" if self.measurement.rests else "; to compare, no reservation rests on it"
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What must be known before it is read."""
-        return (
-            (f"Changed since it was measured: {'; '.join(self.measurement.stale)}.",) if self.measurement.stale else ()
-        )
-
-    @property
-    def gaps(self) -> tuple[str, ...]:
-        """What is said in place of plots where there are none."""
-        return () if self.plots else ("Nothing was measured yet.",)
-
-    @property
-    def results(self) -> tuple["Card", ...]:
-        """Itself where a reservation can be read from it."""
-        return (self,) if self.plots else ()
-
 
 def cards_of(report: Report) -> tuple[Card, ...]:
     """One card a measurement, in the report's order."""
-    capacities = {capacity.platform: capacity for capacity in report.capacities}
     return tuple(
         Card(
             id=f"m{number}",
@@ -140,7 +95,6 @@ def cards_of(report: Report) -> tuple[Card, ...]:
             plots=tuple(
                 plot_of(index, measurement, f"m{number}-{place}") for place, index in enumerate(measurement.indexes, 1)
             ),
-            capacity=capacities.get(measurement.platform),
         )
         for number, measurement in enumerate(report.measurements, 1)
     )
