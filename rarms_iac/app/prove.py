@@ -14,10 +14,10 @@ from rarms_iac.app.experiments import refuse_unknown
 from rarms_iac.app.hosts import Hosts, observe_host
 from rarms_iac.app.measure import hold_benches
 from rarms_iac.app.measurement_files import hold_configuration_logs, now
+from rarms_iac.app.planning import PlanRequest, outcome_of, planner_request
 from rarms_iac.app.requests import PlanLimits
 from rarms_iac.app.wiring import open_bench
 from rarms_iac.apply.prepare import prepare
-from rarms_iac.cli.planning import Wish, outcome_of, request_of
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.findings import show_index, show_threshold
 from rarms_iac.measuring.partitions import host_budget
@@ -200,7 +200,7 @@ def _refuse_what_is_not_applied(hosts: Hosts, states: Mapping[str, State], every
         UseCaseError: a plan would change something (3), or the manifest cannot be planned (4).
     """
     limits = PlanLimits(max_disruption=Disruption.REMOVAL)  # nothing is held back: all that differs is seen
-    asked = request_of(hosts, Wish(limits=limits), everywhere)
+    asked = planner_request(hosts, PlanRequest(limits=limits), everywhere)
     prepared = prepare(replace(asked, hosts=tuple(sorted(states))), everywhere)
     if prepared.plan is None:
         raise UseCaseError(outcome_of(prepared.findings), prepared.findings, hosts.manifest.sources)

@@ -5,13 +5,14 @@ import sys
 from rarms_iac.app.applying import apply, finish_runs
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, declined
 from rarms_iac.app.files import write_file
-from rarms_iac.app.hosts import Hosts, refuse_unfinished
+from rarms_iac.app.hosts import Hosts
+from rarms_iac.app.planning import PlanRequest
+from rarms_iac.app.planning import plan as make_plan
 from rarms_iac.apply.run_report import RunEnding, RunReport
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.interrupts import Interrupted
 from rarms_iac.cli.messages import TerminalReporter, tell
 from rarms_iac.cli.options import RunOptions
-from rarms_iac.cli.planning import Wish, make_plan
 from rarms_iac.cli.session import Session
 from rarms_iac.model.diagnostics import Sources
 from rarms_iac.model.plan import Plan, Purpose
@@ -52,21 +53,20 @@ def finish_first(session: Session, live: tuple[LiveHost, ...], how: RunOptions) 
 
 
 def plan_ask_apply(
-    session: Session, hosts: Hosts, wish: Wish, how: RunOptions, *, as_json: bool, out: str | None = None
+    session: Session, hosts: Hosts, request: PlanRequest, how: RunOptions, *, as_json: bool, out: str | None = None
 ) -> ExitCode:
     """Plan, then write the plan (`out`), or show it, ask, and do it."""
     if out is not None:
-        refuse_unfinished(hosts)
-        return _only_written(session, make_plan(hosts, wish), out, hosts.manifest.sources, as_json=as_json)
+        return _only_written(session, make_plan(hosts, request), out, hosts.manifest.sources, as_json=as_json)
     finished = finish_first(session, tuple(hosts.open(name) for name in hosts.chosen), how)
     if finished is not None:
         return ended(session, finished, as_json=as_json)
     if not (how.auto_approve or session.terminal.answers):
         raise RequestError(
             "There is no terminal to ask at. Give --auto-approve, or write the plan down, have it reviewed, and apply "
-            f"that: `{_writing(wish.purpose)} --out FILE`, then `rarms apply FILE`."
+            f"that: `{_writing(request.purpose)} --out FILE`, then `rarms apply FILE`."
         )
-    plan = make_plan(hosts, wish)
+    plan = make_plan(hosts, request)
     text = plan_text(plan, sources=hosts.manifest.sources)
     if as_json:
         session.terminal.talk(text)

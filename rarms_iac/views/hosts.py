@@ -1,12 +1,11 @@
 """Hosts for a reader: what the doctor found on them, and what drifted; each also as JSON for programs."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.doctor import ExaminedHost
+from rarms_iac.app.drift import HostDrift
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
-from rarms_iac.model.changes import Address, Change
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic, Sources
 from rarms_iac.model.quantities import show_bytes, show_processors
@@ -111,15 +110,6 @@ def _examined(examined: ExaminedHost, application: str) -> ExaminedOutput:
         running=sum(machine.settings.running for machine in examined.state.partitions),
         findings=examined.findings,
     )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HostDrift:
-    """What drifted on one host, and the changes that would bring it back, by address."""
-
-    facts: HostFacts
-    drifted: tuple[ResourceDrift, ...]
-    changes: Mapping[Address, Change] = field(default_factory=dict)
 
 
 TITLES = {

@@ -8,12 +8,12 @@ from rarms_iac.app.errors import UseCaseError
 from rarms_iac.app.files import folder_of, read_plan_file
 from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.planning import PlanRequest
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits
 from rarms_iac.apply.run_report import RunEnding
 from rarms_iac.cli.applying import ended, finish_first, plan_ask_apply, run
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import RunOptions, change_options, host_options, json_option, manifest_options, run_options
-from rarms_iac.cli.planning import Wish
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.plan import Plan
 from rarms_iac.providers.interface import LiveHost
@@ -62,7 +62,7 @@ def command(
     if isinstance(hosts, UseCaseError):
         return _finish_without_manifest(session, hosts, source, how, abandoning=abandoning, as_json=as_json)
     if not abandoning:
-        code = plan_ask_apply(session, hosts, Wish(limits=limits), how, as_json=as_json)
+        code = plan_ask_apply(session, hosts, PlanRequest(limits=limits), how, as_json=as_json)
         return _then_prove(session, source, where, how, code, as_json=as_json) if proving else code
     live = tuple(hosts.open(name) for name in hosts.chosen)
     return _abandon(session, live, how, as_json=as_json)

@@ -4,11 +4,11 @@ import click
 
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.planning import PlanRequest
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits
 from rarms_iac.cli.applying import plan_ask_apply
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import RunOptions, host_options, json_option, manifest_options, run_options, target_option
-from rarms_iac.cli.planning import Wish
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.plan import Purpose
 
@@ -44,5 +44,5 @@ def command(
     """
     manifest = load_manifest(source)
     hosts = select_hosts(manifest, where)
-    wish = Wish(purpose=Purpose.DESTROY, limits=PlanLimits(targets=target), remove_disks=remove_disks)
-    return plan_ask_apply(session, hosts, wish, how, as_json=as_json, out=out)
+    request = PlanRequest(purpose=Purpose.DESTROY, limits=PlanLimits(targets=target), remove_disks=remove_disks)
+    return plan_ask_apply(session, hosts, request, how, as_json=as_json, out=out)

@@ -2,13 +2,14 @@
 
 import click
 
-from rarms_iac.app.hosts import refuse_unfinished, select_hosts
+from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.planning import PlanRequest
+from rarms_iac.app.planning import plan as make_plan
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits
 from rarms_iac.cli.applying import show_plan, write_plan_file
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import change_options, host_or_snapshot_options, json_option, manifest_options
-from rarms_iac.cli.planning import Wish, make_plan
 from rarms_iac.cli.session import Session, rarms_command
 
 
@@ -35,8 +36,7 @@ def command(
     """
     manifest = load_manifest(source)
     hosts = select_hosts(manifest, where)
-    refuse_unfinished(hosts)
-    plan = make_plan(hosts, Wish(limits=limits))
+    plan = make_plan(hosts, PlanRequest(limits=limits))
     show_plan(session, plan, manifest.sources, as_json=as_json, verbose=verbose)
     if out is not None:
         write_plan_file(session, out, plan)

@@ -8,8 +8,10 @@ import click
 
 from rarms_iac.app.errors import RequestError
 from rarms_iac.app.files import read_plan_file
-from rarms_iac.app.hosts import refuse_unfinished, select_hosts
+from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.planning import PlanRequest
+from rarms_iac.app.planning import plan as make_plan
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.scripts import (
     PlanScript,
@@ -26,7 +28,6 @@ from rarms_iac.app.wiring import bootstrap_script
 from rarms_iac.cli.applying import show_plan
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import host_or_snapshot_options, json_option, manifest_options
-from rarms_iac.cli.planning import Wish, make_plan
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.plan import Plan
@@ -115,8 +116,7 @@ def _plan(plan_file: str | None, source: ManifestSource, where: HostSelection) -
         return read_plan_file(plan_file)
     manifest = load_manifest(source)
     hosts = select_hosts(manifest, where)
-    refuse_unfinished(hosts)
-    return make_plan(hosts, Wish())
+    return make_plan(hosts, PlanRequest())
 
 
 def _show_scripts(session: Session, plan: Plan, selection: ScriptSelection, form: ScriptForm) -> ExitCode:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from rich.console import Console
 
+from rarms_iac.app.drift import HostDrift
 from rarms_iac.apply.refusals import UNDO_PARTIAL
 from rarms_iac.apply.run_report import HostReport, RunEnding, RunReport
 from rarms_iac.apply.run_script import UndoneStep
@@ -14,7 +15,7 @@ from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import Step, UndoLevel
 from rarms_iac.views.console import live_console, render
 from rarms_iac.views.graph import GraphFormat, dot_quoted, graph_json, graph_nodes, graph_text, mermaid_quoted
-from rarms_iac.views.hosts import HostDrift, drift_json, drift_text
+from rarms_iac.views.hosts import drift_json, drift_text
 from rarms_iac.views.run import RunProgress, run_json, run_text, undo_text
 from tests.builders import the_delivery_robot
 from tests.builders_plan import create, facts, host_plan, partition, placed, plan, settings, step, update

@@ -1,0 +1,76 @@
+"""Telling who moved, the hosts or the manifest."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from rarms_iac.app.errors import UseCaseError
+from rarms_iac.app.hosts import Hosts, last_runs, observe_hosts
+from rarms_iac.app.planning import PlanRequest, outcome_of, planner_request
+from rarms_iac.app.requests import PlanLimits
+from rarms_iac.apply.host_drift import drift_of_hosts
+from rarms_iac.apply.prepare import prepare
+from rarms_iac.diff.drift import DriftKind, ResourceDrift, partitions_after_last_run
+from rarms_iac.model.changes import Address, Change
+from rarms_iac.model.diagnostics import has_errors
+from rarms_iac.model.state import HostFacts
+from rarms_iac.model.system import Disruption
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostDrift:
+    """What drifted on one host, and the changes that would bring it back, by address."""
+
+    facts: HostFacts
+    drifted: tuple[ResourceDrift, ...]
+    changes: Mapping[Address, Change] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriftReport:
+    """The drift of all chosen hosts, by name, and the plans of runs that are unfinished there, by host."""
+
+    hosts: tuple[HostDrift, ...]
+    unfinished: Mapping[str, str]
+
+    @property
+    def host_changed(self) -> bool:
+        """Whether somebody changed a host."""
+        return any(resource.kind.is_of_the_host for host in self.hosts for resource in host.drifted)
+
+    @property
+    def not_applied(self) -> bool:
+        """Whether a host is not as the manifest wants it; a partition that is only unused does not count."""
+        return any(resource.kind is not DriftKind.UNUSED for host in self.hosts for resource in host.drifted)
+
+
+def look_for_drift(hosts: Hosts) -> DriftReport:
+    """Compare the chosen hosts with the manifest and with what the last apply left. Only reads.
+
+    Raises:
+        UseCaseError: a host cannot be read (failed), or the manifest has no layout to compare with (negative).
+    """
+    system, manifest = hosts.system, hosts.manifest
+    states = observe_hosts(hosts)
+    runs = dict(last_runs(hosts))
+    present = {name: partitions_after_last_run(run, system.application.name) for name, run in runs.items()}
+    # Nothing is held back, so that every difference has the change that shows it attribute by attribute.
+    everything = PlanRequest(limits=PlanLimits(max_disruption=Disruption.REMOVAL))
+    request = planner_request(hosts, everything, states)
+    limit = system.policy.max_disruption
+    drifts, problems = drift_of_hosts(system, states, manifest.places, limit, present, request.reservations)
+    if not drifts and has_errors(problems):
+        raise UseCaseError(outcome_of(problems), problems, manifest.sources)
+    plan = prepare(request, states).plan
+    parts = {part.host.name: part for part in plan.hosts} if plan else {}
+    return DriftReport(
+        hosts=tuple(
+            HostDrift(
+                facts=states[name].facts,
+                drifted=drifted,
+                changes={change.address: change for change in parts[name].changes} if name in parts else {},
+            )
+            for name, drifted in drifts.items()
+            if name in hosts.chosen
+        ),
+        unfinished={name: run.started.plan for name, run in runs.items() if run is not None and run.unfinished},
+    )

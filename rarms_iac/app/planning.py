@@ -1,0 +1,166 @@
+"""Making a plan: from a manifest, its hosts or their snapshots, its data logs and its policy."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from rarms_iac.app.data_logs import measured_reservations, measurements_of
+from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
+from rarms_iac.app.hosts import Hosts, observe_hosts, refuse_unfinished
+from rarms_iac.app.requests import HostSelection, PlanLimits
+from rarms_iac.apply.doctor.examine import DOCTOR_ONLY_CODES
+from rarms_iac.apply.goals import FIXED
+from rarms_iac.apply.preconditions import NO_RIGHTS
+from rarms_iac.apply.prepare import Judge, Request, prepare
+from rarms_iac.diff.compare_partitions import NOT_AT_REST
+from rarms_iac.manifest.acceptance import apply_acceptances
+from rarms_iac.manifest.checks import CODES
+from rarms_iac.model.diagnostics import Diagnostic, Severity, in_order
+from rarms_iac.model.plan import Plan, Purpose
+from rarms_iac.model.state import State
+from rarms_iac.planner.reservations import ReservationSource
+from rarms_iac.storage.finding_pages import known_codes
+
+_PLANNED_FOR = frozenset(known_codes()) - DOCTOR_ONLY_CODES
+"""What a whole plan can find."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanRequest:
+    """What a plan is wanted for."""
+
+    purpose: Purpose = Purpose.APPLY
+    limits: PlanLimits = PlanLimits()
+    partition: str = ""  # to import or release
+    machine: str = ""  # the id of what is imported
+    remove_disks: bool = False
+
+
+ANY_CHANGE = PlanRequest()
+"""All that the manifest asks for, as far as its policy lets it."""
+
+
+def plan(hosts: Hosts, request: PlanRequest = ANY_CHANGE) -> Plan:
+    """Work out what would change on the chosen hosts. Changes nothing.
+
+    Args:
+        hosts: the manifest, with hosts that are looked at live or in their snapshots; those that are not chosen are
+            looked at where they can be reached, since the planner may need to know what they have room for.
+        request: what it is for, and how far it may go.
+
+    Returns:
+        A plan that `applying.apply` can do, or that `files.write_plan_file` seals; it may have no changes.
+
+    Raises:
+        UseCaseError: a host cannot be read (failed), is busy or has an unfinished run (refused), or what the manifest
+            asks for cannot be had (negative).
+    """
+    refuse_unfinished(hosts)
+    states = observe_hosts(hosts)
+    prepared = prepare(planner_request(hosts, request, states), states)
+    if prepared.plan is None:
+        raise UseCaseError(outcome_of(prepared.findings), prepared.findings, hosts.manifest.sources)
+    return prepared.plan
+
+
+def hosts_with_machine(hosts: Hosts, machine: str) -> Hosts:
+    """The host that has the machine with this id; a single chosen host is not looked at.
+
+    Raises:
+        RequestError: several hosts are chosen, and not exactly one has it.
+        UseCaseError: a host cannot be read (failed).
+    """
+    if len(hosts.chosen) == 1:
+        return hosts
+    states = observe_hosts(hosts)
+    names = [
+        name
+        for name in hosts.chosen
+        if any(partition.id.lower() == machine.lower() for partition in states[name].partitions)
+    ]
+    if len(names) != 1:
+        chosen = ", ".join(hosts.chosen)
+        raise RequestError(
+            f"{len(names) or 'None'} of the hosts {chosen} has a machine {machine}: name one with --host."
+        )
+    return replace(hosts, selection=HostSelection(hosts=tuple(names)))
+
+
+def hosts_with_partition(hosts: Hosts, partition: str) -> Hosts:
+    """The host on which the partition carries the application's mark; where none does, all chosen ones.
+
+    Raises:
+        RequestError: several hosts have it.
+        UseCaseError: a host cannot be read (failed).
+    """
+    if len(hosts.chosen) == 1:
+        return hosts
+    states = observe_hosts(hosts)
+    application = hosts.system.application.name
+    names = [
+        name
+        for name in hosts.chosen
+        if any(vm.mark and vm.mark.name == partition for vm in states[name].of(application).partitions)
+    ]
+    if len(names) > 1:
+        raise RequestError(f"{partition} is on {', '.join(names)}: name one of them with --host.")
+    return replace(hosts, selection=HostSelection(hosts=tuple(names))) if names else hosts
+
+
+def planner_request(hosts: Hosts, request: PlanRequest, states: Mapping[str, State]) -> Request:
+    """What `apply.prepare` is asked.
+
+    Args:
+        hosts: the manifest and the chosen hosts.
+        request: what the plan is for.
+        states: what the hosts look like, by name; data logs are held against it.
+    """
+    return Request(
+        system=hosts.system,
+        places=hosts.manifest.places,
+        manifest=hosts.manifest.source.manifest,
+        manifest_digest=hosts.manifest.loaded.digest,
+        today=hosts.manifest.source.today,
+        purpose=request.purpose,
+        max_disruption=request.limits.max_disruption,
+        hosts=hosts.chosen,
+        targets=request.limits.targets,
+        partition=request.partition,
+        machine=request.machine,
+        remove_disks=request.remove_disks,
+        state_paths={name: hosts.state_path(name) for name in hosts.system.hosts},
+        judge=_judge(hosts, request),
+        reservations=_reservations(hosts, request, states),
+    )
+
+
+def _reservations(hosts: Hosts, request: PlanRequest, states: Mapping[str, State]) -> ReservationSource:
+    """The reservations of data logs, where a layout is wanted; else those that the manifest fixes."""
+    if request.purpose is not Purpose.APPLY:
+        return FIXED
+    return measured_reservations(measurements_of(hosts.manifest), states)
+
+
+def _judge(hosts: Hosts, request: PlanRequest) -> Judge:
+    """Adds the manifest's own findings, and takes out what its policy accepts.
+
+    An acceptance that silences nothing is a finding only where everything was looked at.
+    """
+    whole = request.purpose is Purpose.APPLY and not (hosts.selection.hosts or request.limits.targets)
+    codes = _PLANNED_FOR if whole else CODES
+
+    def judge(found: Sequence[Diagnostic]) -> tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]:
+        everything = in_order(
+            tuple(dict.fromkeys((*hosts.manifest.loaded.diagnostics, *hosts.snapshots.findings, *found)))
+        )
+        policy, places = hosts.system.policy, hosts.manifest.places
+        return apply_acceptances(everything, policy, places, hosts.manifest.source.today, codes=codes)
+
+    return judge
+
+
+def outcome_of(findings: Sequence[Diagnostic]) -> Outcome:
+    """How a use case ends for these errors: a host that is only busy may be asked again (refused)."""
+    codes = {finding.code for finding in findings if finding.severity is Severity.ERROR}
+    if NO_RIGHTS.code in codes:
+        return Outcome.FAILED
+    return Outcome.REFUSED if codes == {NOT_AT_REST.code} else Outcome.NEGATIVE
