@@ -216,10 +216,6 @@ class _TrailReporter:
         self._reporter = reporter
         self._trail = trail
 
-    def setting_asked(self, members: Members, reserve: int, why: str) -> None:
-        """Pass it on."""
-        self._reporter.setting_asked(members, reserve, why)
-
     def setting_answered(self, answer: Asked) -> None:
         """Collect it, and pass it on."""
         self._trail.append(answer)

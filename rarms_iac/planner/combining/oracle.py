@@ -103,10 +103,6 @@ class Consent(Protocol):
 class PlannerReporter(Protocol):
     """Told what combining does, as it does it; must not raise."""
 
-    def setting_asked(self, members: Members, reserve: int, why: str) -> None:
-        """The question goes to the oracle."""
-        ...
-
     def setting_answered(self, answer: Asked) -> None:
         """The oracle said."""
         ...
@@ -122,9 +118,6 @@ class PlannerReporter(Protocol):
 
 class Silent:
     """Tells nobody."""
-
-    def setting_asked(self, members: Members, reserve: int, why: str) -> None:
-        """Nothing."""
 
     def setting_answered(self, answer: Asked) -> None:
         """Nothing."""

@@ -37,13 +37,12 @@ class Asking:
     consent: Consent = field(default_factory=Always)
     may_share: Sharing = lambda _members: True
 
-    def ask(self, members: Members, reserve: int, why: str, predicted: int | None = None) -> Asked:
+    def ask(self, members: Members, reserve: int, predicted: int | None = None) -> Asked:
         """One setting; `predicted`: the CR that is expected to do.
 
         Raises:
             Unanswered: the oracle has no answer.
         """
-        self.reporter.setting_asked(members, reserve, why)
         worse = self.oracle.worse(members, reserve)
         answer = Asked(members=members, reserve=reserve, worse=tuple(sorted(worse)), predicted=predicted)
         self.reporter.setting_answered(answer)
@@ -137,12 +136,12 @@ def _tried(least: Coi, next_to_last: Coi, asking: Asking, trail: list[Asked]) ->
     if not allowed:
         asking.reporter.declined(members)
         return None
-    first = asking.ask(members, together, "the sum of both reservations")
+    first = asking.ask(members, together)  # the sum of both reservations
     trail.append(first)
     if all(set(coi.members) & set(first.worse) for coi in pair):
         return None
     for reserve in range(STEP, WHOLE + 1, STEP):
-        answer = asking.ask(members, reserve, "CMCPUR of the pair")
+        answer = asking.ask(members, reserve)
         trail.append(answer)
         if answer.passed:
             return replace(leader(pair), members=members, processors=processors, reserve=reserve, missed=None)

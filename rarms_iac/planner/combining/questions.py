@@ -17,7 +17,6 @@ from rarms_iac.planner.combining.guiding import (
     Guide,
     doubt_of,
     guide_of,
-    highest,
     raises_most,
     settles_most,
 )
@@ -33,7 +32,6 @@ class Ask:
 
     members: Members
     reserve: int
-    why: str
     predicted: int | None  # the CR that is enough as likely as not; None: nothing predicts it; nothing rests on it
 
 
@@ -141,7 +139,7 @@ class Looking:
                 return replace(_best(tuning, seen, holds, known.breaks), stopped_at=tuning.probability)
             chosen = settles_most(doubt, known)
         one, reserve = chosen or raises_most(guide, unknown, _room(tuning, best, holds), holds=holds is not None)
-        return _question(guide, best, one, reserve)
+        return _question(guide, one, reserve)
 
     def _looked_at(self, known: Candidates) -> Layouts:
         last = self._layouts
@@ -177,15 +175,11 @@ def _room(tuning: Tuning, best: Choice, holds: Choice | None) -> int:
     return max(0, room)
 
 
-def _question(guide: Guide, best: Choice, candidate: Candidate, reserve: int) -> Ask:
-    beside = " and ".join("+".join(guide.known.by_mask[mask].coi.members) for mask in best.blocks)
-    predicted = guide.predicted(candidate.mask)
-    told = "" if predicted is None else f" (predicted: {predicted} %)"
+def _question(guide: Guide, candidate: Candidate, reserve: int) -> Ask:
     return Ask(
         members=candidate.coi.members,
         reserve=reserve,
-        why=f"it needs {candidate.low} % to {highest(candidate)} %{told}; the best layout may combine {beside}",
-        predicted=predicted,
+        predicted=guide.predicted(candidate.mask),
     )
 
 
@@ -233,7 +227,6 @@ def search(
             if not untold:
                 return step, tuple(trail)
             for one in untold:
-                asking.reporter.setting_asked(one.members, one.reserve, "its data log has the answer")
                 asking.reporter.setting_answered(one)
             trail += untold
             continue
@@ -244,7 +237,7 @@ def search(
                 looking = Looking(tuning=tuning)
                 continue
             consented.add(step.members)
-        trail.append(asking.ask(step.members, step.reserve, step.why, step.predicted))
+        trail.append(asking.ask(step.members, step.reserve, step.predicted))
 
 
 def _untold(recorded: Sequence[Asked], trail: Sequence[Asked]) -> list[Asked]:
