@@ -1,6 +1,7 @@
-"""P1 and P2 on a host: made marked, like every partition, and removed after success, failure, or by the next run.
+"""P1 and P2 on a host: what it can give them, and how they are made and removed.
 
-All of it is operations that a step of a plan may hold, too; whoever calls holds the host's lock.
+They are marked like every partition, and removed after success, after failure, or by the next run. All of it is
+operations that a step of a plan may hold, too; whoever calls holds the host's lock.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -36,6 +37,15 @@ LEAST_MEMORY = 32 * 2**20
 MEBIBYTE = 2**20
 
 _AT_REST = {RunState.OFF, RunState.SAVED}
+
+
+MEASURING = "0" * 12
+"""Stands where a plan's id stands in pending names: test partitions belong to no plan."""
+
+NOTHING_SET = "0" * 12
+"""The digest in a test partition's mark: no manifest ever wanted it, so it is never as wanted."""
+
+GENERATION = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,15 +142,6 @@ def _counts(partition: Partition, application: str) -> bool:
     if partition.mark is not None and partition.mark.application == application:
         return partition.state not in _AT_REST
     return partition.claims_resources
-
-
-MEASURING = "0" * 12
-"""Stands where a plan's id stands in pending names: test partitions belong to no plan."""
-
-NOTHING_SET = "0" * 12
-"""The digest in a test partition's mark: no manifest ever wanted it, so it is never as wanted."""
-
-GENERATION = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

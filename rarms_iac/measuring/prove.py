@@ -1,4 +1,4 @@
-"""The end of the use scenario: all components together in the layout that is applied, every PI beside its APT."""
+"""Runs all components together in the layout that is applied, and judges every index beside its threshold."""
 
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack

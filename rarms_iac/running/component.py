@@ -1,4 +1,4 @@
-"""A component's run on this machine: its processes started, watched and ended, its samples as they happen."""
+"""Runs a component, or several at once, on this machine: started, watched and ended, with samples as they happen."""
 
 import queue
 import threading
@@ -12,6 +12,9 @@ from rarms_iac.model.system import Call, Run
 from rarms_iac.running.samples import RunEnding, SampleRecord, samples_of_lines, samples_of_runs
 from rarms_iac.running.start import StartContext, order_of
 from rarms_iac.running.supervisor import ReadingInterrupted, Supervisor
+
+WAITING_SAMPLES = 256
+"""So many samples of parallel runs wait to be read; a component that is faster waits for its reader."""
 
 
 class ComponentRun:
@@ -93,9 +96,6 @@ class ComponentRun:
         finally:
             supervisor.close()
 
-
-WAITING_SAMPLES = 256
-"""So many samples of parallel runs wait to be read; a component that is faster waits for its reader."""
 
 _Message = tuple[str, Sample | BaseException | None]
 """A component's name with a sample, with the exception that ended its run, or with None when it has ended."""

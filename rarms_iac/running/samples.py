@@ -1,4 +1,4 @@
-"""What has been seen of a component so far: when it began, its samples, and whether that is enough."""
+"""Makes samples of what a component does: a line a job, or a process a job; and says when there are enough."""
 
 import time
 from collections.abc import Generator
@@ -23,6 +23,9 @@ from rarms_iac.running.supervisor import (
     describe_early_end,
     ended_by_itself,
 )
+
+FLOOD_SIZE = f"more than {FLOOD // 2**20} MiB"
+LONG_LINE = Unreadable(message=f"a line of more than {LONGEST_LINE // 1024} KiB")
 
 
 class RunEnding(StrEnum):
@@ -120,10 +123,6 @@ def earliest(*times: float | None) -> float | None:
     return min(known) if known else None
 
 
-FLOOD_SIZE = f"more than {FLOOD // 2**20} MiB"
-LONG_LINE = Unreadable(message=f"a line of more than {LONGEST_LINE // 1024} KiB")
-
-
 @dataclass(slots=True)
 class _Process:
     """What is known of the process that runs now."""
@@ -135,7 +134,10 @@ class _Process:
 
 
 def samples_of_lines(component: str, supervisor: Supervisor, record: SampleRecord) -> Generator[Sample, None, None]:
-    """A sample a line, and one for each death, time-out and unreadable line.
+    """Make a sample of each line, and one for each death, time-out and unreadable line.
+
+    A process that ends itself with exit code 0 after at least one sample has done its part and is started again; any
+    other end is a failed sample, and it is started again too, as long as failed samples are allowed.
 
     Raises:
         CannotStart: it cannot be started, or its function not be loaded.

@@ -1,4 +1,4 @@
-"""What is to be started: the words, the folder and the environment of a component, with every name resolved."""
+"""Resolves what is to be started: the words, the folder and the environment of a component or load."""
 
 import os
 import shutil

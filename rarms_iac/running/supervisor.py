@@ -29,6 +29,9 @@ GOING_S = 10.0
 _PROGRAM = "supervisor_process_windows.py" if sys.platform == "win32" else "supervisor_process.py"
 
 
+_LAST_SIGNAL = 1000
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutputLine:
     """A line of standard output."""
@@ -270,9 +273,6 @@ def _read(stream: IO[bytes]) -> bytes:
         return os.read(stream.fileno(), PIECE)
     except (OSError, ValueError):
         return b""
-
-
-_LAST_SIGNAL = 1000
 
 
 def ended_by_itself(ended: ProcessEnded) -> bool:

@@ -6,6 +6,8 @@ from operator import mul
 from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.system import Run
 
+_LONGEST_LAG = 4  # a share of the samples: 1/4
+
 
 def response_times(samples: Sequence[Sample]) -> list[float]:
     """List the response times, in ms, of all jobs that answered, in order."""
@@ -31,9 +33,6 @@ def end_ms(sample: Sample) -> float:
 def failures(series: Series) -> tuple[str, ...]:
     """List why samples failed (death, time-out, unreadable), in order."""
     return tuple(sample.failure for sample in series.samples if sample.failure)
-
-
-_LONGEST_LAG = 4  # a share of the samples: 1/4
 
 
 def effective_samples(values: Sequence[float]) -> float:

@@ -14,6 +14,10 @@ from statistics import NormalDist
 
 from rarms_iac.measuring.search.observations import Question, SettingObservation
 
+# Shapes that the level of a response may have over the reservation, each through one measured point. A shape takes that
+# point and the work alone (level times CR that the consumed CPU time has), and gives curves with weights. They are
+# guesses: the posterior weighs them by the other settings.
+
 Level = Callable[[float], float]
 
 CERTAIN = 0.03

@@ -1,4 +1,4 @@
-"""The journal beside a simulated host's file: records as JSON Lines, and the run they tell."""
+"""The files of a simulated host: the bytes of its content, and the journal beside it as JSON Lines."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -45,6 +45,12 @@ from rarms_iac.providers.simulated.scheduling.machine import (
 )
 from rarms_iac.storage.replace import remove_leftovers
 
+PROCESSOR = "simulated"
+"""What a simulated host calls its processors."""
+
+GUEST = "Windows build {build}"
+MEBIBYTE = 2**20
+
 
 class NoDemand(ValueError):
     """The component has no `simulation`, so nobody knows what it asks of a simulated host."""
@@ -94,13 +100,6 @@ def _arrival(component: Component) -> Arrival:
         return Every(period_ms=float(component.run.arrival.period))
     return OneAfterAnother()
 
-
-PROCESSOR = "simulated"
-"""What a simulated host calls its processors."""
-
-GUEST = "Windows build {build}"
-
-MEBIBYTE = 2**20
 
 Simulate = Callable[[model.ModelMachine, int], Iterator[model.JobDone]]
 """Runs a machine of the scheduler model from a seed: its jobs in the order in which they end, without an end."""

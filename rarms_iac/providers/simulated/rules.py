@@ -1,4 +1,4 @@
-"""What a simulated host refuses: what Hyper-V refuses (FACTS 1.2, 3, 5). Pure."""
+"""What a simulated host refuses: what Hyper-V refuses (FACTS 1.2, 3, 5), with whether reserves fit. Pure."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -25,6 +25,18 @@ TRIES = 20_000
 """Placements that are tried before a doubtful case counts as fitting: the documented limit is only the sum."""
 
 
+LONGEST_NAME = 100
+"""Characters of a machine's name (FACTS 10)."""
+
+MOST_PROCESSORS = {1: 64, 2: 240}
+"""Virtual processors by generation (FACTS 2)."""
+
+MEBIBYTE = 2**20
+"""What a machine's memory is counted in (FACTS 1.3)."""
+
+
+# NOTE: the planner has its own arithmetic (model/capacity.py), and this is written apart from it on purpose: a host that
+# repeated the planner's mistakes would never show them. It refuses only what certainly does not fit.
 def packs(sizes: Mapping[int, int], processors: int) -> bool:
     """Whether so many logical processors hold all reserves; `sizes` maps a per cent to how many have it."""
     items = [size for size, count in sorted(sizes.items(), reverse=True) for _ in range(count) if size > 0]
@@ -70,15 +82,6 @@ def _places(free: list[int], size: int) -> list[int]:
     by_room = {room: at for at, room in enumerate(free) if room >= size}
     return [by_room[room] for room in sorted(by_room, reverse=True)]
 
-
-LONGEST_NAME = 100
-"""Characters of a machine's name (FACTS 10)."""
-
-MOST_PROCESSORS = {1: 64, 2: 240}
-"""Virtual processors by generation (FACTS 2)."""
-
-MEBIBYTE = 2**20
-"""What a machine's memory is counted in (FACTS 1.3)."""
 
 SERVER_2016, WINDOWS_10 = 14393, 10240
 """Builds from which static memory changes while the machine runs: of a server and of a client (FACTS 3)."""

@@ -1,4 +1,4 @@
-"""What the hypervisor keeps of an LP and of a VP."""
+"""The state of the model: the clock with what is to happen, threads, virtual and logical processors."""
 
 from collections import deque
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""What runs in the guests: components with their jobs, and interfering loads."""
+"""What runs in the guests: components with their jobs, and interfering loads with the numbers of a browser."""
 
 from collections import deque
 from collections.abc import Callable
