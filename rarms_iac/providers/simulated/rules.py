@@ -35,8 +35,8 @@ MEBIBYTE = 2**20
 """What a machine's memory is counted in (FACTS 1.3)."""
 
 
-# NOTE: the planner has its own arithmetic (model/capacity.py), and this is written apart from it on purpose: a host that
-# repeated the planner's mistakes would never show them. It refuses only what certainly does not fit.
+# NOTE: the planner has its own arithmetic (model/capacity.py), and this is written apart from it on purpose: a host
+# that repeated the planner's mistakes would never show them. It refuses only what certainly does not fit.
 def packs(sizes: Mapping[int, int], processors: int) -> bool:
     """Whether so many logical processors hold all reserves; `sizes` maps a per cent to how many have it."""
     items = [size for size, count in sorted(sizes.items(), reverse=True) for _ in range(count) if size > 0]
