@@ -6,17 +6,15 @@ from pathlib import Path
 
 from rarms_iac import __version__
 from rarms_iac.app.data_logs import Measurements, measured_reservations, path_of, subject_of
-from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.app.measurement_files import hold_configuration_logs, now
+from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors, now
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.indexes import find_index, show_threshold
 from rarms_iac.model.system import Component, Host
-from rarms_iac.planner.findings import UNREADABLE
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.reservations import names_of, rests_on_a_log
 from rarms_iac.planner.sizes import Sized, size
 from rarms_iac.storage.datalog.configuration import Chosen, append_entry, last_chosen, read_entries
-from rarms_iac.storage.datalog.files import LogUnreadable, configuration_path, read_log
+from rarms_iac.storage.datalog.files import configuration_path, read_log
 
 
 def record_choices(measured: Measurements, components: Iterable[str] = ()) -> tuple[Path, ...]:
@@ -99,12 +97,8 @@ def _entries(
 
 def _record(folder: Path, platform: str, chosen: Chosen) -> Path | None:
     path = configuration_path(folder, platform, chosen.component)
-    try:
+    with log_errors():
         last = last_chosen(read_entries(path))
-    except LogUnreadable as problem:
-        message = f"{path.relative_to(folder).as_posix()}, line {problem.line}: {problem.says}."
-        advice = "Bring it back from git, or remove it: what is chosen is then written anew."
-        raise UseCaseError(Outcome.NEGATIVE, [UNREADABLE.at(None, message, advice)]) from None
     same = last is not None and replace(last, when=chosen.when, rarms_version=chosen.rarms_version) == chosen
     if same:
         return None

@@ -10,16 +10,15 @@ from pathlib import Path
 
 from rarms_iac import __version__
 from rarms_iac.app.data_logs import is_here, subject_of
-from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.experiments import MeasureRequest
 from rarms_iac.app.hosts import Hosts
-from rarms_iac.app.measurement_files import hold_data_log, now, unreadable
+from rarms_iac.app.measurement_files import hold_data_log, log_errors, now
 from rarms_iac.measuring.loop import SettingsLog
 from rarms_iac.measuring.partitions import partition_name
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.state import Partition
 from rarms_iac.providers.measuring import MeasuringHost
-from rarms_iac.storage.datalog.files import LogUnreadable, append_remeasurement, begin_log, log_path, read_log
+from rarms_iac.storage.datalog.files import append_remeasurement, begin_log, log_path, read_log
 from rarms_iac.storage.datalog.identity import Files, header_of, identity_of
 from rarms_iac.storage.datalog.log import DataLog, Header, Provenance, Remeasurement
 from rarms_iac.storage.datalog.staleness import Changed, compare, known
@@ -52,10 +51,8 @@ def read_experiment_log(hosts: Hosts, experiment: Experiment, bench: MeasuringHo
         UseCaseError: It is damaged (negative); nobody replaces it unasked, as it may be all that there is.
     """
     path, header = data_log_path(hosts, experiment), _header(hosts, experiment, bench)
-    try:
+    with log_errors():
         log = read_log(path)
-    except LogUnreadable as problem:
-        raise UseCaseError(Outcome.NEGATIVE, [unreadable(problem)]) from None
     changed = () if log is None else compare(log.header, header.identity, known(header.bench)).changed
     return ExperimentLog(path=path, header=header, log=log, changed=changed)
 

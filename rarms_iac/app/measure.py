@@ -24,7 +24,7 @@ from rarms_iac.app.experiments import ExperimentResult, MeasureRequest, experime
 from rarms_iac.app.hosts import Hosts, host_errors, owner, refuse_unfinished
 from rarms_iac.app.level_prompt import LevelPrompt, ask_levels
 from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.measurement_files import hold_data_log, unreadable
+from rarms_iac.app.measurement_files import hold_data_log, log_errors
 from rarms_iac.app.wiring import open_bench
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.findings import findings_of
@@ -47,7 +47,6 @@ from rarms_iac.model.system import ProviderKind
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork
 from rarms_iac.statistics.curves import curves_of, least_reserve
-from rarms_iac.storage.datalog.files import LogUnreadable
 from rarms_iac.storage.datalog.log import Remeasurement
 
 PAPER = "paper"
@@ -154,10 +153,8 @@ def record_reservations(hosts: Hosts) -> None:
         UseCaseError: One of them is damaged (negative), or held by another run (refused).
     """
     manifest = load_manifest(hosts.manifest.source)  # a level may have been chosen meanwhile
-    try:
+    with log_errors():
         record_choices(measurements_of(manifest))
-    except LogUnreadable as problem:
-        raise UseCaseError(Outcome.NEGATIVE, [unreadable(problem)]) from None
 
 
 @contextmanager

@@ -11,7 +11,6 @@ from pathlib import Path
 from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import owner
 from rarms_iac.measuring.findings import MEASURED_ELSEWHERE
-from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.planner.findings import UNREADABLE
 from rarms_iac.storage.datalog.files import FOLDER, LogUnreadable
 from rarms_iac.storage.disk import PRIVATE, make_room
@@ -66,10 +65,16 @@ def now() -> str:
     return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
-def unreadable(problem: LogUnreadable) -> Diagnostic:
-    """A log that is not as it was written."""
-    return UNREADABLE.at(
-        None,
-        f"{problem.path.as_posix()}, line {problem.line}: {problem.says}.",
-        "Bring it back from git, or remove it: then all of it is measured again.",
-    )
+@contextmanager
+def log_errors() -> Iterator[None]:
+    """Inside, a log below `measurements/` that is not as it was written ends the use case.
+
+    Raises:
+        UseCaseError: One is damaged (negative).
+    """
+    try:
+        yield
+    except LogUnreadable as problem:
+        message = f"{problem.path.as_posix()}, line {problem.line}: {problem.says}."
+        advice = "Bring it back from git, or remove it: what it records is then measured, or written, anew."
+        raise UseCaseError(Outcome.NEGATIVE, [UNREADABLE.at(None, message, advice)]) from None

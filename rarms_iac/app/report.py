@@ -18,6 +18,7 @@ from rarms_iac.app.experiments import refuse_unknown
 from rarms_iac.app.graph import candidate_nodes
 from rarms_iac.app.hosts import Hosts, last_runs, observe_host, select_hosts
 from rarms_iac.app.manifests import Manifest
+from rarms_iac.app.measurement_files import log_errors
 from rarms_iac.app.report_measurements import LogBesideManifest, report_of
 from rarms_iac.app.report_model import ComponentProof, HostStatus, Report
 from rarms_iac.app.requests import HostSelection
@@ -29,9 +30,8 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity, has_error
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.system import Host, ProviderKind, System
 from rarms_iac.planner.combining.candidates import Node
-from rarms_iac.planner.findings import UNREADABLE
 from rarms_iac.storage.datalog.configuration import Proven, ProvenIndex, read_entries
-from rarms_iac.storage.datalog.files import FOLDER, LogUnreadable, configuration_path, read_log
+from rarms_iac.storage.datalog.files import FOLDER, configuration_path, read_log
 from rarms_iac.storage.datalog.identity import Files
 from rarms_iac.storage.datalog.log import DataLog
 
@@ -94,7 +94,8 @@ def _logged(system: System, folder: Path) -> Iterator[LogBesideManifest]:
     hosts = {host.platform: host for host in reversed(list(system.hosts.values()))}
     files = Files(folder)
     for path in sorted((folder / FOLDER).glob("*/*/*.jsonl")):
-        log = _read(path)
+        with log_errors():
+            log = read_log(path)
         if log is not None and log.header.platform in hosts and _is_of(system, log):
             yield _beside(system, folder, path, log, hosts[log.header.platform], files)
 
@@ -127,10 +128,8 @@ def _proofs(system: System, folder: Path, components: Sequence[str]) -> Iterator
 
 
 def _entries(path: Path) -> list[Proven]:
-    try:
+    with log_errors():
         return [entry for entry in read_entries(path) if isinstance(entry, Proven)]
-    except LogUnreadable as problem:
-        raise _unreadable(path, problem) from None
 
 
 def _proof(entry: Proven, proven: ProvenIndex, note: str) -> ComponentProof:
@@ -148,19 +147,6 @@ def _proof(entry: Proven, proven: ProvenIndex, note: str) -> ComponentProof:
         error=proven.error,
         note=note,
     )
-
-
-def _read(path: Path) -> DataLog | None:
-    try:
-        return read_log(path)
-    except LogUnreadable as problem:
-        raise _unreadable(path, problem) from None
-
-
-def _unreadable(path: Path, problem: LogUnreadable) -> UseCaseError:
-    message = f"{path.as_posix()}, line {problem.line}: {problem.says}."
-    advice = "Bring it back from git, or remove it and measure again."
-    return UseCaseError(Outcome.NEGATIVE, [UNREADABLE.at(None, message, advice)])
 
 
 def _statuses(manifest: Manifest) -> tuple[HostStatus, ...]:

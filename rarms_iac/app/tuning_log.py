@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
-from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.hosts import Hosts
-from rarms_iac.app.measurement_files import hold_configuration_logs, unreadable
+from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors
 from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.system import Host, System
@@ -26,11 +25,8 @@ def record_tuning(hosts: Hosts, platform: str, run: TuningRun) -> None:
     """
     if not run.trail:
         return
-    with hold_configuration_logs(Path(hosts.folder)):
-        try:
-            append_run(tuning_path(Path(hosts.folder), platform), run)
-        except LogUnreadable as problem:
-            raise UseCaseError(Outcome.NEGATIVE, [unreadable(problem)]) from None
+    with hold_configuration_logs(Path(hosts.folder)), log_errors():
+        append_run(tuning_path(Path(hosts.folder), platform), run)
 
 
 def tunings_of(system: System, folder: Path) -> Iterator[PlatformTuning]:
@@ -40,10 +36,8 @@ def tunings_of(system: System, folder: Path) -> Iterator[PlatformTuning]:
         UseCaseError: A log is damaged (negative).
     """
     for platform in sorted({host.platform for host in system.hosts.values()}):
-        try:
+        with log_errors():
             runs = read_runs(tuning_path(folder, platform))
-        except LogUnreadable as problem:
-            raise UseCaseError(Outcome.NEGATIVE, [unreadable(problem)]) from None
         if runs:
             yield PlatformTuning(platform=platform, run=runs[-1])
 
