@@ -55,7 +55,14 @@ def measurements_of(manifest: Manifest) -> Measurements:
 
 
 def subject_of(system: System, host: Host, members: tuple[str, ...], interference: str) -> Subject:
-    """Return what a data log of these components on this host, against this load, is about."""
+    """Return what a data log of these components is about.
+
+    Args:
+        system: What the manifest says.
+        host: Where it is measured.
+        members: Names of the components that share P1, sorted.
+        interference: Name of the load in P2.
+    """
     experiment = experiment_of(system, host, members, interference)
     return Subject(
         platform=host.platform,
@@ -67,7 +74,12 @@ def subject_of(system: System, host: Host, members: tuple[str, ...], interferenc
 
 
 def path_of(folder: Path, subject: Subject) -> Path:
-    """Return where the data log of a subject lies; `folder`: the manifest's."""
+    """Return where the data log of a subject lies.
+
+    Args:
+        folder: The manifest's.
+        subject: Its platform, members and load name the file.
+    """
     return log_path(folder, subject.platform, subject.setup.members, subject.setup.interference)
 
 
@@ -115,7 +127,12 @@ def is_here(host: Host) -> bool:
 
 
 def bench_now(host: Host, facts: HostFacts | None = None) -> BenchNow:
-    """Return what the manifest says of a host, and what was seen of it; `facts`: None, it was not looked at."""
+    """Return what is known of a host now, to be compared with what a data log says of it.
+
+    Args:
+        host: As the manifest has it.
+        facts: As it was seen; None: it was not looked at.
+    """
     image = host.settings.image or "" if isinstance(host.settings, HypervHost) else None
     bench = BenchNow(provider=host.provider, logical_processors=host.logical_processors, guest_image=image)
     if facts is None:
@@ -172,7 +189,15 @@ def _answer(
 
 
 def curves_in(log: DataLog, components: Mapping[str, Component]) -> Callable[[str, str], Curve]:
-    """Return a function from component and index to its curve; each curve is made when it is first asked for."""
+    """Return the curves of a data log.
+
+    Args:
+        log: With its settings.
+        components: Of the log, by name, as the manifest has them.
+
+    Returns:
+        A function from component and index to its curve; each is made when it is first asked for.
+    """
 
     @cache
     def curve(component: str, index: str) -> Curve:

@@ -76,7 +76,7 @@ def settings_log_of(log: ExperimentLog, seed: int | None, running: Sequence[Part
 
 
 def data_log_path(hosts: Hosts, experiment: Experiment) -> Path:
-    """Return where the data log of an experiment lies."""
+    """Return where the data log of an experiment lies; it need not exist."""
     setup = experiment.setup
     return log_path(Path(hosts.folder), experiment.host.platform, setup.members, setup.interference)
 
@@ -127,6 +127,11 @@ def remeasurements_for(
 
 def end_remeasurements(hosts: Hosts, complete: Mapping[Path, Remeasurement], request: MeasureRequest) -> None:
     """Record in each data log that all of its remeasurement is measured.
+
+    Args:
+        hosts: Those of the manifest.
+        complete: The remeasurements, by data log.
+        request: Says how long to wait for a log that is held.
 
     Raises:
         UseCaseError: A log is held by another run (refused).

@@ -48,7 +48,12 @@ class ExperimentResult:
 def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Experiment, ...]:
     """Return what is to be measured, and where: each partition's components on one host of each platform.
 
-    They come in the order in which they are named; where none is, the most critical first.
+    Args:
+        hosts: Those of the manifest; the chosen ones are looked at in name order.
+        request: Which components.
+
+    Returns:
+        In the order in which components are named; where none is named, the most critical first.
 
     Raises:
         RequestError: A name is not in the manifest, or names a component that has no partition.

@@ -105,7 +105,7 @@ class _Placement:
 
 
 def find_component(manifest: Manifest, name: str) -> Component:
-    """Return the component of this name.
+    """Return a component of the manifest by its name.
 
     Raises:
         RequestError: There is none; the message offers the nearest component or finding.

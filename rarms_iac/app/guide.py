@@ -44,6 +44,10 @@ class GuideFacts:
 def guide_facts(manifest: Manifest, name: str) -> GuideFacts:
     """Return what is to be set by hand for a component, on the first host by name that can have it.
 
+    Args:
+        manifest: With its data logs beside it.
+        name: Of the component.
+
     Raises:
         RequestError: There is no such component, or it runs on the host itself and has nothing to set up.
         UseCaseError: Nothing says how much it needs (negative).

@@ -25,10 +25,15 @@ MOMENT_MS = 10_000
 
 @contextmanager
 def hold_data_log(folder: Path, path: Path, timeout_ms: int) -> Iterator[None]:
-    """Have a data log below the manifest's folder for oneself, without what killed writers left beside it.
+    """Hold a data log, and remove what killed writers left beside it.
+
+    Args:
+        folder: The manifest's.
+        path: Of the log, below `measurements/` in it.
+        timeout_ms: How long to wait for another run.
 
     Raises:
-        UseCaseError: another run measures the same (refused).
+        UseCaseError: Another run measures the same (refused).
     """
     with _held(folder, path.relative_to(folder / FOLDER).as_posix(), timeout_ms):
         remove_leftovers(path)
@@ -37,10 +42,10 @@ def hold_data_log(folder: Path, path: Path, timeout_ms: int) -> Iterator[None]:
 
 @contextmanager
 def hold_configuration_logs(folder: Path) -> Iterator[None]:
-    """Have the configuration logs for oneself, as long as it takes to add to them.
+    """Hold the configuration logs of a manifest's folder for as long as it takes to add to them.
 
     Raises:
-        UseCaseError: another run does not let go of them (refused).
+        UseCaseError: Another run does not let go of them (refused).
     """
     with _held(folder, CHOICES, MOMENT_MS):
         yield

@@ -167,10 +167,15 @@ def _left_out(hosts: Hosts, layouts: Mapping[str, AppliedLayout]) -> tuple[str, 
 def applied_layouts(
     hosts: Hosts, states: Mapping[str, State], everywhere: Mapping[str, State]
 ) -> dict[str, AppliedLayout]:
-    """By host what of the manifest runs there.
+    """Return by host what of the manifest runs there.
+
+    Args:
+        hosts: Those of the manifest.
+        states: Of hosts that can run components.
+        everywhere: The same, and those of other hosts that could be reached.
 
     Raises:
-        UseCaseError: a partition is nowhere, or does not run (3).
+        UseCaseError: A partition is on no host, or does not run (refused).
     """
     system = hosts.system
     application = system.application.name

@@ -181,7 +181,15 @@ def _facts(log: DataLog) -> Iterator[tuple[str, str]]:
 def points_of(
     recorded: tuple[Recorded, ...], component: str, index: str, apt: Mapping[str, Threshold], run: Run
 ) -> tuple[MeasuredPoint, ...]:
-    """Return a point for each setting in which the component was measured, by reserve."""
+    """Return a point for each setting in which a component was measured, by reserve.
+
+    Args:
+        recorded: The settings, in the order in which they were measured.
+        component: Its name.
+        index: Of which performance index.
+        apt: The thresholds of the component; without the index there is no verdict.
+        run: How the component is run; tells what of a sample counts.
+    """
     points = [
         _point(entry.setting, series, index, {index: apt[index]} if index in apt else {}, run)
         for entry in recorded

@@ -55,7 +55,7 @@ class ComponentRunResult:
 
 
 def meets(value: float, threshold: Threshold) -> bool:
-    """Return whether a value is good enough."""
+    """Return whether a value, in the unit of the threshold's index, is good enough."""
     match threshold:
         case AtMost(value=most):
             return value <= most
@@ -64,7 +64,7 @@ def meets(value: float, threshold: Threshold) -> bool:
 
 
 def noise(estimate: Estimate, threshold: Threshold) -> bool:
-    """Return whether the truth may lie on the other side of the threshold than the value."""
+    """Return whether the estimate's interval reaches over the threshold, so that the truth may lie on either side."""
     return meets(estimate.lower, threshold) is not meets(estimate.upper, threshold)
 
 

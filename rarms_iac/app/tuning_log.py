@@ -17,7 +17,12 @@ from rarms_iac.storage.datalog.tuning import TuningRun, append_run, read_runs, t
 
 
 def record_tuning(hosts: Hosts, platform: str, run: TuningRun) -> None:
-    """Write a run into the platform's log of tuning; one that asked for nothing is left out.
+    """Write a run into the platform's log of tuning; a run that asked for nothing is left out.
+
+    Args:
+        hosts: Those of the manifest, below whose folder the log lies.
+        platform: Of the host that was measured on.
+        run: As it ended.
 
     Raises:
         UseCaseError: The log is damaged (negative), or another run does not let go of it (refused).
@@ -56,7 +61,7 @@ class PreviousTuning:
     unreadable: str = ""
 
     def combined(self, members: Names) -> str:
-        """How tuning put just these together; empty: no run of it wrote that."""
+        """Say how tuning put just these components together; empty: no run of it wrote that."""
         for run in reversed(self.runs):
             for partition in run.partitions:
                 if run.written and tuple(sorted(partition.components)) == members:
@@ -69,7 +74,7 @@ class PreviousTuning:
         return ""
 
     def rejected(self, members: Names) -> Iterator[str]:
-        """Compounds with any of these that tuning measured, but for the one of just these, in the order of asking.
+        """Yield the compounds with any of these that tuning measured, but for that of just these, in the order of asking.
 
         What a later run saw at the same reservation counts.
         """
@@ -83,14 +88,14 @@ class PreviousTuning:
             yield f"{'+'.join(names)}, as `rarms tune` measured it: {'; '.join(_settings(settings))}"
 
     def nothing(self, platform: str) -> str:
-        """Why nothing is told; empty: there are runs."""
+        """Say why there is nothing to tell; empty: there are runs."""
         if self.unreadable:
             return self.unreadable
         return "" if self.runs else f"`rarms tune` has measured nothing on {platform}"
 
 
 def previous_tuning(folder: Path, platform: str) -> PreviousTuning:
-    """Read the platform's log of tuning; a damaged log is no error here, and is told of."""
+    """Read the platform's log of tuning below the manifest's folder; what cannot be read is an answer, not an error."""
     path = tuning_path(folder, platform)
     try:
         return PreviousTuning(runs=read_runs(path))

@@ -71,7 +71,7 @@ class TuningSubject:
         return experiment_of(self.system, self.bench, members, interference_of(self.system, members), samples)
 
     def objective(self, layout_fit: "LayoutFit") -> Objective:
-        """What makes a layout the better one here."""
+        """Return what makes a layout the better one here; `layout_fit` says which ones the hosts can keep."""
         return Objective(
             capacity=self.capacity,
             fits=layout_fit.fits,
@@ -80,7 +80,7 @@ class TuningSubject:
         )
 
     def placed(self, layout: Sequence[Coi]) -> Packing | NoPacking:
-        """These beside what is not tuned, on the hosts."""
+        """Place these components on the hosts, beside what is not tuned."""
         tuned = {coi.name for coi in self.cois}
         others = [item for item in self.problem.items if item.name not in tuned]
         return pack([*others, *map(self._item, layout)], self.problem.bins)
@@ -115,10 +115,15 @@ class LayoutFit:
 
 
 def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) -> TuningSubject:
-    """What there is to tune.
+    """Return what there is to tune: partitions whose reservations rest on measurements, and what they may share.
+
+    Args:
+        hosts: Of one platform.
+        bench: The host that compounds are measured on.
+        states: What hosts look like, by name; with that of the bench.
 
     Raises:
-        UseCaseError: a reservation is not measured, or there are hosts of several platforms (4).
+        UseCaseError: A reservation is not measured, or the hosts are of several platforms (negative).
     """
     platforms = sorted({hosts.system.hosts[name].platform for name in hosts.chosen})
     if len(platforms) > 1:
@@ -164,10 +169,10 @@ def subject_of_tuning(hosts: Hosts, bench: Host, states: Mapping[str, State]) ->
 
 
 def bench_of(hosts: Hosts) -> Host:
-    """The first of the chosen hosts that can be measured on.
+    """Return the first of the chosen hosts that can be measured on.
 
     Raises:
-        UseCaseError: there is none (1).
+        UseCaseError: There is none (failed).
     """
     for name in hosts.chosen:
         if open_bench(hosts.system.hosts[name], hosts.folder, hosts.state_path(name)) is not None:
@@ -238,7 +243,13 @@ class Experiments:
 
 
 def worse_on_the_curve(experiment: Experiment, settings: Sequence[Setting], reserve: int) -> frozenset[str]:
-    """The members that do not meet all their thresholds there for sure, by the rule that a plan takes."""
+    """Return the members that do not meet all their thresholds at a setting for sure, by the rule that a plan takes.
+
+    Args:
+        experiment: The members with their thresholds.
+        settings: What was measured of them together.
+        reserve: The CR in question, in per cent of P1's processors.
+    """
     curves = curves_of(settings, experiment.runs, apts_of(experiment))
     return frozenset(curve.component for curve, threshold in curves if not holds(curve, threshold, reserve))
 
