@@ -274,7 +274,7 @@ def _parts(subject: TuningSubject, coi: Coi) -> Sequence[Coi]:
 
 
 def findings_of_end(end: TuningEnd, hosts: Hosts) -> Iterator[Diagnostic]:
-    """Yield what is to be said of the end itself: no answer, a contradiction, or a compound that costs more than before."""
+    """Yield what is to be said of the end itself: no answer, a contradiction, or a compound that costs more."""
     places = hosts.manifest.places
     if end.unanswered:
         advice = "Mend the component's `run`, allow more `run.failures`, or keep it `apart`; then the command goes on."

@@ -74,7 +74,7 @@ class PreviousTuning:
         return ""
 
     def rejected(self, members: Names) -> Iterator[str]:
-        """Yield the compounds with any of these that tuning measured, except that of just these, in the order of asking.
+        """Yield the compounds with any of these that tuning measured, except that of just these, as they were asked.
 
         What a later run saw at the same reservation counts.
         """
