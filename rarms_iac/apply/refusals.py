@@ -93,7 +93,7 @@ def step_failed(host: str, step: Step, error: HostError) -> Diagnostic:
     """The host refused a step or failed in it."""
     return STEP_FAILED.at(
         step.place,
-        f"{step.address} on {host}, `{step.title}`: {error.says}.",
+        f"{step.address} on {host}, `{step.title}`: {error.message}.",
         f"{_as_sentence(error.advice)} {GO_ON}",
         address=str(step.address),
     )
@@ -112,7 +112,7 @@ def step_missed(host: str, step: Step, live: Readings) -> Diagnostic:
 def host_failed(error: HostError) -> Diagnostic:
     """The host cannot be read, or what it keeps for us is damaged."""
     finding = DAMAGED if isinstance(error, HostDamaged) else HOST_FAILED
-    return finding.at(None, f"{error.host}: {error.says}.", _as_sentence(error.advice), address=f"host/{error.host}")
+    return finding.at(None, f"{error.host}: {error.message}.", _as_sentence(error.advice), address=f"host/{error.host}")
 
 
 def not_reached(host: str, address: str, difference: str) -> Diagnostic:

@@ -89,7 +89,7 @@ class RunReporter(Protocol):
         """A step is done, or was as wanted already."""
         ...
 
-    def said(self, host: str, line: str) -> None:
+    def host_output(self, host: str, line: str) -> None:
         """The host said something beside its steps."""
         ...
 
@@ -106,5 +106,5 @@ class SilentReporter:
     def step_ended(self, host: str, number: int, total: int, step: ReportedStep, status: StepStatus) -> None:
         """Nothing."""
 
-    def said(self, host: str, line: str) -> None:
+    def host_output(self, host: str, line: str) -> None:
         """Nothing."""

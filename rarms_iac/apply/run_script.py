@@ -144,14 +144,14 @@ class RunListener:
             case EventKind.STEP:
                 self._step(event)
             case EventKind.LOCK if event.status is EventStatus.TAKEN_OVER:
-                self._reporter.said(self._host, f"{event.status.value}: {event.detail}")
+                self._reporter.host_output(self._host, f"{event.status.value}: {event.detail}")
             case EventKind.LOCK | EventKind.REFUSED | EventKind.FAILED | EventKind.RUN:
                 self._last = event
 
     def noise(self, line: str) -> None:
         """Show it, and keep it for a run that ends without a word."""
         self._noise = [*self._noise[-2:], line]
-        self._reporter.said(self._host, line)
+        self._reporter.host_output(self._host, line)
 
     def _step(self, event: RunEvent) -> None:
         running = self._running
@@ -196,14 +196,14 @@ class RunListener:
                 return (RunEnding.INTERRUPTED,)
             case ScriptExited(code=code) if code == REFUSED_CODE and last is not None:
                 return RunEnding.REFUSED, refusals.script_refused(self._host, last)
-            case ScriptExited(code=code, says=says):
-                return RunEnding.FAILED, self._failed(code, says)
+            case ScriptExited(code=code, last_lines=lines):
+                return RunEnding.FAILED, self._failed(code, lines)
 
-    def _failed(self, code: int, says: tuple[str, ...]) -> Diagnostic:
+    def _failed(self, code: int, lines: tuple[str, ...]) -> Diagnostic:
         last = self._last
-        words = last.detail if last is not None else " ".join([*self._noise, *says[-3:]])
+        message = last.detail if last is not None else " ".join([*self._noise, *lines[-3:]])
         at = self._running.address if self._running is not None else ""
-        return refusals.script_failed(self._host, at, words, code)
+        return refusals.script_failed(self._host, at, message, code)
 
 
 _GOOD_ENDS = frozenset({EventStatus.DONE, EventStatus.ABANDONED, EventStatus.UNCHANGED})

@@ -26,10 +26,10 @@ MOST_PARTS = 1000
 class NoLiteral(ValueError):
     """The value has no literal; the facts say which and why."""
 
-    def __init__(self, value: object, says: str) -> None:
-        super().__init__(f"{_abbreviate(value)} cannot be written into a script: {says}")
+    def __init__(self, value: object, why: str) -> None:
+        super().__init__(f"{_abbreviate(value)} cannot be written into a script: {why}")
         self.value = value
-        self.says = says
+        self.why = why
 
 
 def literal(value: Scalar) -> Literal:

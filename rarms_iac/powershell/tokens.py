@@ -20,9 +20,9 @@ _ENDS_WORD = _SPACES + NEWLINES + _STRUCTURE + SINGLE_QUOTES + DOUBLE_QUOTES
 class NotTokens(ValueError):
     """The text ends inside a string or a comment."""
 
-    def __init__(self, says: str, offset: int) -> None:
-        super().__init__(f"{says} that begins at character {offset} does not end")
-        self.says = says
+    def __init__(self, subject: str, offset: int) -> None:
+        super().__init__(f"{subject} that begins at character {offset} does not end")
+        self.subject = subject
         self.offset = offset
 
 
@@ -95,10 +95,10 @@ def _line_end(script: str, at: int) -> int:
     return at
 
 
-def _after(script: str, closing: str, at: int, says: str) -> int:
+def _after(script: str, closing: str, at: int, subject: str) -> int:
     found = script.find(closing, at + 2)
     if found < 0:
-        raise NotTokens(says, at)
+        raise NotTokens(subject, at)
     return found + len(closing)
 
 

@@ -28,9 +28,9 @@ _IGNORED = frozenset({"command_argument_sep", " ", "comment"})
 class NotParsed(ValueError):
     """The grammar finds an error, or the tokens disagree with it."""
 
-    def __init__(self, says: str, line: int) -> None:
-        super().__init__(f"line {line}: {says}")
-        self.says = says
+    def __init__(self, message: str, line: int) -> None:
+        super().__init__(f"line {line}: {message}")
+        self.message = message
         self.line = line
 
 
@@ -153,8 +153,8 @@ def sound(script: str) -> "Node":
     """
     root = parse(script)
     if wrong := errors(root):
-        says = f"PowerShell's grammar has no place for {text_of(wrong[0])[:40]!r}" if text_of(wrong[0]) else _LACKS
-        raise NotParsed(says, line_of(wrong[0]))
+        message = f"PowerShell's grammar has no place for {text_of(wrong[0])[:40]!r}" if text_of(wrong[0]) else _LACKS
+        raise NotParsed(message, line_of(wrong[0]))
     if line := disagreement(script, root):
         raise NotParsed("a string or a comment ends elsewhere than it seems", line)
     return root

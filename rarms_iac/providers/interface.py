@@ -18,10 +18,10 @@ from rarms_iac.model.state import State
 class HostError(Exception):
     """Something went wrong at a host; the facts are its attributes."""
 
-    def __init__(self, host: str, says: str, advice: str) -> None:
-        super().__init__(f"{host}: {says}")
+    def __init__(self, host: str, message: str, advice: str) -> None:
+        super().__init__(f"{host}: {message}")
         self.host = host
-        self.says = says
+        self.message = message
         self.advice = advice
 
 
@@ -160,15 +160,15 @@ class RunEvent:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScriptExited:
-    """The script ran to its end, which this code tells; `says`: what it wrote beside its events, the last lines."""
+    """The script ran to its end, with this exit code; `last_lines`: what it wrote beside its events."""
 
     code: int
-    says: tuple[str, ...] = ()
+    last_lines: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScriptLost:
-    """Nobody heard the end: the script may have gone on, or still go on."""
+    """The connection ended before the script did: it may have gone on, or still run."""
 
     why: str
 
@@ -182,11 +182,11 @@ class WaitLimits:
 
 
 NO_WAITING = WaitLimits()
-"""What nobody says otherwise: a held host is not waited for."""
+"""The default: a held host is not waited for."""
 
 
 class RunHearing(Protocol):
-    """Told while a script runs, and asked whether it should go on; must not raise."""
+    """Follows a running script, and is asked whether it should go on; its methods must not raise."""
 
     def heard(self, event: RunEvent) -> None:
         """An event, as it came."""
@@ -240,7 +240,7 @@ class ScriptedHost(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostLook:
-    """One look at a host: its State, what else was seen, and what of it is odd."""
+    """One observation of a host: its State, its condition, and the findings of its provider."""
 
     state: State
     condition: HostCondition
@@ -249,19 +249,19 @@ class HostLook:
 
 @runtime_checkable
 class ExaminableHost(Protocol):
-    """A host of which more can be seen than its State."""
+    """A host of which more can be observed than its State."""
 
     def examined(self) -> HostLook:
-        """Everything that can be seen, in one look; it raises as `observe` does."""
+        """Observe everything at once; it raises as `observe` does."""
         ...
 
 
 @runtime_checkable
 class RecordableHost(Protocol):
-    """A host whose own look is kept as it is: it says more than a State does."""
+    """A host whose observation is stored as it is printed, because it holds more than a State."""
 
     def recorded(self) -> bytes:
-        """What looking at it printed, which `--snapshot` reads; it raises as `observe` does."""
+        """What its observe script printed, as `--snapshot` reads it; it raises as `observe` does."""
         ...
 
 

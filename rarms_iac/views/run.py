@@ -139,7 +139,7 @@ class RunProgress:
         if partition.done == partition.total:
             self._end(partition)
 
-    def said(self, host: str, line: str) -> None:
+    def host_output(self, host: str, line: str) -> None:
         """Show it apart from the partitions, without whatever would move the cursor."""
         text = f"  {host} says: {visible(line[:LONGEST], keep='')}"
         if self._live is not None:

@@ -28,7 +28,7 @@ def script_text(script: str, *, whole: bool = False) -> "RenderableType":
     width = len(str(len(lines)))
     numbered = [styled(f"{number:>{width}}  ", line) for number, line in enumerate(lines, start=1)]
     for piece in () if whole else reversed(split_script(plain + "\n").fixed):
-        fixed = f"{piece.says}, fixed (SHA-256 {part_digest(piece.text)[:12]}); --whole shows it"
+        fixed = f"{piece.title}, fixed (SHA-256 {part_digest(piece.text)[:12]}); --whole shows it"
         line = styled(f"{'':>{width}}  ... lines {piece.first} to {piece.last}: {fixed}")
         numbered[piece.first - 1 : piece.last] = [line]
     for line in numbered:

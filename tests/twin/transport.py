@@ -27,4 +27,4 @@ class TwinTransport:
         ran = run(self.host, script.runs, as_json="-AsJson" in arguments, abandon="-Abandon" in arguments)
         for line in (self.before, *ran.lines, self.after):
             listener.line(line)
-        return ScriptLost(why="it was killed") if ran.code is None else ScriptExited(code=ran.code, says=ran.talk)
+        return ScriptLost(why="it was killed") if ran.code is None else ScriptExited(code=ran.code, last_lines=ran.talk)

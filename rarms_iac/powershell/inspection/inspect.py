@@ -24,40 +24,44 @@ LARGEST = 16 * 1024 * 1024
 def inspect(
     script: bytes, kind: ScriptKind, name: str = "script.ps1", *, trusting: bool = True
 ) -> tuple[Diagnostic, ...]:
-    """What is wrong with a script of this kind, in the order of its lines; nothing where it may be run.
+    """What is problems with a script of this kind, in the order of its lines; nothing where it may be run.
 
     With `trusting`, parts that are to the byte what rarms ships are not looked at again.
     """
-    wrong = tuple(_check_bytes(script, name))
-    if wrong:
-        return wrong
+    problems = tuple(_check_bytes(script, name))
+    if problems:
+        return problems
     whole = script.decode("ascii")
     changes = kind in (ScriptKind.APPLY, ScriptKind.UNDO)
     text = without_fixed(whole) if changes and trusting else whole
     try:
         root = sound(text)
-    except NotParsed as no:
-        place = Place(file=name, line=no.line, column=1)
-        return (PARSE.at(place, no.says, "render the script again, or mend this line"),)
-    seen = Script(
+    except NotParsed as error:
+        place = Place(file=name, line=error.line, column=1)
+        return (PARSE.at(place, error.message, "render the script again, or mend this line"),)
+    parsed = Script(
         name=name,
         text=text,
         root=root,
         kind=kind,
         functions=functions_of(root),
-        given=_given(whole) if text is not whole else {},
+        given=_carried_functions(whole) if text is not whole else {},
         nodes=tuple(walk(root)),
     )
-    return in_order(list(_check(seen, whole)))
+    return in_order(list(_check(parsed, whole)))
 
 
-def _given(whole: str) -> dict[str, Function]:
+def _carried_functions(whole: str) -> dict[str, Function]:
     """The functions of what is fixed in a script."""
-    return {name: function for piece in split_script(whole).fixed for name, function in _shipped(piece.name).items()}
+    return {
+        name: function
+        for piece in split_script(whole).fixed
+        for name, function in _shipped_functions(piece.name).items()
+    }
 
 
 @cache
-def _shipped(name: str) -> dict[str, Function]:
+def _shipped_functions(name: str) -> dict[str, Function]:
     """The functions of a shipped part, or of the runtime: parsed once, checked by the tests of what rarms ships."""
     return functions_of(sound(part_text(name) if name else runtime()))
 

@@ -37,7 +37,7 @@ class FixedPiece:
     text: str
 
     @property
-    def says(self) -> str:
+    def title(self) -> str:
         """What people call it."""
         return f"the part {self.name}" if self.name else "the runtime"
 
@@ -119,16 +119,16 @@ def check_layout(name: str, parts: ScriptParts) -> Iterator[Diagnostic]:
     for piece in parts.fixed:
         if not piece.is_shipped:
             detail = (
-                f"{piece.says} has the SHA-256 {part_digest(piece.text)[:12]}, not {part_digest(piece.shipped)[:12]}"
+                f"{piece.title} has the SHA-256 {part_digest(piece.text)[:12]}, not {part_digest(piece.shipped)[:12]}"
             )
             place = Place(file=name, line=piece.first, column=1)
             yield RUNTIME.at(place, detail, "render the script again; only its steps may differ from another's")
-    for says in (*head_problems(parts.head), *_carried_problems(parts), *_comment_problems(parts.steps)):
-        yield HEAD.at(top, says, "render the script again")
-    if parts.fixed and not parts.steps.startswith(_front()):
-        says = "behind what is fixed stands something else than the opening of the run"
-        yield HEAD.at(Place(file=name, line=parts.steps_line + 1, column=1), says, "render the script again")
-    if parts.fixed and not parts.steps.endswith(_tail()):
+    for problem in (*head_problems(parts.head), *_carried_problems(parts), *_comment_problems(parts.steps)):
+        yield HEAD.at(top, problem, "render the script again")
+    if parts.fixed and not parts.steps.startswith(_opening()):
+        problem = "behind what is fixed stands something else than the opening of the run"
+        yield HEAD.at(Place(file=name, line=parts.steps_line + 1, column=1), problem, "render the script again")
+    if parts.fixed and not parts.steps.endswith(_closing()):
         yield HEAD.at(top, "the last lines are not those of a script of rarms", "render the script again")
 
 
@@ -145,20 +145,20 @@ def _carried_problems(parts: ScriptParts) -> Iterator[str]:
 
 def _comment_problems(steps: str) -> tuple[str, ...]:
     try:
-        return tuple(_heeded(tokens(steps)))
+        return tuple(_directive_problems(tokens(steps)))
     except NotTokens:
         return ()  # that is told of the steps
 
 
-def _heeded(found: Iterable[Token]) -> Iterator[str]:
+def _directive_problems(found: Iterable[Token]) -> Iterator[str]:
     """Comments that are more to PowerShell: `#Requires` counts wherever it stands, and imports what it names."""
     for token in found:
         low = token.text.lower()
-        if token.kind is TokenKind.COMMENT and (low.startswith(("<#", "# sig #")) or _asks(token)):
+        if token.kind is TokenKind.COMMENT and (low.startswith(("<#", "# sig #")) or _is_requires(token)):
             yield f"PowerShell may heed the comment {token.text[:40]!r}"
 
 
-def _asks(token: Token) -> bool:
+def _is_requires(token: Token) -> bool:
     return token.kind is TokenKind.COMMENT and token.text.lower().startswith("#requires")
 
 
@@ -166,11 +166,11 @@ def check_end(name: str, text: str) -> Iterator[Diagnostic]:
     """A read-only script asks for its version alone, and ends with its exit code: what stood behind would never run."""
     place = Place(file=name, line=1, column=1)
     first, *found = tokens(text)
-    for says in (
-        *_heeded(found),
+    for problem in (
+        *_directive_problems(found),
         *([] if first.text == "#Requires -Version 5.1" else ["it does not ask for 5.1 first"]),
     ):
-        yield HEAD.at(place, says, "render the script again")
+        yield HEAD.at(place, problem, "render the script again")
     if not text.endswith("\r\nexit 0\r\n"):
         place = Place(file=name, line=text.count("\n"), column=1)
         yield HEAD.at(place, "the script does not end with exit 0", "render the script again")
@@ -200,17 +200,17 @@ def head_problems(head: str) -> tuple[str, ...]:
 def _head_problems(found: tuple[Token, ...]) -> Iterator[str]:
     if not found or any(token.kind not in (TokenKind.COMMENT, TokenKind.NEWLINE) for token in found):
         yield "there is more than comments before the runtime"
-    asked = [token.text[len("#requires ") :] for token in found if _asks(token)]
-    yield from _heeded(token for token in found if not _asks(token))
+    asked = [token.text[len("#requires ") :] for token in found if _is_requires(token)]
+    yield from _directive_problems(token for token in found if not _is_requires(token))
     if not set(_REQUIRED) <= set(asked) <= {*_REQUIRED, *_OPTIONAL}:
         yield f"it asks for {', '.join(asked) or 'nothing'}"
 
 
-def _front() -> str:
+def _opening() -> str:
     """What stands before the run's facts in the template."""
     return read("script.ps1.j2").partition("{{ text }}\n{% endfor %}\n")[2].partition("{{")[0]
 
 
-def _tail() -> str:
+def _closing() -> str:
     """What follows the last step in the template."""
     return read("script.ps1.j2").rpartition("{% endfor %}\n")[2]

@@ -60,7 +60,7 @@ class Channel:
                 pipe.close()
 
     @property
-    def said_beside(self) -> tuple[str, ...]:
+    def error_lines(self) -> tuple[str, ...]:
         """The last lines of its standard error."""
         return tuple(self._errors)
 

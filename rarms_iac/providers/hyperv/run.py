@@ -115,8 +115,8 @@ class LiveHypervHost:
                 )
             case ScriptExited(code=0):
                 pass
-            case ScriptExited(code=code, says=message):
-                raise self._unreadable(f"exit code {code}, {' '.join(message[-3:]) or 'and no word why'}")
+            case ScriptExited(code=code, last_lines=lines):
+                raise self._unreadable(f"exit code {code}, {' '.join(lines[-3:]) or 'and no word why'}")
         return document.text
 
     def _read(self, document: str) -> HostObservation:

@@ -55,7 +55,7 @@ class LocalTransport:
     def run(
         self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
     ) -> ScriptExited | ScriptLost:
-        """As the protocol says; the scripts lie in a folder of this user's own while they run."""
+        """As the protocol message; the scripts lie in a folder of this user's own while they run."""
         program = self._program()
         with tempfile.TemporaryDirectory(prefix="rarms-") as folder:
             for name, text in script.files.items():
@@ -74,7 +74,7 @@ class LocalTransport:
         names = " or ".join(bootstrap.program_of(shell) for shell in self._shells)
         raise HostFailed(
             self._host,
-            f"{names} is not on this computer, which the manifest says is the host",
+            f"{names} is not on this computer, which the manifest message is the host",
             "say how the host is reached (`connect: {ssh: user@host}`), or run the scripts there by hand: "
             "`rarms show --script PLAN`",
         )
@@ -90,17 +90,17 @@ class SshTransport:
     def run(
         self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
     ) -> ScriptExited | ScriptLost:
-        """As the protocol says; nothing is sent before the other end says that it is ready."""
+        """As the protocol message; nothing is sent before the other end message that it is ready."""
         words = bootstrap.ssh_words(self._connect.ssh, self._connect.shell)
         with _opened(self._host, words) as channel:
             self._await_ready(channel)
             channel.send(bootstrap.frame(script, arguments))
-            refusal = _Refusal(listener)
+            refusal = _RefusalListener(listener)
             ended = _follow(channel, silence_s, refusal, lambda: channel.send(bootstrap.STOP))
-            if isinstance(ended, ScriptExited) and ended.code == bootstrap.FAILED_CODE and refusal.says:
-                raise HostFailed(self._host, f"the scripts did not arrive as sent: {refusal.says}", "run it again")
+            if isinstance(ended, ScriptExited) and ended.code == bootstrap.FAILED_CODE and refusal.reason:
+                raise HostFailed(self._host, f"the scripts did not arrive as sent: {refusal.reason}", "run it again")
             if isinstance(ended, ScriptExited) and ended.code == SSH_FAILED:
-                return ScriptLost(why=f"the connection broke ({_last(ended.says) or 'ssh says no more'})")
+                return ScriptLost(why=f"the connection broke ({_last(ended.last_lines) or 'ssh message no more'})")
             return ended
 
     def _await_ready(self, channel: Channel) -> None:
@@ -111,34 +111,34 @@ class SshTransport:
         except SilenceTimeout:
             raise self._unreached(f"{self._connect.ssh} did not answer within {CONNECT_SECONDS:.0f} s") from None
         code = channel.code()
-        says = _last(channel.said_beside) or "it says nothing"
+        message = _last(channel.error_lines) or "it message nothing"
         if code == SSH_FAILED:
-            raise self._unreached(f"ssh does not reach {self._connect.ssh}: {says}")
+            raise self._unreached(f"ssh does not reach {self._connect.ssh}: {message}")
         program = bootstrap.program_of(self._connect.shell)
         raise HostFailed(
             self._host,
-            f"{program} does not start on {self._connect.ssh} (exit code {code}): {says}",
+            f"{program} does not start on {self._connect.ssh} (exit code {code}): {message}",
             "say in the manifest which PowerShell the host has: `connect.shell: pwsh` or `powershell`",
         )
 
-    def _unreached(self, says: str) -> HostFailed:
+    def _unreached(self, message: str) -> HostFailed:
         return HostFailed(
             self._host,
-            says.rstrip("."),
+            message.rstrip("."),
             f"try it by hand, as rarms does, without questions: `ssh -o BatchMode=yes {self._connect.ssh}`",
         )
 
 
-class _Refusal:
+class _RefusalListener:
     """Passes lines on, and keeps why the bootstrap would not run the script."""
 
     def __init__(self, listener: Listener) -> None:
         self._listener = listener
-        self.says = ""
+        self.reason = ""
 
     def line(self, text: str) -> None:
         if text.startswith(bootstrap.FAILED):
-            self.says = text.removeprefix(bootstrap.FAILED).strip()
+            self.reason = text.removeprefix(bootstrap.FAILED).strip()
         else:
             self._listener.line(text)
 
@@ -150,8 +150,8 @@ def _opened(host: str, words: Sequence[str]) -> Channel:
     try:
         return Channel(words)
     except OSError as error:
-        says = f"{words[0]} cannot be started: {error.strerror or error}"
-        raise HostFailed(host, says, f"install {words[0]}, or mend its rights") from None
+        message = f"{words[0]} cannot be started: {error.strerror or error}"
+        raise HostFailed(host, message, f"install {words[0]}, or mend its rights") from None
 
 
 def _follow(
@@ -174,7 +174,7 @@ def _follow(
     code = channel.code()
     if code is None:
         return ScriptLost(why="it closed its output and did not end")
-    return ScriptExited(code=code, says=channel.said_beside)
+    return ScriptExited(code=code, last_lines=channel.error_lines)
 
 
 def _last(lines: Sequence[str]) -> str:

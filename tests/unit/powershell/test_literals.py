@@ -43,7 +43,7 @@ def test_what_has_no_literal_is_refused_with_its_facts(value: int | str) -> None
         literal(value)
 
     assert refused.value.value == value
-    assert refused.value.says
+    assert refused.value.why
 
 
 @given(st.one_of(st.booleans(), st.integers(0, LARGEST), st.text(max_size=60)))

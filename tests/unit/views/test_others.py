@@ -107,7 +107,7 @@ def progress(console: Console | None, *steps: Step, ended: int) -> str:
         for number, shown in enumerate(steps[:ended], 1):
             reporter.step_started("onboard", number, len(steps), shown)
             reporter.step_ended("onboard", number, len(steps), shown, StepStatus.CHANGED)
-        reporter.said("onboard", "\x1b[2Jwarning")
+        reporter.host_output("onboard", "\x1b[2Jwarning")
     return "".join(said)
 
 

@@ -87,7 +87,7 @@ class Told:
     def step_ended(self, host: str, number: int, total: int, step: ReportedStep, status: StepStatus) -> None:
         self.lines.append(f"{number}/{total} {step.address}: {step.title}: {status.value}")
 
-    def said(self, host: str, line: str) -> None:
+    def host_output(self, host: str, line: str) -> None:
         self.lines.append(f"said {line}")
 
 
@@ -159,7 +159,7 @@ def test_every_end_has_its_word(last: RunEvent, ends: ScriptExited | ScriptLost,
 
 
 def test_a_script_that_powershell_would_not_start_is_told_with_powershells_words() -> None:
-    report, _ = ran(ends=ScriptExited(code=1, says=("cell.ps1 cannot be run: it lacks the module Hyper-V",)))
+    report, _ = ran(ends=ScriptExited(code=1, last_lines=("cell.ps1 cannot be run: it lacks the module Hyper-V",)))
 
     assert "lacks the module Hyper-V (exit code 1)" in report.diagnostics[0].detail
 
