@@ -10,8 +10,8 @@ from datetime import date
 from fractions import Fraction
 
 from benchmarks.timing import Figure, interleaved, median_ratio, report, seconds
-from rarms_iac.apply.goals import HostGoal, goals_of
-from rarms_iac.apply.prepare import Prepared, Request, prepare
+from rarms_iac.applying.goals import HostGoal, goals_of
+from rarms_iac.applying.prepare import Prepared, Request, prepare
 from rarms_iac.diff.compare import compare
 from rarms_iac.diff.hold_back import hold_back
 from rarms_iac.diff.order import OrderedSteps, order

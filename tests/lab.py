@@ -7,10 +7,10 @@ from datetime import date
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from rarms_iac.apply.execute import apply_plan, finish_unfinished
-from rarms_iac.apply.prepare import Prepared, Request, prepare
-from rarms_iac.apply.run_report import RunReport, SilentReporter
-from rarms_iac.apply.undo import undo
+from rarms_iac.applying.execute import apply_plan, finish_unfinished
+from rarms_iac.applying.prepare import Prepared, Request, prepare
+from rarms_iac.applying.run_report import RunReport, SilentReporter
+from rarms_iac.applying.undo import undo
 from rarms_iac.model.operations import CreatePartition, RenamePartition, SetCpu, StartPartition
 from rarms_iac.model.plan import Plan, Scope
 from rarms_iac.model.state import State

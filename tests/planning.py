@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from rarms_iac.apply.goals import HostGoal, goals_of
+from rarms_iac.applying.goals import HostGoal, goals_of
 from rarms_iac.diff.compare import Difference, compare
 from rarms_iac.diff.hold_back import HeldChanges, hold_back
 from rarms_iac.diff.order import Cycle, OrderedSteps, order

@@ -8,9 +8,9 @@ from rarms_iac.app.files import STANDARD_INPUT, folder_of
 from rarms_iac.app.hosts import hold_hosts, owner
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.wiring import open_host, unfinished_beside
-from rarms_iac.apply.execute import apply_plan, finish_unfinished
-from rarms_iac.apply.run_report import RunEnding, RunReport
-from rarms_iac.apply.undo import abandon
+from rarms_iac.applying.execute import apply_plan, finish_unfinished
+from rarms_iac.applying.run_report import RunEnding, RunReport
+from rarms_iac.applying.undo import abandon
 from rarms_iac.model.plan import Plan
 from rarms_iac.providers.interface import NO_WAITING, LiveHost, WaitLimits
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol
 
-from rarms_iac.apply.run_report import RunReporter, SilentReporter
+from rarms_iac.applying.run_report import RunReporter, SilentReporter
 from rarms_iac.measuring.loop import MeasuringReporter, SilentMeasuringReporter
 from rarms_iac.model.diagnostics import Diagnostic, Sources
 

@@ -7,8 +7,8 @@ from rarms_iac.app.errors import UseCaseError
 from rarms_iac.app.hosts import Hosts, last_runs, observe_hosts
 from rarms_iac.app.planning import PlanRequest, outcome_of, planner_request
 from rarms_iac.app.requests import PlanLimits
-from rarms_iac.apply.host_drift import drift_of_hosts
-from rarms_iac.apply.prepare import prepare
+from rarms_iac.applying.host_drift import drift_of_hosts
+from rarms_iac.applying.prepare import prepare
 from rarms_iac.diff.drift import DriftKind, ResourceDrift, partitions_after_last_run
 from rarms_iac.model.changes import Address, Change
 from rarms_iac.model.diagnostics import has_errors

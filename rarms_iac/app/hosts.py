@@ -12,8 +12,8 @@ from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.snapshots import Snapshots, add_guest_tasks, read_snapshots
 from rarms_iac.app.wiring import open_host, state_path
-from rarms_iac.apply import refusals
-from rarms_iac.apply.run_steps import hold
+from rarms_iac.applying import refusals
+from rarms_iac.applying.run_steps import hold
 from rarms_iac.model.journal import Journal, ScriptRun
 from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import System

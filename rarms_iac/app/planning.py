@@ -7,10 +7,10 @@ from rarms_iac.app.data_logs import measured_reservations, measurements_of
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.hosts import Hosts, observe_hosts, refuse_unfinished
 from rarms_iac.app.requests import HostSelection, PlanLimits
-from rarms_iac.apply.doctor.examine import DOCTOR_ONLY_CODES
-from rarms_iac.apply.goals import FIXED
-from rarms_iac.apply.preconditions import NO_RIGHTS
-from rarms_iac.apply.prepare import Judge, Request, prepare
+from rarms_iac.applying.doctor.examine import DOCTOR_ONLY_CODES
+from rarms_iac.applying.goals import FIXED
+from rarms_iac.applying.preconditions import NO_RIGHTS
+from rarms_iac.applying.prepare import Judge, Request, prepare
 from rarms_iac.diff.compare_partitions import NOT_AT_REST
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
@@ -107,7 +107,7 @@ def hosts_with_partition(hosts: Hosts, partition: str) -> Hosts:
 
 
 def planner_request(hosts: Hosts, request: PlanRequest, states: Mapping[str, State]) -> Request:
-    """What `apply.prepare` is asked.
+    """What `applying.prepare` is asked.
 
     Args:
         hosts: the manifest and the chosen hosts.

@@ -17,7 +17,7 @@ from rarms_iac.app.measurement_files import hold_configuration_logs, now
 from rarms_iac.app.planning import PlanRequest, outcome_of, planner_request
 from rarms_iac.app.requests import PlanLimits
 from rarms_iac.app.wiring import open_bench
-from rarms_iac.apply.prepare import prepare
+from rarms_iac.applying.prepare import prepare
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.findings import show_index, show_threshold
 from rarms_iac.measuring.partitions import host_budget

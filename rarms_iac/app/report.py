@@ -23,7 +23,7 @@ from rarms_iac.app.report_measurements import LogBesideManifest, report_of
 from rarms_iac.app.report_model import ComponentProof, HostStatus, Report
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.tuning_log import tunings_of
-from rarms_iac.apply.host_drift import drift_of_hosts
+from rarms_iac.applying.host_drift import drift_of_hosts
 from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity, has_errors

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.files import make_folder, read_file, refuse_plan_file, write_file
-from rarms_iac.apply.scripts import scripts_of
+from rarms_iac.applying.scripts import scripts_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.plan import HostPlan, Plan
 from rarms_iac.model.wording import suggestion

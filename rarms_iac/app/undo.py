@@ -7,9 +7,9 @@ from rarms_iac.app.applying import combine_reports
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
 from rarms_iac.app.errors import RequestError
 from rarms_iac.app.hosts import Hosts, hold_hosts, host_errors, owner
-from rarms_iac.apply.run_report import RunReport
-from rarms_iac.apply.run_script import UndoneStep
-from rarms_iac.apply.undo import can_be_undone, not_undone_findings, steps_undone, undo
+from rarms_iac.applying.run_report import RunReport
+from rarms_iac.applying.run_script import UndoneStep
+from rarms_iac.applying.undo import can_be_undone, not_undone_findings, steps_undone, undo
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Journal, RunStarted, ScriptRun, ScriptStarted
 from rarms_iac.providers.interface import NO_WAITING, LiveHost, WaitLimits

@@ -8,7 +8,7 @@ from rarms_iac.app.files import write_file
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.planning import PlanRequest
 from rarms_iac.app.planning import plan as make_plan
-from rarms_iac.apply.run_report import RunEnding, RunReport
+from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.interrupts import Interrupted
 from rarms_iac.cli.messages import TerminalReporter, tell

@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Self
 
 from rarms_iac.app.files import write_file
-from rarms_iac.apply.run_report import RunReporter
+from rarms_iac.applying.run_report import RunReporter
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.terminal import Terminal

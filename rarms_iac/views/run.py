@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from rarms_iac.apply.refusals import UNDO_PARTIAL
-from rarms_iac.apply.run_report import HostReport, ReportedStep, RunEnding, RunReport
-from rarms_iac.apply.run_script import UndoneStep
+from rarms_iac.applying.refusals import UNDO_PARTIAL
+from rarms_iac.applying.run_report import HostReport, ReportedStep, RunEnding, RunReport
+from rarms_iac.applying.run_script import UndoneStep
 from rarms_iac.model.journal import RunKind, RunStarted, ScriptStarted, StepStatus
 from rarms_iac.model.plan import UndoLevel
 from rarms_iac.views.as_json import as_json

@@ -15,7 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
-from rarms_iac.apply.prepare import Request, prepare
+from rarms_iac.applying.prepare import Request, prepare
 from rarms_iac.manifest.load import load
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.providers.hyperv.observation import read_observation

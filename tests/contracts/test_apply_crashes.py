@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.apply.execute import apply_plan, finish_unfinished
-from rarms_iac.apply.prepare import Request, prepare
-from rarms_iac.apply.run_report import RunEnding, RunReport, SilentReporter
-from rarms_iac.apply.undo import undo
+from rarms_iac.applying.execute import apply_plan, finish_unfinished
+from rarms_iac.applying.prepare import Request, prepare
+from rarms_iac.applying.run_report import RunEnding, RunReport, SilentReporter
+from rarms_iac.applying.undo import undo
 from rarms_iac.model.diagnostics import Place
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.state import Partition

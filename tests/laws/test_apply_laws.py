@@ -3,7 +3,7 @@
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from rarms_iac.apply.run_report import RunEnding
+from rarms_iac.applying.run_report import RunEnding
 from rarms_iac.model.state import Partition, State
 from rarms_iac.model.system import System
 from rarms_iac.storage.plan_file import read_plan, write_plan

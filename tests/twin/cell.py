@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import date
 
-from rarms_iac.apply.prepare import Prepared, Request, prepare
+from rarms_iac.applying.prepare import Prepared, Request, prepare
 from rarms_iac.model.diagnostics import Places
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.state import State

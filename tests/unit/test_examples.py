@@ -11,10 +11,10 @@ import jsonschema
 import pytest
 
 from rarms_iac.app.data_logs import Measurements, measured_reservations
-from rarms_iac.apply.execute import apply_plan
-from rarms_iac.apply.prepare import Prepared, Request, prepare
-from rarms_iac.apply.run_report import RunEnding, SilentReporter
-from rarms_iac.apply.run_steps import hold
+from rarms_iac.applying.execute import apply_plan
+from rarms_iac.applying.prepare import Prepared, Request, prepare
+from rarms_iac.applying.run_report import RunEnding, SilentReporter
+from rarms_iac.applying.run_steps import hold
 from rarms_iac.manifest.checks import run_checks
 from rarms_iac.manifest.document.schema import manifest_schema
 from rarms_iac.manifest.edit.formatting import format_text

@@ -10,7 +10,7 @@ from rarms_iac.app.hosts import Hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.planning import PlanRequest
 from rarms_iac.app.requests import HostSelection, ManifestSource, PlanLimits
-from rarms_iac.apply.run_report import RunEnding
+from rarms_iac.applying.run_report import RunEnding
 from rarms_iac.cli.applying import ended, finish_first, plan_ask_apply, run
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import RunOptions, change_options, host_options, json_option, manifest_options, run_options

@@ -4,7 +4,7 @@ import sys
 import pytest
 
 from rarms_iac.app.errors import Outcome, UseCaseError
-from rarms_iac.apply.run_report import RunEnding
+from rarms_iac.applying.run_report import RunEnding
 from rarms_iac.cli.applying import ask, code_of
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.interrupts import Interrupted

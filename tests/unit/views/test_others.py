@@ -5,9 +5,9 @@ from dataclasses import replace
 from rich.console import Console
 
 from rarms_iac.app.drift import HostDrift
-from rarms_iac.apply.refusals import UNDO_PARTIAL
-from rarms_iac.apply.run_report import HostReport, RunEnding, RunReport
-from rarms_iac.apply.run_script import UndoneStep
+from rarms_iac.applying.refusals import UNDO_PARTIAL
+from rarms_iac.applying.run_report import HostReport, RunEnding, RunReport
+from rarms_iac.applying.run_script import UndoneStep
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind, RunStarted, StepStatus

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Iterator
 
-from rarms_iac.apply.doctor import machines, windows
-from rarms_iac.apply.doctor.examination import Examination
+from rarms_iac.applying.doctor import machines, windows
+from rarms_iac.applying.doctor.examination import Examination
 from rarms_iac.diff.compare_partitions import foreign_marks
 from rarms_iac.model.diagnostics import Diagnostic, in_order
 

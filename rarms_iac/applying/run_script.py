@@ -7,9 +7,9 @@ nobody heard its end, nothing is guessed: the host's journal knows, and the next
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from rarms_iac.apply import refusals
-from rarms_iac.apply.run_report import HostReport, RunEnding, RunReport, RunReporter, SilentReporter, TitledStep
-from rarms_iac.apply.run_steps import ShouldStop
+from rarms_iac.applying import refusals
+from rarms_iac.applying.run_report import HostReport, RunEnding, RunReport, RunReporter, SilentReporter, TitledStep
+from rarms_iac.applying.run_steps import ShouldStop
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import RunKind, ScriptRun, StepStatus
 from rarms_iac.model.plan import HostPlan, UndoLevel

@@ -2,9 +2,9 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.apply.plan_summary import threads_of
-from rarms_iac.apply.review.host_effects import classes_above, review_task_classes
-from rarms_iac.apply.review.reviewed_plan import ReviewedPlan
+from rarms_iac.applying.plan_summary import threads_of
+from rarms_iac.applying.review.host_effects import classes_above, review_task_classes
+from rarms_iac.applying.review.reviewed_plan import ReviewedPlan
 from rarms_iac.model.plan import HostPlan, Purpose, ThreadClass
 from rarms_iac.model.state import RegistryValue, State, TaskClass, TaskRecord, ValueKind
 from rarms_iac.planner.task_classes import classes_of

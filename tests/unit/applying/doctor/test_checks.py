@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.apply.doctor.examination import Examination
-from rarms_iac.apply.doctor.examine import DOCTOR_ONLY_CODES, examine
-from rarms_iac.apply.doctor.windows import effective_responsiveness
+from rarms_iac.applying.doctor.examination import Examination
+from rarms_iac.applying.doctor.examine import DOCTOR_ONLY_CODES, examine
+from rarms_iac.applying.doctor.windows import effective_responsiveness
 from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.state import HostFacts, Partition, RegistryValue, Rights, RunState, State, ValueKind

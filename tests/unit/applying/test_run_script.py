@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
-from rarms_iac.apply.run_report import ReportedStep, RunEnding, RunReport
-from rarms_iac.apply.run_script import ScriptJob, finish_job, run_job
+from rarms_iac.applying.run_report import ReportedStep, RunEnding, RunReport
+from rarms_iac.applying.run_script import ScriptJob, finish_job, run_job
 from rarms_iac.model.journal import RunKind, ScriptRun, ScriptStarted, StepRecorded, StepStatus
 from rarms_iac.model.state import State
 from rarms_iac.providers.interface import (

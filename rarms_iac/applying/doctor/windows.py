@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from rarms_iac.apply.doctor.examination import Examination
-from rarms_iac.apply.preconditions import no_rights, scheduler_findings
+from rarms_iac.applying.doctor.examination import Examination
+from rarms_iac.applying.preconditions import no_rights, scheduler_findings
 from rarms_iac.model.condition import PolicyScope
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.mmcss import OFF, USUAL, taken_for

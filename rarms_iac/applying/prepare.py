@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from datetime import date
 
 from rarms_iac import __version__
-from rarms_iac.apply.adoption import adoption, releasing
-from rarms_iac.apply.goals import FIXED, Goals, HostGoal, goals_of, goals_of_removal
-from rarms_iac.apply.plan_summary import totals_of
-from rarms_iac.apply.review.review_plan import review_plan
-from rarms_iac.apply.review.reviewed_plan import ReviewedPlan
-from rarms_iac.apply.scripts import guest_scripts_by_hand, guest_task, of_the_host_itself, with_scripts
+from rarms_iac.applying.adoption import adoption, releasing
+from rarms_iac.applying.goals import FIXED, Goals, HostGoal, goals_of, goals_of_removal
+from rarms_iac.applying.plan_summary import totals_of
+from rarms_iac.applying.review.review_plan import review_plan
+from rarms_iac.applying.review.reviewed_plan import ReviewedPlan
+from rarms_iac.applying.scripts import guest_scripts_by_hand, guest_task, of_the_host_itself, with_scripts
 from rarms_iac.diff.compare import Difference, compare
 from rarms_iac.diff.digests import part_digests
 from rarms_iac.diff.hold_back import hold_back

@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import assert_never
 
-from rarms_iac.apply import refusals
-from rarms_iac.apply.run_report import RunEnding, RunReport, RunReporter
-from rarms_iac.apply.run_script import apply_job, finish_job, run_job
-from rarms_iac.apply.run_steps import ShouldStop, combined_report, run_steps
-from rarms_iac.apply.undo import raised_serials, without_rights
+from rarms_iac.applying import refusals
+from rarms_iac.applying.run_report import RunEnding, RunReport, RunReporter
+from rarms_iac.applying.run_script import apply_job, finish_job, run_job
+from rarms_iac.applying.run_steps import ShouldStop, combined_report, run_steps
+from rarms_iac.applying.undo import raised_serials, without_rights
 from rarms_iac.diff.digests import moved_parts, part_digests
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Closing, Journal, RunKind, RunStarted, ScriptRun

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from rarms_iac.apply.goals import FIXED, goals_of
+from rarms_iac.applying.goals import FIXED, goals_of
 from rarms_iac.diff.drift import ResourceDrift, drift
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.state import State

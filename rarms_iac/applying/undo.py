@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import assert_never
 
-from rarms_iac.apply import refusals
-from rarms_iac.apply.preconditions import no_rights
-from rarms_iac.apply.run_report import RunEnding, RunReport, RunReporter
-from rarms_iac.apply.run_script import (
+from rarms_iac.applying import refusals
+from rarms_iac.applying.preconditions import no_rights
+from rarms_iac.applying.run_report import RunEnding, RunReport, RunReporter
+from rarms_iac.applying.run_script import (
     UndoneStep,
     abandon_script,
     finish_job,
@@ -16,7 +16,7 @@ from rarms_iac.apply.run_script import (
     steps_undone_by_script,
     undo_job,
 )
-from rarms_iac.apply.run_steps import ShouldStop, run_steps
+from rarms_iac.applying.run_steps import ShouldStop, run_steps
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import Closing, Journal, RunClosed, RunKind, RunStarted, ScriptRun
 from rarms_iac.model.operations import (

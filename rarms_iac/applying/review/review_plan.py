@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Iterator
 
-from rarms_iac.apply.review import changes, host_effects
-from rarms_iac.apply.review.reviewed_plan import ReviewedPlan
+from rarms_iac.applying.review import changes, host_effects
+from rarms_iac.applying.review.reviewed_plan import ReviewedPlan
 from rarms_iac.model.diagnostics import Diagnostic
 
 REVIEWS: tuple[Callable[[ReviewedPlan], Iterator[Diagnostic]], ...] = (

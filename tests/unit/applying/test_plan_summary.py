@@ -1,6 +1,6 @@
 from dataclasses import replace
 
-from rarms_iac.apply.plan_summary import totals_of
+from rarms_iac.applying.plan_summary import totals_of
 from rarms_iac.model.changes import Address
 from rarms_iac.model.plan import Claim, Purpose, Step, Totals
 from rarms_iac.model.state import State

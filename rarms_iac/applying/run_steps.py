@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
-from rarms_iac.apply import refusals
-from rarms_iac.apply.run_report import HostReport, RunEnding, RunReport, RunReporter
+from rarms_iac.applying import refusals
+from rarms_iac.applying.run_report import HostReport, RunEnding, RunReport, RunReporter
 from rarms_iac.diff.readings import readings
 from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic

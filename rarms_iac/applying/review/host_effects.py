@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 
-from rarms_iac.apply.review.reviewed_plan import ReviewedPlan
+from rarms_iac.applying.review.reviewed_plan import ReviewedPlan
 from rarms_iac.model.capacity import claim_of_settings, foreign_claims, packs_by_size
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.mmcss import thread_priority

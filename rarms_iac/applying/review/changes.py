@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
-from rarms_iac.apply.doctor.machines import WIDE_MACHINE
-from rarms_iac.apply.goals import disk_verdicts
-from rarms_iac.apply.review.reviewed_plan import ReviewedPlan, settings_after_change
+from rarms_iac.applying.doctor.machines import WIDE_MACHINE
+from rarms_iac.applying.goals import disk_verdicts
+from rarms_iac.applying.review.reviewed_plan import ReviewedPlan, settings_after_change
 from rarms_iac.model.changes import Delete, Update
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.operations import CreatePartition, RemoveDisk, RemovePartition, StopPartition

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from rarms_iac.apply.plan_summary import threads_of
-from rarms_iac.apply.preconditions import ignored_reserves, unproven_rights
+from rarms_iac.applying.plan_summary import threads_of
+from rarms_iac.applying.preconditions import ignored_reserves, unproven_rights
 from rarms_iac.diff.claims import StepBudget, budget_of
 from rarms_iac.diff.compare_partitions import FOREIGN_AT_NAME, machine_in_the_way
 from rarms_iac.diff.comparison import ManifestRules

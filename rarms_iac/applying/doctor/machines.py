@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from rarms_iac.apply.doctor.examination import Examination, machine_title
+from rarms_iac.applying.doctor.examination import Examination, machine_title
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.state import RunState
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.apply.run_report import RunEnding
-from rarms_iac.apply.undo import abandon, steps_undone
+from rarms_iac.applying.run_report import RunEnding
+from rarms_iac.applying.undo import abandon, steps_undone
 from rarms_iac.model.operations import SetCpu
 from rarms_iac.model.plan import Purpose, Scope
 from rarms_iac.model.quantities import Bytes
