@@ -1,4 +1,4 @@
-"""`policy.accept`: findings that are known and borne, where, why, and until when (DESIGN section 9)."""
+"""`policy.accept`: findings that are known and accepted, where, why, and until when (DESIGN section 9)."""
 
 from collections.abc import Collection, Iterator, Sequence
 from datetime import date
@@ -11,12 +11,14 @@ from rarms_iac.storage.finding_pages import finding_page, known_codes, may_be_ac
 EXPIRED = Finding(code="RARMS095", severity=Severity.WARNING, summary="An acceptance has expired", acceptable=False)
 UNUSED = Finding(code="RARMS096", severity=Severity.WARNING, summary="An acceptance is not used", acceptable=False)
 UNKNOWN = Finding(code="RARMS097", severity=Severity.ERROR, summary="An acceptance of a finding that does not exist")
-REFUSED = Finding(code="RARMS098", severity=Severity.ERROR, summary="A finding that cannot be accepted")
+REFUSED = Finding(
+    code="RARMS098", severity=Severity.ERROR, summary="An acceptance names a finding that cannot be accepted"
+)
 FINDINGS = (EXPIRED, UNUSED, UNKNOWN, REFUSED)
 
 
 def check_acceptances(policy: Policy, places: Places, today: date) -> Iterator[Diagnostic]:
-    """What is wrong with the acceptances themselves, whatever the run finds; `today` is a day in UTC."""
+    """Report what is wrong with the acceptances themselves; `today` is a day in UTC."""
     for acceptance in policy.accept.values():
         page = finding_page(acceptance.code)
         where = ("policy", "accept", acceptance.code)
@@ -30,16 +32,15 @@ def check_acceptances(policy: Policy, places: Places, today: date) -> Iterator[D
             yield REFUSED.at(
                 places.key(*where),
                 f"{acceptance.code} has the severity {severity_line(page)}: only warnings can be accepted, "
-                "and errors where "
-                "their page says so.",
-                f"Remove the acceptance; `rarms explain {acceptance.code}` says how to mend what it finds.",
+                "and errors whose page says so.",
+                f"Remove the acceptance; `rarms explain {acceptance.code}` shows how to correct its cause.",
             )
         elif has_expired(acceptance, today):
             yield EXPIRED.at(
                 places.value(*where, "until"),
-                f"{acceptance.code} was accepted until {acceptance.until}, and today is {today} (UTC): "
-                "it is shown again.",
-                "Mend what it finds, or look at the reason again and set a later day.",
+                f"{acceptance.code} was accepted until {acceptance.until}, but today is {today} (UTC). "
+                "The finding is shown again.",
+                "Correct its cause, or check the reason again and set a later day.",
             )
 
 
@@ -51,17 +52,17 @@ def apply_acceptances(
     *,
     codes: Collection[str] | None = None,
 ) -> tuple[tuple[Diagnostic, ...], tuple[Diagnostic, ...]]:
-    """What is kept, with a finding for every acceptance that silenced nothing; and what is accepted.
+    """Split findings into those to show and those that the policy accepts.
 
     Args:
-        diagnostics: everything that the run found, in order.
+        diagnostics: all findings of the run, in order.
         policy: the manifest's.
-        places: where the manifest says so.
+        places: the places in the manifest.
         today: a day in UTC.
-        codes: the codes that this run could have found. An acceptance of another code is not called unused: it
+        codes: the codes that this run can find. An acceptance of another code is not called unused: it
             may be meant for another command. None: every code.
     """
-    valid = {acceptance.code: acceptance for acceptance in policy.accept.values() if silences(acceptance, today)}
+    valid = {acceptance.code: acceptance for acceptance in policy.accept.values() if is_in_force(acceptance, today)}
     accepted = tuple(diagnostic for diagnostic in diagnostics if _covers(valid.get(diagnostic.code), diagnostic))
     kept = [diagnostic for diagnostic in diagnostics if not _covers(valid.get(diagnostic.code), diagnostic)]
     used = {(diagnostic.code, diagnostic.address) for diagnostic in accepted}
@@ -71,8 +72,8 @@ def apply_acceptances(
     return in_order(kept), accepted
 
 
-def silences(acceptance: Acceptance, today: date) -> bool:
-    """Whether it is in force: a finding that may be accepted, on a day up to and including its last."""
+def is_in_force(acceptance: Acceptance, today: date) -> bool:
+    """Whether its finding may be accepted, and the day is not after its last."""
     page = finding_page(acceptance.code)
     return page is not None and may_be_accepted(page) and not has_expired(acceptance, today)
 
@@ -92,5 +93,5 @@ def _unused(acceptance: Acceptance, used: Collection[tuple[str, str]], places: P
             yield UNUSED.at(
                 places.value("policy", "accept", acceptance.code, "at", number),
                 f"{acceptance.code} does not occur at {address}.",
-                "Remove it, so that the finding is seen should it come back; or correct the address.",
+                "Remove it, so that you see the finding if it comes back, or correct the address.",
             )

@@ -1,4 +1,4 @@
-"""The whole route: files that a user names -> System, with everything there is to tell about them."""
+"""The whole route: files that a user names -> `System`, with every finding about them."""
 
 import hashlib
 import os
@@ -19,7 +19,7 @@ DEFAULT_NAME = "rarms.yaml"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loaded:
-    """A manifest with its overlays; `system` is None where the text does not say one."""
+    """A manifest with its overlays; `system` is None where an error prevents one."""
 
     system: System | None
     places: Places
@@ -39,11 +39,6 @@ def manifest_path(path: str) -> str:
     return str(Path(path) / DEFAULT_NAME) if path != STANDARD_INPUT and Path(path).is_dir() else path
 
 
-def no_checks(_system: System, _places: Places, _today: date) -> Sequence[Diagnostic]:
-    """Takes the meaning on trust."""
-    return ()
-
-
 def run_checks(system: System, places: Places, today: date) -> Sequence[Diagnostic]:
     """Every check that needs the manifest only."""
     from rarms_iac.manifest import checks
@@ -58,15 +53,16 @@ def load(
     today: date,
     checks: Callable[[System, Places, date], Iterable[Diagnostic]] = run_checks,
 ) -> Loaded:
-    """Reads a manifest and its overlays (later wins), and looks at what they mean.
+    """Read a manifest and its overlays (later wins), and check what they mean.
 
     Args:
-        path: a regular file, or `-` for standard input; `manifest_path` finds the one in a folder.
-        overlays: files that differ from it in part.
-        today: the day that acceptances expire against.
-        checks: what looks at the meaning, once the structure holds.
+        path: a regular file, or `-` for standard input; `manifest_path` finds the manifest in a folder.
+        overlays: files with the keys that differ.
+        today: the day in UTC that acceptances expire against.
+        checks: judges the `System`; called only where the structure is right.
 
-    Never raises for what a user wrote: that stands in the diagnostics.
+    Returns:
+        The `System`, or None, with ordered diagnostics. What a user wrote never raises.
     """
     texts = [read(path), *(read(overlay, overlay=True) for overlay in overlays)]
     if any(not text.readable for text in texts):
@@ -77,10 +73,10 @@ def load(
     combined = combine(texts)
     if combined.diagnostics:
         return _loaded(texts, None, combined.places, list(combined.diagnostics))
-    system, found = _to_system(combined)
+    system, findings = _to_system(combined)
     if system is not None:
-        found = [*found, *checks(system, combined.places, today)]
-    return _loaded(texts, system, combined.places, found)
+        findings = [*findings, *checks(system, combined.places, today)]
+    return _loaded(texts, system, combined.places, findings)
 
 
 def _to_system(combined: Combined) -> tuple[System | None, list[Diagnostic]]:
@@ -98,24 +94,21 @@ def _to_system(combined: Combined) -> tuple[System | None, list[Diagnostic]]:
 
 
 def _is_empty(text: ParsedText, *, overlay: bool) -> Diagnostic:
-    return EMPTY.at(
-        Place(file=text.source.file, line=1, column=1),
-        "There is nothing in it but comments.",
-        "Write what differs from the manifest, or leave the overlay out."
-        if overlay
-        else "Write a manifest, or let `rarms init` write one.",
-    )
+    advice = "Write a manifest, or let `rarms init` write one."
+    if overlay:
+        advice = "Write the keys that differ from the manifest, or do not use the overlay."
+    return EMPTY.at(Place(file=text.source.file, line=1, column=1), "The file has only comments.", advice)
 
 
-def _loaded(texts: list[ParsedText], system: System | None, places: Places, found: list[Diagnostic]) -> Loaded:
+def _loaded(texts: list[ParsedText], system: System | None, places: Places, findings: list[Diagnostic]) -> Loaded:
     digest = hashlib.sha256()
     for text in texts:
         digest.update(hashlib.sha256(text.source.data).digest())
-    said = [*(diagnostic for text in texts for diagnostic in text.diagnostics), *found]
+    about_texts = [diagnostic for text in texts for diagnostic in text.diagnostics]
     return Loaded(
-        system=None if has_errors([diagnostic for text in texts for diagnostic in text.diagnostics]) else system,
+        system=None if has_errors(about_texts) else system,
         places=places,
-        diagnostics=in_order(said),
+        diagnostics=in_order([*about_texts, *findings]),
         sources={text.source.file: text.source.lines for text in texts},
         folder=texts[0].source.folder or os.curdir,
         digest=digest.hexdigest(),

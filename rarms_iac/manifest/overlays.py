@@ -1,7 +1,7 @@
 """Overlays: maps merge, everything else replaces, `null` removes (DESIGN section 1).
 
-Trees with positions are merged, so that every value remembers the file that said it. Paths are rewritten to be
-relative to the manifest's folder, since the file that says them may lie elsewhere.
+Trees with positions are merged, so that every value remembers its file. Paths are rewritten to be
+relative to the manifest's folder, because the overlay may be in another folder.
 """
 
 import os
@@ -38,7 +38,7 @@ YamlPath = tuple[str | int, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Combined:
-    """The values after all overlays, and where each stands."""
+    """The values after all overlays, and the place of each."""
 
     value: Any
     places: Places
@@ -105,7 +105,7 @@ def _relative(node: Any, written_in: str, to: str, path: YamlPath) -> Any:
 
 
 def _names_a_file(word: str, folder: str) -> bool:
-    """Whether a word of a command means a file beside the one that says it, and not an option or a program."""
+    """Whether a word of a command names a file in this folder, and not an option or a program."""
     if word.startswith(("./", "../")):
         return True
     try:

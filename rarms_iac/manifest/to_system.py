@@ -81,7 +81,7 @@ from rarms_iac.model.system import (
 
 
 def to_host(name: str, block: HostBlock) -> Host:
-    """A host with its defaults; its platform is its own name unless it says otherwise."""
+    """A host with its defaults; its platform is its own name by default."""
     keep = block.keep_for_host or KeepForHostBlock()
     return Host(
         name=name,
@@ -140,7 +140,7 @@ _UNTIL = SampleCount(samples=200)
 
 
 def to_run(block: RunBlock) -> Run:
-    """How a component is run; the deadline of a periodic job is its period unless it says otherwise."""
+    """How a component is run; the deadline of a periodic job is its period by default."""
     arrival = _arrival(block.arrival)
     deadline = block.deadline
     if deadline is None and isinstance(arrival, Periodic):
@@ -206,12 +206,12 @@ def _field(block: FieldBlock | None) -> Field | None:
 B = TypeVar("B")
 V = TypeVar("V")
 
-_NO_WISH = CpuWish()
+_NOTHING_FIXED = CpuWish()
 _BUILT_IN: Mapping[str, Interference] = {"busy-loop": BusyLoop()}
 
 
 def to_system(document: ManifestDocument) -> System:
-    """What the document says, exact, every default said; names are not resolved yet."""
+    """Turn a document into a `System` with every default filled in; names are not resolved yet."""
     return System(
         application=Application(name=document.application.name, description=document.application.description),
         hosts=_named(document.hosts, to_host),
@@ -249,15 +249,15 @@ def _component(name: str, block: ComponentBlock) -> Component:
 
 
 def _component_cpu(block: ComponentBlock) -> CpuWish:
-    """A component with thresholds rests on measurements unless it says otherwise; one in the host reserves nothing."""
-    wish = _cpu(block.cpu)
-    if wish.reserve is None and block.apt and block.runs_on is RunsOn.PARTITION:
-        return CpuWish(reserve=Measured.MEASURED, limit=wish.limit, weight=wish.weight)
-    return wish
+    """A component with thresholds is measured unless its reserve is fixed; on the host nothing is reserved."""
+    cpu = _cpu(block.cpu)
+    if cpu.reserve is None and block.apt and block.runs_on is RunsOn.PARTITION:
+        return CpuWish(reserve=Measured.MEASURED, limit=cpu.limit, weight=cpu.weight)
+    return cpu
 
 
 def _cpu(block: CpuBlock | None) -> CpuWish:
-    return _NO_WISH if block is None else CpuWish(reserve=block.reserve, limit=block.limit, weight=block.weight)
+    return _NOTHING_FIXED if block is None else CpuWish(reserve=block.reserve, limit=block.limit, weight=block.weight)
 
 
 def _simulation(block: SimulationBlock) -> Simulation:

@@ -74,8 +74,8 @@ class LogsInFolder:
 def measured_without_log(system: System, logs: DataLogs) -> Iterator[Violation]:
     """Measured reserves without a log on any platform that the component may run on.
 
-    NOTE: a warning, because the manifest is right as it stands and measuring comes after writing it. Whoever plans
-    cannot go on without the log: there the planner reports it, as the error RARMS100.
+    NOTE: a warning, because the manifest itself is right and measuring comes after writing it. A plan needs the log:
+    there the planner reports it, as the error RARMS100.
     """
     for component in system.components.values():
         load = component.interference or system.policy.interference

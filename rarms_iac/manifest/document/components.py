@@ -68,7 +68,7 @@ Arrival = Annotated[
 
 
 class FromEnvironmentBlock(Block):
-    """A value that rarms reads from its own environment, so that no secret stands in git."""
+    """A value that rarms reads from its own environment, so that no secret is in git."""
 
     from_env: Variable = needed("The name of the variable in rarms' own environment.")
 
@@ -83,7 +83,7 @@ VariableValue = Annotated[
 
 
 class TimeFieldBlock(Block):
-    """Where a time stands in a sample."""
+    """The field of a sample that has a time."""
 
     field: Filled = needed(
         "The key of the JSON object (`job.took`: in an object below), or the named group of the pattern."
@@ -92,7 +92,7 @@ class TimeFieldBlock(Block):
 
 
 class FieldBlock(Block):
-    """Where a value stands in a sample."""
+    """The field of a sample that has a value."""
 
     field: Filled = needed(
         "The key of the JSON object (`job.frames`: in an object below), or the named group of the pattern."
@@ -117,10 +117,10 @@ class SamplesBlock(Block):
     )
     pattern: Maybe[Filled] = optional("An RE2 pattern with named groups, for `from: pattern`.")
     response_time: Maybe[TimeFieldBlock] = optional(
-        "Where the job's response time stands; null there is a job without an answer."
+        "The field with the job's response time; null there is a job without an answer."
     )
-    success: Maybe[FieldBlock] = optional("Where it stands whether the job succeeded (1 or 0, true or false).")
-    count: Maybe[FieldBlock] = optional("Where it stands how much was done (frames, bytes); throughput counts it.")
+    success: Maybe[FieldBlock] = optional("The field with the success of the job (1 or 0, true or false).")
+    count: Maybe[FieldBlock] = optional("The field with the amount of work (frames, bytes), which throughput counts.")
 
 
 class RunBlock(Block):
@@ -130,7 +130,7 @@ class RunBlock(Block):
 
     command: Maybe[Annotated[list[str], Field(min_length=1)]] = optional(
         "The program and its arguments, word by word; no shell reads them. "
-        "Words that name files are relative to the file that says them."
+        "Words that name files are relative to the file that contains them."
     )
     call: Maybe[CallTarget] = optional("A Python function, `module:function`, that a small runner drives.")
     files: Maybe[list[Filled]] = optional(
@@ -139,7 +139,7 @@ class RunBlock(Block):
     environment: Maybe[Annotated[dict[Variable, VariableValue], KeysLike(VARIABLE_PATTERN)]] = optional(
         "Environment variables beside rarms' own: a text, or `{from_env: NAME}`."
     )
-    folder: Filled = optional("The folder it runs in, relative to the file that says it.", ".")
+    folder: Filled = optional("The folder it runs in, relative to the file that contains this key.", ".")
     until: Maybe[UntilBlock] = optional("When a setting has been measured enough; absent: after 200 samples.")
     timeout: PositiveTime = optional("A job that takes longer is a failed sample: `60 s`.", "60 s")
     stop: Maybe[StopBlock] = optional("How it is asked to end; absent: TERM, and 5 s of grace.")
@@ -165,8 +165,10 @@ class CpuBlock(Block):
         "a share of the host `70 %`, or processors `1.4 LP`. "
         "Absent: measured for a component with thresholds (apt), else nothing."
     )
-    limit: Maybe[PositiveAmount] = optional("What it never gets more of: `60 %` or `1.2 LP`. Absent: the planner's.")
-    weight: Maybe[Weight] = optional("Its part of what nobody reserved, 1 to 10000, 100 is usual.")
+    limit: Maybe[PositiveAmount] = optional(
+        "The most that it may use: `60 %` or `1.2 LP`. Absent: the planner chooses."
+    )
+    weight: Maybe[Weight] = optional("Its relative share of what nobody reserved: 1 to 10000, usually 100.")
 
 
 class SimulationBlock(Block):
@@ -182,7 +184,7 @@ class SimulationBlock(Block):
 class ComponentBlock(Block):
     """A component."""
 
-    criticality: int = needed("How much it hurts when it misses its thresholds; larger hurts more.", ge=0, le=1_000_000)
+    criticality: int = needed("How bad it is when it misses its thresholds; larger is worse.", ge=0, le=1_000_000)
     apt: Maybe[Thresholds] = optional(
         "Acceptable performance thresholds: what is good enough, by performance index. Absent: it has none."
     )
@@ -194,7 +196,7 @@ class ComponentBlock(Block):
     cpu: Maybe[CpuBlock] = optional("What is fixed of its CPU: reserve, limit, weight.")
     together: Maybe[list[Name]] = optional("Components that must share its partition.")
     apart: Maybe[list[Name]] = optional("Components that must never share its partition.")
-    dedicated: bool = optional("Whether it has its partition for itself.", False)
+    dedicated: bool = optional("Whether it is alone in its partition.", False)
     task: Maybe[TaskName] = optional("Its robotic task class (RC SS): what kind of work it does, never a priority.")
     hosts: Maybe[Annotated[list[Name], Field(min_length=1)]] = optional(
         "Hosts it may run on; absent: any whose platform has its measurements, or all where its reserve is fixed."
@@ -203,5 +205,5 @@ class ComponentBlock(Block):
         "`partition`, or `host`: in the host's own operating system, with a task class but without a reserve.",
         "partition",
     )
-    interference: Maybe[Name] = optional("The load its reservation must stand up to; absent: the policy's.")
+    interference: Maybe[Name] = optional("The load against which its reservation is measured; absent: the policy's.")
     simulation: Maybe[SimulationBlock] = optional("What a job demands on a simulated host.")

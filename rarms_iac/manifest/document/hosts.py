@@ -35,7 +35,7 @@ def _only_its_own_block() -> dict[str, Any]:
 
 
 class KeepForHostBlock(Block):
-    """What is never promised to a partition."""
+    """What partitions never get."""
 
     processor: Amount = optional("Processor time the host's own operating system keeps: `10 %` or `0.5 LP`.", "0 %")
     memory: Memory = optional("Memory the host's own operating system keeps: `1 GiB`.", "0 B")
@@ -51,19 +51,19 @@ class ConnectBlock(Block):
 
 
 class FaultBlock(Block):
-    """A fault that is asked of a simulated host, to try what happens then."""
+    """A fault of a simulated host, to try what happens then."""
 
     operation: Operation = needed("The kind of operation that goes wrong: `start_partition`, `set_cpu`, ...")
-    at: Filled = optional("The address it strikes, or `*` for any.", "*")
+    at: Filled = optional("The address where it happens, or `*` for any.", "*")
     effect: Annotated[FaultEffect, Field(strict=False)] = needed(
-        "`refuse`: says no; `fail_after`: does it, then fails; `late`: answers after `delay`."
+        "`refuse`: refuses the operation; `fail_after`: does it, then fails; `late`: answers after `delay`."
     )
     delay: Time = optional("How late the answer comes: `2 s`.", "0 ms")
-    times: Maybe[Annotated[int, Field(ge=1, le=1_000_000)]] = optional("How often it strikes; absent: always.")
+    times: Maybe[Annotated[int, Field(ge=1, le=1_000_000)]] = optional("How often it happens; absent: always.")
 
 
 class SimulatedBlock(Block):
-    """The machine that a simulated host pretends to be."""
+    """The machine that a simulated host simulates."""
 
     windows_build: int = optional("The build of the host's Windows; 26100 is Server 2025.", 26100, ge=6000, le=99999)
     guest_windows_build: int = optional("The build of the guests' Windows.", 26100, ge=2600, le=99999)
@@ -73,7 +73,7 @@ class SimulatedBlock(Block):
     )
     smt: bool = optional("Whether two logical processors share a core.", False)
     administrator: bool = optional("Whether rarms has the rights it needs there.", True)
-    faults: Maybe[Annotated[dict[Name, FaultBlock], by_name]] = optional("Faults to strike, by a name of your choice.")
+    faults: Maybe[Annotated[dict[Name, FaultBlock], by_name]] = optional("Faults that happen there, by name.")
 
 
 class HypervHostBlock(Block):
@@ -81,7 +81,7 @@ class HypervHostBlock(Block):
 
     switch: Maybe[Filled] = optional("The virtual switch that partitions are connected to; absent: none.")
     image: Maybe[Filled] = optional("The disk image that partitions' disks are children of; absent: no disk.")
-    vm_path: Maybe[Filled] = optional("The folder on the host where machines are kept; absent: the host's own.")
+    vm_path: Maybe[Filled] = optional("The folder on the host for virtual machines; absent: the default of the host.")
     generation: int = optional("The generation of new machines, 1 or 2; it never changes afterwards.", 2, ge=1, le=2)
 
 
@@ -104,10 +104,10 @@ class HostBlock(Block):
     )
     logical_processors: int = needed("How many logical processors (LPs) the host has.", ge=1, le=2048)
     memory: PositiveMemory = needed("How much memory the host has: `4 GiB`.")
-    keep_for_host: Maybe[KeepForHostBlock] = optional("What is never promised to a partition; absent: nothing.")
+    keep_for_host: Maybe[KeepForHostBlock] = optional("What partitions never get; absent: nothing.")
     system_responsiveness: Maybe[Annotated[int, Field(ge=0, le=0xFFFFFFFF)]] = optional(
-        "What per cent of a processor MMCSS leaves to everybody else in the host's own Windows: 10, 20, ... 90. "
-        "It takes effect when the host starts again. Absent: it stays as it is."
+        "The per cent of a processor that MMCSS leaves to all other threads in the host's own Windows: 10, 20, ... 90. "
+        "It takes effect when the host starts again. Absent: rarms does not change it."
     )
     platform: Maybe[Name] = optional("Hosts of one platform share measurements; absent: the host's own name.")
     connect: Maybe[ConnectBlock] = optional("How the host is reached; absent: it is this machine.")

@@ -29,28 +29,29 @@ Level = Annotated[int, Field(ge=1, le=8)]
 
 
 class AcceptanceBlock(Block):
-    """A finding that is known and borne."""
+    """A finding that is known and accepted."""
 
     at: Annotated[list[Filled], Field(min_length=1)] = needed("Where: addresses as the finding names them.")
-    reason: str = optional("Why it is borne.", "")
-    until: Maybe[Day] = optional("The last day (UTC) it is borne: `2027-01-31`; absent: for good.")
+    reason: str = optional("Why it is accepted.", "")
+    until: Maybe[Day] = optional("The last day (UTC) of the acceptance: `2027-01-31`; absent: no end.")
 
 
 class PolicyBlock(Block):
     """What rarms may do and prefers."""
 
-    interference: Name = optional("The load that reservations must stand up to.", "busy-loop")
+    interference: Name = optional("The load against which reservations are measured.", "busy-loop")
     minimise: Annotated[Minimise, Field(strict=False)] = optional(
         "`combining`: rather reserve more than combine; `reservation`: rather combine than reserve more.", "combining"
     )
     headroom: Annotated[Headroom, Field(strict=False)] = optional(
-        "Who gets what is left over: `by_criticality`, `equal` or `none`.", "by_criticality"
+        "Who gets what nobody reserved: `by_criticality`, `equal` or `none`.", "by_criticality"
     )
     max_disruption: Annotated[Disruption, Field(strict=False)] = optional(
-        "The most that a change may disturb: `live`, `partition_stop`, `host_restart` or `removal`.", "host_restart"
+        "The most that a change may disrupt: `live`, `partition_stop`, `host_restart` or `removal`.",
+        "host_restart",
     )
     accept: Maybe[Annotated[dict[Code, AcceptanceBlock], KeysLike(CODE_PATTERN)]] = optional(
-        "Findings that are known and borne, by their id."
+        "Findings that are known and accepted, by their id."
     )
 
 
@@ -96,19 +97,19 @@ InterferenceBlock = Annotated[BusyLoopBlock | BrowserBlock | CommandLoadBlock, F
 
 
 class HypervPartitionBlock(Block):
-    """What only Hyper-V needs to know; absent: as the host's own `hyperv` block says."""
+    """Settings of Hyper-V; absent: those of the host's `hyperv` block."""
 
     generation: Maybe[Annotated[int, Field(ge=1, le=2)]] = optional("1 or 2; it never changes after creation.")
     switch: Maybe[Filled] = optional("The virtual switch it is connected to.")
     image: Maybe[Filled] = optional("The disk image its disk is a child of.")
-    vm_path: Maybe[Filled] = optional("The folder on the host where it is kept.")
+    vm_path: Maybe[Filled] = optional("The folder on the host for its virtual machine.")
 
 
 class GuestBlock(Block):
     """How rarms reaches inside."""
 
     connect: Maybe[ConnectBlock] = optional("How the guest is reached.")
-    credential: Maybe[Filled] = optional("The name under which a credential is kept; never the credential itself.")
+    credential: Maybe[Filled] = optional("The name under which a credential is stored; never the credential itself.")
 
 
 class PartitionStopBlock(Block):
@@ -132,10 +133,10 @@ class PartitionBlock(Block):
     cpu: Maybe[CpuBlock] = optional("What is fixed of its CPU; absent: as its components say.")
     protect: bool = optional("Whether its removal is an error.", False)
     start: Annotated[StartMode, Field(strict=False)] = optional(
-        "`automatic`: it is wanted running; `manual`: rarms leaves that to you.", "automatic"
+        "`automatic`: rarms starts it; `manual`: you start it.", "automatic"
     )
     stop: Maybe[PartitionStopBlock] = optional("How it is stopped; absent: its guest has 120 s of grace.")
-    hyperv: Maybe[HypervPartitionBlock] = optional("What only Hyper-V needs to know.")
+    hyperv: Maybe[HypervPartitionBlock] = optional("Settings of Hyper-V.")
     guest: Maybe[GuestBlock] = optional("How rarms reaches inside.")
 
 
@@ -163,14 +164,14 @@ class ManifestDocument(Block):
         "What is fixed of partitions; without an entry each component has one of its own name."
     )
     interference: Maybe[Annotated[dict[Name, InterferenceBlock], by_name]] = optional(
-        "Loads that reservations must stand up to; `busy-loop` is there without being named."
+        "Loads against which reservations are measured; `busy-loop` exists without an entry."
     )
     tasks: Maybe[Annotated[dict[TaskName, TaskBlock], KeysLike(TASK_PATTERN)]] = optional(
         "What is fixed of robotic task classes, by name."
     )
     policy: Maybe[PolicyBlock] = optional("What rarms may do and prefers.")
     moved: Maybe[Annotated[dict[Name, Name], by_name]] = optional(
-        "Partitions that got another name: old name to new name, so that they are renamed and not replaced."
+        "Partitions with a new name: old name to new name, so that they are renamed and not replaced."
     )
 
     @model_validator(mode="wrap")

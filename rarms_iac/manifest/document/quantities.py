@@ -35,7 +35,7 @@ _EXAMPLES = {
 
 
 def quantity_error(kinds: tuple[Unit, ...], *, positive: bool = False, also: str = "") -> PydanticCustomError:
-    """What a field says of a value that is not such a quantity; `errors.py` puts it into words."""
+    """The error of a field whose value is not such a quantity; `messages.py` puts it into words."""
     facts = {"units": units_of(*kinds), "examples": tuple(_EXAMPLES[kind] for kind in kinds), "positive": positive}
     return PydanticCustomError("rarms_quantity", "not a quantity", {**facts, "also": also})
 

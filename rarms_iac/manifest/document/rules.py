@@ -1,6 +1,6 @@
 """Keys that need or exclude each other: what no single field can say, looked at beside the fields.
 
-They are asked of the plain values, so that they are told together with everything else that is wrong. The JSON
+They are checked on the plain values, so that they are reported together with all other errors. The JSON
 Schemas of the blocks say the same (`exactly_one`, `if` / `then`).
 """
 
@@ -12,7 +12,7 @@ from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError, V
 from rarms_iac.model.system import ProviderKind
 
 Broken = tuple[tuple[str, ...], str, dict[str, Any]]
-"""Path, kind of error and its facts; `manifest/structure.py` puts them into words."""
+"""Path, kind of error and its facts; `messages.py` puts them into words."""
 
 TOO_MANY_TO_LIST = 5000
 """pydantic finds 400,000 errors in half a second, and needs ten more and 500 MB to list them."""

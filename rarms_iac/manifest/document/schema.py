@@ -30,15 +30,15 @@ def _tidied(node: Any) -> Any:
     if not isinstance(node, dict):
         return node
     # A `title` that is a text is pydantic's; as the name of a property it would be a map.
-    kept = {
+    tidied = {
         key: _tidied(value)
         for key, value in node.items()
         if not (key == "title" and isinstance(value, str)) and not (key == "default" and value is None)
     }
-    pattern = kept.get("pattern")
+    pattern = tidied.get("pattern")
     if isinstance(pattern, str):
-        kept["pattern"] = _to_the_very_end(pattern)
-    return kept
+        tidied["pattern"] = _to_the_very_end(pattern)
+    return tidied
 
 
 def _to_the_very_end(pattern: str) -> str:
@@ -65,7 +65,7 @@ def choices_at(path: Path) -> tuple[str, ...]:
 
 
 def describe(path: Path) -> str:
-    """The description of what stands at this path; empty where there is none."""
+    """The description of the field at this path; empty where there is none."""
     return next((schema["description"] for schema in _schemas(path) if "description" in schema), "")
 
 

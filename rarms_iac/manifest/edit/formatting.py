@@ -1,9 +1,10 @@
-"""The canonical form of a manifest (`rarms fmt`): one way to write it, comments kept, its meaning untouched.
+"""The canonical form of a manifest (`rarms fmt`): one way to write it, with its comments and the same meaning.
 
 Two spaces of indentation, LF, the order of `order.py`; flow collections stay on their line while they
 are short; quotes only where some YAML would read something else; one space between a number and its unit.
 """
 
+from dataclasses import replace
 from difflib import unified_diff
 
 from rarms_iac.manifest.document.messages import NOT_A_NAME, WRONG_KIND
@@ -11,6 +12,7 @@ from rarms_iac.manifest.edit.write import KeyTooLong, write_tree
 from rarms_iac.manifest.text.builder import build_tree, unified
 from rarms_iac.manifest.text.characters import EMPTY
 from rarms_iac.manifest.text.reading import ParsedText, read_text
+from rarms_iac.manifest.text.tree import place_of_node
 from rarms_iac.model.diagnostics import Diagnostic, Place, has_errors
 
 
@@ -32,7 +34,7 @@ def format_text(text: str, file: str) -> str:
 
 
 def format_tree(parsed: ParsedText) -> str:
-    """The same of a file that was read already (`reading.read`).
+    """The canonical form of a file that was read already (`reading.read`).
 
     Raises:
         CannotFormat: the text is no manifest.
@@ -44,9 +46,10 @@ def format_tree(parsed: ParsedText) -> str:
     try:
         return write_tree(build_tree(text), text)
     except KeyTooLong as problem:
-        before = text[: problem.key.start]
-        place = Place(file=parsed.source.file, line=before.count("\n") + 1, column=len(before) - before.rfind("\n"))
-        raise CannotFormat((NOT_A_NAME.at(place, f"It is too long: {problem}.", "Use a shorter name."),)) from None
+        place = replace(place_of_node(problem.key), file=parsed.source.file, length=1)
+        raise CannotFormat(
+            (NOT_A_NAME.at(place, f"This key is too long: {problem}.", "Use a shorter name."),)
+        ) from None
 
 
 def _no_mapping(parsed: ParsedText) -> list[Diagnostic]:
@@ -55,7 +58,7 @@ def _no_mapping(parsed: ParsedText) -> list[Diagnostic]:
         return []
     if parsed.value is None:
         advice = "Write a manifest, or let `rarms init` write one."
-        return [EMPTY.at(place, "There is nothing in it but comments.", advice)]
+        return [EMPTY.at(place, "The file has only comments.", advice)]
     return [WRONG_KIND.at(place, "A manifest is a map of keys to values.", "Begin with `schema: rarms/v1`.")]
 
 

@@ -1,4 +1,4 @@
-"""The order in which a manifest says things, and which of them are quantities.
+"""The order of the keys of a manifest, and which values are quantities.
 
 Maps that the user names (hosts, components, ...) keep the user's order.
 """

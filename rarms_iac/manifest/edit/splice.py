@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from rarms_iac.manifest.edit.order import MANIFEST, ValueShape
 from rarms_iac.manifest.edit.write import write_entry, write_flow, write_key
 from rarms_iac.manifest.text.builder import comments_in
-from rarms_iac.manifest.text.tree import Collection, Entry, Node, Scalar
+from rarms_iac.manifest.text.tree import Collection, Entry, Node, Scalar, is_null
 
 _COLON = re.compile(r"(?:\s|#[^\n]*\n)*:")
 _COMMA = re.compile(r"(?:\s|#[^\n]*\n)*(,)")
@@ -53,11 +53,11 @@ def walk(root: Collection, path: tuple[str, ...]) -> Route:
     return Route(tuple(steps), node, shape, path[len(steps) :])
 
 
-def is_nothing(node: Node) -> bool:
-    """Whether it says nothing yet: null, or an empty map."""
+def is_blank(node: Node) -> bool:
+    """Whether it is null or an empty map."""
     if isinstance(node, Collection):
         return node.is_mapping and not node.entries
-    return node.style == "" and node.value in {"", "~", "null", "Null", "NULL"}
+    return is_null(node)
 
 
 def replaced(text: str, route: Route, new: Node) -> str:

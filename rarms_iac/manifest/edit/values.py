@@ -12,7 +12,7 @@ from rarms_iac.manifest.edit.splice import (
     comments_at,
     inserted,
     inserted_at_root,
-    is_nothing,
+    is_blank,
     removed,
     replaced,
     walk,
@@ -36,7 +36,7 @@ class NoSuchPlace(LookupError):
 
 
 def set_value(text: str, path: Path, value: Value) -> str:
-    """The text with this value at the path; keys that are missing on the way are added at their canonical place.
+    """The text with this value at the path; keys that are missing on the way are added at tcomments_to canonical place.
 
     Comments inside a value that is replaced move above it.
 
@@ -44,20 +44,20 @@ def set_value(text: str, path: Path, value: Value) -> str:
         CannotFormat: the text is no manifest.
         NoSuchPlace: something on the way has no keys.
     """
-    return _edited(text, lambda plain: _set(plain, tuple(path), value))
+    return _edit(text, lambda plain: _set(plain, tuple(path), value))
 
 
-def remove_value(text: str, path: Path, heir: Path = ()) -> str:
+def remove_value(text: str, path: Path, comments_to: Path = ()) -> str:
     """The text without the key at the path and its value.
 
-    The comments that belong to it move above the `heir`, or above as much of that path as is there; without one they
-    go, too.
+    The comments that belong to it move above the path `comments_to`, or above as much of that path as exists; without
+    such a path they are removed, too.
 
     Raises:
         CannotFormat: the text is no manifest.
         NoSuchPlace: there is nothing at the path.
     """
-    return _edited(text, lambda plain: _removed(plain, tuple(path), tuple(heir)))
+    return _edit(text, lambda plain: _removed(plain, tuple(path), tuple(comments_to)))
 
 
 def rename(text: str, path: Path, name: str) -> str:
@@ -67,10 +67,10 @@ def rename(text: str, path: Path, name: str) -> str:
         CannotFormat: the text is no manifest.
         NoSuchPlace: there is nothing at the path, or the name is taken.
     """
-    return _edited(text, lambda plain: _renamed(plain, tuple(path), name))
+    return _edit(text, lambda plain: _renamed(plain, tuple(path), name))
 
 
-def _edited(text: str, change: Callable[[str], str]) -> str:
+def _edit(text: str, change: Callable[[str], str]) -> str:
     """The changed text, canonical if it was, with the line ends and the byte order mark that it had."""
     plain = unified(text)
     was_canonical = format_text(text, "rarms.yaml") == plain
@@ -92,19 +92,19 @@ def _set(text: str, path: tuple[str, ...], value: Value) -> str:
     depth = len(route.steps) + 1
     if isinstance(route.end, Collection) and route.end.is_mapping and route.end.entries:
         return inserted(text, route, first, _node(value, depth))
-    if not is_nothing(route.end):
+    if not is_blank(route.end):
         raise NoSuchPlace(path, f"{'.'.join(path[: len(route.steps)])} has no keys")
     if not route.steps:
         return inserted_at_root(text, first, _node(value, depth))
     return replaced(text, route, _node({first: value}, depth - 1))
 
 
-def _removed(text: str, path: tuple[str, ...], heir: tuple[str, ...]) -> str:
+def _removed(text: str, path: tuple[str, ...], comments_to: tuple[str, ...]) -> str:
     route = _whole(text, path)
     is_only = len(route.steps[-1].parent.entries) == 1  # its comments stay beside the `{}`
-    comments = comments_at(text, route) if heir and not is_only else []
+    comments = comments_at(text, route) if comments_to and not is_only else []
     without = removed(text, route)
-    return commented(without, walk(build_tree(without), heir), comments) if comments else without
+    return commented(without, walk(build_tree(without), comments_to), comments) if comments else without
 
 
 def _renamed(text: str, path: tuple[str, ...], name: str) -> str:

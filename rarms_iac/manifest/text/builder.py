@@ -69,7 +69,7 @@ class _OpenCollection:
 
 
 class _Builder:
-    """Walks the events once; comments found on the way wait until somebody takes them."""
+    """Walks the events once; comments on the way wait until a key or an item takes them."""
 
     def __init__(self, text: str, file: str, comments: list[_Comment]) -> None:
         self.text = text
@@ -77,7 +77,7 @@ class _Builder:
         self.comments = comments
         self.next_comment = 0
         self.pending: list[_Comment] = []  # comments of their own lines, not yet anybody's
-        self.seen = 0  # end of the last token or comment
+        self.position = 0  # end of the last token or comment
         self.last: Entry | None = None  # whose line we are on
         self.open: list[_OpenCollection] = []
         self.result: Node = Scalar("", "", 0, 0, file=file)
@@ -125,9 +125,9 @@ class _Builder:
             if style in {"|", ">"} and (found := _HEADER_COMMENT.match(self.text, start, end)):
                 _trail(entry, found[1])
         if style in {"|", ">"}:
-            self.seen = start + len(self.text[start:end].rstrip())
+            self.position = start + len(self.text[start:end].rstrip())
         elif not is_empty or not in_mapping:
-            self.seen = end
+            self.position = end
 
     def _start(self, event: Any, *, is_mapping: bool) -> None:
         start = event.start_mark.index
@@ -142,7 +142,7 @@ class _Builder:
         )
         owner = self._place(top, collection, start) if top else None
         if collection.flow:
-            self.seen = event.end_mark.index
+            self.position = event.end_mark.index
         self.open.append(_OpenCollection(collection, owner))
 
     def _end(self, event: Any) -> None:
@@ -151,13 +151,13 @@ class _Builder:
         collection = done.collection
         if collection.flow:
             inside, self.pending = self.pending, []
-            self.seen = event.end_mark.index
+            self.position = event.end_mark.index
             self.last = done.owner
             collection.end = event.end_mark.index
         else:
             inside = list(takewhile(lambda comment: comment.column >= collection.indent, self.pending))
             self.pending = self.pending[len(inside) :]
-            collection.end = self.seen
+            collection.end = self.position
         if collection.entries or done.owner is None:
             collection.tail = _lines(inside)
         else:
@@ -171,7 +171,7 @@ class _Builder:
 
     def _new_entry(self, top: _OpenCollection, key: Scalar | None, value: Node, start: int) -> Entry:
         before = _lines(self.pending)
-        if self.text.count("\n", self.seen, start) > 1:
+        if self.text.count("\n", self.position, start) > 1:
             before.append("")
         self.pending = []
         entry = Entry(key, value, before)
@@ -196,14 +196,14 @@ class _Builder:
         while self.next_comment < len(self.comments) and self.comments[self.next_comment].start < until:
             comment = self.comments[self.next_comment]
             self.next_comment += 1
-            newlines = self.text.count("\n", self.seen, comment.start)
+            newlines = self.text.count("\n", self.position, comment.start)
             if newlines == 0 and self.last is not None:
                 _trail(self.last, comment.text)
             else:
                 comment.column = comment.start - (self.text.rfind("\n", 0, comment.start) + 1)
                 comment.blank_above = newlines > 1
                 self.pending.append(comment)
-            self.seen = comment.start + len(comment.text)
+            self.position = comment.start + len(comment.text)
 
 
 def _comments_between(text: str) -> list[_Comment]:

@@ -19,7 +19,7 @@ HIDDEN = re.compile(
     "\u2028\u2029"  # line ends for YAML, but not for editors: line numbers would be wrong
     "\ud800-\udfff\ufeff\ufffe\uffff]"  # halves of characters, byte order marks, no characters
 )
-"""Characters that hide what a text says; a reviewer would not see them."""
+"""Characters that a reviewer would not see."""
 
 # The same in UTF-8: a file is searched as bytes, so that one emoji does not make it four times as large in memory.
 _HIDDEN_BYTES = re.compile(
@@ -81,13 +81,13 @@ def _check_utf8(data: bytes, file: str) -> None:
 
 
 def _check_hidden(data: bytes, file: str) -> None:
-    found: list[Diagnostic] = []
+    findings: list[Diagnostic] = []
     for match in _HIDDEN_BYTES.finditer(data):
-        if len(found) == _MOST:
+        if len(findings) == _MOST:
             break
-        found.append(hidden(match.group().decode("utf-8"), place_of(data, match.start(), file)))
-    if found:
-        raise UnreadableText(*found)
+        findings.append(hidden(match.group().decode("utf-8"), place_of(data, match.start(), file)))
+    if findings:
+        raise UnreadableText(*findings)
 
 
 def hidden(character: str, place: Place) -> Diagnostic:

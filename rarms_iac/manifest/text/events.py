@@ -21,7 +21,7 @@ from yaml.events import (
 )
 
 from rarms_iac.manifest.text.characters import HIDDEN, UnreadableText, hidden, place_of
-from rarms_iac.manifest.text.scalars import NotKept, plain_scalar
+from rarms_iac.manifest.text.scalars import NotRepresentable, plain_scalar
 from rarms_iac.manifest.text.syntax import explain_syntax
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
 
@@ -33,7 +33,9 @@ NOT_YAML = Finding(code="RARMS007", severity=Severity.ERROR, summary="Not valid 
 NOT_ALLOWED = Finding(code="RARMS008", severity=Severity.ERROR, summary="A YAML feature that rarms does not read")
 SAME_KEY = Finding(code="RARMS009", severity=Severity.ERROR, summary="The same key occurs twice")
 TOO_MUCH = Finding(code="RARMS010", severity=Severity.ERROR, summary="The manifest exceeds a limit")
-NOT_KEPT = Finding(code="RARMS011", severity=Severity.ERROR, summary="A number that rarms cannot represent exactly")
+NOT_REPRESENTABLE = Finding(
+    code="RARMS011", severity=Severity.ERROR, summary="A number that cannot be represented exactly"
+)
 
 
 _NO_KEY: Final = object()
@@ -68,13 +70,13 @@ def read_events(data: bytes, file: str) -> EventValues:
 
 
 class _Pass:
-    """The state of one pass, and what it says when something is wrong; the loop itself keeps to locals."""
+    """The state of one pass, and the findings it makes; the loop itself keeps to locals."""
 
     def __init__(self, file: str) -> None:
         self.file = file
-        self.read = EventValues()
+        self.values = EventValues()
         self.stack: list[tuple[Any, Any]] = []  # the containers around, each with the key or _NO_KEY
-        self.said: dict[str, int] = {}
+        self.counts: dict[str, int] = {}
 
     def run(self, parser: Any) -> EventValues:
         # NOTE: long and flat on purpose. Every call saved here is 40,000 calls saved for 1,000 components.
@@ -107,8 +109,8 @@ class _Pass:
                 if style == "":
                     try:
                         value = resolve(text)
-                    except NotKept as problem:
-                        self.not_kept(event, problem)
+                    except NotRepresentable as problem:
+                        self.not_representable(event, problem)
             elif kind is MappingStartEvent or kind is SequenceStartEvent:
                 nodes += 1
                 if nodes > MAX_NODES or len(stack) >= MAX_DEPTH:
@@ -144,13 +146,13 @@ class _Pass:
                 if type(key) is str:
                     container[key] = value
                 key = _NO_KEY
-        self.read.value = root[0] if root else None
-        return self.read
+        self.values.value = root[0] if root else None
+        return self.values
 
     def start_document(self, event: DocumentStartEvent, documents: int) -> None:
         if documents > 1:
             self.refuse(event, "several documents in one file", "Put each into a file of its own.")
-            raise UnreadableText(*self.read.problems)
+            raise UnreadableText(*self.values.problems)
         if event.tags or (event.version or (1, 2)) != (1, 2):
             self.refuse(event, "directives other than %YAML 1.2", "Remove the line.")
 
@@ -161,9 +163,9 @@ class _Pass:
             self.refuse(event, "tags (!name)", "Remove the tag: a field knows its own type.")
 
     def refuse(self, event: Any, what: str, advice: str) -> None:
-        if self.often_said(what):
+        if self.is_shown_enough(what):
             return
-        self.read.problems.append(
+        self.values.problems.append(
             NOT_ALLOWED.at(
                 place_at(event.start_mark, self.file),
                 f"rarms does not read {what}.",
@@ -171,30 +173,30 @@ class _Pass:
             )
         )
 
-    def often_said(self, what: str) -> bool:
-        self.said[what] = self.said.get(what, 0) + 1
-        return self.said[what] > _MOST
+    def is_shown_enough(self, what: str) -> bool:
+        self.counts[what] = self.counts.get(what, 0) + 1
+        return self.counts[what] > _MOST
 
     def path(self) -> tuple[str | int, ...]:
         inner = [len(container) if key is _NO_KEY else key for container, key in self.stack[1:]]
         return tuple(str(step) if isinstance(step, _RepeatedKey) else step for step in inner)
 
     def same_key(self, event: ScalarEvent, text: str) -> None:
-        if not self.often_said("same key"):
-            self.read.duplicates.append(((*self.path(), text), place_at(event.start_mark, self.file, len(text))))
+        if not self.is_shown_enough("same key"):
+            self.values.duplicates.append(((*self.path(), text), place_at(event.start_mark, self.file, len(text))))
 
-    def not_kept(self, event: ScalarEvent, problem: NotKept) -> None:
-        if not self.often_said("not kept"):
+    def not_representable(self, event: ScalarEvent, problem: NotRepresentable) -> None:
+        if not self.is_shown_enough("number"):
             place = place_at(event.start_mark, self.file, len(event.value))
             advice = "Write another number, or put it into quotes if it is a text."
-            self.read.problems.append(
-                NOT_KEPT.at(place, f"rarms cannot represent this number exactly: {problem}.", advice)
+            self.values.problems.append(
+                NOT_REPRESENTABLE.at(place, f"rarms cannot represent this number exactly: {problem}.", advice)
             )
 
     def escape(self, event: ScalarEvent) -> None:
         found = HIDDEN.search(event.value)
-        if found and not self.often_said("escape"):
-            self.read.problems.append(hidden(found.group(), place_at(event.start_mark, self.file)))
+        if found and not self.is_shown_enough("escape"):
+            self.values.problems.append(hidden(found.group(), place_at(event.start_mark, self.file)))
 
     def not_a_key(self, event: Any) -> Diagnostic:
         return NOT_ALLOWED.at(
@@ -233,10 +235,10 @@ def place_at(mark: Any, file: str, length: int = 1) -> Place:
 
 def _syntax(problem: YAMLError, data: bytes, file: str) -> Diagnostic:
     mark = getattr(problem, "problem_mark", None) or getattr(problem, "context_mark", None)
-    said = str(getattr(problem, "problem", ""))
+    complaint = str(getattr(problem, "problem", ""))
     if mark is not None and data.decode("utf-8")[mark.index : mark.index + 1] == "\t":
-        said = "found a tab character"
-    detail, advice = explain_syntax(said, str(getattr(problem, "context", "") or ""))
+        complaint = "found a tab character"
+    detail, advice = explain_syntax(complaint, str(getattr(problem, "context", "") or ""))
     # The parser puts what is missing at the end onto a line of its own, which may not exist.
     end = place_of(data, len(data.rstrip()), file)
     place = end if mark is None or mark.line + 1 > end.line else place_at(mark, file)

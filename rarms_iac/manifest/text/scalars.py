@@ -22,15 +22,15 @@ _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 
 
-class NotKept(ValueError):
-    """A number that cannot be kept exactly; the message says why."""
+class NotRepresentable(ValueError):
+    """A number that cannot be represented exactly; the message says why."""
 
 
 def plain_scalar(text: str) -> PlainValue:
     """The value of a word without quotes.
 
     Raises:
-        NotKept: a number of more than 15 digits, an infinite one, or none at all (`.nan`).
+        NotRepresentable: a number of more than 15 digits, an infinite one, or none at all (`.nan`).
     """
     if text and text[0] not in _MAY_BE_MORE:
         return text
@@ -50,19 +50,21 @@ def _resolved(text: str) -> PlainValue:
     if _FLOAT.fullmatch(text):
         return _finite(text)
     if _NOT_FINITE.fullmatch(text):
-        raise NotKept(f"{text} cannot be compared with other numbers")
+        raise NotRepresentable(f"{text} cannot be compared with other numbers")
     return text
 
 
 def _whole(digits: str, base: int) -> int:
     if len(digits.lstrip("+-0")) > MAX_DIGITS:
-        raise NotKept(f"a whole number has at most {MAX_DIGITS} digits, this one has {len(digits.lstrip('+-'))}")
+        raise NotRepresentable(
+            f"a whole number has at most {MAX_DIGITS} digits, this one has {len(digits.lstrip('+-'))}"
+        )
     return int(digits, base)
 
 
 def _finite(text: str) -> int | float:
     value = float(text)
     if not math.isfinite(value):
-        raise NotKept("it is too large")
+        raise NotRepresentable("it is too large")
     # 2.0 is the whole number 2, as JSON Schema has it.
     return int(value) if value.is_integer() and abs(value) < 10**MAX_DIGITS else value

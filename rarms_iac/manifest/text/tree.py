@@ -6,7 +6,7 @@ The builder fills these while it walks the events of the parser, so they are not
 from dataclasses import dataclass, field
 from typing import Any
 
-from rarms_iac.manifest.text.scalars import NotKept, plain_scalar
+from rarms_iac.manifest.text.scalars import NotRepresentable, plain_scalar
 from rarms_iac.model.diagnostics import Place
 
 
@@ -79,7 +79,7 @@ def plain(node: Node) -> Any:
     if isinstance(node, Scalar):
         try:
             return node.value if node.style else plain_scalar(node.value)
-        except NotKept:  # reported when it was read
+        except NotRepresentable:  # reported when it was read
             return None
     if node.is_mapping:
         return {key: plain(entry.value) for key, entry in entries_by_key(node).items()}

@@ -4,9 +4,10 @@ from datetime import date
 from fractions import Fraction
 from pathlib import Path
 
-from rarms_iac.manifest.load import Loaded, load, manifest_path, no_checks
+from rarms_iac.manifest.load import Loaded, load, manifest_path
 from rarms_iac.model.diagnostics import Severity
 from rarms_iac.model.system import AtMost, Measured, ProviderKind, SampleCount
+from tests.unit.manifest.examples import no_checks
 
 SMALL = """\
 schema: rarms/v1

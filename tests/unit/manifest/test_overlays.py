@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from rarms_iac.manifest.load import Loaded, load, no_checks
+from rarms_iac.manifest.load import Loaded, load
 from rarms_iac.manifest.overlays import moved_path
 from rarms_iac.model.system import AtMost, Command, Component, Elapsed, Run
+from tests.unit.manifest.examples import no_checks
 from tests.unit.manifest.test_load import SMALL, loaded, write
 
 

@@ -10,9 +10,9 @@ import jsonschema
 import pytest
 
 from rarms_iac.manifest.document.schema import as_text, manifest_schema
-from rarms_iac.manifest.load import load, no_checks
+from rarms_iac.manifest.load import load
 from rarms_iac.manifest.text.reading import read_text
-from tests.unit.manifest.examples import EVERYTHING
+from tests.unit.manifest.examples import EVERYTHING, no_checks
 
 SCHEMAS = Path(__file__).parents[4] / "schemas"
 

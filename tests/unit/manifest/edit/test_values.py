@@ -133,8 +133,10 @@ hosts:
 """
     kept = "  # big\n  # the first\n  # all of it\n  # no more\n"
 
-    assert remove_value(text, ("hosts", "a"), heir=("hosts", "b", "x")) == f"hosts:\n  # small\n{kept}  b: {{}}\n"
-    assert remove_value(text, ("hosts", "a"), heir=("tasks",)).endswith("  b: {}\n" + kept.replace("  #", "#"))
+    assert (
+        remove_value(text, ("hosts", "a"), comments_to=("hosts", "b", "x")) == f"hosts:\n  # small\n{kept}  b: {{}}\n"
+    )
+    assert remove_value(text, ("hosts", "a"), comments_to=("tasks",)).endswith("  b: {}\n" + kept.replace("  #", "#"))
 
 
 def test_the_last_key_of_a_map_leaves_an_empty_map() -> None:

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from rarms_iac.manifest.text.scalars import NotKept, plain_scalar
+from rarms_iac.manifest.text.scalars import NotRepresentable, plain_scalar
 
 
 @pytest.mark.parametrize(
@@ -32,5 +32,5 @@ def test_a_plain_word_means_what_yaml_1_2_says(text: str, value: Any) -> None:
     "text", ["9" * 16, "-" + "9" * 5000, "0x" + "f" * 16, "1e999", ".inf", "-.Inf", ".nan", ".NaN"]
 )
 def test_what_cannot_be_kept_is_refused(text: str) -> None:
-    with pytest.raises(NotKept):
+    with pytest.raises(NotRepresentable):
         plain_scalar(text)
