@@ -15,6 +15,9 @@ from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.statistics.curves import LeastReserve
 
+USUAL_STEP = 10
+"""Per cent between settings of the performance measurement mode, and the first of them."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasureRequest:
@@ -56,10 +59,11 @@ def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Exper
         In the order in which components are named; where none is named, the most critical first.
 
     Raises:
-        RequestError: A name is not in the manifest, or names a component that has no partition.
+        RequestError: The request contradicts itself; a name is not in the manifest, or its component has no partition.
         UseCaseError: No host of theirs can be measured on (failed), or no component has an APT (negative).
     """
     system = hosts.system
+    _refuse_contradictions(request)
     refuse_unknown(request.components, system.components, "component")
     refuse_unknown((request.interference,) if request.interference else (), system.interference, "interference")
     for name in request.components:
@@ -75,6 +79,37 @@ def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Exper
             experiment_of(system, host, members, load, request.samples) for host in _benches(hosts, members)
         ]
     return tuple(experiments)
+
+
+def _refuse_contradictions(request: MeasureRequest) -> None:
+    if request.together and len(set(request.components)) < 2:
+        raise RequestError("--together wants two COMPONENTs or more.")
+    if sum(map(bool, (request.reserves, request.verify, request.strategy != "default"))) > 1:
+        raise RequestError("Give one of --strategy, --verify, and --from/--to/--step.")
+    if request.again and request.seed is not None:
+        raise RequestError("--again takes a seed of its own: leave --seed out.")
+
+
+def reserves_between(first: int | None, last: int | None, step: int | None) -> tuple[int, ...]:
+    """Return the settings of the performance measurement mode.
+
+    Args:
+        first: The lowest CR in per cent; None: 10.
+        last: The highest, which is always measured; None: 100.
+        step: How far apart they are; None: 10.
+
+    Returns:
+        Ascending, each once; none where nothing was given.
+
+    Raises:
+        RequestError: The last lies below the first.
+    """
+    if first is None and last is None and step is None:
+        return ()
+    begin, end = first or USUAL_STEP, last or 100
+    if end < begin:
+        raise RequestError(f"--to {end}% lies below --from {begin}%.")
+    return tuple(dict.fromkeys((*range(begin, end + 1, step or USUAL_STEP), end)))
 
 
 def _nothing_to_measure(hosts: Hosts) -> UseCaseError:

@@ -144,26 +144,24 @@ def run_options(function: F) -> F:
         function,
         gathered,
         click.option("--auto-approve", is_flag=True, help="Do not ask."),
-        click.option(
-            "--lock-timeout",
-            metavar="TIME",
-            default="0 s",
-            callback=_time,
-            help="Wait so long for a host that another run holds: 60s, 5min. [default: do not wait]",
-        ),
-        click.option(
+        lock_timeout_option,
+        time_option(
             "--event-timeout",
-            metavar="TIME",
             default="10 min",
-            callback=_time,
-            help="Wait so long for the next word of a Hyper-V host's script. [default: 10 min]",
+            text="Wait so long for the next word of a Hyper-V host's script. [default: 10 min]",
         ),
     )
 
 
-def time_option(name: str, default: str, says: str) -> Callable[[F], F]:
-    """An option that takes a time and gives whole milliseconds."""
-    return click.option(name, metavar="TIME", default=default, callback=_time, help=says)
+def time_option(*names: str, default: str | None, text: str) -> Callable[[F], F]:
+    """An option that takes a time and gives whole milliseconds; without a default it may be None."""
+    return click.option(*names, metavar="TIME", default=default, callback=_time, help=text)
+
+
+def lock_timeout_option(function: F) -> F:
+    """`--lock-timeout` as `lock_timeout: int`, milliseconds."""
+    text = "Wait so long for a host that another run holds: 60s, 5min. [default: do not wait]"
+    return time_option("--lock-timeout", default="0 s", text=text)(function)
 
 
 def output_option(function: F) -> F:
@@ -261,7 +259,9 @@ def _day(_context: click.Context, _parameter: click.Parameter, value: str | None
         raise click.BadParameter(f"{value!r} is not a day as 2026-01-31.") from error
 
 
-def _time(_context: click.Context, _parameter: click.Parameter, value: str) -> int:
+def _time(_context: click.Context, _parameter: click.Parameter, value: str | None) -> int | None:
+    if value is None:
+        return None
     try:
         return int(parse_quantity(value, Unit.TIME)[1])
     except NotAQuantity as error:

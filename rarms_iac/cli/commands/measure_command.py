@@ -2,14 +2,14 @@
 
 import click
 
-from rarms_iac.app.experiments import MeasureRequest
+from rarms_iac.app.experiments import MeasureRequest, reserves_between
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.measure import measure_components
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, stopped, tell
-from rarms_iac.cli.options import host_options, json_option, manifest_options, time_option
+from rarms_iac.cli.options import host_options, json_option, lock_timeout_option, manifest_options
 from rarms_iac.cli.prompts import TerminalLevelPrompt, refuse_without_terminal
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import has_errors
@@ -17,7 +17,6 @@ from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
 from rarms_iac.views.measure import measure_json, summary_text
 
 STRATEGIES = ("default", "bisection", "paper")
-USUAL_STEP = 10
 
 
 @rarms_command("measure")
@@ -45,7 +44,7 @@ USUAL_STEP = 10
 )
 @click.option("--interactive", is_flag=True, help="After each component, ask for the level that is good enough.")
 @click.option("--on-busy-host", is_flag=True, help="Measure although something else runs; the data log says so.")
-@time_option("--lock-timeout", "0 s", "Wait so long for a host that another run holds: 60s. [default: do not wait]")
+@lock_timeout_option
 @json_option
 def command(
     session: Session,
@@ -77,7 +76,7 @@ def command(
         components=components,
         together=together,
         strategy=strategy,
-        reserves=reserves_of(first, last, step),
+        reserves=reserves_between(first, last, step),
         interference=interference,
         samples=samples,
         verify=verify,
@@ -86,7 +85,6 @@ def command(
         on_busy_host=on_busy_host,
         lock_timeout_ms=lock_timeout,
     )
-    _refuse_contradictions(request)
     if interactive:
         refuse_without_terminal(session, source)
     hosts = select_hosts(load_manifest(source), where)
@@ -105,30 +103,6 @@ def command(
     if outcome.stopped:
         return stopped(session)
     return ExitCode.NO if has_errors(outcome.findings) else ExitCode.DONE
-
-
-def _refuse_contradictions(request: MeasureRequest) -> None:
-    context = click.get_current_context()
-    if request.together and len(set(request.components)) < 2:
-        raise click.UsageError("--together wants two COMPONENTs or more.", context)
-    if sum(map(bool, (request.reserves, request.verify, request.strategy != "default"))) > 1:
-        raise click.UsageError("Give one of --strategy, --verify, and --from/--to/--step.", context)
-    if request.again and request.seed is not None:
-        raise click.UsageError("--again takes a seed of its own: leave --seed out.", context)
-
-
-def reserves_of(first: int | None, last: int | None, step: int | None) -> tuple[int, ...]:
-    """The settings of the performance measurement mode; none where nothing asks for it.
-
-    Raises:
-        click.UsageError: the last lies below the first.
-    """
-    if first is None and last is None and step is None:
-        return ()
-    begin, end = first or USUAL_STEP, last or 100
-    if end < begin:
-        raise click.UsageError(f"--to {end}% lies below --from {begin}%.", click.get_current_context())
-    return tuple(dict.fromkeys((*range(begin, end + 1, step or USUAL_STEP), end)))
 
 
 def percent(text: str | None) -> int | None:

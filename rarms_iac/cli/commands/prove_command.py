@@ -8,7 +8,7 @@ from rarms_iac.app.prove import USUAL_SEED, ProveRequest, prove_layout
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.messages import ProofProgress, TerminalReporter, tell
-from rarms_iac.cli.options import host_options, json_option, manifest_options, time_option
+from rarms_iac.cli.options import host_options, json_option, lock_timeout_option, manifest_options
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.views.prove import proof_text, prove_json
 
@@ -19,7 +19,7 @@ from rarms_iac.views.prove import proof_text, prove_json
 @click.option("--interference", metavar="NAME", help="Run this load beside them. [default: none]")
 @click.option("--samples", type=click.IntRange(min=2), help="So many a component. [default: as `run.until` says]")
 @click.option("--seed", type=click.IntRange(min=1), default=USUAL_SEED, help="Draw chance from here. [default: 1]")
-@time_option("--lock-timeout", "0 s", "Wait so long for a host that another run holds: 60s. [default: do not wait]")
+@lock_timeout_option
 @json_option
 def command(
     session: Session,

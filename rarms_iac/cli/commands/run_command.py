@@ -7,12 +7,11 @@ from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.run_component import ComponentRunResult, RunRequest, SilentSamples, run_components
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.messages import tell
-from rarms_iac.cli.options import json_option, manifest_options
+from rarms_iac.cli.options import json_option, manifest_options, time_option
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.cli.terminal import Terminal
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.measurement import Sample
-from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
 from rarms_iac.views.component_run import ran_json, sample_text, summary_text
 from rarms_iac.views.console import visible
 
@@ -20,22 +19,10 @@ LINES = 10
 """Of standard error, that are shown where samples failed."""
 
 
-def _time(_context: click.Context, _parameter: click.Parameter, value: str | None) -> int | None:
-    if value is None:
-        return None
-    try:
-        time = int(parse_quantity(value, Unit.TIME)[1])
-    except NotAQuantity as error:
-        raise click.BadParameter(f"{value!r} is not a time as 5s; units: {', '.join(error.units)}.") from error
-    if time < 1:
-        raise click.BadParameter("it has to be at least 1 ms.")
-    return time
-
-
 @rarms_command("run")
 @click.argument("components", metavar="[COMPONENT]...", nargs=-1)
 @manifest_options
-@click.option("--for", "for_ms", metavar="TIME", callback=_time, help="For so long: 5s. [default: as `until` says]")
+@time_option("--for", "for_ms", default=None, text="For so long: 5s. [default: as `until` says]")
 @click.option("--samples", type=click.IntRange(min=1), help="Until there are so many. [default: as `until` says]")
 @click.option("--interference", metavar="NAME", help="Against this load of the manifest. [default: none]")
 @click.option("--together", is_flag=True, help="All at once. [default: one after the other]")
@@ -58,6 +45,8 @@ def command(
     more failed samples than its `run.failures` allows, 1 where it cannot be started. Without names: every component
     that says how it is run.
     """
+    if for_ms is not None and for_ms < 1:
+        raise click.BadParameter("it has to be at least 1 ms.", param_hint="--for")
     if for_ms is not None and samples is not None:
         raise click.UsageError("Give --for or --samples, not both.", click.get_current_context())
     manifest = load_manifest(source)

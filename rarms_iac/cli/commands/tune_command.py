@@ -11,7 +11,7 @@ from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.tune import TuneOutcome, TuneRequest, tune_components
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, stopped, tell
-from rarms_iac.cli.options import host_options, json_option, manifest_options, time_option
+from rarms_iac.cli.options import host_options, json_option, lock_timeout_option, manifest_options
 from rarms_iac.cli.prompts import TerminalConsent, refuse_standard_input, refuse_without_terminal
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import has_errors
@@ -43,7 +43,7 @@ STRATEGIES = ("default", "paper")
 @click.option("--trail", metavar="FILE", help="Write the settings that were asked for, in order, as CSV.")
 @click.option("--samples", type=click.IntRange(min=2), help="So many a setting. [default: as `run.until` says]")
 @click.option("--on-busy-host", is_flag=True, help="Measure although something else runs; the data logs say so.")
-@time_option("--lock-timeout", "0 s", "Wait so long for a host that another run holds: 60s. [default: do not wait]")
+@lock_timeout_option
 @json_option
 def command(
     session: Session,
