@@ -28,7 +28,7 @@ STEPS = 60
 GOAL_MS = 2.0
 
 
-class StopwatchDisk(disk.RealDisk):
+class StopwatchDisk(disk.RealFileEffects):
     """The real disk, which adds up how long it waited for fsync."""
 
     def __init__(self) -> None:

@@ -27,8 +27,8 @@ from benchmarks.timing import Figure, report, table
 from rarms_iac.model.system import Minimise
 from rarms_iac.planner.combining.candidates import informed
 from rarms_iac.planner.combining.guiding import needs_less, outlook_of
-from rarms_iac.planner.combining.oracle import Asked, Coi, Members, PerformanceOracle, total
-from rarms_iac.planner.combining.paper import Asking, tune_performance_to_use_less_resource
+from rarms_iac.planner.combining.oracle import Answer, Coi, Members, PerformanceOracle, total
+from rarms_iac.planner.combining.paper import Inquiry, tune_performance_to_use_less_resource
 from rarms_iac.planner.combining.questions import Best, Tuning, search, tuning_of
 from rarms_iac.planner.prediction.belief import Outlook, belief_of
 from rarms_iac.planner.prediction.members import NOTHING
@@ -128,7 +128,7 @@ def run(case: Instance, way: Way) -> Result:
         probability=way.probability,
     )
     asking: PerformanceOracle = case if oracle is None else oracle
-    found, trail = search(tuning, Asking(oracle=asking))
+    found, trail = search(tuning, Inquiry(oracle=asking))
     needs = case.needs if oracle is None else {names: oracle.least(names) for names in case.needs}
     best = best_value(case, needs, way.minimise)
     truly = best if oracle is None else best_value(case, case.needs, way.minimise)
@@ -175,7 +175,7 @@ def _near(reached: Value | None, best: Value | None, points: int) -> bool:
     return reached.shared == best.shared and abs(reached.total - best.total) <= points
 
 
-def _misses(tuning: Tuning, trail: Sequence[Asked], case: Instance) -> list[Miss]:
+def _misses(tuning: Tuning, trail: Sequence[Answer], case: Instance) -> list[Miss]:
     """Compounds as they would be predicted had they not been asked about, but all others."""
     known, predictor = informed(tuning.candidates, trail), tuning.predictor
     less = needs_less(known)
@@ -218,7 +218,7 @@ def greedy(case: Instance) -> Greedy:
     while total(cois) > case.capacity:
         free = tuple(coi for coi in cois if len(coi.members) == 1)
         rest = total(cois) - total(free)
-        done = tune_performance_to_use_less_resource(free, max(0, case.capacity - rest), Asking(oracle=case))
+        done = tune_performance_to_use_less_resource(free, max(0, case.capacity - rest), Inquiry(oracle=case))
         asked += len(done.trail)
         if not done.combinations:
             return Greedy(asked=asked, ends="fails")

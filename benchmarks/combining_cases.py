@@ -12,7 +12,7 @@ from rarms_iac.planner.combining.layouts import Objective
 from rarms_iac.planner.combining.oracle import Coi, Members, total
 from rarms_iac.planner.prediction.belief import at_least
 from rarms_iac.planner.prediction.members import NOTHING, Alone, Predictor, predictor_of, task_of
-from rarms_iac.planner.prediction.periodic import Demand, demand_of
+from rarms_iac.planner.prediction.periodic import MemberDemand, demand_of
 from rarms_iac.providers.simulated.scheduling.machine import BusyLoops, JobDemand, ModelMachine, VirtualMachine
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 
@@ -63,7 +63,7 @@ def edf(chance: random.Random, components: int) -> Drawn:
     alone = {}
     for at, (work, period, deadline) in enumerate(tasks):
         seen = work * chance.uniform(0.95, 1.05)
-        demand = Demand(waits_ms=0.0, work_ms=seen, enough=need((at,)), period_ms=period)
+        demand = MemberDemand(waits_ms=0.0, work_ms=seen, enough=need((at,)), period_ms=period)
         alone[at] = Alone(demand=demand, task=task_of(seen, period, deadline), processors=1)
     return Drawn(need=need, alone=alone)
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from rarms_iac.model.measurement import Bench, EnvironmentSetup, Sample, Series, Setting
 from rarms_iac.model.system import BusyLoop, Component, Interference, ProviderKind, SchedulerType, TaskWish
-from rarms_iac.storage.datalog.identity import Subject, header_of, identity_of
+from rarms_iac.storage.datalog.identity import LogSubject, header_of, identity_of
 from rarms_iac.storage.datalog.log import DataLog, Header, Provenance, Recorded
 from tests.builders import a_component, memory
 
@@ -44,10 +44,10 @@ def a_subject(
     load: Interference | None = None,
     tasks: Mapping[str, TaskWish] | None = None,
     platform: str = "onboard",
-) -> Subject:
+) -> LogSubject:
     """Components in P1 with two VPs against busy loops."""
     members = components or (a_component(),)
-    return Subject(
+    return LogSubject(
         platform=platform,
         components=members,
         setup=EnvironmentSetup(
@@ -63,13 +63,13 @@ def a_subject(
     )
 
 
-def a_header(subject: Subject | None = None, files: Mapping[str, str] | None = None) -> Header:
+def a_header(subject: LogSubject | None = None, files: Mapping[str, str] | None = None) -> Header:
     """The header of a log of the subject."""
     chosen = subject or a_subject()
     return header_of(chosen, identity_of(chosen, files or {}, {}), a_bench())
 
 
-def a_log(settings: Sequence[Setting], subject: Subject | None = None) -> DataLog:
+def a_log(settings: Sequence[Setting], subject: LogSubject | None = None) -> DataLog:
     """A log of these settings."""
     return DataLog(
         header=a_header(subject), recorded=tuple(Recorded(setting=setting, provenance=TAKEN) for setting in settings)

@@ -52,7 +52,7 @@ class CrashingDisk:
         self.when = when
         self.end = end
         self.effects: list[str] = []
-        self._real = disk.RealDisk()
+        self._real = disk.RealFileEffects()
 
     def make_folder(self, folder: Path) -> None:
         self._effect(f"make_folder {folder.name}", lambda: self._real.make_folder(folder))

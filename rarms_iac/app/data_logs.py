@@ -28,7 +28,7 @@ from rarms_iac.planner.reservations import (
 )
 from rarms_iac.statistics.curves import Curve, curve_of
 from rarms_iac.storage.datalog.files import LogUnreadable, log_path, read_log
-from rarms_iac.storage.datalog.identity import Files, Subject, identity_of
+from rarms_iac.storage.datalog.identity import Files, LogSubject, identity_of
 from rarms_iac.storage.datalog.log import DataLog
 from rarms_iac.storage.datalog.staleness import BenchNow, Comparison, compare
 
@@ -54,7 +54,7 @@ def measurements_of(manifest: Manifest) -> Measurements:
     return Measurements(system=manifest.system, folder=Path(manifest.folder), options=words)
 
 
-def subject_of(system: System, host: Host, members: tuple[str, ...], interference: str) -> Subject:
+def subject_of(system: System, host: Host, members: tuple[str, ...], interference: str) -> LogSubject:
     """Return what a data log of these components is about.
 
     Args:
@@ -64,7 +64,7 @@ def subject_of(system: System, host: Host, members: tuple[str, ...], interferenc
         interference: Name of the load in P2.
     """
     experiment = experiment_of(system, host, members, interference)
-    return Subject(
+    return LogSubject(
         platform=host.platform,
         components=experiment.members,
         setup=experiment.setup,
@@ -73,7 +73,7 @@ def subject_of(system: System, host: Host, members: tuple[str, ...], interferenc
     )
 
 
-def path_of(folder: Path, subject: Subject) -> Path:
+def path_of(folder: Path, subject: LogSubject) -> Path:
     """Return where the data log of a subject lies.
 
     Args:
@@ -107,7 +107,7 @@ def measured_reservations(measured: Measurements, states: Mapping[str, State]) -
     return MeasuredReservations(kinds=kinds, logs=logs)
 
 
-def compared(log: DataLog, subject: Subject, files: Files, bench: BenchNow, *, here: bool) -> Comparison:
+def compared(log: DataLog, subject: LogSubject, files: Files, bench: BenchNow, *, here: bool) -> Comparison:
     """Compare a data log with what is now.
 
     Args:

@@ -13,7 +13,7 @@ from rarms_iac.model.state import State
 from rarms_iac.model.system import Host, PartitionWish, System
 from rarms_iac.planner.combining.candidates import Candidates, Node, candidates_of, informed, nodes_of
 from rarms_iac.planner.combining.guiding import Guide, guide_of
-from rarms_iac.planner.combining.oracle import WHOLE, Asked, Members, coi_as_measured
+from rarms_iac.planner.combining.oracle import WHOLE, Answer, Members, coi_as_measured
 from rarms_iac.planner.groups import Group, groups_of, may_share
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.prediction.members import alone_in, predictor_of
@@ -83,7 +83,7 @@ def _may_share(groups: Sequence[Group], names: Members) -> bool:
 
 def recorded_answers(
     measured: Measurements, host: Host, candidates: Candidates, states: Mapping[str, State]
-) -> tuple[Asked, ...]:
+) -> tuple[Answer, ...]:
     """Return what the valid data logs of compounds say, by the rule of a plan.
 
     Args:
@@ -96,7 +96,7 @@ def recorded_answers(
     return tuple(asked for names in compounds for asked in _answers(measured, host, names, states))
 
 
-def _answers(measured: Measurements, host: Host, names: Members, states: Mapping[str, State]) -> Iterator[Asked]:
+def _answers(measured: Measurements, host: Host, names: Members, states: Mapping[str, State]) -> Iterator[Answer]:
     interference = interference_of(measured.system, names)
     if not log_path(measured.folder, host.platform, names, interference).is_file():
         return
@@ -108,7 +108,7 @@ def _answers(measured: Measurements, host: Host, names: Members, states: Mapping
         return
     for reserve in log.measured:
         enough = least is not None and reserve >= least.reserve
-        yield Asked(members=names, reserve=reserve, worse=() if enough else names)
+        yield Answer(members=names, reserve=reserve, worse=() if enough else names)
 
 
 def _together(system: System, names: Members) -> System:

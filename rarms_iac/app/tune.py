@@ -34,19 +34,19 @@ from rarms_iac.planner.combining.candidates import Break
 from rarms_iac.planner.combining.oracle import (
     WHOLE,
     Always,
-    Asked,
+    Answer,
     Coi,
     Consent,
     Members,
     PlannerReporter,
-    Silent,
+    SilentReporter,
     Unanswered,
     total,
 )
 from rarms_iac.planner.combining.paper import (
     SUCCESSFUL,
     UNABLE,
-    Asking,
+    Inquiry,
     ordered,
     tune_performance_to_use_less_resource,
 )
@@ -75,7 +75,7 @@ class TuningResult:
     probability: float | None  # that no other layout is better; None: it is proved, or nothing is claimed
     contradictions: tuple[str, ...]
     partitions: tuple[TunedPartition, ...]
-    trail: tuple[Asked, ...]
+    trail: tuple[Answer, ...]
     written: str = ""
 
     @property
@@ -115,7 +115,7 @@ class TuningEnd:
     subject: TuningSubject
     ending: TuningEnding
     cois: tuple[Coi, ...]  # as they are now, most critical first
-    trail: tuple[Asked, ...] = ()
+    trail: tuple[Answer, ...] = ()
     proved: bool = False
     probability: float | None = None  # that no other layout is better; None: it is proved, or nothing is claimed
     breaks: tuple[Break, ...] = ()
@@ -128,10 +128,10 @@ class TuningEnd:
 
     @staticmethod
     def of(
-        subject: TuningSubject, asking: Asking, strategy: str, *, repeat: bool, probability: float | None = None
+        subject: TuningSubject, asking: Inquiry, strategy: str, *, repeat: bool, probability: float | None = None
     ) -> "TuningEnd":
         """Tune by this strategy, until there is an answer or somebody asks for an end."""
-        trail: list[Asked] = []
+        trail: list[Answer] = []
         heard = replace(asking, reporter=_TrailReporter(asking.reporter, trail))
         before = TuningEnd(subject=subject, ending="stopped", cois=ordered(subject.cois))
         try:
@@ -162,15 +162,15 @@ def tune_components(
         hosts: Of one platform; their processors are what is shared out.
         request: How.
         reporter: Hears of every setting that is run.
-        stop: Asked between settings and while samples come.
+        stop: Answer between settings and while samples come.
         planner_reporter: Hears what the search asks, and what it was answered; None: nobody does.
-        consent: Asked before a combination is measured; None: all are allowed.
+        consent: Answer before a combination is measured; None: all are allowed.
 
     Raises:
         UseCaseError: No host can be measured on (failed); one is busy or held (refused); a reservation is not
             measured, or the hosts are of several platforms (negative).
     """
-    end = _tune_held(hosts, request, reporter, stop, planner_reporter or Silent(), consent or Always())
+    end = _tune_held(hosts, request, reporter, stop, planner_reporter or SilentReporter(), consent or Always())
     edits = PartitionEdits(files=(), removed=())
     if end.compounds and not request.dry_run:
         edits = write_partitions(hosts.manifest, end.compounds)
@@ -205,18 +205,18 @@ def _tune_held(
         oracle = Experiments(
             subject=subject, bench=benches[bench.name], request=measuring, reporter=reporter, stop=stop
         )
-        asking = Asking(oracle=oracle, reporter=planner_reporter, consent=consent, may_share=subject.may_share)
+        asking = Inquiry(oracle=oracle, reporter=planner_reporter, consent=consent, may_share=subject.may_share)
         return TuningEnd.of(subject, asking, request.strategy, repeat=request.repeat, probability=request.probability)
 
 
 class _TrailReporter:
     """A reporter that collects the answers, also when somebody asks for an end, and passes all on to another."""
 
-    def __init__(self, reporter: PlannerReporter, trail: list[Asked]) -> None:
+    def __init__(self, reporter: PlannerReporter, trail: list[Answer]) -> None:
         self._reporter = reporter
         self._trail = trail
 
-    def setting_answered(self, answer: Asked) -> None:
+    def setting_answered(self, answer: Answer) -> None:
         """Collect it, and pass it on."""
         self._trail.append(answer)
         self._reporter.setting_answered(answer)
@@ -230,7 +230,7 @@ class _TrailReporter:
         self._reporter.combined(compound, before)
 
 
-def _by_the_paper(before: TuningEnd, asking: Asking, *, repeat: bool) -> TuningEnd:
+def _by_the_paper(before: TuningEnd, asking: Inquiry, *, repeat: bool) -> TuningEnd:
     subject = before.subject
     done = tune_performance_to_use_less_resource(subject.cois, subject.capacity, asking, repeat=repeat)
     ending: TuningEnding = "nothing_to_do"
@@ -239,7 +239,7 @@ def _by_the_paper(before: TuningEnd, asking: Asking, *, repeat: bool) -> TuningE
     return replace(before, ending=ending, cois=done.cois, trail=done.trail)
 
 
-def _by_the_graph(before: TuningEnd, asking: Asking, probability: float | None) -> TuningEnd:
+def _by_the_graph(before: TuningEnd, asking: Inquiry, probability: float | None) -> TuningEnd:
     subject = before.subject
     most = min((subject.highest(coi.members) for coi in subject.cois), default=WHOLE)
     layout_fit = LayoutFit(subject=subject)

@@ -24,8 +24,8 @@ def did_you_mean(word: str, candidates: Collection[str]) -> str | None:
     """The nearest of the candidates (ties by name), or None where none is near: about one slip in three letters."""
     allowed = max(len(word) > 1, min(len(word), 32) // 3)
     near = (candidate for candidate in candidates if candidate != word and abs(len(candidate) - len(word)) <= allowed)
-    compared = [one for one, _ in zip(near, range(MOST_CANDIDATES), strict=False)]
-    distances = sorted((distance(_folded(word), _folded(one), allowed), one) for one in compared)
+    compared = [candidate for candidate, _ in zip(near, range(MOST_CANDIDATES), strict=False)]
+    distances = sorted((distance(_folded(word), _folded(candidate), allowed), candidate) for candidate in compared)
     return distances[0][1] if distances and distances[0][0] <= allowed else None
 
 
@@ -45,15 +45,15 @@ def _folded(word: str) -> str:
     return word.lower().replace("-", "_").replace(" ", "_")
 
 
-def distance(one: str, other: str, limit: int) -> int:
+def distance(word: str, other: str, limit: int) -> int:
     """How many letters were changed, left out, added, or swapped with a neighbour; above the limit: limit + 1."""
     before: list[int] = []
     previous = list(range(len(other) + 1))
-    for row, letter in enumerate(one, 1):
+    for row, letter in enumerate(word, 1):
         current = [row]
         for column, against in enumerate(other, 1):
             cost = min(previous[column] + 1, current[-1] + 1, previous[column - 1] + (letter != against))
-            if row > 1 and column > 1 and letter == other[column - 2] and one[row - 2] == against:
+            if row > 1 and column > 1 and letter == other[column - 2] and word[row - 2] == against:
                 cost = min(cost, before[column - 2] + 1)
             current.append(cost)
         if min(current) > limit:

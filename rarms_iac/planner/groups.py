@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.system import Component, Headroom, PartitionWish, RunsOn, System
 from rarms_iac.planner import findings
-from rarms_iac.planner.headroom import Asking, Rank, ranks_of
+from rarms_iac.planner.headroom import PartitionShare, Rank, ranks_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,9 +25,9 @@ class Group:
         return max((one.criticality for one in self.members), default=0)
 
     @property
-    def asking(self) -> Asking:
+    def asking(self) -> PartitionShare:
         """What it may have of what is left over depends on this."""
-        return Asking(members=self.members, wish=self.wish, headroom=self.headroom, rank=self.rank)
+        return PartitionShare(members=self.members, wish=self.wish, headroom=self.headroom, rank=self.rank)
 
 
 def groups_of(system: System) -> tuple[Group, ...]:

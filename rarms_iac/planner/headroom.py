@@ -60,7 +60,7 @@ def weight_of_rank(rank: Rank) -> int:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asking:
+class PartitionShare:
     """A partition as the policy looks at it."""
 
     members: tuple[Component, ...]
@@ -74,14 +74,14 @@ class Asking:
         return any(member.apt for member in self.members)
 
 
-def share_of(asking: Asking, host: Host, processors: int, reserve: int) -> Share:
+def share_of(asking: PartitionShare, host: Host, processors: int, reserve: int) -> Share:
     """Limit and weight of a partition of so many virtual processors that reserves so much of each."""
     limit, why_limit = _limit(asking, host, processors, reserve)
     weight, why_weight = _weight(asking)
     return Share(limit=limit, weight=weight, why_limit=why_limit, why_weight=why_weight)
 
 
-def _limit(asking: Asking, host: Host, processors: int, reserve: int) -> tuple[int, str]:
+def _limit(asking: PartitionShare, host: Host, processors: int, reserve: int) -> tuple[int, str]:
     said = said_limit(asking, host, processors)
     if said is not None:
         if said < reserve:
@@ -93,7 +93,7 @@ def _limit(asking: Asking, host: Host, processors: int, reserve: int) -> tuple[i
     return OPEN, f"left open: {why}"
 
 
-def said_limit(asking: Asking, host: Host, processors: int) -> int | None:
+def said_limit(asking: PartitionShare, host: Host, processors: int) -> int | None:
     """Its own, or the members' together where each has one; None: it is open."""
     own = asking.wish.cpu.limit
     amounts: list[CpuAmount | None] = [own] if own is not None else [member.cpu.limit for member in asking.members]
@@ -105,19 +105,19 @@ def said_limit(asking: Asking, host: Host, processors: int) -> int | None:
     return min(OPEN, per_virtual_processor(LogicalProcessors(total), processors))
 
 
-def _weight(asking: Asking) -> tuple[int, str]:
+def _weight(asking: PartitionShare) -> tuple[int, str]:
     """Its own, or the highest of its members'; a member that says nothing wants what the policy gives."""
     if asking.wish.cpu.weight is not None:
         return asking.wish.cpu.weight, "the manifest fixes it for the partition"
     given, why = _given(asking)
     said = [(member.cpu.weight, member.name) for member in asking.members if member.cpu.weight is not None]
     if len(said) == len(asking.members) or any(weight > given for weight, _ in said):
-        weight, name = max(said, key=lambda one: (one[0], one[1]))
+        weight, name = max(said, key=lambda pair: (pair[0], pair[1]))
         return weight, f"the manifest fixes it for {name}"
     return given, why
 
 
-def _given(asking: Asking) -> tuple[int, str]:
+def _given(asking: PartitionShare) -> tuple[int, str]:
     match asking.headroom:
         case Headroom.BY_CRITICALITY:
             rank = asking.rank

@@ -191,8 +191,8 @@ def not_met(members: tuple[Component, ...], log: MeasuredTogether) -> NotMeasure
 
 
 def _interpolated(members: tuple[Component, ...], least: LeastReserve, log: MeasuredTogether) -> Cause:
-    below = max((one for one in log.measured if one < least.reserve), default=least.reserve)
-    above = min((one for one in log.measured if one > least.reserve), default=least.reserve)
+    below = max((reserve for reserve in log.measured if reserve < least.reserve), default=least.reserve)
+    above = min((reserve for reserve in log.measured if reserve > least.reserve), default=least.reserve)
     return Cause(
         what=f"component/{to_be_measured(members)[0]}",
         says=f"{least.reserve} % for {', '.join(names_of(members))} was looked up between {below} % and {above} %, "

@@ -74,7 +74,7 @@ def chosen_values(levels: Sequence[Sequence[TaskWish]]) -> tuple[tuple[LevelValu
                 if lowest not in found or longer.rank < found[lowest].rank:
                     found[lowest] = longer
         ways = _worth_following(found)
-    return min(ways.values(), key=lambda one: one.rank).chosen
+    return min(ways.values(), key=lambda way: way.rank).chosen
 
 
 def _worth_following(ways: Mapping[int, _Way]) -> dict[int, _Way]:
@@ -150,12 +150,12 @@ def masks_of(users: Sequence[Sequence[Component]], processors: int) -> Mapping[s
     width = 0
     levels = [list(level) for _, level in groupby(sorted(users, key=_criticality), key=_criticality)]
     for level in levels[:-1]:
-        width += sum(_wanted(one, processors) for one in level)
+        width += sum(_wanted(users, processors) for users in level)
         if width >= processors:
             break
-        for one in level:
-            assert one[0].task is not None, "who names no class wants all"
-            found[one[0].task.lower()] = _last(width, processors)
+        for task_users in level:
+            assert task_users[0].task is not None, "who names no class wants all"
+            found[task_users[0].task.lower()] = _last(width, processors)
     return found
 
 

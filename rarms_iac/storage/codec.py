@@ -82,11 +82,11 @@ def _encoder(hint: Any) -> Encode:
     if origin is tuple:
         return _encode_tuple(arguments)
     if origin is frozenset:
-        one = _encoder(arguments[0])
-        return lambda value: [one(item) for item in sorted(value)]
+        encode_item = _encoder(arguments[0])
+        return lambda value: [encode_item(item) for item in sorted(value)]
     if origin is Mapping:
-        one = _encoder(arguments[1])
-        return lambda value: {key: one(item) for key, item in value.items()}
+        encode_item = _encoder(arguments[1])
+        return lambda value: {key: encode_item(item) for key, item in value.items()}
     raise TypeError(f"no JSON for {hint!r}")
 
 
@@ -190,7 +190,7 @@ def _encode_union(members: tuple[Any, ...]) -> Encode:
             return {cls.__name__: _encoder(cls)(value)}
         if cls in records or cls in plain:
             return _encoder(cls)(value)
-        (only,) = (one for one in plain if one is not NoneType and isinstance(value, get_origin(one) or one))
+        (only,) = (hint for hint in plain if hint is not NoneType and isinstance(value, get_origin(hint) or hint))
         return _encoder(only)(value)
 
     return write
@@ -216,11 +216,11 @@ def _decode_union(members: tuple[Any, ...]) -> Decode:
         if records and type(data) is dict:
             return read_record(data, path)
         problem = NotDecodable(path, f"{_told(data)} does not fit here")
-        for one in plain:
+        for hint in plain:
             try:
-                return _decoder(one)(data, path)
+                return _decoder(hint)(data, path)
             except NotDecodable as no:
-                problem = no if len(plain) == 1 or one is not NoneType else problem
+                problem = no if len(plain) == 1 or hint is not NoneType else problem
         raise problem
 
     return read
@@ -228,16 +228,18 @@ def _decode_union(members: tuple[Any, ...]) -> Decode:
 
 def _encode_tuple(arguments: tuple[Any, ...]) -> Encode:
     if arguments[1:] == (...,):
-        one = _encoder(arguments[0])
-        return lambda value: [one(item) for item in value]
+        encode_item = _encoder(arguments[0])
+        return lambda value: [encode_item(item) for item in value]
     parts = [_encoder(argument) for argument in arguments]
     return lambda value: [part(item) for part, item in zip(parts, value, strict=True)]
 
 
 def _decode_tuple(arguments: tuple[Any, ...]) -> Decode:
     if arguments[1:] == (...,):
-        one = _decoder(arguments[0])
-        return lambda data, path: tuple(one(item, f"{path}[{at}]") for at, item in enumerate(_array(data, path)))
+        decode_item = _decoder(arguments[0])
+        return lambda data, path: tuple(
+            decode_item(item, f"{path}[{at}]") for at, item in enumerate(_array(data, path))
+        )
     parts = [_decoder(argument) for argument in arguments]
 
     def read(data: Any, path: str) -> tuple[Any, ...]:

@@ -18,7 +18,7 @@ RETRY_SECONDS = 0.025
 """How long a rename waits on Windows for a reader to close the file: a second in all."""
 
 
-class Disk(Protocol):
+class FileEffects(Protocol):
     """The effects on files, each of which a crash may come before, in the middle of, or after."""
 
     def make_folder(self, folder: Path) -> None:
@@ -54,7 +54,7 @@ class Disk(Protocol):
         ...
 
 
-class RealDisk:
+class RealFileEffects:
     """The file system of this machine."""
 
     def make_folder(self, folder: Path) -> None:
@@ -107,16 +107,16 @@ class RealDisk:
         path.unlink(missing_ok=True)
 
 
-_in_use: list[Disk] = [RealDisk()]
+_in_use: list[FileEffects] = [RealFileEffects()]
 
 
-def current() -> Disk:
+def current() -> FileEffects:
     """The disk in use: the real one unless a test installed another."""
     return _in_use[-1]
 
 
 @contextmanager
-def use(disk: Disk) -> Iterator[None]:
+def use(disk: FileEffects) -> Iterator[None]:
     """Have this disk used while the context lasts. For tests only."""
     _in_use.append(disk)
     try:

@@ -8,7 +8,7 @@ from rarms_iac.app.tune import TuningResult
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.quantities import plain, show_processors
 from rarms_iac.model.wording import in_a_row
-from rarms_iac.planner.combining.oracle import Asked, Coi, Members, Silent
+from rarms_iac.planner.combining.oracle import Answer, Coi, Members, SilentReporter
 from rarms_iac.planner.prediction.belief import ASSUMED
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import LiveTable, paragraph, stack, table
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 
-class TuningProgress(Silent):
+class TuningProgress(SilentReporter):
     """A `PlannerReporter` that writes to a person: rows of a table on a terminal, lines in a pipe.
 
     Args:
@@ -30,7 +30,7 @@ class TuningProgress(Silent):
         self._say = say
         self._live = live
 
-    def setting_answered(self, answer: Asked) -> None:
+    def setting_answered(self, answer: Answer) -> None:
         """Show the answer."""
         predicted = "" if answer.predicted is None else f" (predicted {answer.predicted} %)"
         row = "+".join(answer.members), f"{answer.reserve} %", f"{answer_text(answer.worse)}{predicted}"

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from rarms_iac.planner.combining.oracle import WHOLE, Asked, Coi, Members, leader, total
+from rarms_iac.planner.combining.oracle import WHOLE, Answer, Coi, Members, leader, total
 from rarms_iac.planner.combining.paper import Sharing
 from rarms_iac.planner.prediction.belief import at_least
 
@@ -91,10 +91,10 @@ def candidates_of(cois: Sequence[Coi], may_share: Sharing, *, most: int, largest
     A compound consists of CoIs that may share a partition with each other, two by two, and is one that may: so those
     that may not are not even looked at. `largest`: CoIs that a compound may consist of; None: any number.
     """
-    ordered = tuple(sorted(cois, key=lambda one: (-one.criticality, one.name), reverse=True))
+    ordered = tuple(sorted(cois, key=lambda coi: (-coi.criticality, coi.name), reverse=True))
     found = {}
     for mask in _cliques(ordered, may_share, largest):
-        members = tuple(one for at, one in enumerate(ordered) if mask >> at & 1)
+        members = tuple(coi for at, coi in enumerate(ordered) if mask >> at & 1)
         coi = compound_of(members)
         highest = min(most, (total(members) - 1) // coi.processors)
         if coi.reserve <= highest:
@@ -137,13 +137,13 @@ def _company(cois: Sequence[Coi], may_share: Sharing) -> "nx.Graph":
 
     graph = nx.Graph()
     graph.add_nodes_from(range(len(cois)))
-    for one, other in combinations(range(len(cois)), 2):
-        if may_share(tuple(sorted((*cois[one].members, *cois[other].members)))):
-            graph.add_edge(one, other)
+    for first, other in combinations(range(len(cois)), 2):
+        if may_share(tuple(sorted((*cois[first].members, *cois[other].members)))):
+            graph.add_edge(first, other)
     return graph
 
 
-def informed(candidates: Candidates, answers: Iterable[Asked]) -> Candidates:
+def informed(candidates: Candidates, answers: Iterable[Answer]) -> Candidates:
     """The candidates after these answers, in whatever order they came."""
     own: dict[Members, tuple[list[int], list[int]]] = {}
     for answer in answers:
@@ -188,30 +188,30 @@ def _breaks(
     told: Mapping[Mask, Candidate],
     floors: Sequence[tuple[Mask, int]],
 ) -> Iterator[Break]:
-    for mask, one in sorted(told.items()):
-        passed, failed = own[one.coi.members]
+    for mask, candidate in sorted(told.items()):
+        passed, failed = own[candidate.coi.members]
         if passed and failed and min(passed) <= max(failed):
             yield Break(
-                members=one.coi.members,
-                says=f"{named(one.coi.members)} meets its thresholds at {min(passed)} % "
+                members=candidate.coi.members,
+                says=f"{named(candidate.coi.members)} meets its thresholds at {min(passed)} % "
                 f"and misses one at {max(failed)} %",
             )
         if not passed:
             continue
         for part, floor in (*_parts(candidates, mask), *floors):
-            if part & mask == part and part != mask and min(passed) < at_least(floor, one.coi.processors):
+            if part & mask == part and part != mask and min(passed) < at_least(floor, candidate.coi.processors):
                 needs = named(compound_of(candidates.members(part)).members)
                 yield Break(
-                    members=one.coi.members,
-                    says=f"{named(one.coi.members)} meets its thresholds with less than {needs} needs",
+                    members=candidate.coi.members,
+                    says=f"{named(candidate.coi.members)} meets its thresholds with less than {needs} needs",
                 )
                 break
 
 
 def _parts(candidates: Candidates, mask: Mask) -> Iterator[tuple[Mask, int]]:
-    for at, one in enumerate(candidates.cois):
+    for at, coi in enumerate(candidates.cois):
         if mask >> at & 1:
-            yield 1 << at, one.at_least
+            yield 1 << at, coi.at_least
 
 
 def named(members: Members) -> str:

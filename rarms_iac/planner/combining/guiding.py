@@ -38,8 +38,8 @@ class World:
     def _cost(self, block: Mask) -> Least:
         found = self._costs.get(block)
         if found is None:
-            one, need = self.layouts.candidates.by_mask[block], self.need(block)
-            found = (need * one.coi.processors << PARTITIONS) + 1 if need <= one.highest else NEVER
+            candidate, need = self.layouts.candidates.by_mask[block], self.need(block)
+            found = (need * candidate.coi.processors << PARTITIONS) + 1 if need <= candidate.highest else NEVER
             self._costs[block] = found
         return found
 
@@ -75,7 +75,7 @@ class World:
     def _blocks_of(self, shared: Mask) -> Iterator[Mask]:
         while shared:
             least = self._least[shared]
-            block = next(one for one in self.layouts.blocks(shared) if self._makes(one, shared ^ one, least))
+            block = next(part for part in self.layouts.blocks(shared) if self._makes(part, shared ^ part, least))
             yield block
             shared ^= block
 
@@ -137,7 +137,7 @@ class Guide:
 
     def predicted(self, mask: Mask) -> int | None:
         """The CR that it needs as likely as not; None: nothing predicts it."""
-        if all(one is None for one in self.outlook(mask).said):
+        if all(prediction is None for prediction in self.outlook(mask).said):
             return None
         return self.expected(mask).quantile(0.5)
 
@@ -238,8 +238,10 @@ def doubt_of(guide: Guide, layouts: Layouts, than: Value, probability: float) ->
 
     Hosts are not looked at, so some of these may fit nowhere: the doubt is rather too large.
     """
-    ranked = takewhile(lambda one: one.value[0] <= than[0], layouts.ranked())
-    sets = [(one.mask, layouts.less_than(than, one.mask, one.rest)) for one in ranked if one.value < than]
+    ranked = takewhile(lambda shared: shared.value[0] <= than[0], layouts.ranked())
+    sets = [
+        (shared.mask, layouts.less_than(than, shared.mask, shared.rest)) for shared in ranked if shared.value < than
+    ]
     number = ceil(MARGIN * (BETTER + 1) / (1.0 - probability))  # rule of succession (P. Laplace, 1774)
     found = []
     for looked_at, world in enumerate(worlds(layouts, guide.outlook, guide.belief, number), start=1):
@@ -260,7 +262,7 @@ def settles_most(doubt: Doubt, known: Candidates) -> tuple[Candidate, int] | Non
     if not often:
         return None
     mask = max(often, key=lambda each: (often[each], each))
-    one = known.by_mask[mask]
+    candidate = known.by_mask[mask]
     needs = sorted(world.need(mask) for world, blocks in doubt.found if mask in blocks)
     part = 1.0 - len(doubt.found) / doubt.looked_at / 2
-    return one, max(one.low, min(needs[min(len(needs) - 1, int(part * len(needs)))], highest(one)))
+    return candidate, max(candidate.low, min(needs[min(len(needs) - 1, int(part * len(needs)))], highest(candidate)))

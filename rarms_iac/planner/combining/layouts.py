@@ -29,7 +29,7 @@ class Objective:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Choice:
+class LayoutChoice:
     """A layout by its compounds; every other CoI keeps its partition."""
 
     blocks: tuple[Mask, ...]
@@ -115,11 +115,11 @@ class Layouts:
     def _learn(self, candidates: Candidates, costs: dict[Mask, Least]) -> None:
         changed: list[Mask] = []
         for mask in sorted((cost for cost in self._costs if costs.get(cost) != self._costs[cost]), key=int.bit_count):
-            if not any(one & mask == one for one in changed):
+            if not any(part & mask == part for part in changed):
                 changed.append(mask)
         least = self._least.copy()
-        for one in changed:
-            least = {mask: found for mask, found in least.items() if mask & one != one}
+        for part in changed:
+            least = {mask: found for mask, found in least.items() if mask & part != part}
         self.candidates, self._costs, self._least = candidates, costs, least
         self._heap = None if self._heap is None else self._heap.copy()
 
@@ -132,7 +132,7 @@ class Layouts:
         }
         return Layouts(candidates=replace(self.candidates, by_mask=passed), objective=self.objective)
 
-    def value(self, choice: Choice) -> Value:
+    def value(self, choice: LayoutChoice) -> Value:
         """Of a layout."""
         return self._value(choice.key, choice.total, choice.partitions)
 
@@ -141,13 +141,13 @@ class Layouts:
             return key, reserved, partitions
         return reserved, key, partitions
 
-    def best(self) -> Choice | None:
+    def best(self) -> LayoutChoice | None:
         """The best that fits; None: nothing fits, however little the compounds need."""
-        best: Choice | None = None
-        for one in self.ranked():
-            if best is not None and one.value[0] > self.value(best)[0]:
+        best: LayoutChoice | None = None
+        for shared in self.ranked():
+            if best is not None and shared.value[0] > self.value(best)[0]:
                 break
-            choice = next(self._of(one), None)
+            choice = next(self._of(shared), None)
             if choice is not None and (best is None or self.value(choice) < self.value(best)):
                 best = choice
         return best
@@ -175,8 +175,8 @@ class Layouts:
                     found.append(heapq.heappop(heap))
                     yield now
         finally:
-            for one in found:
-                heapq.heappush(heap, one)
+            for sharing in found:
+                heapq.heappush(heap, sharing)
 
     def _looked_at(self, shared: Shared) -> Shared | None:
         """As it is now; None: there is no room for it any more."""
@@ -187,10 +187,10 @@ class Layouts:
 
     def _with_room(self) -> Iterator[Shared]:
         everything, capacity = sum(self._alone), self.objective.capacity
-        for one in self._sets:
-            rest = everything - one.alone
-            if rest <= capacity and (least := self.least(one.mask)) >> PARTITIONS <= capacity - rest:
-                yield Shared(self.value_of(one.mask, rest, least, one.key), one.mask, rest)
+        for sharing in self._sets:
+            rest = everything - sharing.alone
+            if rest <= capacity and (least := self.least(sharing.mask)) >> PARTITIONS <= capacity - rest:
+                yield Shared(self.value_of(sharing.mask, rest, least, sharing.key), sharing.mask, rest)
 
     def value_of(self, shared: Mask, rest: int, least: Least, key: int) -> Value:
         """Of a layout in which these share, and the others reserve `rest`; `key`: of those who share."""
@@ -224,8 +224,8 @@ class Layouts:
         if len(self._costs) <= FEW:
             found = {0}
             for block in self._costs:
-                found |= {one | block for one in found if not one & block}
-            return sorted(_Sharing(self.key(one), one, self._apart(one)) for one in found)
+                found |= {mask | block for mask in found if not mask & block}
+            return sorted(_Sharing(self.key(mask), mask, self._apart(mask)) for mask in found)
         used = 0
         for mask in self._costs:
             used |= mask
@@ -233,13 +233,13 @@ class Layouts:
         for at in range(used.bit_length()):
             if used >> at & 1:
                 weight, alone, bit = self._weights[at], self._alone[at], 1 << at
-                everything += [_Sharing(one.key + weight, one.mask | bit, one.alone + alone) for one in everything]
+                everything += [_Sharing(mask.key + weight, mask.mask | bit, mask.alone + alone) for mask in everything]
         return sorted(everything)
 
     def _apart(self, mask: Mask) -> int:
         return sum(cost for at, cost in enumerate(self._alone) if mask >> at & 1)
 
-    def _of(self, shared: Shared) -> Iterator[Choice]:
+    def _of(self, shared: Shared) -> Iterator[LayoutChoice]:
         """Layouts in which just these share, that fit, by what they reserve."""
         key = self.key(shared.mask)
         for cost, blocks in self._partitions(shared.mask):
@@ -247,7 +247,9 @@ class Layouts:
                 return
             if self.objective.fits(self.cois_of(blocks)):
                 partitions = self.partitions(shared.mask, len(blocks))
-                yield Choice(blocks=tuple(sorted(blocks)), total=shared.rest + cost, partitions=partitions, key=key)
+                yield LayoutChoice(
+                    blocks=tuple(sorted(blocks)), total=shared.rest + cost, partitions=partitions, key=key
+                )
 
     def key(self, shared: Mask) -> int:
         """The criticalities of these, as of `Choice`."""
@@ -288,7 +290,7 @@ class Layouts:
         listed = self._by_top.get(top, [])
         others = mask ^ (1 << (top - 1))
         if len(listed) <= 1 << others.bit_count():
-            return [one for one in listed if one & mask == one]
+            return [block for block in listed if block & mask == block]
         found, part = [], others
         while part:
             if (block := part | 1 << (top - 1)) in self._listed:

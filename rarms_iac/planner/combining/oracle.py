@@ -39,7 +39,7 @@ class Coi:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
+class Answer:
     """A setting that was asked for, with its answer."""
 
     members: Members
@@ -89,7 +89,7 @@ class PerformanceOracle(Protocol):
 
 
 class Consent(Protocol):
-    """Asked before a combination is measured for the first time."""
+    """Answer before a combination is measured for the first time."""
 
     def allows(self, members: Members, *, settings: int, gain: int) -> bool:
         """Whether it may be tried.
@@ -103,7 +103,7 @@ class Consent(Protocol):
 class PlannerReporter(Protocol):
     """Told what combining does, as it does it; must not raise."""
 
-    def setting_answered(self, answer: Asked) -> None:
+    def setting_answered(self, answer: Answer) -> None:
         """The oracle said."""
         ...
 
@@ -116,10 +116,10 @@ class PlannerReporter(Protocol):
         ...
 
 
-class Silent:
+class SilentReporter:
     """Tells nobody."""
 
-    def setting_answered(self, answer: Asked) -> None:
+    def setting_answered(self, answer: Answer) -> None:
         """Nothing."""
 
     def declined(self, members: Members) -> None:

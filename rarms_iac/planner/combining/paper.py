@@ -6,13 +6,13 @@ from dataclasses import dataclass, field, replace
 from rarms_iac.planner.combining.oracle import (
     WHOLE,
     Always,
-    Asked,
+    Answer,
     Coi,
     Consent,
     Members,
     PerformanceOracle,
     PlannerReporter,
-    Silent,
+    SilentReporter,
     leader,
     total,
     union,
@@ -29,22 +29,22 @@ Sharing = Callable[[Members], bool]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asking:
+class Inquiry:
     """Who answers, who is told, and what may be tried."""
 
     oracle: PerformanceOracle
-    reporter: PlannerReporter = field(default_factory=Silent)
+    reporter: PlannerReporter = field(default_factory=SilentReporter)
     consent: Consent = field(default_factory=Always)
     may_share: Sharing = lambda _members: True
 
-    def ask(self, members: Members, reserve: int, predicted: int | None = None) -> Asked:
+    def ask(self, members: Members, reserve: int, predicted: int | None = None) -> Answer:
         """One setting; `predicted`: the CR that is expected to do.
 
         Raises:
             Unanswered: the oracle has no answer.
         """
         worse = self.oracle.worse(members, reserve)
-        answer = Asked(members=members, reserve=reserve, worse=tuple(sorted(worse)), predicted=predicted)
+        answer = Answer(members=members, reserve=reserve, worse=tuple(sorted(worse)), predicted=predicted)
         self.reporter.setting_answered(answer)
         return answer
 
@@ -68,7 +68,7 @@ class PaperTuning:
 
     cois: tuple[Coi, ...]  # as they are now, most critical first
     combinations: tuple[Combination, ...]  # in the order in which they were made
-    trail: tuple[Asked, ...]
+    trail: tuple[Answer, ...]
     needed: bool  # False: the total lay below the capacity, and there was nothing to do
 
     @property
@@ -80,7 +80,7 @@ class PaperTuning:
 
 
 def tune_performance_to_use_less_resource(
-    cois: Sequence[Coi], capacity: int, asking: Asking, *, repeat: bool = False
+    cois: Sequence[Coi], capacity: int, asking: Inquiry, *, repeat: bool = False
 ) -> PaperTuning:
     """TPTULR: combine, unless the total lies below the capacity (per cent of one logical processor).
 
@@ -89,7 +89,7 @@ def tune_performance_to_use_less_resource(
     Raises:
         Unanswered: the oracle has no answer.
     """
-    trail: list[Asked] = []
+    trail: list[Answer] = []
     made: list[Combination] = []
     now = ordered(cois)
     needed = total(now) >= capacity
@@ -107,7 +107,7 @@ def ordered(cois: Sequence[Coi]) -> tuple[Coi, ...]:
     return tuple(sorted(cois, key=lambda coi: (-coi.criticality, coi.name)))
 
 
-def combine_components(cois: Sequence[Coi], asking: Asking, trail: list[Asked]) -> Combination | None:
+def combine_components(cois: Sequence[Coi], asking: Inquiry, trail: list[Answer]) -> Combination | None:
     """CombineComponents: the least critical one with the next that it can be combined with; None: unsuccessful.
 
     What was asked is added to the trail.
@@ -126,7 +126,7 @@ def combine_components(cois: Sequence[Coi], asking: Asking, trail: list[Asked]) 
     return None
 
 
-def _tried(least: Coi, next_to_last: Coi, asking: Asking, trail: list[Asked]) -> Coi | None:
+def _tried(least: Coi, next_to_last: Coi, asking: Inquiry, trail: list[Answer]) -> Coi | None:
     """One pair: first with the sum of both, then by CMCPUR; None is TryAgain."""
     pair = (next_to_last, least)
     members, processors = union(*pair), max(coi.processors for coi in pair)

@@ -20,9 +20,9 @@ from rarms_iac.planner.combining.guiding import (
     raises_most,
     settles_most,
 )
-from rarms_iac.planner.combining.layouts import Choice, Layouts, Objective
-from rarms_iac.planner.combining.oracle import WHOLE, Asked, Coi, Members, total
-from rarms_iac.planner.combining.paper import Asking, Sharing
+from rarms_iac.planner.combining.layouts import LayoutChoice, Layouts, Objective
+from rarms_iac.planner.combining.oracle import WHOLE, Answer, Coi, Members, total
+from rarms_iac.planner.combining.paper import Inquiry, Sharing
 from rarms_iac.planner.prediction.members import NOTHING, Predictor
 
 
@@ -99,20 +99,20 @@ def tuning_of(
     return Tuning(candidates=candidates, objective=objective, complete=complete, every_size=every_size)
 
 
-def next_step(tuning: Tuning, answers: Sequence[Asked]) -> Step:
-    """What to ask after these answers, or the answer; as of `Looking`."""
-    return Looking(tuning=tuning).next_step(answers)
+def next_step(tuning: Tuning, answers: Sequence[Answer]) -> Step:
+    """What to ask after these answers, or the answer; as of `QuestionSearch`."""
+    return QuestionSearch(tuning=tuning).next_step(answers)
 
 
 @dataclass(slots=True, kw_only=True)
-class Looking:
+class QuestionSearch:
     """The same after ever more answers: what one does not touch is not worked out again, and all is as if it were."""
 
     tuning: Tuning
     _layouts: Layouts | None = None
-    _seen: "_Seen | None" = None
+    _seen: "_Holding | None" = None
 
-    def next_step(self, answers: Sequence[Asked]) -> Step:
+    def next_step(self, answers: Sequence[Answer]) -> Step:
         """What to ask after these answers, or the answer.
 
         The best layout that what is known allows is looked at: where the least CR of all its compounds was measured, no
@@ -125,7 +125,7 @@ class Looking:
         best = layouts.best()
         if best is None:
             return NothingFits(breaks=known.breaks, complete=tuning.complete)
-        unknown = [one for mask in best.blocks if not (one := known.by_mask[mask]).is_known]
+        unknown = [candidate for mask in best.blocks if not (candidate := known.by_mask[mask]).is_known]
         if not unknown:
             return _best(tuning, layouts, best, known.breaks)
         seen, holds = self._holding(layouts)
@@ -138,8 +138,8 @@ class Looking:
             if doubt.enough:
                 return replace(_best(tuning, seen, holds, known.breaks), stopped_at=tuning.probability)
             chosen = settles_most(doubt, known)
-        one, reserve = chosen or raises_most(guide, unknown, _room(tuning, best, holds), holds=holds is not None)
-        return _question(guide, one, reserve)
+        candidate, reserve = chosen or raises_most(guide, unknown, _room(tuning, best, holds), holds=holds is not None)
+        return _question(guide, candidate, reserve)
 
     def _looked_at(self, known: Candidates) -> Layouts:
         last = self._layouts
@@ -147,7 +147,7 @@ class Looking:
         self._layouts = layouts
         return layouts
 
-    def _holding(self, layouts: Layouts) -> tuple[Layouts, Choice | None]:
+    def _holding(self, layouts: Layouts) -> tuple[Layouts, LayoutChoice | None]:
         """The best of what was seen to hold; None: no compound was."""
         passed = {
             mask: candidate.passed
@@ -156,18 +156,18 @@ class Looking:
         }
         if self._seen is None or self._seen.passed != passed:
             seen = layouts.seen()
-            self._seen = _Seen(passed=passed, layouts=seen, best=seen.best() if passed else None)
+            self._seen = _Holding(passed=passed, layouts=seen, best=seen.best() if passed else None)
         return self._seen.layouts, self._seen.best
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Seen:
+class _Holding:
     passed: Mapping[Mask, int]
     layouts: Layouts
-    best: Choice | None
+    best: LayoutChoice | None
 
 
-def _room(tuning: Tuning, best: Choice, holds: Choice | None) -> int:
+def _room(tuning: Tuning, best: LayoutChoice, holds: LayoutChoice | None) -> int:
     """How much more its compounds may need before this layout is out: too large, or no better than one that holds."""
     room = tuning.objective.capacity - best.total
     if holds is not None and (tuning.objective.minimise is Minimise.RESERVATION or holds.key == best.key):
@@ -183,7 +183,7 @@ def _question(guide: Guide, candidate: Candidate, reserve: int) -> Ask:
     )
 
 
-def _best(tuning: Tuning, layouts: Layouts, best: Choice, breaks: tuple[Break, ...]) -> Best:
+def _best(tuning: Tuning, layouts: Layouts, best: LayoutChoice, breaks: tuple[Break, ...]) -> Best:
     return Best(
         cois=tuple(sorted(layouts.cois_of(best.blocks), key=lambda coi: (-coi.criticality, coi.name))),
         total=best.total,
@@ -192,7 +192,7 @@ def _best(tuning: Tuning, layouts: Layouts, best: Choice, breaks: tuple[Break, .
     )
 
 
-def _is_first(tuning: Tuning, best: Choice) -> bool:
+def _is_first(tuning: Tuning, best: LayoutChoice) -> bool:
     """Combining as little as possible, a layout of the least critical CoIs comes before all that touch others.
 
     Only their number was limited then; a compound of them of more parts was looked at, too.
@@ -205,8 +205,8 @@ def _is_first(tuning: Tuning, best: Choice) -> bool:
 
 
 def search(
-    tuning: Tuning, asking: Asking, answers: Sequence[Asked] = (), recorded: Sequence[Asked] = ()
-) -> tuple[Best | NothingFits, tuple[Asked, ...]]:
+    tuning: Tuning, asking: Inquiry, answers: Sequence[Answer] = (), recorded: Sequence[Answer] = ()
+) -> tuple[Best | NothingFits, tuple[Answer, ...]]:
     """Ask until the answer is there; what was answered before is not asked again.
 
     A combination that somebody says no to is left out; since a layout with it may be better, nothing is proved then.
@@ -218,38 +218,38 @@ def search(
         Unanswered: the oracle has no answer; the trail up to there is in what it recorded.
     """
     trail = list(answers)
-    consented: set[Members] = {one.members for one in trail}
-    looking = Looking(tuning=tuning)
+    consented: set[Members] = {answer.members for answer in trail}
+    looking = QuestionSearch(tuning=tuning)
     while True:
         step = looking.next_step(trail)
         if not isinstance(step, Ask):
             untold = _untold(recorded, trail)
             if not untold:
                 return step, tuple(trail)
-            for one in untold:
-                asking.reporter.setting_answered(one)
+            for answer in untold:
+                asking.reporter.setting_answered(answer)
             trail += untold
             continue
         if step.members not in consented:
             if not _consent(tuning, asking, step.members):
                 asking.reporter.declined(step.members)
                 tuning = _without(tuning, step.members)
-                looking = Looking(tuning=tuning)
+                looking = QuestionSearch(tuning=tuning)
                 continue
             consented.add(step.members)
         trail.append(asking.ask(step.members, step.reserve, step.predicted))
 
 
-def _untold(recorded: Sequence[Asked], trail: Sequence[Asked]) -> list[Asked]:
-    told = {(one.members, one.reserve) for one in trail}
-    return [one for one in recorded if (one.members, one.reserve) not in told]
+def _untold(recorded: Sequence[Answer], trail: Sequence[Answer]) -> list[Answer]:
+    told = {(answer.members, answer.reserve) for answer in trail}
+    return [answer for answer in recorded if (answer.members, answer.reserve) not in told]
 
 
-def _consent(tuning: Tuning, asking: Asking, members: Members) -> bool:
-    one = next(each for each in tuning.candidates.by_mask.values() if each.coi.members == members)
-    parts = total(tuning.candidates.members(one.mask))
-    settings = (one.highest - one.low + 1).bit_length()
-    return asking.consent.allows(members, settings=settings, gain=parts - one.coi.cost)
+def _consent(tuning: Tuning, asking: Inquiry, members: Members) -> bool:
+    candidate = next(each for each in tuning.candidates.by_mask.values() if each.coi.members == members)
+    parts = total(tuning.candidates.members(candidate.mask))
+    settings = (candidate.highest - candidate.low + 1).bit_length()
+    return asking.consent.allows(members, settings=settings, gain=parts - candidate.coi.cost)
 
 
 def _without(tuning: Tuning, members: Members) -> Tuning:

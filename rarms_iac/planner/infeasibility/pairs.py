@@ -9,7 +9,7 @@ from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime, show_pe
 from rarms_iac.model.system import CpuWish
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.combining.candidates import compound_of
-from rarms_iac.planner.combining.measured import coi_as_measured
+from rarms_iac.planner.combining.oracle import coi_as_measured
 from rarms_iac.planner.groups import Group, may_share
 from rarms_iac.planner.infeasibility.edits import Edit, Trial, Variant, with_components
 from rarms_iac.planner.infeasibility.lowering import largest

@@ -123,12 +123,12 @@ class Expectation:
 
     def below(self, reserve: int) -> float:
         """The probability that it needs at most so much."""
-        one = self.outlook
-        if reserve < one.low:
+        outlook = self.outlook
+        if reserve < outlook.low:
             return 0.0
-        if reserve >= one.most:
+        if reserve >= outlook.most:
             return 1.0
-        return min(1.0, sum(weight * (way.below(one, reserve) - low) for way, weight, low in self.parts))
+        return min(1.0, sum(weight * (way.below(outlook, reserve) - low) for way, weight, low in self.parts))
 
     def quantile(self, chance: float) -> int:
         """The least whole CR that is enough with this probability."""
@@ -163,7 +163,9 @@ class Belief:
 def belief_of(ways: int, seen: Sequence[Outlook]) -> Belief:
     """What to expect with so many ways to predict, after these compounds were asked about."""
     first = _hypotheses(ways)
-    likely = [sum(parts) for parts in zip(_logarithms(ways), *(_fitting(ways, one) for one in seen), strict=True)]
+    likely = [
+        sum(parts) for parts in zip(_logarithms(ways), *(_fitting(ways, outlook) for outlook in seen), strict=True)
+    ]
     best = max(likely)
     weights = {
         hypothesis: exp(value - best)

@@ -10,8 +10,8 @@ from rarms_iac.planner.groups import Group
 from rarms_iac.planner.prediction.belief import SELDOM, Outlook, at_least, belief_of, slack_on
 from rarms_iac.planner.prediction.periodic import (
     WHOLE,
-    Demand,
     Meets,
+    MemberDemand,
     Resource,
     Task,
     demand_of,
@@ -47,7 +47,7 @@ MOST = 90
 class Alone:
     """A component by itself."""
 
-    demand: Demand
+    demand: MemberDemand
     task: Task | None  # ticks; None: its jobs have no period or no deadline
     processors: int  # of the partition that it was measured in
 
@@ -70,7 +70,7 @@ def alone_in(groups: Iterable[Group], reservations: ReservationSource, host: Hos
             log, least = reservations.log(group.members, host), reservations.least(group.members, host)
             if len(group.members) == 1 and isinstance(log, MeasuredTogether) and least is not None:
                 found[group.members[0].name] = alone_of(group.members[0], log, least.reserve)
-    return {name: one for name, one in found.items() if one is not None}
+    return {name: alone for name, alone in found.items() if alone is not None}
 
 
 def alone_of(component: Component, log: MeasuredTogether, enough: int) -> Alone | None:
@@ -87,7 +87,7 @@ def alone_of(component: Component, log: MeasuredTogether, enough: int) -> Alone 
     return Alone(demand=demand, task=_task(component, demand), processors=log.processors)
 
 
-def _task(component: Component, demand: Demand) -> Task | None:
+def _task(component: Component, demand: MemberDemand) -> Task | None:
     deadlines = [
         float(most.value) for name, most in component.apt.items() if isinstance(most, AtMost) and _is_deadline(name)
     ]
@@ -167,7 +167,7 @@ def expected_of(predictor: Predictor, members: tuple[str, ...], processors: int,
     `costs`: what each part of them reserves, in per cent of one logical processor.
     """
     said = predictor.of(members, processors)
-    if all(one is None for one in said):
+    if all(prediction is None for prediction in said):
         return None
     neediest, together = max(costs) / processors, sum(costs) / processors
     slack = slack_on(processors)

@@ -158,7 +158,7 @@ WHOLE = 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Demand:
+class MemberDemand:
     """What each job of a component asks for, as its response time over the CR tells it.
 
     Alone at a CR of c per cent it answers after `waits_ms + 100 * work_ms / c`.
@@ -180,7 +180,7 @@ class Demand:
         return self.response_ms(self.enough)
 
 
-def responses(demands: Sequence[Demand], reserve: float, processors: int) -> tuple[float, ...]:
+def responses(demands: Sequence[MemberDemand], reserve: float, processors: int) -> tuple[float, ...]:
     """The mean response times (ms) of these in one partition at this CR, in their order; `inf`: more than it has."""
     found = tuple(demand.response_ms(reserve) for demand in demands)
     for _ in range(ROUNDS):
@@ -196,32 +196,32 @@ def responses(demands: Sequence[Demand], reserve: float, processors: int) -> tup
     return tuple(inf if _overrun(demand, seen) else seen for demand, seen in zip(demands, found, strict=True))
 
 
-def _computing(demand: Demand, response_ms: float) -> float:
+def _computing(demand: MemberDemand, response_ms: float) -> float:
     """The part of the time in which it computes."""
     between = response_ms if demand.period_ms is None else max(demand.period_ms, response_ms)
     return (response_ms - demand.waits_ms) / between if between > 0 else 0.0
 
 
-def _overrun(demand: Demand, response_ms: float) -> bool:
+def _overrun(demand: MemberDemand, response_ms: float) -> bool:
     """Whether a job is not done when the next is due: then each is later than the one before."""
     return demand.period_ms is not None and response_ms - demand.waits_ms > demand.period_ms
 
 
-def _slower(demands: Sequence[Demand], computing: Sequence[float], at: int, processors: int) -> float:
+def _slower(demands: Sequence[MemberDemand], computing: Sequence[float], at: int, processors: int) -> float:
     """How many times longer the work of one takes beside the others, each there with its own chance."""
     chances = {demands[at].parallel: 1.0}
-    for other, one in enumerate(demands):
+    for other, demand in enumerate(demands):
         if other != at:
             after: dict[float, float] = {}
             for wanted, chance in chances.items():
                 after[wanted] = after.get(wanted, 0.0) + chance * (1.0 - computing[other])
-                more = wanted + one.parallel
+                more = wanted + demand.parallel
                 after[more] = after.get(more, 0.0) + chance * computing[other]
             chances = after
     return sum(chance * max(1.0, wanted / processors) for wanted, chance in chances.items())
 
 
-def least_shared(demands: Sequence[Demand], processors: int) -> float:
+def least_shared(demands: Sequence[MemberDemand], processors: int) -> float:
     """The least CR (per cent, not rounded) at which each of them answers as soon as it does alone where that is enough.
 
     Above 100: not even all of the partition is enough.
@@ -237,7 +237,7 @@ def least_shared(demands: Sequence[Demand], processors: int) -> float:
 
 def demand_of(
     points: Sequence[tuple[float, float]], enough: int, *, period_ms: float | None = None, parallel: float = 1.0
-) -> Demand | None:
+) -> MemberDemand | None:
     """The demand whose response times lie closest to what was measured: CR (per cent) and mean response time (ms).
 
     Least squares of what it is off, in parts of the value; neither waiting nor work is below 0. None: nothing measured.
@@ -245,10 +245,10 @@ def demand_of(
     rows = [(1.0 / value, WHOLE / (reserve * value)) for reserve, value in points if value > 0]
     if not rows:
         return None
-    ones, works = sum(one for one, _ in rows), sum(work for _, work in rows)
+    ones, works = sum(wait for wait, _ in rows), sum(work for _, work in rows)
     square, mixed, worked = (
-        sum(one * one for one, _ in rows),
-        sum(one * work for one, work in rows),
+        sum(wait * wait for wait, _ in rows),
+        sum(wait * work for wait, work in rows),
         sum(work * work for _, work in rows),
     )
     apart = square * worked - mixed * mixed
@@ -258,4 +258,4 @@ def demand_of(
         waits, work = ones / square, 0.0
     elif waits < 0.0:
         waits, work = 0.0, works / worked
-    return Demand(waits_ms=waits, work_ms=work, enough=enough, period_ms=period_ms, parallel=parallel)
+    return MemberDemand(waits_ms=waits, work_ms=work, enough=enough, period_ms=period_ms, parallel=parallel)

@@ -59,7 +59,7 @@ def setting_in(line: Mapping[str, Json]) -> Recorded:
         reserve=reserve,
         beside=_whole(line, "beside"),
         seed=_whole(line, "seed"),
-        series=tuple(_series(one, f"series[{at}]") for at, one in enumerate(series)),
+        series=tuple(_series(column, f"series[{at}]") for at, column in enumerate(series)),
     )
     return Recorded(setting=setting, provenance=decode(Provenance, line["provenance"]))
 
@@ -157,7 +157,7 @@ def _indexes(data: Json, length: int, path: str) -> Sequence[int]:
 
 
 def _failures(data: Json, length: int, path: str) -> Mapping[int, str]:
-    if not isinstance(data, dict) or not all(type(one) is str for one in data.values()):
+    if not isinstance(data, dict) or not all(type(reason) is str for reason in data.values()):
         raise NotDecodable(path, "it is no object of texts")
     if not all(key.isascii() and key.isdecimal() for key in data):
         raise NotDecodable(path, "its keys are no numbers of samples")

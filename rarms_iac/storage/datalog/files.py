@@ -36,13 +36,13 @@ def begin_log(path: Path, header: Header) -> None:
     replace(path, sealed_line(line))
 
 
-def append_remeasurement(path: Path, one: Remeasurement) -> None:
+def append_remeasurement(path: Path, remeasurement: Remeasurement) -> None:
     """Add that a pass begins, or has ended, to a log that was begun. It is on the disk on return.
 
     Raises:
         OSError: it cannot be written.
     """
-    append(path, {REMEASUREMENT_FIELD: encode(one)})
+    append(path, {REMEASUREMENT_FIELD: encode(remeasurement)})
 
 
 def append_setting(path: Path, recorded: Recorded) -> None:
@@ -76,8 +76,8 @@ def read_log(path: Path) -> DataLog | None:
     for line, record in enumerate(rest, start=2):
         try:
             if REMEASUREMENT_FIELD in record:
-                one = _remeasurement_in(record)
-                remeasurements[one.seed] = one
+                remeasurement = _remeasurement_in(record)
+                remeasurements[remeasurement.seed] = remeasurement
             else:
                 recorded.append(setting_in(record))
         except NotDecodable as problem:

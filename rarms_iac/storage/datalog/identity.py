@@ -30,7 +30,7 @@ IN_THE_FILES = frozenset({"run.files"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Subject:
+class LogSubject:
     """What is measured: components in one partition against a load, as the manifest has them."""
 
     platform: str
@@ -40,7 +40,7 @@ class Subject:
     tasks: Mapping[str, TaskWish]  # what the manifest fixes of task classes
 
 
-def identity_of(subject: Subject, files: Mapping[str, str], interpreters: Mapping[str, str]) -> Identity:
+def identity_of(subject: LogSubject, files: Mapping[str, str], interpreters: Mapping[str, str]) -> Identity:
     """The parts of a subject; `files` and `interpreters` are digests by path, as `hashing` finds them."""
     parts = dict(_setup_parts(subject))
     for component in subject.components:
@@ -49,7 +49,7 @@ def identity_of(subject: Subject, files: Mapping[str, str], interpreters: Mappin
     return Identity(parts=dict(sorted(parts.items())), interpreters=dict(sorted(interpreters.items())))
 
 
-def header_of(subject: Subject, identity: Identity, bench: Bench) -> Header:
+def header_of(subject: LogSubject, identity: Identity, bench: Bench) -> Header:
     """What the log of a subject begins with."""
     return Header(
         platform=subject.platform,
@@ -65,7 +65,7 @@ def identity_digest(identity: Identity) -> str:
     return digest(dict(identity.parts))
 
 
-def _setup_parts(subject: Subject) -> Iterator[tuple[str, str]]:
+def _setup_parts(subject: LogSubject) -> Iterator[tuple[str, str]]:
     setup = subject.setup
     yield "processors", str(setup.processors)
     yield "memory", show_bytes(setup.memory)
@@ -140,10 +140,10 @@ def _decimal(value: Fraction) -> str:
     return f"{sign}{whole}.{rest:018d}".rstrip("0").rstrip(".")
 
 
-def _default(one: Any) -> Any:
-    if one.default is not MISSING:
-        return one.default
-    return one.default_factory() if one.default_factory is not MISSING else MISSING
+def _default(part: Any) -> Any:
+    if part.default is not MISSING:
+        return part.default
+    return part.default_factory() if part.default_factory is not MISSING else MISSING
 
 
 _LOOKED_AT = 8000  # bytes: git tells a text from other content by them
@@ -158,7 +158,7 @@ class Files:
     folder: Path
     _known: MutableMapping[Path, str] = field(default_factory=dict)
 
-    def of(self, subject: Subject) -> dict[str, str]:
+    def of(self, subject: LogSubject) -> dict[str, str]:
         """The digest of every file that belongs to the subject, by path below the manifest's folder.
 
         Raises:
@@ -166,7 +166,7 @@ class Files:
         """
         return {self._named(path): self._digest(path) for path in sorted(set(self._all(subject)))}
 
-    def interpreters(self, subject: Subject) -> dict[str, str]:
+    def interpreters(self, subject: LogSubject) -> dict[str, str]:
         """The digest of every program outside the folder that the subject's commands begin with, by their word."""
         found = {}
         for word in _first_words(subject):
@@ -175,7 +175,7 @@ class Files:
                 found[word] = self._digest(path)
         return found
 
-    def _all(self, subject: Subject) -> Iterator[Path]:
+    def _all(self, subject: LogSubject) -> Iterator[Path]:
         for component in subject.components:
             if component.run is not None:
                 yield from self._of_run(component.run)
@@ -240,7 +240,7 @@ def file_digest(path: Path) -> str:
     return short(total.hexdigest(), _DIGITS)
 
 
-def _first_words(subject: Subject) -> Iterator[str]:
+def _first_words(subject: LogSubject) -> Iterator[str]:
     for component in subject.components:
         if component.run is not None and isinstance(component.run.start, Command):
             yield from component.run.start.words[:1]

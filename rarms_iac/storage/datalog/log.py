@@ -79,18 +79,20 @@ class DataLog:
         the host to itself, and to every later pass that was measured so to its end.
         """
         clean = self._last_clean_remeasurement()
-        return tuple(one for at, one in enumerate(self.recorded) if not (one.is_busy and self._gives_way(at, clean)))
+        return tuple(
+            record for at, record in enumerate(self.recorded) if not (record.is_busy and self._gives_way(at, clean))
+        )
 
     @property
     def settings(self) -> tuple[Setting, ...]:
         """The settings that count, alone; a reservation may be there more than once."""
-        return tuple(one.setting for one in self.counting)
+        return tuple(record.setting for record in self.counting)
 
     @property
     def highest_seed(self) -> int:
         """The last seed that anything was, or was to be, measured with; 0 where nothing was."""
         seeds = [
-            *(one.setting.seed for one in self.recorded),
+            *(record.setting.seed for record in self.recorded),
             *(remeasurement.seed for remeasurement in self.remeasurements),
         ]
         return max(seeds, default=0)
@@ -98,11 +100,13 @@ class DataLog:
     def _gives_way(self, at: int, clean: int) -> bool:
         busy = self.recorded[at].setting
         later = self.recorded[at + 1 :]
-        return busy.seed < clean or any(one.setting.reserve == busy.reserve and not one.is_busy for one in later)
+        return busy.seed < clean or any(
+            record.setting.reserve == busy.reserve and not record.is_busy for record in later
+        )
 
     def _last_clean_remeasurement(self) -> int:
         """The seed of the last pass that ended and had the host to itself; 0: there is none."""
-        busy = {one.setting.seed for one in self.recorded if one.is_busy}
+        busy = {record.setting.seed for record in self.recorded if record.is_busy}
         return max(
             (
                 remeasurement.seed

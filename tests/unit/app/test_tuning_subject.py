@@ -13,7 +13,7 @@ from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.tune import TuningEnd, findings_of_end
 from rarms_iac.app.tuning_subject import LayoutFit, TuningStopped, TuningSubject, bench_of, subject_of_tuning
 from rarms_iac.planner.combining.oracle import Coi, Members
-from rarms_iac.planner.combining.paper import Asking
+from rarms_iac.planner.combining.paper import Inquiry
 from rarms_iac.planner.findings import CONTRADICTION
 from tests.measuring import leave_logs
 from tests.unit.cli.running import rarms
@@ -95,7 +95,7 @@ def test_who_stops_it_is_told_what_was_asked_with_what_was_predicted(here: Path)
     subject = subject_of("onboard")
     oracle = Once()
 
-    end = TuningEnd.of(subject, Asking(oracle=oracle, may_share=subject.may_share), "default", repeat=False)
+    end = TuningEnd.of(subject, Inquiry(oracle=oracle, may_share=subject.may_share), "default", repeat=False)
 
     assert end.ending == "stopped"
     assert [one.members for one in end.trail] == oracle.asked
@@ -127,7 +127,7 @@ def test_a_setting_that_contradicts_the_assumption_is_told_and_nothing_is_proved
         write(head.replace("logical_processors: 2", "logical_processors: 1") + lines + ballast)
         leave_logs(tmp_path, least)
         subject = subject_of("onboard")
-        end = TuningEnd.of(subject, Asking(oracle=AsIfBroken(), may_share=subject.may_share), "default", repeat=False)
+        end = TuningEnd.of(subject, Inquiry(oracle=AsIfBroken(), may_share=subject.may_share), "default", repeat=False)
         told = [finding for finding in findings_of_end(end, subject.hosts) if finding.code == CONTRADICTION.code]
 
     assert [one.says for one in end.breaks] == [

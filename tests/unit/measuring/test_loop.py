@@ -26,7 +26,7 @@ from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuring
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
 from rarms_iac.statistics.curves import LeastReserve, curves_of, least_reserve
 from rarms_iac.storage import disk
-from rarms_iac.storage.datalog.identity import Subject, header_of, identity_of
+from rarms_iac.storage.datalog.identity import LogSubject, header_of, identity_of
 from rarms_iac.storage.datalog.log import Provenance
 from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most
 from tests.builders_measured import a_series
@@ -74,7 +74,7 @@ class Bench:
 
     def book(self, seed: int | None = None) -> SettingsLog:
         one = self.experiment
-        subject = Subject(platform="onboard", components=one.members, setup=one.setup, load=one.load, tasks={})
+        subject = LogSubject(platform="onboard", components=one.members, setup=one.setup, load=one.load, tasks={})
         header = header_of(subject, identity_of(subject, {}, {}), self.host().bench())
         return SettingsLog(path=self.folder / "logs" / "log.jsonl", header=header, provenance=lambda: TAKEN, seed=seed)
 

@@ -30,7 +30,7 @@ from rarms_iac.model.system import SampleCount
 from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.simulation import simulate
 from rarms_iac.statistics.curves import LeastReserve, curves_of, least_reserve
-from rarms_iac.storage.datalog.identity import Subject, header_of, identity_of
+from rarms_iac.storage.datalog.identity import LogSubject, header_of, identity_of
 from rarms_iac.storage.datalog.log import Provenance
 from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most
 
@@ -53,7 +53,7 @@ def searched(experiment: Experiment, folder: Path, strategy: str = "default") ->
     host = SimulatedMeasuringHost(a_host(), folder / "onboard.json", simulate)
     goal = goal_of(experiment)
     search = Searching(goal=goal, next_step=STRATEGIES[strategy], most=100)
-    subject = Subject(
+    subject = LogSubject(
         platform="onboard", components=experiment.members, setup=experiment.setup, load=experiment.load, tasks={}
     )
     header = header_of(subject, identity_of(subject, {}, {}), host.bench())

@@ -7,7 +7,7 @@ import pytest
 
 from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.app.tune import TuningResult, run_of_result
-from rarms_iac.planner.combining.oracle import Asked
+from rarms_iac.planner.combining.oracle import Answer
 from rarms_iac.views.console import LiveTable, live_console, render
 from rarms_iac.views.reports.spreadsheet import trail_rows
 from rarms_iac.views.tune import TuningProgress, tuned_json, tuned_text
@@ -29,8 +29,8 @@ def tuned(*, proved: bool, probability: float | None) -> TuningResult:
         contradictions=(),
         partitions=(),
         trail=(
-            Asked(members=("a", "b"), reserve=40, worse=("a",), predicted=44),
-            Asked(members=("a", "b"), reserve=45, worse=(), predicted=44),
+            Answer(members=("a", "b"), reserve=40, worse=("a",), predicted=44),
+            Answer(members=("a", "b"), reserve=45, worse=(), predicted=44),
         ),
     )
 

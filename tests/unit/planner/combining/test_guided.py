@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from rarms_iac.model.system import Minimise
-from rarms_iac.planner.combining.oracle import Asked, Coi, Members, Silent
-from rarms_iac.planner.combining.paper import Asking
+from rarms_iac.planner.combining.oracle import Answer, Coi, Members, SilentReporter
+from rarms_iac.planner.combining.paper import Inquiry
 from rarms_iac.planner.combining.questions import Ask, Best, Tuning, next_step, search, tuning_of
 from rarms_iac.planner.prediction.members import Predictor
 from tests.unit.planner.combining.test_questions import Needs, anyone, cois, needs_of, objective
@@ -36,8 +36,8 @@ def guided(tuning: Tuning, needs: Mapping[Members, int], off: float, seed: int =
 def test_however_wrong_they_are_the_answer_is_the_same(off: float, minimise: Minimise) -> None:
     for seed in SEEDS:
         tuning, needs = problem(seed, minimise)
-        plain, _ = search(tuning, Asking(oracle=Needs(needs)))
-        found, _ = search(guided(tuning, needs, off), Asking(oracle=Needs(needs)))
+        plain, _ = search(tuning, Inquiry(oracle=Needs(needs)))
+        found, _ = search(guided(tuning, needs, off), Inquiry(oracle=Needs(needs)))
 
         assert type(found) is type(plain)
         assert isinstance(found, Best)
@@ -51,7 +51,7 @@ def test_good_predictions_save_questions() -> None:
     for seed in SEEDS:
         tuning, needs = problem(seed)
         for off in asked:
-            asked[off] += len(search(guided(tuning, needs, off), Asking(oracle=Needs(needs)))[1])
+            asked[off] += len(search(guided(tuning, needs, off), Inquiry(oracle=Needs(needs)))[1])
 
     assert asked[0.5] < 0.8 * asked[-1.0]
 
@@ -62,8 +62,8 @@ def test_at_a_probability_it_ends_sooner_and_claims_no_proof() -> None:
     for seed in SEEDS:
         tuning, needs = problem(seed)
         whole = replace(guided(tuning, needs, 0.5), complete=True)
-        proof, trail = search(whole, Asking(oracle=Needs(needs)))
-        found, shorter = search(replace(whole, probability=0.9), Asking(oracle=Needs(needs)))
+        proof, trail = search(whole, Inquiry(oracle=Needs(needs)))
+        found, shorter = search(replace(whole, probability=0.9), Inquiry(oracle=Needs(needs)))
         settings["proof"] += len(trail)
         settings["0.9"] += len(shorter)
         assert isinstance(found, Best)
@@ -81,13 +81,13 @@ def test_at_a_probability_it_ends_sooner_and_claims_no_proof() -> None:
     assert best >= 0.8 * len(SEEDS)
 
 
-class Hearing(Silent):
+class Hearing(SilentReporter):
     """A reporter that keeps the answers."""
 
     def __init__(self) -> None:
-        self.answers: list[Asked] = []
+        self.answers: list[Answer] = []
 
-    def setting_answered(self, answer: Asked) -> None:
+    def setting_answered(self, answer: Answer) -> None:
         self.answers.append(answer)
 
 
@@ -97,7 +97,7 @@ def test_what_is_expected_is_told_with_every_question() -> None:
 
     assert isinstance(step, Ask)
     heard = Hearing()
-    _, trail = search(guided(tuning, needs, 0.0), Asking(oracle=Needs(needs), reporter=heard))
+    _, trail = search(guided(tuning, needs, 0.0), Inquiry(oracle=Needs(needs), reporter=heard))
     assert trail[0].predicted == step.predicted
     assert tuple(heard.answers) == trail, "whoever stops it midway was told the same"
 
@@ -105,7 +105,7 @@ def test_what_is_expected_is_told_with_every_question() -> None:
 def test_the_same_answers_lead_to_the_same_questions() -> None:
     tuning, needs = problem(1)
     tuning = replace(guided(tuning, needs, 2.0), probability=0.95)
-    whole, trail = search(tuning, Asking(oracle=Needs(needs)))
+    whole, trail = search(tuning, Inquiry(oracle=Needs(needs)))
 
     for kept in (1, len(trail) // 2, len(trail) - 1):
-        assert search(tuning, Asking(oracle=Needs(needs)), trail[:kept]) == (whole, trail)
+        assert search(tuning, Inquiry(oracle=Needs(needs)), trail[:kept]) == (whole, trail)

@@ -10,8 +10,8 @@ import pytest
 from rarms_iac.model.system import Minimise
 from rarms_iac.planner.combining.candidates import candidates_of, graph_of, informed
 from rarms_iac.planner.combining.layouts import Objective
-from rarms_iac.planner.combining.oracle import Asked, Coi, Members, total
-from rarms_iac.planner.combining.paper import Asking
+from rarms_iac.planner.combining.oracle import Answer, Coi, Members, total
+from rarms_iac.planner.combining.paper import Inquiry
 from rarms_iac.planner.combining.questions import Ask, Best, NothingFits, next_step, search, tuning_of
 
 
@@ -107,7 +107,7 @@ def test_the_answer_is_the_best_of_all_layouts(seed: int, minimise: Minimise) ->
     needs = needs_of(of, chance)
     capacity = int(total(of) * chance.uniform(0.6, 1.0))
     oracle = Needs(needs)
-    found, trail = search(tuning_of(of, objective(of, capacity, minimise), anyone), Asking(oracle=oracle))
+    found, trail = search(tuning_of(of, objective(of, capacity, minimise), anyone), Inquiry(oracle=oracle))
 
     best = by_hand(of, needs, capacity, minimise)
     assert found.proved
@@ -134,12 +134,12 @@ def test_a_search_that_is_cut_off_anywhere_goes_on_to_the_same_end() -> None:
     of = cois(a=40, b=30, c=25, d=20)
     needs = needs_of(of, random.Random(3))
     tuning = tuning_of(of, objective(of, 90), anyone)
-    whole, trail = search(tuning, Asking(oracle=Needs(needs)))
+    whole, trail = search(tuning, Inquiry(oracle=Needs(needs)))
 
     assert trail
     for kept in range(len(trail)):
         oracle = Needs(needs)
-        again, all_of_it = search(tuning, Asking(oracle=oracle), trail[:kept])
+        again, all_of_it = search(tuning, Inquiry(oracle=oracle), trail[:kept])
         assert (again, all_of_it) == (whole, trail)
         assert len(oracle.asked) == len(trail) - kept
 
@@ -147,7 +147,7 @@ def test_a_search_that_is_cut_off_anywhere_goes_on_to_the_same_end() -> None:
 def test_compounds_that_may_not_be_are_never_asked_for() -> None:
     of = cois(a=40, b=30, c=25)
     oracle = Needs(needs_of(of, random.Random(1)))
-    search(tuning_of(of, objective(of, 80), lambda members: "c" not in members), Asking(oracle=oracle))
+    search(tuning_of(of, objective(of, 80), lambda members: "c" not in members), Inquiry(oracle=oracle))
 
     assert {members for members, _ in oracle.asked} == {("a", "b")}
 
@@ -155,7 +155,7 @@ def test_compounds_that_may_not_be_are_never_asked_for() -> None:
 def test_a_combination_that_is_declined_is_left_out() -> None:
     of = cois(a=40, b=30, c=25)
     oracle = Needs({("b", "c"): 30, ("a", "c"): 42, ("a", "b"): 45, ("a", "b", "c"): 50})
-    asking = Asking(oracle=oracle, consent=No(frozenset({("b", "c")})))
+    asking = Inquiry(oracle=oracle, consent=No(frozenset({("b", "c")})))
     found, _ = search(tuning_of(of, objective(of, 80), anyone), asking)
 
     assert isinstance(found, Best)
@@ -165,7 +165,7 @@ def test_a_combination_that_is_declined_is_left_out() -> None:
 
 def test_where_nothing_fits_that_is_proved() -> None:
     of = cois(a=60, b=50)
-    found, trail = search(tuning_of(of, objective(of, 70), anyone), Asking(oracle=Needs({("a", "b"): 80})))
+    found, trail = search(tuning_of(of, objective(of, 70), anyone), Inquiry(oracle=Needs({("a", "b"): 80})))
 
     assert isinstance(found, NothingFits)
     assert found.proved
@@ -179,7 +179,7 @@ def test_layouts_that_cannot_fit_are_dropped_unmeasured(seed: int) -> None:
     of = cois(**{name: chance.randint(10, 45) for name in "abcde"})
     capacity = int(total(of) * chance.uniform(0.7, 0.9))
     tuning = tuning_of(of, objective(of, capacity), anyone)
-    _, trail = search(tuning, Asking(oracle=Needs(needs_of(of, chance))))
+    _, trail = search(tuning, Inquiry(oracle=Needs(needs_of(of, chance))))
     assert trail
 
     layouts = [[tuple(sorted(coi.name for coi in block)) for block in layout] for layout in partitions(of)]
@@ -193,7 +193,7 @@ def test_layouts_that_cannot_fit_are_dropped_unmeasured(seed: int) -> None:
 
 def test_where_no_layout_can_fit_nothing_is_measured() -> None:
     of = cois(a=40, b=30, c=25)
-    found, trail = search(tuning_of(of, objective(of, 39), anyone), Asking(oracle=Needs({})))
+    found, trail = search(tuning_of(of, objective(of, 39), anyone), Inquiry(oracle=Needs({})))
 
     assert isinstance(found, NothingFits)
     assert found.proved
@@ -204,14 +204,14 @@ def test_an_answer_that_contradicts_another_voids_the_proof() -> None:
     of = cois(a=40, b=30)
     tuning = tuning_of(of, objective(of, 60), anyone)
     answers = [
-        Asked(members=("a", "b"), reserve=45, worse=()),
-        Asked(members=("a", "b"), reserve=50, worse=("a",)),
+        Answer(members=("a", "b"), reserve=45, worse=()),
+        Answer(members=("a", "b"), reserve=50, worse=("a",)),
     ]
     step = next_step(tuning, answers)
 
     assert isinstance(step, Ask)
     assert step.reserve > 50, "the safe side: what failed counts"
-    ended = next_step(tuning, [*answers, Asked(members=("a", "b"), reserve=51, worse=())])
+    ended = next_step(tuning, [*answers, Answer(members=("a", "b"), reserve=51, worse=())])
     assert isinstance(ended, Best)
     assert not ended.proved
     assert ended.breaks[0].says == "a+b meets its thresholds at 45 % and misses one at 50 %"
@@ -220,14 +220,14 @@ def test_an_answer_that_contradicts_another_voids_the_proof() -> None:
 def test_a_compound_that_needs_less_than_a_part_of_it_voids_the_proof() -> None:
     of = cois(a=40, b=38, c=36)
     answers = [
-        Asked(members=("b", "c"), reserve=60, worse=("b",)),
-        Asked(members=("a", "b", "c"), reserve=50, worse=()),
+        Answer(members=("b", "c"), reserve=60, worse=("b",)),
+        Answer(members=("a", "b", "c"), reserve=50, worse=()),
     ]
     step = next_step(tuning_of(of, objective(of, 61), anyone), answers)
 
     assert isinstance(step, Ask), "50 % was seen to be enough for all three: their least is still asked for"
     assert step.members == ("a", "b", "c")
-    done = [*answers, Asked(members=("a", "b", "c"), reserve=49, worse=("a",))]
+    done = [*answers, Answer(members=("a", "b", "c"), reserve=49, worse=("a",))]
     ended = next_step(tuning_of(of, objective(of, 61), anyone), done)
     assert isinstance(ended, Best)
     assert [one.says for one in ended.breaks] == ["a+b+c meets its thresholds with less than b+c needs"]
@@ -236,13 +236,13 @@ def test_a_compound_that_needs_less_than_a_part_of_it_voids_the_proof() -> None:
 def test_on_several_processors_a_compound_may_need_two_points_less_than_a_part() -> None:
     of = tuple(replace(coi, processors=2) for coi in cois(a=40, b=30))
     tuning = tuning_of(of, objective(of, 80), anyone)
-    found, trail = search(tuning, Asking(oracle=Needs({("a", "b"): 39})))
+    found, trail = search(tuning, Inquiry(oracle=Needs({("a", "b"): 39})))
     assert isinstance(found, Best)
     assert (found.proved, found.total) == (True, 78)
     assert min(one.reserve for one in trail) == 38, "that less is not enough was seen"
 
-    below = [Asked(members=("a", "b"), reserve=37, worse=())]
-    ended, _ = search(tuning, Asking(oracle=Needs({("a", "b"): 37})), below)
+    below = [Answer(members=("a", "b"), reserve=37, worse=())]
+    ended, _ = search(tuning, Inquiry(oracle=Needs({("a", "b"): 37})), below)
     assert [one.says for one in ended.breaks] == ["a+b meets its thresholds with less than a needs"]
     assert not ended.proved
 
@@ -251,11 +251,11 @@ def test_what_else_was_measured_counts_once_there_would_be_an_answer() -> None:
     """The two least critical cannot fit as assumed; their data log says that they need less than one of them alone."""
     of = cois(a=40, b=30, c=20)
     tuning = tuning_of(of, objective(of, 60), anyone)
-    recorded = [Asked(members=("a", "b"), reserve=40, worse=()), Asked(members=("b", "c"), reserve=20, worse=())]
+    recorded = [Answer(members=("a", "b"), reserve=40, worse=()), Answer(members=("b", "c"), reserve=20, worse=())]
 
-    without, asked = search(tuning, Asking(oracle=Needs({("a", "b"): 40, ("a", "b", "c"): 80})))
+    without, asked = search(tuning, Inquiry(oracle=Needs({("a", "b"): 40, ("a", "b", "c"): 80})))
     found, trail = search(
-        tuning, Asking(oracle=Needs({("a", "b"): 40, ("a", "b", "c"): 80, ("b", "c"): 20})), recorded=recorded
+        tuning, Inquiry(oracle=Needs({("a", "b"): 40, ("a", "b", "c"): 80, ("b", "c"): 20})), recorded=recorded
     )
 
     assert isinstance(without, Best)
@@ -270,7 +270,7 @@ def test_what_else_was_measured_counts_once_there_would_be_an_answer() -> None:
 
 def test_a_compound_is_looked_for_down_to_what_its_parts_were_shown_to_miss() -> None:
     of = tuple(replace(coi, missed=missed) for coi, missed in zip(cois(a=40, b=30), (34, None), strict=True))
-    found, trail = search(tuning_of(of, objective(of, 60), anyone), Asking(oracle=Needs({("a", "b"): 36})))
+    found, trail = search(tuning_of(of, objective(of, 60), anyone), Inquiry(oracle=Needs({("a", "b"): 36})))
 
     assert isinstance(found, Best)
     assert (found.proved, found.total, found.cois[0].missed) == (True, 36, None)
@@ -281,7 +281,7 @@ def test_a_compound_is_looked_for_down_to_what_its_parts_were_shown_to_miss() ->
 def test_of_many_only_the_least_critical_are_looked_at() -> None:
     of = cois(**{f"n{at:02}": 10 for at in range(16)})
     pair = ("n14", "n15")
-    found, trail = search(tuning_of(of, objective(of, 155), anyone), Asking(oracle=Needs({pair: 12})))
+    found, trail = search(tuning_of(of, objective(of, 155), anyone), Inquiry(oracle=Needs({pair: 12})))
 
     assert isinstance(found, Best)
     assert {one.members for one in trail} == {pair}

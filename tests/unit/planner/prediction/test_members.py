@@ -13,15 +13,15 @@ from rarms_iac.planner.prediction.members import (
     said_of,
     task_of,
 )
-from rarms_iac.planner.prediction.periodic import Demand, least_budget, meets_by_deadline
+from rarms_iac.planner.prediction.periodic import MemberDemand, least_budget, meets_by_deadline
 
 CAMERA = Alone(
-    demand=Demand(waits_ms=0.0, work_ms=10.0, enough=30, period_ms=100.0),
+    demand=MemberDemand(waits_ms=0.0, work_ms=10.0, enough=30, period_ms=100.0),
     task=task_of(10.0, 100.0, 60.0),
     processors=1,
 )
 LASER = Alone(
-    demand=Demand(waits_ms=5.0, work_ms=4.0, enough=25, period_ms=40.0),
+    demand=MemberDemand(waits_ms=5.0, work_ms=4.0, enough=25, period_ms=40.0),
     task=task_of(4.0, 40.0, 40.0),
     processors=1,
 )

@@ -4,10 +4,10 @@ from math import inf
 
 import pytest
 
-from rarms_iac.planner.prediction.periodic import Demand, demand_of, least_shared, responses
+from rarms_iac.planner.prediction.periodic import MemberDemand, demand_of, least_shared, responses
 
-BUSY = Demand(waits_ms=0.0, work_ms=10.0, enough=20)  # answers after 50 ms there, and never waits
-HALF = Demand(waits_ms=40.0, work_ms=8.0, enough=20)  # computes half of the time there
+BUSY = MemberDemand(waits_ms=0.0, work_ms=10.0, enough=20)  # answers after 50 ms there, and never waits
+HALF = MemberDemand(waits_ms=40.0, work_ms=8.0, enough=20)  # computes half of the time there
 
 
 def test_two_that_never_wait_need_the_sum_if_they_are_alike() -> None:
@@ -31,13 +31,13 @@ def test_with_a_processor_each_nobody_is_slower() -> None:
 
 
 def test_one_on_two_processors_leaves_none() -> None:
-    wide = Demand(waits_ms=0.0, work_ms=10.0, enough=20, parallel=2.0)
+    wide = MemberDemand(waits_ms=0.0, work_ms=10.0, enough=20, parallel=2.0)
 
     assert responses([wide, BUSY], 20, 2) == pytest.approx((75.0, 75.0))
 
 
 def test_a_periodic_job_that_is_not_done_when_the_next_is_due_never_is() -> None:
-    often = Demand(waits_ms=0.0, work_ms=10.0, enough=50, period_ms=25.0)
+    often = MemberDemand(waits_ms=0.0, work_ms=10.0, enough=50, period_ms=25.0)
 
     assert responses([often], 50, 1) == pytest.approx((20.0,))
     assert responses([often], 30, 1) == (inf,)

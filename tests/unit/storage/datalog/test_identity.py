@@ -26,14 +26,14 @@ from rarms_iac.model.system import (
     TaskCategory,
     TaskWish,
 )
-from rarms_iac.storage.datalog.identity import Files, Subject, file_digest, identity_of
+from rarms_iac.storage.datalog.identity import Files, LogSubject, file_digest, identity_of
 from rarms_iac.storage.datalog.log import Identity
 from rarms_iac.storage.datalog.staleness import BenchNow, compare, known
 from tests.builders import a_component, a_cpu, a_run, at_most, memory, milliseconds
 from tests.builders_measured import a_bench, a_header, a_subject
 
 
-def identity(subject: Subject) -> Identity:
+def identity(subject: LogSubject) -> Identity:
     return identity_of(subject, {}, {})
 
 
@@ -43,7 +43,7 @@ def vision(**changes: Any) -> Component:
     return replace(one, **{"simulation": simulated, "task": "ObjectIdentification", **changes})
 
 
-def changed(now: Subject, was: Subject | None = None) -> list[str]:
+def changed(now: LogSubject, was: LogSubject | None = None) -> list[str]:
     return [str(one) for one in compare(a_header(was or a_subject(vision())), identity(now), known(a_bench())).changed]
 
 
@@ -146,7 +146,7 @@ def files(tmp_path: Path) -> Files:
     return Files(tmp_path)
 
 
-def running(start: Command | Call, *patterns: str) -> Subject:
+def running(start: Command | Call, *patterns: str) -> LogSubject:
     return a_subject(vision(run=replace(a_run(), start=start, files=patterns)))
 
 
