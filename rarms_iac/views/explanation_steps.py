@@ -56,14 +56,14 @@ def why_not_less(explanation: Explanation, less: int) -> Iterator[str]:
         return
     inconclusive = sorted({at for apt in explanation.looked for at in apt.curve.inconclusive if at <= less})
     if less in inconclusive:
-        yield f"{less} %, one less: it was measured, and gave no verdict, so nothing says that it would do"
+        yield f"{less} %, one less: it was measured and gave no verdict, so nobody knows whether it is enough"
     elif inconclusive:
         yield (
             f"{less} %, one less: not measured; lower settings gave no verdict ({_listed(inconclusive)}), "
-            "so nothing says that it would do"
+            "so nobody knows whether it is enough"
         )
     else:
-        yield f"{less} %, one less: nothing so low was measured, so nothing says that it would do"
+        yield f"{less} %, one less: nothing so low was measured, so nobody knows whether it is enough"
 
 
 def shown(name: str, threshold: Threshold) -> str:
@@ -78,7 +78,7 @@ def _why_not_measured(explanation: Explanation) -> str:
         return "not measured: there is no data log that holds"
     if explanation.fixed_by:
         met = (
-            "nothing says whether its APT is met"
+            "nobody knows whether its APT is met"
             if any(member.apt for member in explanation.group.members)
             else "no APT asks"
         )
@@ -193,7 +193,7 @@ def _thresholds(component: Component, whose: str) -> Iterator[str]:
     for name, threshold in component.apt.items():
         yield f"{whose}{name} {shown(name, threshold)}"
     if not component.apt:
-        yield f"{component.name} has none: nothing says how well it must do"
+        yield f"{component.name} has none: the manifest does not say how well it must do"
 
 
 def _data_log(explanation: Explanation) -> Iterator[str]:
@@ -304,12 +304,12 @@ def _host(explanation: Explanation) -> Iterator[str]:
     if beside:
         yield f"beside it: {beside}"
     if explanation.on_host.foreign:
-        yield f"machines that are not ours: {share(explanation.on_host.foreign)}"
+        yield f"unmanaged machines: {share(explanation.on_host.foreign)}"
     if explanation.on_host.kept:
         yield f"kept for the host: {share(explanation.on_host.kept)}"
     taken = explanation.placed.reserved + explanation.on_host.foreign
     taken += sum((amount for _, amount in explanation.on_host.beside), Fraction(0))
-    yield f"left over: {share(explanation.on_host.capacity - taken)}"
+    yield f"headroom: {share(explanation.on_host.capacity - taken)}"
     if explanation.on_host.placement is not None:
         yield describe_placement(explanation.on_host.placement)
 

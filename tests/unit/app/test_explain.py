@@ -39,7 +39,7 @@ def test_a_walk_leads_from_the_apt_to_the_per_cent(here: Path) -> None:
         "CR 62 %: the least whole per cent of P1's 2 virtual processors",
         "1.24 LP, 62 % of onboard",
         "62 % of each of its 2 virtual processors (whole per cent are the provider's grain): 1.24 LP, nothing is lost",
-        "left over: 0.76 LP (38 %)",
+        "headroom: 0.76 LP (38 %)",
         "limit 100 %: left open: a cap would falsify what was measured",
         "weight 100: policy.headroom is by_criticality, and all are equally critical",
         "61 %, one less: mean_response_time 105 ms (measured)",
@@ -87,7 +87,7 @@ def test_who_shares_a_partition_is_named_with_the_reason(here: Path) -> None:
 
     assert answer.code == 0, answer.err
     said = " ".join(answer.out.split())
-    assert "speech has none: nothing says how well it must do" in said
+    assert "speech has none: the manifest does not say how well it must do" in said
     assert "vision: speech is combined with vision (criticality 30)" in said
     assert "speech says that it must be together with vision" in said
 
@@ -178,7 +178,7 @@ def test_what_is_fixed_by_hand_says_that_nothing_was_looked_for(here: Path) -> N
     said = steps(here, "vision")
 
     assert said["setting and verdict"] == (
-        "not measured: the reserve is fixed, and nothing says whether its APT is met"
+        "not measured: the reserve is fixed, and nobody knows whether its APT is met"
     )
     assert "another reserve: none was looked for, as the manifest, for vision, fixes it" in said["rejected"]
     assert "sharing with others: not looked for" in said["rejected"]
@@ -211,7 +211,7 @@ def test_a_setting_that_gave_no_verdict_is_not_called_unmeasured(here: Path) -> 
     said = steps(here, "vision")
 
     assert "measured without a verdict (no steady state, or too few answers): 61 %" in said["setting and verdict"]
-    assert "61 %, one less: it was measured, and gave no verdict, so nothing says that it would do" in said["rejected"]
+    assert "61 %, one less: it was measured and gave no verdict, so nobody knows whether it is enough" in said["rejected"]
     assert "nothing so low was measured" not in said["rejected"]
 
 

@@ -1,14 +1,16 @@
 """The summary of `rarms measure`: what is known of the setting below, what was not begun, and what the errors mean."""
 
 from dataclasses import replace
+from fractions import Fraction
+from io import StringIO
 
 from rarms_iac.app.experiments import ExperimentResult
 from rarms_iac.measuring.setup import Experiment, experiment_of
-from rarms_iac.model.measurement import Setting
+from rarms_iac.model.measurement import Sample, Series, Setting
 from rarms_iac.model.outcomes import Stopped, Sufficient
-from rarms_iac.model.system import System
-from rarms_iac.views.console import render
-from rarms_iac.views.measure import measure_json, summary_text
+from rarms_iac.model.system import SampleCount, System
+from rarms_iac.views.console import LiveTable, live_console, render
+from rarms_iac.views.measure import MeasuringProgress, measure_json, share_done, summary_text
 from tests.builders import a_component, a_run, a_simulation, a_system, at_most
 from tests.builders_measured import a_series, a_setting
 from tests.measured_robot import a_measured_setting
@@ -110,3 +112,81 @@ def test_whose_turn_an_early_end_left_out_is_named() -> None:
     assert "not begun" in summary.splitlines()[2]
     check(document)
     assert '"not_begun": [\n    [\n      "speech"' in document
+
+
+ONE_COMPONENT = a_system(
+    components=[
+        a_component(
+            "vision",
+            apt={"mean_response_time": at_most(Fraction(100))},
+            run=a_run(until=SampleCount(samples=200)),
+            simulation=a_simulation(),
+        )
+    ]
+)
+ONE_EXPERIMENT = experiment_of(ONE_COMPONENT, ONE_COMPONENT.hosts["onboard"], ("vision",), "busy-loop")
+
+
+def series_of(count: int) -> Series:
+    samples = tuple(Sample(began_ms=100.0 * at, response_ms=97.0 + at % 3, successful=True) for at in range(count))
+    return Series(component="vision", samples=samples, elapsed_ms=100.0 * count)
+
+
+SETTING = Setting(reserve=62, series=(series_of(100),), beside=38)
+
+
+def written(
+    *, seconds_since_start: float, experiment: Experiment = ONE_EXPERIMENT, setting: Setting = SETTING
+) -> list[str]:
+    """The lines of a pipe about a setting that ends so long after the command began."""
+    lines: list[str] = []
+    now = [0.0]
+    progress = MeasuringProgress(lambda line: lines.append(render(line, 200)), lambda: now[0])
+    progress.experiment_started(experiment, ())
+    progress.setting_started(experiment, 62, 1)
+    now[0] = seconds_since_start
+    progress.setting_ended(experiment, setting)
+    progress.experiment_ended()
+    return lines
+
+
+def test_a_pipe_is_told_of_a_setting_where_the_last_line_is_long_ago() -> None:
+    assert written(seconds_since_start=1.0) == []
+    assert written(seconds_since_start=32.0) == [
+        "vision at 62 %: 100 samples, mean_response_time 98 ms (97.8 to 98.2 ms), in 32 s\n"
+    ]
+
+
+def test_a_terminal_sees_the_running_setting_and_how_long_it_may_take() -> None:
+    screen = StringIO()
+    times = iter([0.0, 0.0, 4.0])
+    live = LiveTable(live_console(screen, 100, colour=False))
+    progress = MeasuringProgress(lambda _: None, lambda: next(times), live)
+
+    progress.experiment_started(ONE_EXPERIMENT, ())
+    progress.setting_started(ONE_EXPERIMENT, 62, 1)
+    progress.looked(ONE_EXPERIMENT, 62, {"vision": series_of(50)})
+    shown = screen.getvalue()
+    progress.experiment_ended()
+
+    assert "vision  62 %  ..." in shown
+    assert "vision  62 %  50 samples, mean_response_time 98 ms, at most 12 s left" in shown
+    assert screen.getvalue().endswith(("\x1b[?25h", "\x1b[1A\x1b[2K")), "the cursor is back, the table is gone"
+
+
+def test_of_several_components_each_value_says_whose_it_is() -> None:
+    apt = {"mean_response_time": at_most(Fraction(100))}
+    run = a_run(until=SampleCount(samples=200))
+    system = a_system(
+        components=[a_component(name, apt=apt, run=run, simulation=a_simulation()) for name in ("speech", "vision")]
+    )
+    both = experiment_of(system, system.hosts["onboard"], ("speech", "vision"), "busy-loop")
+    series = (replace(series_of(100), component="speech"), series_of(100))
+
+    [line] = written(seconds_since_start=60, experiment=both, setting=Setting(reserve=62, series=series, beside=38))
+
+    assert "speech mean_response_time 98 ms (97.8 to 98.2 ms); vision mean_response_time 98 ms" in line
+
+
+def test_what_is_done_is_told_by_the_component_that_takes_longest() -> None:
+    assert share_done(ONE_EXPERIMENT, {"vision": series_of(50)}) == 0.25
