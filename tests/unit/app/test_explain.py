@@ -211,7 +211,9 @@ def test_a_setting_that_gave_no_verdict_is_not_called_unmeasured(here: Path) -> 
     said = steps(here, "vision")
 
     assert "measured without a verdict (no steady state, or too few answers): 61 %" in said["setting and verdict"]
-    assert "61 %, one less: it was measured and gave no verdict, so nobody knows whether it is enough" in said["rejected"]
+    assert (
+        "61 %, one less: it was measured and gave no verdict, so nobody knows whether it is enough" in said["rejected"]
+    )
     assert "nothing so low was measured" not in said["rejected"]
 
 
