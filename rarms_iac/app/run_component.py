@@ -20,7 +20,7 @@ from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.system import AtLeast, AtMost, Component, Elapsed, Run, SampleCount, System, Threshold
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
-from rarms_iac.running.samples import RunEnding
+from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.running.start import CannotStart, RunningError, StartContext
 from rarms_iac.statistics.estimates import estimate
 
@@ -32,7 +32,7 @@ class ComponentRunResult:
     component: Component
     run: Run
     series: Series
-    ending: RunEnding
+    ending: SamplingEnd
 
     @property
     def failed(self) -> int:
@@ -161,7 +161,7 @@ def _findings(result: ComponentRunResult, manifest: Manifest) -> Iterator[Diagno
     """What is wrong with a run."""
     name, places = result.component.name, manifest.places
     address = f"component/{name}"
-    if result.ending is RunEnding.FAILURES:
+    if result.ending is SamplingEnd.FAILURES:
         reasons = list(dict.fromkeys(sample.failure for sample in result.series.samples if sample.failure))
         count = f"{result.failed} failed sample{'' if result.failed == 1 else 's'}"
         yield TOO_MANY_FAILURES.at(

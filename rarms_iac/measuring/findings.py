@@ -56,7 +56,7 @@ LESS_UNKNOWN = Finding(
 UNITS = {Unit.TIME: " ms", Unit.SHARE: " %", Unit.RATE: " /s"}
 
 SHOWN_FAILURES = 3
-"""How many of the reasons why samples failed are told."""
+"""How many of the reasons why samples failed a finding lists."""
 
 
 def findings_of(

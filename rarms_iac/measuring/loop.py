@@ -72,7 +72,7 @@ class MeasuringReporter(Protocol):
 
 
 class SilentMeasuringReporter:
-    """A `MeasuringReporter` that tells nobody."""
+    """A `MeasuringReporter` that does nothing."""
 
     def experiment_started(self, experiment: Experiment, recorded: tuple[Setting, ...]) -> None:
         """Nothing."""

@@ -4,7 +4,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from rarms_iac.measuring.search.default import WIDTH
-from rarms_iac.measuring.search.trials import Goal, Member, NextStep, Trial, not_sufficient, sufficient, trial_of
+from rarms_iac.measuring.search.trials import Goal, Member, NextStep, SearchTrial, not_sufficient, sufficient, trial_of
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import ExperimentStep, Measure, NotResolved, SearchStep, Sufficient, Swept
@@ -35,17 +35,17 @@ class Searching:
     next_step: NextStep
     most: int  # the highest CR that the host can give
     own_settings_only: bool = False  # it walks through settings that it asked for itself, in its own order
-    _trials: list[Trial] = field(default_factory=list)
+    _trials: list[SearchTrial] = field(default_factory=list)
 
     def step(self, settings: Sequence[Setting]) -> SearchStep:
-        """As `Strategy` says."""
+        """See `loop.Strategy`."""
         # NOTE: settings are only ever added, and judging one reads all of its samples: each is judged once.
         self._trials += [trial_of(setting, self.goal) for setting in settings[len(self._trials) :]]
         return self._replay(self._trials) if self.own_settings_only else self._step(self._trials)
 
-    def _replay(self, trials: Sequence[Trial]) -> SearchStep:
+    def _replay(self, trials: Sequence[SearchTrial]) -> SearchStep:
         """Say what it would ask next, had it asked for those trials that it asks for, and for no others."""
-        remaining, walked = list(trials), list[Trial]()
+        remaining, walked = list(trials), list[SearchTrial]()
         while isinstance(step := self._step(walked), Measure):
             known = next((trial for trial in remaining if trial.reserve == step.reserve), None)
             if known is None:
@@ -54,7 +54,7 @@ class Searching:
             walked.append(known)
         return step
 
-    def _step(self, trials: Sequence[Trial]) -> SearchStep:
+    def _step(self, trials: Sequence[SearchTrial]) -> SearchStep:
         step = self.next_step(trials, self.goal)
         if not isinstance(step, Measure):
             return step
@@ -76,7 +76,7 @@ class Sweeping:
     reserves: tuple[int, ...]
 
     def step(self, settings: Sequence[Setting]) -> ExperimentStep:
-        """As `Strategy` says."""
+        """See `loop.Strategy`."""
         known = {setting.reserve for setting in settings}
         return next((Measure(reserve=reserve) for reserve in self.reserves if reserve not in known), Swept())
 
@@ -88,7 +88,7 @@ class Answering:
     reserve: int
 
     def step(self, settings: Sequence[Setting]) -> ExperimentStep:
-        """As `Strategy` says."""
+        """See `loop.Strategy`."""
         known = any(setting.reserve == self.reserve for setting in settings)
         return Swept() if known else Measure(reserve=self.reserve, until_clear=True)
 
@@ -101,7 +101,7 @@ class Verifying:
     most: int
 
     def step(self, settings: Sequence[Setting]) -> SearchStep:
-        """As `Strategy` says."""
+        """See `loop.Strategy`."""
         members = self.goal.members
         runs, apts = {member.name: member.run for member in members}, {member.name: member.apt for member in members}
         least = least_reserve(curves_of(settings, runs, apts))
@@ -128,7 +128,7 @@ class Agreeing:
     verifying: Verifying
 
     def step(self, settings: Sequence[Setting]) -> SearchStep:
-        """As `Strategy` says."""
+        """See `loop.Strategy`."""
         step = self.search.step(settings)
         if not isinstance(step, Sufficient):
             return step

@@ -9,7 +9,7 @@ from typing import Self
 
 from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.system import Call, Run
-from rarms_iac.running.samples import RunEnding, SampleRecord, samples_of_lines, samples_of_runs
+from rarms_iac.running.samples import SampleRecord, SamplingEnd, samples_of_lines, samples_of_runs
 from rarms_iac.running.start import StartContext, order_of
 from rarms_iac.running.supervisor import ReadingInterrupted, Supervisor
 
@@ -58,9 +58,9 @@ class ComponentRun:
             self._supervisor.interrupt()
 
     def close(self) -> None:
-        """Stop it as its `stop` says, and wait until nothing of it is left; may be called twice."""
-        if self._record.ending is RunEnding.RUNNING:
-            self._record.ending = RunEnding.CLOSED
+        """Stop it by its `stop`, and wait until nothing of it is left; may be called twice."""
+        if self._record.ending is SamplingEnd.RUNNING:
+            self._record.ending = SamplingEnd.CLOSED
         self._samples.close()
 
     def series(self) -> Series:
@@ -73,7 +73,7 @@ class ComponentRun:
         )
 
     @property
-    def ending(self) -> RunEnding:
+    def ending(self) -> SamplingEnd:
         """Why no more samples come."""
         return self._record.ending
 
@@ -92,7 +92,7 @@ class ComponentRun:
             else:
                 yield from samples_of_lines(self.component, supervisor, self._record)
         except ReadingInterrupted:
-            self._record.ending = RunEnding.CLOSED
+            self._record.ending = SamplingEnd.CLOSED
         finally:
             supervisor.close()
 

@@ -36,7 +36,7 @@ SETTLING_S = 60.0
 
 
 class LoadEnded(RunningError):
-    """An interfering load ended while it was to go on: what was measured since then is void."""
+    """An interfering load ended while it was to go on: what was measured since then does not count."""
 
     def __init__(self, load: str, message: str) -> None:
         super().__init__(f"{load}: {message}")
@@ -111,8 +111,8 @@ class InterferingLoad:
                     pass
 
     def _last_words(self) -> str:
-        said = [line.strip()[-200:] for line in self._supervisor.tail.splitlines() if line.strip()]
-        return "; ".join(said[-2:]) or "it ended"
+        lines = [line.strip()[-200:] for line in self._supervisor.tail.splitlines() if line.strip()]
+        return "; ".join(lines[-2:]) or "it ended"
 
 
 def load_words(name: str, load: Interference, scratch: Path, processors: int) -> tuple[str, ...]:

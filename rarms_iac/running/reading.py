@@ -1,4 +1,4 @@
-"""Reads a component's output: a line of text in, what it says of one job out (`run.samples` in the manifest)."""
+"""Reads a component's output: a line of text comes in, the reading of one job goes out (`run.samples`)."""
 
 import json
 import math

@@ -28,7 +28,7 @@ FLOOD_SIZE = f"more than {FLOOD // 2**20} MiB"
 LONG_LINE = Unreadable(message=f"a line of more than {LONGEST_LINE // 1024} KiB")
 
 
-class RunEnding(StrEnum):
+class SamplingEnd(StrEnum):
     """Why no more samples come."""
 
     RUNNING = "running"  # they still do
@@ -44,7 +44,7 @@ class SampleRecord:
         self.run = run
         self.samples: list[Sample] = []
         self.failed = 0
-        self.ending = RunEnding.RUNNING
+        self.ending = SamplingEnd.RUNNING
         self._begun: float | None = None
         self._last: float | None = None
 
@@ -65,9 +65,9 @@ class SampleRecord:
         self.failed += bool(sample.failure)
         self._last = at
         if self.failed > self.run.failures:
-            self.ending = RunEnding.FAILURES
+            self.ending = SamplingEnd.FAILURES
         elif isinstance(self.run.until, SampleCount) and len(self.samples) >= self.run.until.samples:
-            self.ending = RunEnding.UNTIL
+            self.ending = SamplingEnd.UNTIL
         return sample
 
     def is_over(self, at: float) -> bool:
@@ -75,7 +75,7 @@ class SampleRecord:
         over = self.over
         if over is None or at < over:
             return False
-        self.ending, self._last = RunEnding.UNTIL, over
+        self.ending, self._last = SamplingEnd.UNTIL, over
         return True
 
     @property
@@ -157,7 +157,7 @@ class _LineReader:
     def samples(self) -> Generator[Sample, None, None]:
         record = self._record
         self._supervisor.start()
-        while record.ending is RunEnding.RUNNING:
+        while record.ending is SamplingEnd.RUNNING:
             event = self._supervisor.next(earliest(self._impatient_at(), record.over))
             at = time.perf_counter() if event is None else event.at
             if record.is_over(at):
@@ -175,7 +175,7 @@ class _LineReader:
     def _sample(self, event: Event | None, at: float) -> Sample | None:
         """The sample that this makes, if any."""
         if self._now.stopping:
-            return None  # what it says while it is stopped belongs to no job
+            return None  # a line of a process that is being stopped belongs to no job
         match event:
             case ProcessStarted():
                 self._now.last = at
@@ -241,7 +241,7 @@ def samples_of_runs(supervisor: Supervisor, record: SampleRecord) -> Generator[S
     """Job after job; a periodic one counts from its scheduled start, and no overrun shifts the schedule."""
     supervisor.ignore_output()
     number = 0
-    while record.ending is RunEnding.RUNNING:
+    while record.ending is SamplingEnd.RUNNING:
         due = _due(record, number)
         job = _one_job(supervisor, record, due)
         if job is None or record.is_over(job.ended.at):

@@ -15,7 +15,7 @@ class RunningError(Exception):
 
 
 class CannotStart(RunningError):
-    """The component cannot be started as the manifest says it."""
+    """The component cannot be started as its `run` in the manifest asks."""
 
     def __init__(self, component: str, message: str) -> None:
         super().__init__(f"{component}: {message}")
@@ -40,7 +40,7 @@ CALLER = Path(__file__).resolve().with_name("caller.py")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProcessPlace:
-    """Where a component's processes are to be: nothing said, they run beside everything else.
+    """Where a component's processes are to be; empty: beside everything else on the machine.
 
     `words` stand before the component's own (`chrt`, `taskset`); `join` are files that take the process' id before
     the component begins (`cgroup.procs`), so that nothing of it ever runs outside.
@@ -117,7 +117,7 @@ def order_of_words(
 
 
 def environment_of(component: str, run: Run, own: Mapping[str, str]) -> dict[str, str]:
-    """Rarms' own environment with what the manifest says, and the period for a command that paces itself.
+    """Rarms' own environment with the variables of the manifest, and the period for a command that paces itself.
 
     Raises:
         CannotStart: a variable that a value is to be read from is not set.

@@ -112,7 +112,7 @@ class Supervisor:
         self._send(f"start {at!r}")
 
     def stop(self) -> None:
-        """Ask the process to end, and kill it with all that it started after its grace; `ProcessEnded` tells when."""
+        """Ask the process to end, and kill it with all that it started after its grace; `ProcessEnded` comes then."""
         self._send("stop")
 
     def ignore_output(self) -> None:
@@ -276,19 +276,19 @@ def _read(stream: IO[bytes]) -> bytes:
 
 
 def ended_by_itself(ended: ProcessEnded) -> bool:
-    """Whether it ended by itself, and says that all is well."""
+    """Whether it ended by itself with exit code 0."""
     return ended.code == 0 and ended.signal == 0
 
 
 def describe_early_end(ended: ProcessEnded) -> str:
-    """What to say of a process that was to go on."""
+    """Describe the end of a process that was to go on."""
     if ended.signal:
         return describe_death(ended)
     return "it ended without a sample" if ended.code == 0 else f"it ended with exit code {ended.code}"
 
 
 def describe_death(ended: ProcessEnded) -> str:
-    """Which signal killed it, or how it crashed."""
+    """Describe which signal killed it, or how it crashed."""
     if ended.signal > _LAST_SIGNAL:
         return f"it crashed with 0x{ended.signal:08X}"
     try:

@@ -1,7 +1,7 @@
 """Supervises one component's processes: starts them, asks them to end, and leaves none behind. A program of its own.
 
 rarms starts it as a process between itself and the component, since only a process that outlives rarms can clear up
-when rarms is killed: its standard input is the lifeline. It adopts what the component's processes leave behind, tells
+when rarms is killed: its standard input is the lifeline. It adopts what the component's processes leave behind, sends
 the processor time of all of them, and needs the standard library only. `supervisor.py` is the other end.
 
 Standard input, a line each: the order (a JSON object), then `start <time>`, `stop`; its end ends everything.
@@ -184,7 +184,7 @@ class PosixSupervisor:
 
 
 def descendants(of: int) -> list[int]:
-    """Every process that this one started, and theirs, where /proc tells."""
+    """List every process that this one started, and theirs, as far as /proc shows them."""
     children: dict[int, list[int]] = {}
     for folder in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError, ValueError, IndexError):

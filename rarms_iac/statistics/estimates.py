@@ -215,7 +215,7 @@ def _throughput(series: Series, _run: Run, error: float) -> Estimate | NoEstimat
     """Successes over elapsed time: the share of successes, times the rate at which jobs would count if all succeeded.
 
     Either bound is wrong with half of the error (union bound). Together in one spread they would be known too well:
-    where all of 40 jobs succeeded, it tells nothing of the one in ten that fails.
+    where all of 40 jobs succeeded, the spread does not show the one in ten that fails.
     """
     count = len(series.samples)
     if count < 2 or series.elapsed_ms <= 0.0:

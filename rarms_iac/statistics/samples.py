@@ -61,7 +61,7 @@ def _initial_positive(deviations: Sequence[float], variance: float) -> float:
     for lag in range(0, len(deviations) // _LONGEST_LAG, 2):
         pair = sum(sum(map(mul, deviations, deviations[shift:])) for shift in (lag, lag + 1)) / variance
         pair = min(pair, last)
-        # Noise about zero ends the sum: what is below it cannot be told from no correlation.
+        # Noise about zero ends the sum: a smaller sum cannot be distinguished from no correlation.
         if pair <= 2.0 / len(deviations) ** 0.5 and lag > 0:
             break
         pairs, last = pairs + pair, pair

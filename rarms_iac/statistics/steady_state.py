@@ -9,7 +9,7 @@ from rarms_iac.model.measurement import Series
 from rarms_iac.model.outcomes import Unsteady
 
 FEWEST = 40
-"""A shorter series shows no change that could be told from its noise: it is taken as steady."""
+"""In a shorter series no change can be distinguished from noise: it is taken as steady."""
 
 _MAXIMUM = "maximum_response_time"
 _BLOCKS = 40

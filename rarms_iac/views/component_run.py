@@ -9,7 +9,7 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Sample
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
-from rarms_iac.running.samples import RunEnding
+from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import counted, paragraph, stack, table, visible
 from rarms_iac.views.measure import index_unit, show_bound, show_estimate
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 ENDINGS = {
-    RunEnding.UNTIL: "",
-    RunEnding.RUNNING: ", still running",
-    RunEnding.CLOSED: ", ended early",
-    RunEnding.FAILURES: ", ended by failed samples",
+    SamplingEnd.UNTIL: "",
+    SamplingEnd.RUNNING: ", still running",
+    SamplingEnd.CLOSED: ", ended early",
+    SamplingEnd.FAILURES: ", ended by failed samples",
 }
 
 

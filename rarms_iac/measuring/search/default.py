@@ -6,7 +6,7 @@ from itertools import accumulate
 from rarms_iac.measuring.search.observations import Question, questions
 from rarms_iac.measuring.search.posterior import chances, mixed
 from rarms_iac.measuring.search.stepwise import bisect
-from rarms_iac.measuring.search.trials import NOTHING_PASSED, Bracket, Goal, Trial, bracket_of, sufficient
+from rarms_iac.measuring.search.trials import NOTHING_PASSED, Bracket, Goal, SearchTrial, bracket_of, sufficient
 from rarms_iac.model.outcomes import Measure, NotAchievable, NotResolved, SearchStep
 
 WIDTH = 3
@@ -94,7 +94,7 @@ PATIENCE = 12
 """Settings after which the search goes on by halving."""
 
 
-def search_with_few_settings(history: Sequence[Trial], goal: Goal) -> SearchStep:
+def search_with_few_settings(history: Sequence[SearchTrial], goal: Goal) -> SearchStep:
     """The root of the optimal search tree over what is probable; ends with a measured pass and fail close together."""
     if not history:
         return Measure(reserve=FIRST, until_clear=True, precision=PRECISION)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import inf, log, sqrt
 from statistics import NormalDist
 
-from rarms_iac.measuring.search.trials import Goal, Member, Trial
+from rarms_iac.measuring.search.trials import Goal, Member, SearchTrial
 from rarms_iac.model.measurement import Series
 from rarms_iac.model.outcomes import NoEstimate
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
@@ -36,7 +36,7 @@ class Question:
     vague: float  # one standard deviation of both
 
 
-def questions(history: Sequence[Trial], goal: Goal) -> tuple[Question, ...]:
+def questions(history: Sequence[SearchTrial], goal: Goal) -> tuple[Question, ...]:
     """One for each index of each member that says anything beyond pass and fail."""
     asked = (
         _question(history, member, index, threshold)
@@ -46,7 +46,7 @@ def questions(history: Sequence[Trial], goal: Goal) -> tuple[Question, ...]:
     return tuple(question for question in asked if question is not None and question.observations)
 
 
-def _question(history: Sequence[Trial], member: Member, index: str, threshold: Threshold) -> Question | None:
+def _question(history: Sequence[SearchTrial], member: Member, index: str, threshold: Threshold) -> Question | None:
     found = [
         (trial.reserve, series)
         for trial in history

@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 
-from rarms_iac.measuring.search.trials import Bracket, Goal, Trial, bracket_of, sufficient
+from rarms_iac.measuring.search.trials import Bracket, Goal, SearchTrial, bracket_of, sufficient
 from rarms_iac.model.outcomes import Measure, NotAchievable, NotResolved, SearchStep
 
 WALK_STEP = 10
 
 
-def bisect(history: Sequence[Trial], goal: Goal) -> SearchStep:
+def bisect(history: Sequence[SearchTrial], goal: Goal) -> SearchStep:
     """Halve what is left down to one point: the least passing whole per cent."""
     bracket = bracket_of(history, goal)
     match bracket:
@@ -23,7 +23,7 @@ def bisect(history: Sequence[Trial], goal: Goal) -> SearchStep:
             return Measure(reserve=(low + high) // 2, until_clear=True)
 
 
-def walk_by_ten(history: Sequence[Trial], goal: Goal) -> SearchStep:
+def walk_by_ten(history: Sequence[SearchTrial], goal: Goal) -> SearchStep:
     """CMCPUR as PAPER.md has it: 10, 20, ... 100 %, until the APT is met or 100 % misses it."""
     if not history:
         return Measure(reserve=WALK_STEP, until_clear=True)

@@ -59,7 +59,7 @@ class Goal:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Trial:
+class SearchTrial:
     """A setting with the verdict on each member."""
 
     setting: Setting
@@ -96,16 +96,18 @@ class Trial:
         return any(isinstance(verdict, Missed) for verdict in self.verdicts.values())
 
 
-NextStep = Callable[[Sequence[Trial], Goal], SearchStep]
+NextStep = Callable[[Sequence[SearchTrial], Goal], SearchStep]
 """A search: the trials so far, in the order in which they were run, to the next step. Pure."""
 
 
-def trial_of(setting: Setting, goal: Goal) -> Trial:
+def trial_of(setting: Setting, goal: Goal) -> SearchTrial:
     """Judge a setting as when it ended, so that one read from a data log gives the same.
 
     A member passes by the rule that a plan takes: the safe side of every index's band meets its threshold.
     """
-    return Trial(setting=setting, verdicts={member.name: _verdict(setting, member, goal) for member in goal.members})
+    return SearchTrial(
+        setting=setting, verdicts={member.name: _verdict(setting, member, goal) for member in goal.members}
+    )
 
 
 def is_clear(series: Mapping[str, Series], goal: Goal, *, precision: float | None = None) -> bool:
@@ -179,7 +181,7 @@ class Bracket:
         return max(pairwise(ends), key=lambda pair: (pair[1] - pair[0], pair))
 
 
-def bracket_of(history: Sequence[Trial], goal: Goal) -> Bracket | NotAchievable | NotResolved:
+def bracket_of(history: Sequence[SearchTrial], goal: Goal) -> Bracket | NotAchievable | NotResolved:
     """Find between which settings the least sufficient CR lies.
 
     A setting that fails above one that passed (noise, near the threshold) counts against the one below: the safe side.
@@ -194,7 +196,7 @@ def bracket_of(history: Sequence[Trial], goal: Goal) -> Bracket | NotAchievable 
     return Bracket(failed=failed, passed=passed, inconclusive=inconclusive)
 
 
-def settings_below(history: Sequence[Trial], reserve: int) -> tuple[int | None, tuple[int, ...]]:
+def settings_below(history: Sequence[SearchTrial], reserve: int) -> tuple[int | None, tuple[int, ...]]:
     """Find the highest lower setting that failed (None: none did), and those above it that have no steady state."""
     lower = [trial for trial in history if trial.reserve < reserve]
     failed = max((trial.reserve for trial in lower if trial.failed), default=0)
@@ -203,13 +205,13 @@ def settings_below(history: Sequence[Trial], reserve: int) -> tuple[int | None, 
     return failed or None, tuple(sorted(inconclusive))
 
 
-def sufficient(history: Sequence[Trial], goal: Goal, reserve: int) -> Sufficient:
+def sufficient(history: Sequence[SearchTrial], goal: Goal, reserve: int) -> Sufficient:
     """Conclude that this CR, which passed, is enough, with what is known of less."""
     failed, inconclusive = settings_below(history, reserve)
     return Sufficient(reserve=reserve, failed=failed, error=goal.error_of_passing, inconclusive=inconclusive)
 
 
-def not_sufficient(highest: Trial, goal: Goal) -> NotAchievable | NotResolved:
+def not_sufficient(highest: SearchTrial, goal: Goal) -> NotAchievable | NotResolved:
     """Conclude from the highest CR there is, which did not pass."""
     if highest.missed:
         return NotAchievable(reserve=highest.reserve, error=goal.error)

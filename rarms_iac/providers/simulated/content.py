@@ -63,7 +63,7 @@ class SimulatedMachine:
     """A machine of the host."""
 
     id: str
-    settings: PartitionSettings  # `running` says the same as `state`
+    settings: PartitionSettings  # `running` agrees with `state`
     state: RunState
     notes: str = ""
 

@@ -114,13 +114,13 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
 
     @contextmanager
     def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
-        """As the interface says; also removes what killed writers left behind."""
+        """See the interface; also removes what killed writers left behind."""
         with super().lock(owner, timeout_ms):
             remove_leftovers(self._path)
             yield
 
     def bench(self) -> Bench:
-        """As the interface says."""
+        """See the interface."""
         described = description(self._host)
         return Bench(
             provider=self._host.provider,
@@ -134,7 +134,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
 
     @contextmanager
     def run(self, work: Work) -> Iterator["Simulated"]:
-        """As the interface says."""
+        """See the interface."""
         content = self.load()
         machines = tuple(self._machine(content, partition, work.application) for partition in work.partitions)
         idle = self._idle(content, work)
@@ -201,7 +201,7 @@ class Simulated:
     _consumed: dict[str, float] = field(default_factory=dict)
 
     def samples(self) -> Iterator[tuple[str, Sample]]:
-        """As the interface says."""
+        """See the interface."""
         missing = {name: until.samples if isinstance(until, SampleCount) else 1 for name, until in self.until.items()}
         ends = max(
             (float(elapsed.time) for elapsed in self.until.values() if isinstance(elapsed, Elapsed)), default=0.0
@@ -215,11 +215,11 @@ class Simulated:
             yield job.component, _sample(job, self.timeouts[job.component])
 
     def elapsed_ms(self) -> float:
-        """As the interface says."""
+        """See the interface."""
         return self._now
 
     def cpu_ms(self, component: str) -> float | None:
-        """As the interface says: up to its last job that ended."""
+        """See the interface: up to its last job that ended."""
         return self._consumed.get(component, 0.0)
 
 

@@ -20,7 +20,7 @@ from rarms_iac.storage.digest import canonical, parse_json
 
 FORMAT = "rarms-simulated-host/1"
 DISK_FOLDER = "C:\\disks"
-"""Where a simulated host's disks are said to lie."""
+"""The folder of a simulated host's disks, as its facts name it."""
 
 _HEAD = re.compile(r'\{"format":"(?P<format>[^"\\]{1,60})","checksum":"(?P<checksum>[0-9a-f]{64})","content":')
 _TAIL = "}\n"
@@ -54,7 +54,7 @@ def read_content(data: bytes) -> Content:
     """The content of the file.
 
     Raises:
-        NotDecodable: it is not as it was written, is of another format, or says what cannot be.
+        NotDecodable: it is not as it was written, is of another format, or holds what cannot be.
     """
     try:
         file = data.decode("ascii").replace("\r\n", "\n")

@@ -94,14 +94,14 @@ class SimulatedHostProvider:
         return self._host.name
 
     def observe(self) -> State:
-        """As the interface says."""
+        """See the interface."""
         with self._report_damage(self._journal_path):
             serials = read_serials(self._journal_path)
         return to_state(self.load(), self._host, serials)
 
     @contextmanager
     def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
-        """As the interface says."""
+        """See the interface."""
         with ExitStack() as held:
             with self._report_failure(self._lock_path):
                 make_room(self._lock_path)
@@ -109,7 +109,7 @@ class SimulatedHostProvider:
             yield
 
     def read(self, address: Address, scope: Scope) -> Readings:
-        """As the interface says."""
+        """See the interface."""
         content = self.load()
         state = self._machines(content)
         if address.task:
@@ -120,7 +120,7 @@ class SimulatedHostProvider:
         return readings(state, address, scope)
 
     def execute(self, operation: Operation, scope: Scope) -> None:
-        """As the interface says; faults that the manifest asks for strike here."""
+        """See the interface; faults that the manifest asks for strike here."""
         before = self.load()
         after = self._after(before, operation, scope)
         fault = self._fault(before, operation)
@@ -138,17 +138,17 @@ class SimulatedHostProvider:
         raise HostFailed(self.name, f"the fault {name} makes {operation.kind} fail", "take it out of the manifest")
 
     def journal(self) -> Journal | None:
-        """As the interface says."""
+        """See the interface."""
         with self._report_damage(self._journal_path):
             return read_journal(self._journal_path)
 
     def unfinished(self) -> Journal | None:
-        """As the interface says."""
+        """See the interface."""
         with self._report_damage(self._journal_path):
             return read_unfinished(self._journal_path)
 
     def start_run(self, started: RunStarted) -> None:
-        """As the interface says; also removes what killed writers left behind."""
+        """See the interface; also removes what killed writers left behind."""
         with self._report_failure(self._journal_path):
             make_room(self._journal_path)
             for path in (self._path, self._journal_path):
@@ -156,7 +156,7 @@ class SimulatedHostProvider:
             start_journal(self._journal_path, started)
 
     def record(self, record: JournalRecord) -> None:
-        """As the interface says."""
+        """See the interface."""
         with self._report_failure(self._journal_path):
             append_record(self._journal_path, record)
 

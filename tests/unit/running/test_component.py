@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.model.system import Call, Field, Samples
-from rarms_iac.running.samples import RunEnding
+from rarms_iac.running.samples import SamplingEnd
 from tests.needs import ON_WINDOWS
 from tests.unit.running.programs import PER_RUN, a_run, all_of, component, failures, responses, same_everywhere
 
@@ -82,7 +82,7 @@ def test_a_function_is_called_job_after_job(tmp_path: Path) -> None:
     assert all(10 <= (sample.response_ms or 0) < 2000 and sample.successful for sample in samples)
     assert samples[0].began_ms < samples[1].began_ms < samples[2].began_ms
     assert "loading" in one.tail
-    assert one.ending is RunEnding.UNTIL
+    assert one.ending is SamplingEnd.UNTIL
 
 
 def test_a_periodic_call_counts_from_its_scheduled_start(tmp_path: Path) -> None:
@@ -129,7 +129,7 @@ def test_a_setting_may_last_a_time(tmp_path: Path) -> None:
     with component(run, tmp_path) as one:
         samples = list(one)
 
-    assert one.ending is RunEnding.UNTIL
+    assert one.ending is SamplingEnd.UNTIL
     assert one.series().elapsed_ms == pytest.approx(LASTS)
     assert 0 < len(samples) <= LASTS / 20 + 1
     assert all(sample.began_ms < LASTS for sample in samples)
@@ -148,7 +148,7 @@ def test_who_reads_the_samples_may_stop_at_any_moment(tmp_path: Path) -> None:
         one.close()
         one.close()
 
-    assert one.ending is RunEnding.CLOSED
+    assert one.ending is SamplingEnd.CLOSED
     assert len(one.series().samples) == 1
 
 

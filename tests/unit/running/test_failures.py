@@ -8,7 +8,7 @@ import pytest
 
 from rarms_iac.model.quantities import show_milliseconds
 from rarms_iac.model.system import Call, Field, FromEnvironment, Run, Samples, Stop
-from rarms_iac.running.samples import RunEnding
+from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.running.start import CannotStart, StartContext
 from tests.needs import ON_WINDOWS
 from tests.unit.running.programs import PER_RUN, a_run, all_of, component, failures, ms, responses, same_everywhere
@@ -49,7 +49,7 @@ def test_more_failed_samples_than_allowed_end_the_setting(tmp_path: Path) -> Non
         samples = list(one)
 
     assert len(samples) == 3
-    assert one.ending is RunEnding.FAILURES
+    assert one.ending is SamplingEnd.FAILURES
 
 
 def test_a_program_that_ends_with_another_code_is_a_failed_sample_and_starts_again(tmp_path: Path) -> None:

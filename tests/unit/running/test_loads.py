@@ -10,7 +10,7 @@ import pytest
 from rarms_iac.model.system import Browser, BusyLoop, CommandLoad
 from rarms_iac.running.component import run_in_parallel
 from rarms_iac.running.loads import BROWSERS, STREAMS, InterferingLoad, LoadEnded, load_words
-from rarms_iac.running.samples import RunEnding
+from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.running.start import CannotStart, StartContext
 from tests.effort import LONG
 from tests.unit.running.programs import a_run, component, same_everywhere
@@ -106,7 +106,7 @@ def test_several_components_run_at_once(tmp_path: Path) -> None:
         found = [sample.response_ms for _, sample in samples]
 
     assert sorted(one or 0 for one in found) == [1.0] * 5 + [2.0] * 7
-    assert [run.ending for run in runs] == [RunEnding.UNTIL] * 2
+    assert [run.ending for run in runs] == [SamplingEnd.UNTIL] * 2
 
 
 @same_everywhere
@@ -117,7 +117,7 @@ def test_components_that_run_at_once_end_at_any_moment(tmp_path: Path) -> None:
     with run_in_parallel(runs) as samples:
         next(samples)
 
-    assert [run.ending for run in runs] == [RunEnding.CLOSED] * 2
+    assert [run.ending for run in runs] == [SamplingEnd.CLOSED] * 2
     assert all(run.series().elapsed_ms >= 0 for run in runs)
 
 

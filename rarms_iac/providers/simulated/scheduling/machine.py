@@ -1,4 +1,4 @@
-"""What the scheduler model is given and what it tells. Times are milliseconds, shares per cent of one's own VPs."""
+"""What goes into the scheduler model and what comes out. Times are in ms, shares in per cent of a machine's own VPs."""
 
 from dataclasses import dataclass
 from math import inf

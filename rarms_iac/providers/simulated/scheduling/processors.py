@@ -15,7 +15,7 @@ INSTANT = 1e-6
 
 
 class Owner:
-    """Whose actions they are; raising its turn makes the ones that it asked for before void."""
+    """Somebody who asks for actions; raising its turn cancels the actions that it asked for before."""
 
     __slots__ = ("turn",)
 
@@ -82,7 +82,7 @@ class Thread:
 
 
 class GuestScheduler(Protocol):
-    """What the hypervisor tells an operating system."""
+    """What the hypervisor calls of an operating system."""
 
     @property
     def contended(self) -> bool:

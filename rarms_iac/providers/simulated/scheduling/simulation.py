@@ -1,4 +1,4 @@
-"""Runs a machine: `simulate(machine, seed)` tells of jobs as they end."""
+"""Runs a machine: `simulate(machine, seed)` yields jobs as they end."""
 
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -121,5 +121,5 @@ class SchedulerSimulation:
 def simulate(
     machine: ModelMachine, seed: int, *, until_ms: float = inf, trace: Callable[[TracePiece], None] | None = None
 ) -> SchedulerSimulation:
-    """Starts the machine at time 0; see `SchedulerSimulation`. `trace` is told what every LP did, piece by piece."""
+    """Starts the machine at time 0; see `SchedulerSimulation`. `trace` gets what every LP did, piece by piece."""
     return SchedulerSimulation(machine, seed, until_ms=until_ms, trace=trace)

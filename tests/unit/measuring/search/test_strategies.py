@@ -12,7 +12,7 @@ from rarms_iac.measuring.search.trials import (
     Bracket,
     Goal,
     Member,
-    Trial,
+    SearchTrial,
     bracket_of,
     settings_below,
     trial_of,
@@ -32,7 +32,7 @@ GOAL = Goal(members=(Member(name="coi", apt={"mean_response_time": at_most(100)}
 
 def walk(strategy: str, least: int) -> tuple[list[int], SearchStep]:
     """The settings a strategy measures, and its end, where the APT is met from a reservation on (101: never)."""
-    history: list[Trial] = []
+    history: list[SearchTrial] = []
     while True:
         step = STRATEGIES[strategy](history, GOAL)
         if not isinstance(step, Measure):
@@ -125,7 +125,7 @@ def test_the_error_of_a_setting_is_shared_by_its_members() -> None:
 
 def unsteady(strategy: str, least: int, silent: range, level: float = 80.0) -> tuple[list[int], SearchStep]:
     """The same where settings in this range never become steady: jobs take half of the level, and later all of it."""
-    history: list[Trial] = []
+    history: list[SearchTrial] = []
     while isinstance(step := STRATEGIES[strategy](history, GOAL), Measure):
         assert len(history) < 40
         mean = 80.0 if step.reserve >= least else 120.0
