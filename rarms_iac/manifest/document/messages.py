@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from pydantic import ValidationError
@@ -10,12 +10,36 @@ from pydantic import ValidationError
 from rarms_iac.manifest.document.errors import StructureError, structure_errors
 from rarms_iac.manifest.document.fields import FORMS
 from rarms_iac.manifest.document.schema import Path, choices_at, describe, keys_at
-from rarms_iac.manifest.document.units import nearest_unit
 from rarms_iac.manifest.text.positions import dotted
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity
 from rarms_iac.model.indexes import INDEXES
 from rarms_iac.model.names import NAME_PATTERN, TASK_PATTERN
 from rarms_iac.model.wording import did_you_mean, in_a_row, question
+
+_OTHER_SPELLINGS = {
+    "B": ("b",),
+    "KiB": ("k", "kb", "kib"),
+    "MiB": ("m", "mb", "mib"),
+    "GiB": ("g", "gb", "gib"),
+    "TiB": ("t", "tb", "tib"),
+    "us": ("µs", "μs", "usec"),
+    "ms": ("msec", "millis", "milliseconds"),
+    "s": ("sec", "secs", "second", "seconds"),
+    "min": ("minute", "minutes"),
+    "h": ("hour", "hours"),
+    "%": ("percent", "pct"),
+    "LP": ("lps", "cpu", "cpus", "core", "cores"),
+    "/s": ("hz", "fps", "per second"),
+}
+
+
+def nearest_unit(unit: str, fitting: Iterable[str]) -> str | None:
+    """The unit that was probably meant: `MB` and `mib` are MiB, `sec` is s."""
+    written = unit.lower()
+    return next(
+        (known for known in fitting if written == known.lower() or written in _OTHER_SPELLINGS.get(known, ())), None
+    )
+
 
 UNKNOWN_KEY = Finding(code="RARMS015", severity=Severity.ERROR, summary="Unknown key")
 MISSING_KEY = Finding(code="RARMS016", severity=Severity.ERROR, summary="A key is missing")

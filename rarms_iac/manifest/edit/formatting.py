@@ -9,10 +9,9 @@ from difflib import unified_diff
 
 from rarms_iac.manifest.document.messages import NOT_A_NAME, WRONG_KIND
 from rarms_iac.manifest.edit.write import KeyTooLong, write_tree
-from rarms_iac.manifest.text.builder import build_tree, unified
 from rarms_iac.manifest.text.characters import EMPTY
 from rarms_iac.manifest.text.reading import ParsedText, read_text
-from rarms_iac.manifest.text.tree import place_of_node
+from rarms_iac.manifest.text.tree import build_tree, place_of_node, unified
 from rarms_iac.model.diagnostics import Diagnostic, Place, has_errors
 
 

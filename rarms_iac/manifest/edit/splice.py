@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 from rarms_iac.manifest.edit.order import MANIFEST, ValueShape
 from rarms_iac.manifest.edit.write import write_entry, write_flow, write_key
-from rarms_iac.manifest.text.builder import comments_in
-from rarms_iac.manifest.text.tree import Collection, Entry, Node, Scalar, is_null
+from rarms_iac.manifest.text.tree import Collection, Entry, Node, Scalar, comments_in, is_null
 
 _COLON = re.compile(r"(?:\s|#[^\n]*\n)*:")
 _COMMA = re.compile(r"(?:\s|#[^\n]*\n)*(,)")

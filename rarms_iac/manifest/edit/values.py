@@ -18,8 +18,7 @@ from rarms_iac.manifest.edit.splice import (
     walk,
 )
 from rarms_iac.manifest.edit.write import write_key
-from rarms_iac.manifest.text.builder import build_tree, unified
-from rarms_iac.manifest.text.tree import Collection, Entry, Node, Scalar
+from rarms_iac.manifest.text.tree import Collection, Entry, Node, Scalar, build_tree, unified
 
 Value = str | int | float | bool | None | Sequence["Value"] | dict[str, "Value"]
 Path = Sequence[str]

@@ -1,7 +1,7 @@
 """One pass over PyYAML's events: plain values out of text, which stops at the first excess.
 
 It is the only thing that sees unchecked text, and it is what `rarms validate` spends its time in: so it is one
-loop over locals, makes nothing but the values, and remembers no positions (`builder.py` finds those again when
+loop over locals, makes nothing but the values, and remembers no positions (`tree.py` finds those again when
 there is something to report).
 """
 

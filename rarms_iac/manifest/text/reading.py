@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, overload
 
-from rarms_iac.manifest.text.builder import build_positions
 from rarms_iac.manifest.text.characters import UnreadableText, check_text
 from rarms_iac.manifest.text.events import SAME_KEY, DuplicateKey, read_events
 from rarms_iac.manifest.text.positions import ManifestPlaces, dotted
-from rarms_iac.manifest.text.tree import Node
+from rarms_iac.manifest.text.tree import Node, build_positions
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related, Severity
 from rarms_iac.storage.reading import NotRegular, TooLarge, read_file
 

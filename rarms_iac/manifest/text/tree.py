@@ -1,10 +1,18 @@
-"""A YAML text as it was written: keys and values with their positions, and where asked for comments and blank lines.
+"""A YAML text -> a tree of keys and values with their positions, and where asked for comments and blank lines.
 
-The builder fills these while it walks the events of the parser, so they are not frozen; nothing changes them later.
+The one builder of YAML trees: it reads text that `events.read_events` has checked, so it may trust sizes and features.
+The parser drops comments: they are found between its tokens, whose positions it reports. The builder fills the nodes
+while it walks the events of the parser, so they are not frozen; nothing changes them later.
 """
 
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import takewhile
 from typing import Any
+
+from yaml._yaml import CParser
+from yaml.events import AliasEvent, CollectionEndEvent, MappingStartEvent, ScalarEvent, SequenceStartEvent
 
 from rarms_iac.manifest.text.scalars import NotRepresentable, plain_scalar
 from rarms_iac.model.diagnostics import Place
@@ -84,3 +92,229 @@ def plain(node: Node) -> Any:
     if node.is_mapping:
         return {key: plain(entry.value) for key, entry in entries_by_key(node).items()}
     return [plain(entry.value) for entry in node.entries]
+
+
+_COMMENT = re.compile("#[^\\n\\x85\\u2028\\u2029]*")  # the parser breaks lines at these four
+_HEADER_COMMENT = re.compile("[|>][-+0-9]*[ \\t]+(#[^\\n]*)")
+
+
+def unified(text: str) -> str:
+    """The text without a byte order mark, its lines ended by LF alone."""
+    return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
+
+
+def build_tree(text: str) -> Collection:
+    """Build the tree with comments of a text as `unified` leaves it: one mapping without any finding."""
+    root = _Builder(text, "", _comments_between(text)).root()
+    assert isinstance(root, Collection), "the text was checked: it holds one mapping"
+    return root
+
+
+def build_positions(text: str, file: str) -> Node:
+    """Build the tree of any text that was read before, without comments; `file` is how messages name it."""
+    return _Builder(text, file, []).root()
+
+
+def comments_in(text: str, start: int, end: int) -> list[str]:
+    """The comments that begin between two places of such a text, those behind `|` and `>` included."""
+    found = [(comment.start, comment.text) for comment in _comments_between(text)]
+    for event in _events(text):
+        if getattr(event, "style", None) in {"|", ">"}:
+            at = event.start_mark.index
+            found += [(at, header[1]) for header in [_HEADER_COMMENT.match(text, at, event.end_mark.index)] if header]
+    return [comment.rstrip() for at, comment in sorted(found) if start <= at < end]
+
+
+def _events(text: str) -> Iterator[Any]:
+    """The parser's events, made anew each time: a list of them would keep the garbage collector busier than we are."""
+    return iter(CParser(text).get_event, None)
+
+
+@dataclass(slots=True)
+class _Comment:
+    start: int
+    text: str
+    column: int = 0
+    blank_above: bool = False
+
+
+@dataclass(slots=True)
+class _OpenCollection:
+    """A collection that has not ended yet, and the key that waits for its value."""
+
+    collection: Collection
+    owner: Entry | None
+    waiting: Entry | None = None
+
+
+class _Builder:
+    """Walks the events once; comments on the way wait until a key or an item takes them."""
+
+    def __init__(self, text: str, file: str, comments: list[_Comment]) -> None:
+        self.text = text
+        self.file = file
+        self.comments = comments
+        self.next_comment = 0
+        self.pending: list[_Comment] = []  # comments of their own lines, not yet anybody's
+        self.position = 0  # end of the last token or comment
+        self.last: Entry | None = None  # whose line we are on
+        self.open: list[_OpenCollection] = []
+        self.result: Node = Scalar("", "", 0, 0, file=file)
+
+    def root(self) -> Node:
+        """The whole document; an empty one is an empty scalar."""
+        for event in _events(self.text):
+            match event:
+                case ScalarEvent():
+                    self._scalar(event, event.value, event.style or "")
+                case AliasEvent():  # refused when it was read
+                    self._scalar(event, "*" if self._expects_key() else "", "")
+                case MappingStartEvent():
+                    self._start(event, is_mapping=True)
+                case SequenceStartEvent():
+                    self._start(event, is_mapping=False)
+                case CollectionEndEvent():
+                    self._end(event)
+                case _:  # where stream and document begin and end
+                    pass
+        self._take_comments(len(self.text) + 1)
+        if isinstance(self.result, Collection):
+            self.result.tail += _lines(self.pending)
+        return self.result
+
+    def _expects_key(self) -> bool:
+        return bool(self.open) and self.open[-1].collection.is_mapping and self.open[-1].waiting is None
+
+    def _scalar(self, event: Any, value: str, style: str) -> None:
+        mark, end_mark = event.start_mark, event.end_mark
+        start, end = mark.index, end_mark.index
+        is_empty = start == end
+        top = self.open[-1] if self.open else None
+        in_mapping = top is not None and top.collection.is_mapping
+        if not is_empty or not in_mapping:  # the place of an empty value of a key may lie beyond what follows it
+            self._take_comments(start)
+        scalar = Scalar(value, style, start, end, mark.line != end_mark.line, self.file, mark.line, mark.column)
+        if top is None:
+            self.result = scalar
+            return
+        if top.collection.is_mapping and top.waiting is None:
+            self._new_entry(top, scalar, scalar, start)
+        else:
+            entry = self._place(top, scalar, start)
+            if style in {"|", ">"} and (found := _HEADER_COMMENT.match(self.text, start, end)):
+                _trail(entry, found[1])
+        if style in {"|", ">"}:
+            self.position = start + len(self.text[start:end].rstrip())
+        elif not is_empty or not in_mapping:
+            self.position = end
+
+    def _start(self, event: Any, *, is_mapping: bool) -> None:
+        start = event.start_mark.index
+        self._take_comments(start)
+        top = self.open[-1] if self.open else None
+        line, column = event.start_mark.line, event.start_mark.column
+        indent = -1
+        if top is not None:
+            indent = max(column, top.collection.indent + 1, 1)  # a list may start below its key's first letter
+        collection = Collection(
+            is_mapping, bool(event.flow_style), indent, start, start, file=self.file, line=line, column=column
+        )
+        owner = self._place(top, collection, start) if top else None
+        if collection.flow:
+            self.position = event.end_mark.index
+        self.open.append(_OpenCollection(collection, owner))
+
+    def _end(self, event: Any) -> None:
+        self._take_comments(event.start_mark.index)
+        done = self.open.pop()
+        collection = done.collection
+        if collection.flow:
+            inside, self.pending = self.pending, []
+            self.position = event.end_mark.index
+            self.last = done.owner
+            collection.end = event.end_mark.index
+        else:
+            inside = list(takewhile(lambda comment: comment.column >= collection.indent, self.pending))
+            self.pending = self.pending[len(inside) :]
+            collection.end = self.position
+        if collection.entries or done.owner is None:
+            collection.tail = _lines(inside)
+        else:
+            done.owner.before += _lines(inside)
+        collection.has_comments = any(collection.tail) or any(
+            any(entry.before) or entry.trailing or (isinstance(entry.value, Collection) and entry.value.has_comments)
+            for entry in collection.entries
+        )
+        if not self.open:
+            self.result = collection
+
+    def _new_entry(self, top: _OpenCollection, key: Scalar | None, value: Node, start: int) -> Entry:
+        before = _lines(self.pending)
+        if self.text.count("\n", self.position, start) > 1:
+            before.append("")
+        self.pending = []
+        entry = Entry(key, value, before)
+        top.collection.entries.append(entry)
+        top.waiting = entry if key is not None else None
+        self.last = entry
+        return entry
+
+    def _place(self, top: _OpenCollection, value: Node, start: int) -> Entry:
+        """Puts a value behind the key that waits for it, or makes it an item."""
+        entry = top.waiting
+        if entry is None:
+            return self._new_entry(top, None, value, start)
+        entry.value, top.waiting = value, None
+        if isinstance(value, Scalar) and self.pending:
+            entry.before += [comment.text for comment in self.pending]
+            self.pending = []
+        self.last = entry
+        return entry
+
+    def _take_comments(self, until: int) -> None:
+        while self.next_comment < len(self.comments) and self.comments[self.next_comment].start < until:
+            comment = self.comments[self.next_comment]
+            self.next_comment += 1
+            newlines = self.text.count("\n", self.position, comment.start)
+            if newlines == 0 and self.last is not None:
+                _trail(self.last, comment.text)
+            else:
+                comment.column = comment.start - (self.text.rfind("\n", 0, comment.start) + 1)
+                comment.blank_above = newlines > 1
+                self.pending.append(comment)
+            self.position = comment.start + len(comment.text)
+
+
+def _comments_between(text: str) -> list[_Comment]:
+    """Every `#` outside a scalar begins a comment."""
+    comments = []
+    position = 0
+    for start, end in [*_scalar_spans(text), (len(text), len(text))]:
+        if start < position:
+            continue  # an empty value, placed where its key ended
+        if text.find("#", position, start) >= 0:
+            comments += [_Comment(found.start(), found[0]) for found in _COMMENT.finditer(text, position, start)]
+        position = end
+    return comments
+
+
+def _scalar_spans(text: str) -> Iterator[tuple[int, int]]:
+    for event in _events(text):
+        if type(event) is ScalarEvent:
+            start: Any = event.start_mark  # the parser always marks; its types do not say so
+            end: Any = event.end_mark
+            yield start.index, end.index
+
+
+def _trail(entry: Entry, comment: str) -> None:
+    """A line has one trailing comment: an earlier one moves above."""
+    if entry.trailing:
+        entry.before.append(entry.trailing)
+    entry.trailing = comment.rstrip()
+
+
+def _lines(comments: list[_Comment]) -> list[str]:
+    lines: list[str] = []
+    for comment in comments:
+        lines += ["", comment.text.rstrip()] if comment.blank_above else [comment.text.rstrip()]
+    return lines

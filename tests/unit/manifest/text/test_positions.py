@@ -2,10 +2,9 @@
 
 import pytest
 
-from rarms_iac.manifest.text.builder import build_positions
 from rarms_iac.manifest.text.positions import ManifestPlaces, dotted
 from rarms_iac.manifest.text.reading import Lines, read_text
-from rarms_iac.manifest.text.tree import plain
+from rarms_iac.manifest.text.tree import build_positions, plain
 from tests.unit.manifest.examples import EVERYTHING
 
 TEXT = """\
