@@ -3,12 +3,15 @@
 import stat
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rarms_iac.app.errors import Outcome, UseCaseError, not_read, not_written
 from rarms_iac.manifest.load import manifest_path
-from rarms_iac.model.plan import Plan
-from rarms_iac.storage.plan_file import MAX_BYTES, PlanFileError, read_plan
 from rarms_iac.storage.replace import replace
+
+if TYPE_CHECKING:
+    from rarms_iac.model.plan import Plan
+    from rarms_iac.storage.plan_file import PlanFileError
 
 STANDARD_INPUT = "-"
 
@@ -70,19 +73,21 @@ def make_folder(path: str) -> None:
         raise UseCaseError(Outcome.FAILED, [not_written(path, problem)]) from error
 
 
-def read_plan_file(path: str) -> Plan:
+def read_plan_file(path: str) -> "Plan":
     """The plan of this file.
 
     Raises:
         UseCaseError: the file cannot be read (1), is no plan or was edited (3).
     """
+    from rarms_iac.storage.plan_file import MAX_BYTES, PlanFileError, read_plan
+
     try:
         return read_plan(read_file(path, MAX_BYTES, "rarms plan --out FILE"))
     except PlanFileError as error:
         raise refuse_plan_file(path, error) from error
 
 
-def refuse_plan_file(path: str, error: PlanFileError) -> UseCaseError:
+def refuse_plan_file(path: str, error: "PlanFileError") -> UseCaseError:
     """Why a file is not used as a plan."""
     return UseCaseError(Outcome.REFUSED, [error.finding.at(None, f"{path}: {error.says}.", f"{error.advice}.")])
 

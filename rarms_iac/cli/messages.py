@@ -5,18 +5,20 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from functools import cached_property
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from rarms_iac.app.files import write_file
-from rarms_iac.applying.run_report import RunReporter
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.session import Session
 from rarms_iac.cli.terminal import Terminal
-from rarms_iac.measuring.loop import MeasuringReporter
 from rarms_iac.model.diagnostics import Diagnostic, Sources, in_order
-from rarms_iac.model.measurement import Series
 from rarms_iac.views.finding_forms import OutputTarget
 from rarms_iac.views.findings import findings_text
+
+if TYPE_CHECKING:  # a command that measures nothing does not pay for measuring
+    from rarms_iac.applying.run_report import RunReporter
+    from rarms_iac.measuring.loop import MeasuringReporter
+    from rarms_iac.model.measurement import Series
 
 
 def tell(terminal: Terminal, diagnostics: Sequence[Diagnostic], sources: Sources | None = None) -> None:
@@ -55,7 +57,7 @@ class TerminalReporter:
         self._progress.__exit__(kind, error, trace)
 
     @cached_property
-    def steps(self) -> RunReporter:
+    def steps(self) -> "RunReporter":
         """Steps of a run, a line a partition, updated in place."""
         from rarms_iac.views.run import RunProgress
 
@@ -64,7 +66,7 @@ class TerminalReporter:
         return self._progress.enter_context(RunProgress(terminal.status, time.monotonic, live))
 
     @cached_property
-    def settings(self) -> MeasuringReporter:
+    def settings(self) -> "MeasuringReporter":
         """Settings that are measured, in a table that is updated in place."""
         from rarms_iac.views.measure import MeasuringProgress
 
@@ -92,7 +94,7 @@ class ProofProgress:
         if self._table is not None:
             self._table.hide()
 
-    def __call__(self, host: str, series: Mapping[str, Series]) -> None:
+    def __call__(self, host: str, series: "Mapping[str, Series]") -> None:
         """Show it in place; nothing where there is no terminal."""
         if self._table is not None:
             from rarms_iac.views.prove import sampled

@@ -5,13 +5,16 @@
 
 import json
 import sys
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from rarms_iac.storage.codec import Json, encode
-from rarms_iac.views.output import FORMAT_VERSION, Output
+from rarms_iac.views.output.common import FORMAT_VERSION
+
+if TYPE_CHECKING:
+    from rarms_iac.views.output.kinds import Output
 
 
-def as_json(output: Output) -> str:
+def as_json(output: "Output") -> str:
     """The whole answer in ASCII, keys in our order, ending with a line end."""
     return json.dumps(_encodable(encode(output)), indent=2) + "\n"
 
@@ -19,6 +22,8 @@ def as_json(output: Output) -> str:
 def output_schema() -> str:
     """The text of `schemas/output.json`."""
     from pydantic import Field, TypeAdapter
+
+    from rarms_iac.views.output.kinds import Output
 
     schema = TypeAdapter(Annotated[Output, Field(discriminator="kind")]).json_schema(mode="serialization")
     head = {

@@ -1,0 +1,36 @@
+"""Every kind of output there is. Only the schema needs them all: a command imports what it prints."""
+
+from rarms_iac.views.output.combining import CandidatesOutput, GraphOutput, TuneOutput
+from rarms_iac.views.output.common import (
+    ExplanationOutput,
+    FindingsOutput,
+    FmtOutput,
+    VersionOutput,
+    WrittenOutput,
+)
+from rarms_iac.views.output.hosts import ComponentRunOutput, DoctorOutput, DriftOutput, RunOutput
+from rarms_iac.views.output.measuring import MeasureOutput, ProveOutput, ReportOutput, SelectionOutput, WalkOutput
+from rarms_iac.views.output.plan import PlanOutput, ScriptDifferenceOutput, ScriptsOutput
+
+Output = (
+    PlanOutput
+    | RunOutput
+    | ComponentRunOutput
+    | DriftOutput
+    | DoctorOutput
+    | FindingsOutput
+    | FmtOutput
+    | WrittenOutput
+    | ExplanationOutput
+    | WalkOutput
+    | SelectionOutput
+    | ScriptsOutput
+    | ScriptDifferenceOutput
+    | MeasureOutput
+    | TuneOutput
+    | ProveOutput
+    | ReportOutput
+    | GraphOutput
+    | CandidatesOutput
+    | VersionOutput
+)
