@@ -17,13 +17,13 @@ from rarms_iac.storage.datalog.configuration import Chosen, append_entry, last_c
 from rarms_iac.storage.datalog.files import configuration_path, read_log
 
 
-def record_choices(measured: Measurements, components: Iterable[str] = ()) -> tuple[Path, ...]:
+def record_choices(measurements: Measurements, components: Iterable[str] = ()) -> tuple[Path, ...]:
     """Write down what follows from the manifest and the data logs, where the configuration log does not say it yet.
 
     A component whose reservation is not known is left out: `rarms plan` tells why.
 
     Args:
-        measured: The measurements beside the manifest.
+        measurements: Those beside the manifest.
         components: Names; none: all.
 
     Returns:
@@ -33,13 +33,13 @@ def record_choices(measured: Measurements, components: Iterable[str] = ()) -> tu
         UseCaseError: A configuration log is damaged (negative), or held by another run (refused).
         OSError: One cannot be written.
     """
-    with hold_configuration_logs(measured.folder):
-        return _choices(measured, components)
+    with hold_configuration_logs(measurements.folder):
+        return _choices(measurements, components)
 
 
-def _choices(measured: Measurements, components: Iterable[str]) -> tuple[Path, ...]:
-    system, wanted = measured.system, set(components)
-    reservations = measured_reservations(measured, {})
+def _choices(measurements: Measurements, components: Iterable[str]) -> tuple[Path, ...]:
+    system, wanted = measurements.system, set(components)
+    reservations = measured_reservations(measurements, {})
     written: list[Path] = []
     for group in filter(rests_on_a_log, groups_of(system)):
         if wanted and wanted.isdisjoint(names_of(group.members)):
@@ -52,8 +52,8 @@ def _choices(measured: Measurements, components: Iterable[str]) -> tuple[Path, .
             sized = size(group, host, reservations)
             least = reservations.least(group.members, host)
             if isinstance(sized, Sized) and least is not None:
-                entries = _entries(measured, group, host, sized.placed.reserve, interpolated=least.interpolated)
-                written += [path for entry in entries if (path := _record(measured.folder, host.platform, entry))]
+                entries = _entries(measurements, group, host, sized.placed.reserve, interpolated=least.interpolated)
+                written += [path for entry in entries if (path := _record(measurements.folder, host.platform, entry))]
     return tuple(written)
 
 
@@ -67,11 +67,11 @@ def describe_apt(component: Component) -> dict[str, str]:
 
 
 def _entries(
-    measured: Measurements, group: Group, host: Host, reserve: int, *, interpolated: bool
+    measurements: Measurements, group: Group, host: Host, reserve: int, *, interpolated: bool
 ) -> tuple[Chosen, ...]:
     members = names_of(group.members)
-    subject = subject_of(measured.system, host, members, interference_of(measured.system, members))
-    path = path_of(measured.folder, subject)
+    subject = subject_of(measurements.system, host, members, interference_of(measurements.system, members))
+    path = path_of(measurements.folder, subject)
     log = read_log(path)
     if log is None:
         return ()
@@ -85,7 +85,7 @@ def _entries(
             reserve=reserve,
             interpolated=interpolated,
             task=member.task,
-            data_log=path.relative_to(measured.folder).as_posix(),
+            data_log=path.relative_to(measurements.folder).as_posix(),
             identity=log.header.digest,
             setup=log.header.setup,
             bench=log.header.bench,

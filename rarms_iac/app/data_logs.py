@@ -83,17 +83,17 @@ def path_of(folder: Path, subject: LogSubject) -> Path:
     return log_path(folder, subject.platform, subject.setup.members, subject.setup.interference)
 
 
-def measured_reservations(measured: Measurements, states: Mapping[str, State]) -> MeasuredReservations:
+def measured_reservations(measurements: Measurements, states: Mapping[str, State]) -> MeasuredReservations:
     """Read what the data logs say on every host of the manifest.
 
     Args:
-        measured: The manifest, and where its logs lie.
+        measurements: The manifest, and where its logs lie.
         states: What hosts look like, by name; of those that were looked at, that is compared with the logs, too.
 
     Returns:
         Reservations for the planner. A log that is missing, damaged or stale is an answer, not an error.
     """
-    system, files, read = measured.system, Files(measured.folder), cache(_read)
+    system, files, read = measurements.system, Files(measurements.folder), cache(_read)
     kinds = {name: _kind_of(host, states) for name, host in sorted(system.hosts.items())}
     alike: dict[_Kind, list[str]] = {}
     for name, kind in kinds.items():
@@ -103,7 +103,7 @@ def measured_reservations(measured: Measurements, states: Mapping[str, State]) -
         for kind, names in alike.items():
             if _may_run_on(group, names):
                 host = system.hosts[names[0]]
-                logs[kind, names_of(group.members)] = _answer(measured, group, host, kind.bench, files, read)
+                logs[kind, names_of(group.members)] = _answer(measurements, group, host, kind.bench, files, read)
     return MeasuredReservations(kinds=kinds, logs=logs)
 
 
@@ -153,13 +153,13 @@ Reader = Callable[[Path], DataLog | LogUnreadable | None]
 
 
 def _answer(
-    measured: Measurements, group: Group, host: Host, bench: BenchNow, files: Files, read: Reader
+    measurements: Measurements, group: Group, host: Host, bench: BenchNow, files: Files, read: Reader
 ) -> MeasuredTogether | NotMeasured:
     members = names_of(group.members)
-    subject = subject_of(measured.system, host, members, interference_of(measured.system, members))
-    path = path_of(measured.folder, subject)
-    shown = path.relative_to(measured.folder).as_posix()
-    again = f"rarms measure {' '.join(members)}{' --together' if len(members) > 1 else ''}{measured.options}"
+    subject = subject_of(measurements.system, host, members, interference_of(measurements.system, members))
+    path = path_of(measurements.folder, subject)
+    shown = path.relative_to(measurements.folder).as_posix()
+    again = f"rarms measure {' '.join(members)}{' --together' if len(members) > 1 else ''}{measurements.options}"
     log = read(path)
     if log is None:
         message = (

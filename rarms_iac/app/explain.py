@@ -53,7 +53,7 @@ class ExplainedComponent:
     @property
     def fits(self) -> bool:
         """Whether there is a layout with it."""
-        return isinstance(self.explanation, HostExplanation) or not self.explanation.misfit
+        return isinstance(self.explanation, HostExplanation) or not self.explanation.infeasibility
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +101,7 @@ class _Placement:
 
     host: Host
     placed: PlacedPartition
-    cannot: str = ""  # why no host can have it
+    no_host_because: str = ""  # why no host can have it
 
 
 def find_component(manifest: Manifest, name: str) -> Component:
@@ -143,7 +143,9 @@ def explain_component(manifest: Manifest, name: str) -> ExplainedComponent:
         measured=measured, hosts=hosts, states=states, reservations=reservations, planning=planning, group=group
     )
     placement = _placement_of(known)
-    errors = tuple(finding for finding in planning.findings if has_errors([finding])) if placement.cannot else ()
+    errors = (
+        tuple(finding for finding in planning.findings if has_errors([finding])) if placement.no_host_because else ()
+    )
     return ExplainedComponent(explanation=_explanation(known, placement, component), errors=errors)
 
 
@@ -158,11 +160,11 @@ def _explanation(known: _KnownOfPartition, placement: _Placement, component: Com
         group=group,
         host=placement.host,
         placed=placement.placed,
-        cannot=placement.cannot,
+        no_host_because=placement.no_host_because,
         wanted=_wanted(group, placement.host, reservations),
         fixed_by="" if rests else _fixed_by(group),
         measured=None if used is None else _data_log_summary(known.measured, group, placement.host, used),
-        looked=() if used is None else tuple(_member_curves(group, used)),
+        curves=() if used is None else tuple(_member_curves(group, used)),
         least=None if used is None else reservations.least(group.members, placement.host),
         remarks=() if used is None else tuple(remark.says for remark in used.remarks),
         why_together=tuple(why_together(group, known.system, previous)),
@@ -174,10 +176,10 @@ def _explanation(known: _KnownOfPartition, placement: _Placement, component: Com
             group, groups_of(known.system), placement.host, reservations, _was_measured(known.measured, placement.host)
         ),
         on_host=None if layout is None else _on_host(known, layout, placement),
-        where_now=_where_now(known, placement),
-        unseen=tuple(sorted(set(known.system.hosts) - set(known.states))),
+        current_host=_where_now(known, placement),
+        not_observed=tuple(sorted(set(known.system.hosts) - set(known.states))),
         elsewhere=_elsewhere(known, placement),
-        misfit=() if layout is not None else tuple(_misfit(known.planning)),
+        infeasibility=() if layout is not None else tuple(_misfit(known.planning)),
     )
 
 
@@ -207,7 +209,7 @@ def _placement_of(known: _KnownOfPartition) -> _Placement:
     for host, answer in answers:
         shape = size(_without_reserve(group), host, FixedReservations())
         if isinstance(shape, Sized) and isinstance(answer, Cause):
-            return _Placement(host=host, placed=shape.placed, cannot=answer.says.rstrip("."))
+            return _Placement(host=host, placed=shape.placed, no_host_because=answer.says.rstrip("."))
     raise UseCaseError(Outcome.NEGATIVE, known.planning.findings, known.hosts.manifest.sources)
 
 
@@ -300,9 +302,13 @@ def _on_host(known: _KnownOfPartition, layout: Layout, placement: _Placement) ->
         if partition.host == placement.host.name and partition.name != placement.placed.name
     )
     kept = LogicalProcessors(Fraction(capacity.logical_processors) - capacity.processors)
-    foreign = LogicalProcessors(Fraction(load_of(view.claims).percent, 100))
+    unmanaged = LogicalProcessors(Fraction(load_of(view.claims).percent, 100))
     return HostPromises(
-        capacity=capacity.processors, kept=kept, foreign=foreign, beside=tuple(others), placement=layout.placement
+        capacity=capacity.processors,
+        kept_for_host=kept,
+        unmanaged=unmanaged,
+        beside=tuple(others),
+        placement=layout.placement,
     )
 
 

@@ -44,8 +44,8 @@ class HostPromises:
     """What the partition's host has promised in the layout."""
 
     capacity: LogicalProcessors
-    kept: LogicalProcessors
-    foreign: LogicalProcessors  # of machines that are not ours
+    kept_for_host: LogicalProcessors
+    unmanaged: LogicalProcessors  # what machines hold that rarms does not manage
     beside: tuple[tuple[str, LogicalProcessors], ...]  # other partitions there, by name
     placement: Placement | None = None  # how good the choice of hosts is, where there was one
 
@@ -58,11 +58,11 @@ class Explanation:
     group: Group
     host: Host
     placed: PlacedPartition  # without a reserve, where that cannot be told
-    cannot: str  # why no host can have it, whatever else is there; empty: one can
+    no_host_because: str  # why no host can have it, whatever else is there; empty: one can
     wanted: LogicalProcessors | None  # before rounding; None: nothing says how much
     fixed_by: str  # who fixes the reserve in the manifest; empty: it rests on the data log, or there is none
     measured: DataLogSummary | None
-    looked: tuple[MemberCurve, ...]
+    curves: tuple[MemberCurve, ...]
     least: LeastReserve | None
     remarks: tuple[str, ...]
     why_together: tuple[str, ...]
@@ -70,10 +70,10 @@ class Explanation:
     shared: tuple[str, ...]  # compounds that were measured and not taken, or why there are none
     partners: tuple[str, ...]  # with whom it would probably save something; predicted
     on_host: HostPromises | None  # None: there is no layout
-    where_now: str  # that it runs already, and what that means; empty: it does not, as far as was seen
-    unseen: tuple[str, ...]  # hosts that could not be looked at
+    current_host: str  # that it runs already, and what that means; empty: it does not, as far as was seen
+    not_observed: tuple[str, ...]  # hosts that could not be looked at
     elsewhere: tuple[Elsewhere, ...]
-    misfit: tuple[str, ...]  # why there is no layout; empty: there is one
+    infeasibility: tuple[str, ...]  # why there is no layout; empty: there is one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -57,8 +57,8 @@ def candidate_nodes(manifest: Manifest, *, predict: bool) -> tuple[Node, ...]:
 
 
 def _candidates(manifest: Manifest) -> tuple[Candidates, Guide]:
-    measured, system = measurements_of(manifest), manifest.system
-    reservations = measured_reservations(measured, {})
+    measurements, system = measurements_of(manifest), manifest.system
+    reservations = measured_reservations(measurements, {})
     problem = problem_of(system, reservations, {}, may_move=False)
     groups = [
         group for group in problem.groups if rests_on_a_log(group) and all(member.apt for member in group.members)
@@ -73,7 +73,7 @@ def _candidates(manifest: Manifest) -> tuple[Candidates, Guide]:
     host = shared[0]
     cois = [coi_as_measured(group, problem.claims[group.name][host.name], reservations, host) for group in groups]
     candidates = candidates_of(cois, lambda names: _may_share(groups, names), most=WHOLE)
-    known = informed(candidates, recorded_answers(measured, host, candidates, {}))
+    known = informed(candidates, recorded_answers(measurements, host, candidates, {}))
     return known, guide_of(known, predictor_of(alone_in(groups, reservations, host)))
 
 
@@ -82,26 +82,26 @@ def _may_share(groups: Sequence[Group], names: Members) -> bool:
 
 
 def recorded_answers(
-    measured: Measurements, host: Host, candidates: Candidates, states: Mapping[str, State]
+    measurements: Measurements, host: Host, candidates: Candidates, states: Mapping[str, State]
 ) -> tuple[Answer, ...]:
     """Return what the valid data logs of compounds say, by the rule of a plan.
 
     Args:
-        measured: The measurements beside the manifest.
+        measurements: Those beside the manifest.
         host: On which they are to hold.
         candidates: The compounds.
         states: Of hosts that were looked at: what was seen is compared with the logs, too.
     """
     compounds = [candidate.coi.members for candidate in candidates.by_mask.values()]
-    return tuple(asked for names in compounds for asked in _answers(measured, host, names, states))
+    return tuple(asked for names in compounds for asked in _answers(measurements, host, names, states))
 
 
-def _answers(measured: Measurements, host: Host, names: Members, states: Mapping[str, State]) -> Iterator[Answer]:
-    interference = interference_of(measured.system, names)
-    if not log_path(measured.folder, host.platform, names, interference).is_file():
+def _answers(measurements: Measurements, host: Host, names: Members, states: Mapping[str, State]) -> Iterator[Answer]:
+    interference = interference_of(measurements.system, names)
+    if not log_path(measurements.folder, host.platform, names, interference).is_file():
         return
-    system = _together(measured.system, names)
-    reservations = measured_reservations(replace(measured, system=system), states)
+    system = _together(measurements.system, names)
+    reservations = measured_reservations(replace(measurements, system=system), states)
     group = next(group for group in groups_of(system) if set(names) == set(names_of(group.members)))
     log, least = reservations.log(group.members, host), reservations.least(group.members, host)
     if isinstance(log, NotMeasured):

@@ -163,8 +163,8 @@ def select_level(manifest: Manifest, request: SelectRequest) -> SelectOutcome:
             written (failed).
     """
     choice = _choice_of(manifest.system, request.component, request.level, request.index)
-    measured = measurements_of(manifest)
-    changed = replace(measured, system=_with(manifest.system, choice))
+    measurements = measurements_of(manifest)
+    changed = replace(measurements, system=_with(manifest.system, choice))
     selection, findings = _selection(manifest, changed, choice)
     if request.dry_run:
         return SelectOutcome(selection=selection, findings=findings, file="")

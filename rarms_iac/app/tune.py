@@ -248,8 +248,8 @@ def _by_the_graph(before: TuningEnd, asking: Inquiry, probability: float | None)
         predictor=subject.predictor,
         probability=probability,
     )
-    measured = measurements_of(subject.hosts.manifest)
-    recorded = recorded_answers(measured, subject.bench, tuning.candidates, {subject.bench.name: subject.state})
+    measurements = measurements_of(subject.hosts.manifest)
+    recorded = recorded_answers(measurements, subject.bench, tuning.candidates, {subject.bench.name: subject.state})
     best, trail = search(tuning, asking, recorded=recorded)
     if not isinstance(best, Best):
         proved = best.proved and not layout_fit.unsure

@@ -66,12 +66,12 @@ def explanation_json(explanation: Explanation | HostExplanation) -> str:
 
 
 def _in_a_partition(explanation: Explanation) -> WalkOutput:
-    placed, known = explanation.placed, not explanation.cannot
+    placed, known = explanation.placed, not explanation.no_host_because
     return WalkOutput(
         component=explanation.component.name,
         partition=placed.name,
         host=placed.host,
-        fits=not explanation.misfit,
+        fits=not explanation.infeasibility,
         data_log=None if explanation.measured is None else explanation.measured.path,
         cr=None if explanation.least is None else explanation.least.reserve,
         interpolated=explanation.least is not None and explanation.least.interpolated,

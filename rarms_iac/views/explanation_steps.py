@@ -20,11 +20,11 @@ def verdicts(explanation: Explanation) -> Iterator[str]:
         yield from explanation.remarks
         return
     at = explanation.least.reserve if explanation.least is not None else max(explanation.measured.reserves, default=0)
-    for apt in explanation.looked:
+    for apt in explanation.curves:
         point = apt.curve.value_at(at)
         if point is not None:
             yield _verdict(explanation, apt, point, at)
-    if inconclusive := sorted({each for apt in explanation.looked for each in apt.curve.inconclusive}):
+    if inconclusive := sorted({each for apt in explanation.curves for each in apt.curve.inconclusive}):
         yield f"measured without a verdict (no steady state, or too few answers): {_listed(inconclusive)}"
     if explanation.least is not None and explanation.least.interpolated:
         reserves, least = explanation.measured.reserves, explanation.least.reserve
@@ -41,7 +41,7 @@ def why_not_less(explanation: Explanation, less: int) -> Iterator[str]:
     """Why not one per cent less: the index that its curve shows to fail there."""
     missed = [
         (apt, at)
-        for apt in explanation.looked
+        for apt in explanation.curves
         if (at := apt.curve.value_at(less)) and not holds(apt.curve, apt.threshold, less)
     ]
     for apt, point in missed:
@@ -54,7 +54,7 @@ def why_not_less(explanation: Explanation, less: int) -> Iterator[str]:
         )
     if missed:
         return
-    inconclusive = sorted({at for apt in explanation.looked for at in apt.curve.inconclusive if at <= less})
+    inconclusive = sorted({at for apt in explanation.curves for at in apt.curve.inconclusive if at <= less})
     if less in inconclusive:
         yield f"{less} %, one less: it was measured and gave no verdict, so nobody knows whether it is enough"
     elif inconclusive:
@@ -155,7 +155,7 @@ def _in_a_partition(explanation: Explanation) -> Iterator[tuple[str, Iterator[st
     yield "host", _host(explanation)
     yield "limit and weight", _limit_and_weight(explanation)
     yield "rejected", _rejected(explanation)
-    yield "no layout", iter(explanation.misfit)
+    yield "no layout", iter(explanation.infeasibility)
 
 
 def _on_the_host(explanation: HostExplanation) -> Iterator[tuple[str, Iterator[str]]]:
@@ -203,7 +203,7 @@ def _data_log(explanation: Explanation) -> Iterator[str]:
     elif log is not None:
         yield from _log(log)
     elif explanation.wanted is None:
-        yield f"none that holds: {explanation.cannot}"
+        yield f"none that holds: {explanation.no_host_because}"
     else:
         yield "none is needed: nothing is reserved"
 
@@ -249,9 +249,9 @@ def _what_is_missing(explanation: Explanation) -> str:
 
 def _rounding(explanation: Explanation) -> Iterator[str]:
     placed = explanation.placed
-    if explanation.wanted is None or explanation.cannot:
+    if explanation.wanted is None or explanation.no_host_because:
         yield "none: " + (
-            explanation.cannot if explanation.wanted is not None else "there is no reservation to round yet"
+            explanation.no_host_because if explanation.wanted is not None else "there is no reservation to round yet"
         )
         return
     if not placed.reserve:
@@ -287,27 +287,27 @@ def _host(explanation: Explanation) -> Iterator[str]:
     def share(processors: Fraction) -> str:
         return f"{show_processors(processors)} ({show_percent(100 * processors / whole)})"
 
-    if explanation.cannot:
+    if explanation.no_host_because:
         known = "once its reservation is known" if explanation.wanted is None else "if it could be there"
         yield f"{name}, {known}: it has {show_processors(whole)}"
     elif explanation.on_host is None:
         yield f"{name}, if there were room: {share(explanation.placed.reserved)} of its {show_processors(whole)}"
     else:
         yield f"{name}: {share(explanation.placed.reserved)} of its {show_processors(whole)}"
-    if explanation.where_now:
-        yield explanation.where_now
-    if explanation.unseen:
-        yield f"not looked at, so that the manifest alone counts of it: {', '.join(explanation.unseen)}"
+    if explanation.current_host:
+        yield explanation.current_host
+    if explanation.not_observed:
+        yield f"not looked at, so that the manifest alone counts of it: {', '.join(explanation.not_observed)}"
     if explanation.on_host is None:
         return
     beside = ", ".join(f"{partition} {show_processors(amount)}" for partition, amount in explanation.on_host.beside)
     if beside:
         yield f"beside it: {beside}"
-    if explanation.on_host.foreign:
-        yield f"unmanaged machines: {share(explanation.on_host.foreign)}"
-    if explanation.on_host.kept:
-        yield f"kept for the host: {share(explanation.on_host.kept)}"
-    taken = explanation.placed.reserved + explanation.on_host.foreign
+    if explanation.on_host.unmanaged:
+        yield f"unmanaged machines: {share(explanation.on_host.unmanaged)}"
+    if explanation.on_host.kept_for_host:
+        yield f"kept for the host: {share(explanation.on_host.kept_for_host)}"
+    taken = explanation.placed.reserved + explanation.on_host.unmanaged
     taken += sum((amount for _, amount in explanation.on_host.beside), Fraction(0))
     yield f"headroom: {share(explanation.on_host.capacity - taken)}"
     if explanation.on_host.placement is not None:
