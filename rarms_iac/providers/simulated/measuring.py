@@ -31,17 +31,20 @@ from rarms_iac.providers.measuring import PartitionWork, Work
 from rarms_iac.providers.simulated.content import Content, SimulatedMachine
 from rarms_iac.providers.simulated.parse import description
 from rarms_iac.providers.simulated.run import SimulatedHostProvider
-from rarms_iac.providers.simulated.scheduling import machine as model
 from rarms_iac.providers.simulated.scheduling.machine import (
     ORDINARY,
+    QUIET_INTERRUPTS,
     Arrival,
     Browsers,
     BusyLoops,
     Every,
     JobDemand,
+    JobDone,
     ModelLoad,
+    ModelMachine,
     OneAfterAnother,
     Programs,
+    VirtualMachine,
 )
 from rarms_iac.storage.replace import remove_leftovers
 
@@ -101,7 +104,7 @@ def _arrival(component: Component) -> Arrival:
     return OneAfterAnother()
 
 
-Simulate = Callable[[model.ModelMachine, int], Iterator[model.JobDone]]
+Simulate = Callable[[ModelMachine, int], Iterator[JobDone]]
 """Runs a machine of the scheduler model from a seed: its jobs in the order in which they end, without an end."""
 
 
@@ -138,28 +141,32 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         content = self.load()
         machines = tuple(self._machine(content, partition, work.application) for partition in work.partitions)
         idle = self._idle(content, work)
-        machine = model.ModelMachine(
-            lps=self._host.logical_processors, machines=(*machines, *idle), interrupts=model.QUIET_INTERRUPTS
+        machine = ModelMachine(
+            lps=self._host.logical_processors, machines=(*machines, *idle), interrupts=QUIET_INTERRUPTS
         )
         jobs = self._simulate(machine, work.seed)
-        runs = {component.name: run_of(component) for inside in work.partitions for component in inside.components}
+        runs = {
+            component.name: run_of(component)
+            for partition_work in work.partitions
+            for component in partition_work.components
+        }
         timeouts = {name: float(run.timeout) for name, run in runs.items()}
         yield Simulated(jobs=jobs, until=work.until, timeouts=timeouts)
 
-    def _machine(self, content: Content, inside: PartitionWork, application: str) -> model.VirtualMachine:
+    def _machine(self, content: Content, partition_work: PartitionWork, application: str) -> VirtualMachine:
         """One operating system of the work, with what the host's file says of its partition."""
-        loads = () if inside.load is None else (load_of(inside.load),)
-        if not inside.partition:
-            return model.VirtualMachine(
+        loads = () if partition_work.load is None else (load_of(partition_work.load),)
+        if not partition_work.partition:
+            return VirtualMachine(
                 name=self.name,
                 vps=self._host.logical_processors,
-                components=tuple(self._demand(component, content, "") for component in inside.components),
+                components=tuple(self._demand(component, content, "") for component in partition_work.components),
                 loads=loads,
                 partitioned=False,
             )
-        machine = self._running(content, inside.partition, application)
-        demands = tuple(self._demand(component, content, machine.id) for component in inside.components)
-        return _partition(machine, inside.partition, components=demands, loads=loads)
+        machine = self._running(content, partition_work.partition, application)
+        demands = tuple(self._demand(component, content, machine.id) for component in partition_work.components)
+        return _partition(machine, partition_work.partition, components=demands, loads=loads)
 
     def _running(self, content: Content, partition: str, application: str) -> SimulatedMachine:
         state: State = self._machines(content)
@@ -170,7 +177,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
             )
         return content.machines[partitions[0].id]
 
-    def _idle(self, content: Content, work: Work) -> tuple[model.VirtualMachine, ...]:
+    def _idle(self, content: Content, work: Work) -> tuple[VirtualMachine, ...]:
         """What else runs: it does nothing, and what it reserves is its own."""
         names = [work_there.partition for work_there in work.partitions if work_there.partition]
         busy = {self._running(content, name, work.application).id for name in names}
@@ -179,7 +186,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         ]
         return tuple(_partition(other, f"idle {other.id}") for other in sorted(others, key=lambda other: other.id))
 
-    def _demand(self, component: Component, content: Content, machine: str) -> model.JobDemand:
+    def _demand(self, component: Component, content: Content, machine: str) -> JobDemand:
         try:
             return demand_of(component, _priority(component.task, content, machine))
         except NoDemand:
@@ -194,7 +201,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
 class Simulated:
     """A `Running` whose time is the model's."""
 
-    jobs: Iterator[model.JobDone]
+    jobs: Iterator[JobDone]
     until: Mapping[str, SampleCount | Elapsed]
     timeouts: Mapping[str, float]  # ms, by component
     _now: float = 0.0
@@ -227,12 +234,12 @@ def _partition(
     machine: SimulatedMachine,
     name: str,
     *,
-    components: tuple[model.JobDemand, ...] = (),
-    loads: tuple[model.ModelLoad, ...] = (),
-) -> model.VirtualMachine:
+    components: tuple[JobDemand, ...] = (),
+    loads: tuple[ModelLoad, ...] = (),
+) -> VirtualMachine:
     """NOTE: not called by its id, which is another after each making: chance is drawn by this name."""
     settings = machine.settings
-    return model.VirtualMachine(
+    return VirtualMachine(
         name=name,
         vps=settings.processors,
         reserve=settings.reserve,
@@ -244,7 +251,7 @@ def _partition(
     )
 
 
-def _sample(job: model.JobDone, timeout: float) -> Sample:
+def _sample(job: JobDone, timeout: float) -> Sample:
     """A job that was ended by its component's `timeout` has no answer."""
     if not job.answered:
         failure = f"no answer within {timeout:g} ms"
@@ -255,13 +262,13 @@ def _sample(job: model.JobDone, timeout: float) -> Sample:
 def _priority(task: str | None, content: Content, machine: str) -> int:
     """What the component's threads run at in that operating system: as its task class says there, else the usual."""
     if task is None:
-        return model.ORDINARY
+        return ORDINARY
     classes = {name.lower(): values for name, values in content.registry(machine).tasks.items()}
     values = {name.lower(): value for name, value in classes.get(task.lower(), {}).items()}
     category = {category.value: category for category in TaskCategory}.get(str(_data(values, "scheduling category")))
     priority, background = _data(values, "priority"), _data(values, "backgroundpriority")
     if category is None or not isinstance(priority, int):
-        return model.ORDINARY
+        return ORDINARY
     return thread_priority(category, priority, background if isinstance(background, int) else 1)
 
 
