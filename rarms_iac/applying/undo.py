@@ -248,7 +248,11 @@ def not_undone_findings(host: str, journal: Journal | ScriptRun) -> tuple[Diagno
 def undo_run(journal: Journal, *, started_by: str) -> RunStarted:
     """The run that takes the journal's steps back. It raises the serial: what was planned before it is stale."""
     started = journal.started
-    steps = tuple(reversed_step(step) for _, step in steps_to_undo(journal) if step.undo.operation is not None)
+    steps = tuple(
+        step.reversed(describe_operation(step.undo.operation))
+        for _, step in steps_to_undo(journal)
+        if step.undo.operation is not None
+    )
     return replace(
         started,
         run=RunKind.UNDO,
@@ -261,22 +265,6 @@ def undo_run(journal: Journal, *, started_by: str) -> RunStarted:
 def raised_serials(serials: Mapping[str, int], application: str) -> Mapping[str, int]:
     """The serials with this application's counted up by one; a first run makes it 1."""
     return {**serials, application: serials.get(application, 0) + 1}
-
-
-def reversed_step(step: Step) -> Step:
-    """The step that undoes this one; undoing that does this one again."""
-    operation = step.undo.operation
-    assert operation is not None, "a step without an undo is not taken back"
-    return replace(
-        step,
-        title=describe_operation(operation),
-        operation=operation,
-        before=step.after,
-        after=step.before,
-        undo=replace(step.undo, operation=step.operation),
-        claim_before=step.claim_after,
-        claim_after=step.claim_before,
-    )
 
 
 def _nothing_to_undo(host: LiveHost, journal: Journal | ScriptRun | None) -> RunReport:

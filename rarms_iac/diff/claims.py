@@ -24,15 +24,6 @@ def claim_of(partition: Partition | None) -> Claim:
     return claim_of_settings(partition.settings)
 
 
-def grows(before: Claim, after: Claim) -> bool:
-    """Whether more processor time or memory is promised after than before."""
-    return (
-        after.processors * after.reserve > before.processors * before.reserve
-        or after.memory > before.memory
-        or (after.reserve > before.reserve and after.processors > 0)
-    )
-
-
 def within(claim: Claim, limit: Claim) -> bool:
     """Whether a claim is at most the limit in every respect, so that it fits wherever the limit fits."""
     reserved = claim.reserve == 0 or (claim.processors <= limit.processors and claim.reserve <= limit.reserve)

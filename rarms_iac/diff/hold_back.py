@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rarms_iac.diff.claims import NO_CLAIM, StepBudget, claim_of, grows
+from rarms_iac.diff.claims import NO_CLAIM, StepBudget, claim_of
 from rarms_iac.model.changes import Change, Create, Delete, Update
 from rarms_iac.model.plan import Claim, HeldBack
 from rarms_iac.model.state import Partition
@@ -78,7 +78,7 @@ def _changes_without_capacity(changes: Sequence[Change], held: _Held, budget: St
     claims = {key: claim_of(partition) for key, partition in budget.managed.items()}
     growing = []
     for at, (before, after) in pairs.items():
-        if grows(before, after):
+        if before.is_less_than(after):
             growing.append(at)
         else:
             claims[_key(changes[at])] = after

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from rarms_iac.diff.claims import NO_CLAIM, StepBudget, claim_of, grows, within
+from rarms_iac.diff.claims import NO_CLAIM, StepBudget, claim_of, within
 from rarms_iac.diff.disruption import grace_ms
 from rarms_iac.diff.setting_steps import STARTS_ANEW, describe_stop
 from rarms_iac.diff.steps import PlannedChange, mark_moves
@@ -94,7 +94,7 @@ class _Walk:
         """Every step that takes nothing, as far as each change's own order lets it."""
         for at in sorted(range(len(self.queue)), key=self._releasing_first):
             steps = self.queue[at]
-            while steps and not grows(steps[0].claim_before, steps[0].claim_after):
+            while steps and not steps[0].claim_before.is_less_than(steps[0].claim_after):
                 self._do(steps.pop(0))
 
     def run_the_rest(self) -> OrderedSteps | Cycle:
@@ -146,7 +146,7 @@ class _Walk:
         )
 
     def _is_allowed(self, step: Step) -> bool:
-        if not grows(step.claim_before, step.claim_after):
+        if not step.claim_before.is_less_than(step.claim_after):
             return True
         load, capacity = self._load_after(step), self.budget.capacity
         if load.percent > 100 * capacity.processors and load.percent > self.start.percent:

@@ -1,7 +1,7 @@
 """A Plan: the whole instruction, sealed, used once (DESIGN section 4)."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Literal
 
@@ -57,6 +57,14 @@ class Claim:
     reserve: int = 0  # whole per cent of each
     memory: int = 0  # bytes
 
+    def is_less_than(self, after: "Claim") -> bool:
+        """Whether `after` promises more processor time or memory than this."""
+        return (
+            after.processors * after.reserve > self.processors * self.reserve
+            or after.memory > self.memory
+            or (after.reserve > self.reserve and after.processors > 0)
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
@@ -73,6 +81,20 @@ class Step:
     claim_after: Claim
     comment: str  # why it is done, and why here in the order
     place: Place | None = None  # the manifest line behind it
+
+    def reversed(self, title: str) -> "Step":
+        """The step that takes this one back, which needs an undo; reversing that does this one again."""
+        assert self.undo.operation is not None, "a step without an undo is not taken back"
+        return replace(
+            self,
+            title=title,
+            operation=self.undo.operation,
+            before=self.after,
+            after=self.before,
+            undo=replace(self.undo, operation=self.operation),
+            claim_before=self.claim_after,
+            claim_after=self.claim_before,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,13 +5,13 @@ One script an operating system: the host's own, and one for each guest whose tas
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import floor
 
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind
 from rarms_iac.model.operations import RemovePartition
-from rarms_iac.model.plan import Claim, HostPlan, Plan, Readings, Scope, Step, UndoLevel
+from rarms_iac.model.plan import HostPlan, Plan, Readings, Scope, Step, UndoLevel
 from rarms_iac.model.quantities import in_processors
 from rarms_iac.powershell.calls import ScriptPiece, fits, pieces_of
 from rarms_iac.powershell.guests import GuestTask, back, forward
@@ -31,35 +31,14 @@ NOT_UNDONE = "Not undone"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _TemplateStep:
-    """A step as its template takes it: literals and remarks."""
-
-    number: Literal
-    address: Literal
-    action: Literal
-    needs: Literal
-    extra: tuple[tuple[str, Literal], ...]
-    read: str
-    before: str
-    after: str
-    calls: tuple[str, ...]
-    remarks: tuple[str, ...]
-
-    @property
-    def code(self) -> tuple[str, ...]:
-        """All of it that calls anything."""
-        return (self.read, *self.calls, *(value for _, value in self.extra))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class _NumberedPiece:
-    """A part with its place in the script.
+    """A guarded piece with its place in the script.
 
     `undoes`: the number of the apply script's step that it takes back; `lost`: of the one that removes its machine.
     """
 
     number: int
-    part: ScriptPiece
+    piece: ScriptPiece
     step: Step
     undoes: int | None
     lost: int | None = None
@@ -100,8 +79,8 @@ def render_apply(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_sc
     """
     undo = render_undo(host_plan, plan, inside, accept_scheduler=accept_scheduler)
     steps = [
-        _NumberedPiece(number=number, part=part, step=step, undoes=None)
-        for number, (part, step) in enumerate(_forward(host_plan, plan, inside))
+        _NumberedPiece(number=number, piece=piece, step=step, undoes=None)
+        for number, (piece, step) in enumerate(_forward(host_plan, plan, inside))
     ]
     run = {
         "undo": literal(script_name(host_plan, inside, undo=True)),
@@ -127,10 +106,10 @@ def render_undo(host_plan: HostPlan, plan: Plan, inside: str = "", *, accept_sch
             lost[step.address] = undoes
         if step.undo.operation is None:
             continue
-        back = _reversed_step(step)
-        for part in pieces_of(back, _scope(plan)):
+        back = step.reversed(f"undo: {step.title}")
+        for piece in pieces_of(back, _scope(plan)):
             gone = lost.get(step.address)
-            steps.append(_NumberedPiece(number=len(steps), part=part, step=back, undoes=undoes, lost=gone))
+            steps.append(_NumberedPiece(number=len(steps), piece=piece, step=back, undoes=undoes, lost=gone))
     run = {"undo": literal(""), "undo_digest": literal(""), "accept_scheduler": literal(accept_scheduler)}
     return _fill(RunKind.UNDO, host_plan, plan, inside, steps, run)
 
@@ -144,10 +123,10 @@ def render_guest(host_plan: HostPlan, plan: Plan, inside: str, tasks: Sequence[G
     name, undo_name = script_name(host_plan, inside), script_name(host_plan, inside, undo=True)
     last = len(tasks) - 1
     pieces = [
-        _NumberedPiece(number=at, part=forward(task), step=task.step, undoes=None) for at, task in enumerate(tasks)
+        _NumberedPiece(number=at, piece=forward(task), step=task.step, undoes=None) for at, task in enumerate(tasks)
     ]
     taken_back = [
-        _NumberedPiece(number=at, part=back(task), step=task.step, undoes=last - at)
+        _NumberedPiece(number=at, piece=back(task), step=task.step, undoes=last - at)
         for at, task in enumerate(reversed(tasks))
     ]
     never = {"accept_scheduler": literal(False)}
@@ -172,20 +151,7 @@ def _inside(step: Step) -> str:
 
 def _forward(host_plan: HostPlan, plan: Plan, inside: str) -> list[tuple[ScriptPiece, Step]]:
     chosen = [step for step in host_plan.steps if _inside(step) == inside]
-    return [(part, step) for step in chosen for part in pieces_of(step, _scope(plan))]
-
-
-def _reversed_step(step: Step) -> Step:
-    assert step.undo.operation is not None, "a step without an undo is not taken back"
-    return replace(
-        step,
-        title=f"undo: {step.title}",
-        operation=step.undo.operation,
-        before=step.after,
-        after=step.before,
-        claim_before=step.claim_after,
-        claim_after=step.claim_before,
-    )
+    return [(piece, step) for step in chosen for piece in pieces_of(step, _scope(plan))]
 
 
 def _fill(
@@ -197,15 +163,14 @@ def _fill(
     more: Mapping[str, Literal],
 ) -> bytes:
     run = {"kind": literal(kind.value), "total": literal(len(steps)), **_run(host_plan, plan, inside), **more}
-    ready = [_template_step(step, len(steps)) for step in steps]
-    parts = parts_for("\n".join([run["guard"], *(text for step in ready for text in step.code)]))
+    parts = parts_for("\n".join([run["guard"], *map(_code, steps)]))
     values = {
         "requirements": _GUEST_REQUIRES if inside else _HOST_REQUIRES,
         "title": _TITLES[kind],
         "header": _header(host_plan, plan, inside, steps, parts),
         "fixed": [runtime(), *map(part_text, parts)],
         "run": run,
-        "steps": ready,
+        "steps": [_template_step(step, len(steps)) for step in steps],
     }
     return fill("script.ps1.j2", values)
 
@@ -243,20 +208,27 @@ def _header(
     ]
 
 
-def _template_step(numbered: _NumberedPiece, total: int) -> _TemplateStep:
-    part, step = numbered.part, numbered.step
-    return _TemplateStep(
-        number=literal(numbered.number),
-        address=literal(part.address),
-        action=literal(_one_line(part.action)),
-        needs=literals(_needs(part.address)),
-        extra=tuple(_extra(numbered)),
-        read=part.read,
-        before=_table(part.before),
-        after=_table(part.after),
-        calls=part.calls,
-        remarks=tuple(_remarks(numbered, total, step)),
-    )
+def _template_step(numbered: _NumberedPiece, total: int) -> dict[str, object]:
+    """A step as its template takes it: literals and remarks."""
+    piece = numbered.piece
+    return {
+        "number": literal(numbered.number),
+        "address": literal(piece.address),
+        "action": literal(_one_line(piece.action)),
+        "needs": literals(_needs(piece.address)),
+        "extra": tuple(_extra(numbered)),
+        "read": piece.read,
+        "before": _table(piece.before),
+        "after": _table(piece.after),
+        "calls": piece.calls,
+        "remarks": tuple(_remarks(numbered, total)),
+    }
+
+
+def _code(numbered: _NumberedPiece) -> str:
+    """All of a step that calls anything."""
+    extra = (value for _, value in _extra(numbered))
+    return "\n".join([numbered.piece.read, *numbered.piece.calls, *extra])
 
 
 def _one_line(text: str) -> str:
@@ -275,22 +247,17 @@ def _extra(numbered: _NumberedPiece) -> Iterable[tuple[str, Literal]]:
         yield "Undoes", literal(numbered.undoes)
     if numbered.lost is not None:
         yield "Lost", literal(numbered.lost)
-    if _grows(numbered.step.claim_before, numbered.step.claim_after):
+    if numbered.step.claim_before.is_less_than(numbered.step.claim_after):
         yield "Fits", "{ " + fits(numbered.step) + " }"
-
-
-def _grows(before: Claim, after: Claim) -> bool:
-    """Whether the host promises more of anything afterwards."""
-    more = after.processors * after.reserve > before.processors * before.reserve
-    return more or after.memory > before.memory or after.reserve > before.reserve
 
 
 def _table(readings: Readings) -> str:
     return "; ".join(f"{literal(name)} = {literal(value)}" for name, value in sorted(readings.items()))
 
 
-def _remarks(numbered: _NumberedPiece, total: int, step: Step) -> Iterable[str]:
-    yield f"{numbered.number + 1}/{total}  {remark(numbered.part.address)}: {remark(numbered.part.action)}"
+def _remarks(numbered: _NumberedPiece, total: int) -> Iterable[str]:
+    step = numbered.step
+    yield f"{numbered.number + 1}/{total}  {remark(numbered.piece.address)}: {remark(numbered.piece.action)}"
     if step.comment:
         yield f"why: {remark(step.comment)}"
     if step.place:
