@@ -1,3 +1,42 @@
-"""rarms: CPU reservations for components that must answer in time, from a manifest to an applied plan."""
+"""rarms: CPU reservations for components that must answer in time, from a manifest to an applied plan.
+
+A program begins with `load`; what it returns goes into `measure`, `tune`, `plan` and `prove`, and a plan into `apply`
+(docs/library.md). Each of them is imported when it is first asked for, so that `import rarms_iac` costs nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rarms_iac.app.applying import apply
+    from rarms_iac.app.hosts import load
+    from rarms_iac.app.measure import measure_components as measure
+    from rarms_iac.app.planning import plan
+    from rarms_iac.app.prove import prove_layout as prove
+    from rarms_iac.app.tune import tune_components as tune
+
+__all__ = ["__version__", "apply", "load", "measure", "plan", "prove", "tune"]
 
 __version__ = "0.1.0"
+
+_FUNCTIONS = {
+    "apply": ("applying", "apply"),
+    "load": ("hosts", "load"),
+    "measure": ("measure", "measure_components"),
+    "plan": ("planning", "plan"),
+    "prove": ("prove", "prove_layout"),
+    "tune": ("tune", "tune_components"),
+}
+"""The module of `rarms_iac.app` and the function there, by the name that a program uses."""
+
+
+def __getattr__(name: str) -> Any:
+    """Import a function of the library when it is first used.
+
+    Raises:
+        AttributeError: there is none of this name.
+    """
+    if name not in _FUNCTIONS:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module, function = _FUNCTIONS[name]
+    return getattr(import_module(f"rarms_iac.app.{module}"), function)

@@ -3,13 +3,14 @@
 import getpass
 import os
 import platform
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import date
 
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
-from rarms_iac.app.manifests import Manifest
-from rarms_iac.app.requests import HostSelection
+from rarms_iac.app.manifests import Manifest, load_manifest
+from rarms_iac.app.requests import DEFAULT_MANIFEST, HostSelection, ManifestSource, today_utc
 from rarms_iac.app.snapshots import Snapshots, add_guest_tasks, read_snapshots
 from rarms_iac.app.wiring import open_host, state_path
 from rarms_iac.applying import refusals
@@ -56,6 +57,25 @@ class Hosts:
             UseCaseError: this version cannot reach it (failed).
         """
         return open_host(self.system.hosts[host], self.folder, self.state_path(host))
+
+
+def load(
+    path: str = DEFAULT_MANIFEST, *, overlays: Sequence[str] = (), hosts: Sequence[str] = (), today: date | None = None
+) -> Hosts:
+    """Read a manifest, and choose hosts of it. Where a program begins.
+
+    Args:
+        path: a manifest, or the folder of one.
+        overlays: files that are laid over it; a later one wins.
+        hosts: names of those that are meant; none: all. They are not looked at yet.
+        today: the day by which acceptances expire; None: today in UTC.
+
+    Raises:
+        RequestError: a host is not in the manifest.
+        UseCaseError: the manifest has errors (negative); they are its diagnostics.
+    """
+    source = ManifestSource(manifest=path, overlays=tuple(overlays), today=today or today_utc())
+    return select_hosts(load_manifest(source), HostSelection(hosts=tuple(hosts)))
 
 
 def select_hosts(manifest: Manifest, selection: HostSelection) -> Hosts:

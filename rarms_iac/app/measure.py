@@ -67,9 +67,13 @@ class MeasureOutcome:
         return any(isinstance(result.conclusion, Stopped) for result in self.results)
 
 
+EVERYTHING = MeasureRequest()
+"""Each component with a threshold, on one host of each platform."""
+
+
 def measure_components(
     hosts: Hosts,
-    request: MeasureRequest,
+    request: MeasureRequest = EVERYTHING,
     *,
     reporter: Reporter = SILENT,
     stop: StopSignal = NEVER_STOP,

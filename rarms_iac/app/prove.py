@@ -64,7 +64,7 @@ SampleListener = Callable[[str, Mapping[str, Series]], None]
 
 def prove_layout(
     hosts: Hosts,
-    request: ProveRequest,
+    request: ProveRequest = ProveRequest(),
     *,
     reporter: Reporter = SILENT,
     stop: StopSignal = NEVER_STOP,

@@ -146,7 +146,7 @@ class TuningEnd:
 
 def tune_components(
     hosts: Hosts,
-    request: TuneRequest,
+    request: TuneRequest = TuneRequest(),
     *,
     reporter: Reporter = SILENT,
     stop: StopSignal = NEVER_STOP,
