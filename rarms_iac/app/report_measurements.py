@@ -46,7 +46,7 @@ def report_of(
     system: System,
     logs: Sequence[LogBesideManifest],
     proofs: Sequence[ComponentProof] = (),
-    standings: Sequence[HostStatus] = (),
+    statuses: Sequence[HostStatus] = (),
 ) -> Report:
     """Make a report of data logs.
 
@@ -54,7 +54,7 @@ def report_of(
         system: What the manifest says.
         logs: In any order; what they say of components that are gone is left out.
         proofs: What components showed in the applied layout.
-        standings: How far each host is.
+        statuses: How far each host is.
     """
     known = [log for log in logs if all(name in system.components for name in log.log.header.setup.members)]
     measurements = sorted((_measurement(system, logged) for logged in known), key=_order)
@@ -70,7 +70,7 @@ def report_of(
             if rests_on_a_log(group) and names_of(group.members) not in rested
         ),
         proofs=tuple(proofs),
-        standings=tuple(standings),
+        statuses=tuple(statuses),
     )
 
 

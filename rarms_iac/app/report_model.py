@@ -177,6 +177,6 @@ class Report:
     capacities: tuple[PlatformCapacity, ...]  # by platform
     unmeasured: tuple[tuple[str, ...], ...] = ()  # components of a partition that no data log here speaks for
     proofs: tuple[ComponentProof, ...] = ()
-    standings: tuple[HostStatus, ...] = ()  # by host
+    statuses: tuple[HostStatus, ...] = ()  # by host
     tunings: tuple[PlatformTuning, ...] = ()  # by platform
     candidates: tuple[Node, ...] = ()  # the candidate graph; empty: nothing can be combined, or not all is measured

@@ -60,11 +60,11 @@ def report_json(report: Report) -> str:
             ),
             standings=tuple(
                 ReportStandingOutput(
-                    host=standing.host,
-                    is_planned=standing.is_planned,
-                    differs=tuple(ReportDifferenceOutput(address=what, says=says) for what, says in standing.differs),
+                    host=status.host,
+                    is_planned=status.is_planned,
+                    differs=tuple(ReportDifferenceOutput(address=what, says=says) for what, says in status.differs),
                 )
-                for standing in report.standings
+                for status in report.statuses
             ),
         )
     )

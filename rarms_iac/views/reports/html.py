@@ -58,7 +58,7 @@ def as_html(report: Report) -> bytes:
             ],
             candidates=candidate_rows(report),
             more_candidates=candidates_left_out(report),
-            statuses=[(bool(status.differs), status.host, status_text(status)) for status in report.standings],
+            statuses=[(bool(status.differs), status.host, status_text(status)) for status in report.statuses],
             reserves=RESERVES,
             errors=ERRORS_EXPLAINED,
             style=Markup(style),  # noqa: S704 - ours, to the byte

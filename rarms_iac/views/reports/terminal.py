@@ -94,7 +94,7 @@ def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
     yield table(rows, header=("component", "index", "threshold", "CR", "bandwidth"), wrap=(2, 3))
     for fit in platform_fits(report):
         yield paragraph(f"{', '.join(fit.capacity.hosts)}: {fit_text(fit)}")
-    for host in report.standings:
+    for host in report.statuses:
         yield paragraph(f"{host.host}: {status_text(host)}")
     if report.proofs:
         yield ""
