@@ -150,11 +150,11 @@ def _placement(packing: Packing, items: Sequence[Item]) -> Placement | None:
     )
 
 
-def has_layout(problem: Problem) -> bool:
-    """Say whether a short search finds a layout, however good."""
+def has_layout(problem: Problem) -> bool | None:
+    """Say whether a quick look finds a layout, however good; None: it found none, and there may be one."""
     if any(_causes(problem)) or _on_hosts(problem.system)[1]:
         return False
-    return packs(problem.items, problem.bins) is True
+    return packs(problem.items, problem.bins, nodes=1)
 
 
 def _causes(problem: Problem) -> Iterator[Cause]:

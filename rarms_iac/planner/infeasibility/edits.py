@@ -14,6 +14,9 @@ from rarms_iac.planner.reservations import MeasuredReservations, NotMeasured, Re
 TRIALS = 250
 """Manifests that are planned in all, before nothing more is offered."""
 
+UNKNOWN = 25
+"""As many of them counts one of which it is not known whether it fits: finding that out took long."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variant:
@@ -46,11 +49,12 @@ class Trial:
 
     def fits(self, edits: Iterable[Edit]) -> bool:
         """Say whether there is a layout with all of these changes."""
-        self.made[0] += 1
+        if self.made[0] >= TRIALS:
+            return False
         after = edited(self.start, edits)
-        return self.made[0] <= TRIALS and has_layout(
-            problem_of(after.system, after.reservations, after.views, may_move=after.may_move)
-        )
+        fits = has_layout(problem_of(after.system, after.reservations, after.views, may_move=after.may_move))
+        self.made[0] += UNKNOWN if fits is None else 1
+        return fits is True
 
     def after(self, edits: Iterable[Edit]) -> "Trial":
         """The same, from where these changes are made."""

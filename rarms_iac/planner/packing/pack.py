@@ -55,8 +55,13 @@ def pack(items: Sequence[Item], bins: Sequence[Bin], *, nodes: int = NODES) -> P
     return _named(_packing(hosts, value_of(items, hosts), bound), items, bins)
 
 
-def packs(items: Sequence[Item], bins: Sequence[Bin]) -> bool | None:
-    """Say whether a short search finds a packing, whatever it is worth; arguments as of `pack`.
+def packs(items: Sequence[Item], bins: Sequence[Bin], *, nodes: int = SHORT) -> bool | None:
+    """Say whether a short search finds a packing, whatever it is worth.
+
+    Args:
+        items: As of `pack`.
+        bins: As of `pack`.
+        nodes: After so many nodes the search ends.
 
     Returns:
         True: there is one; False: there is none; None: none was found, and there may be one.
@@ -70,8 +75,11 @@ def packs(items: Sequence[Item], bins: Sequence[Bin]) -> bool | None:
         return True
     if not is_installed():
         return None
-    level = _any(items, bins, 0)
-    return True if level.hosts is not None else False if level.bound is None else None
+    program = Assignment(items, bins)
+    level = _settle(program, [0] * len(program.pairs), None, nodes * len(program.pairs))
+    if level.hosts is not None:
+        return True
+    return False if level.bound is None and not program.unsure else None
 
 
 def _ready(items: Sequence[Item], bins: Sequence[Bin]) -> tuple[list[Item], list[Bin]]:
@@ -152,7 +160,7 @@ def _any(items: Sequence[Item], bins: Sequence[Bin], nodes: int) -> "_Level":
     """A packing, whatever it is worth; without one, whether there is none."""
     program = Assignment(items, bins)
     level = _settle(program, [0] * len(program.pairs), None, SHORT * len(program.pairs))
-    if level.hosts is None and level.bound is not None and nodes > SHORT * len(program.pairs):
+    if level.hosts is None and level.bound is not None:
         hosts = repaired(items, bins)
         level = (
             _settle(program, [0] * len(program.pairs), None, nodes) if hosts is None else replace(level, hosts=hosts)

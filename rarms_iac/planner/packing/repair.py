@@ -16,7 +16,7 @@ from rarms_iac.planner.packing.values import Bin, Item
 ROUNDS = 100
 """Times that some hosts are packed anew."""
 
-HOSTS = (3, 4)
+HOSTS = (3, 4, 5)
 """Hosts that are packed anew together."""
 
 NODES = 100
