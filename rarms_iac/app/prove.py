@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from math import isfinite
 from pathlib import Path
 from typing import Literal, assert_never
@@ -25,6 +26,7 @@ from rarms_iac.measuring.prove import AppliedLayout, IndexVerdict, LayoutProof, 
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.measurement import Series
 from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, Verdict, WithinNoise
+from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, Disruption, RunsOn
 from rarms_iac.planner.groups import groups_of
@@ -194,7 +196,18 @@ def applied_layouts(
         partitions = {group.name: group.members for group in groups if running[group.name] == name}
         on_host = tuple(_on_host(hosts, name, tuple(sorted(states))))
         if partitions or on_host:
-            layouts[name] = AppliedLayout(application=application, partitions=partitions, on_host=on_host)
+            running_here = [
+                partition.settings
+                for partition in states[name].of(application).partitions
+                if partition.settings.running
+            ]
+            layouts[name] = AppliedLayout(
+                application=application,
+                host_processors=system.hosts[name].logical_processors,
+                reserved=sum((guaranteed(here.reserve, here.processors) for here in running_here), Fraction(0)),
+                partitions=partitions,
+                on_host=on_host,
+            )
     return layouts
 
 

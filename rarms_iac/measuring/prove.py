@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import assert_never
 
 from rarms_iac.measuring.loop import watch
@@ -37,6 +38,8 @@ class AppliedLayout:
     """What runs where on one host."""
 
     application: str
+    host_processors: int  # LPs of the host
+    reserved: Fraction  # LPs that the running partitions of the application reserve there
     partitions: Mapping[str, tuple[Component, ...]]  # by name
     on_host: tuple[Component, ...] = ()  # in the host's own operating system
 

@@ -10,11 +10,12 @@ from rarms_iac.measuring.findings import show_value
 from rarms_iac.measuring.prove import IndexVerdict, LayoutProof
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Series
+from rarms_iac.model.quantities import show_processors
 from rarms_iac.statistics.verdicts import show_error
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import counted, paragraph, stack, table
 from rarms_iac.views.measure import index_outputs, show_bound
-from rarms_iac.views.output.measuring import ProvenIndexOutput, ProveOutput
+from rarms_iac.views.output.measuring import ProvenHostOutput, ProvenIndexOutput, ProveOutput
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -51,8 +52,10 @@ def _partitions(proof: LayoutProof) -> Mapping[str, str]:
 def _sentence(proof: LayoutProof, against: str) -> str:
     counts = Counter(verdict_of(tried.verdict) for tried in proof.not_met)
     says = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items())) or "all thresholds met"
-    components = counted(len(proof.layout.components), "component")
-    together = f"{proof.host}: {components} together{against}: {says}"
+    layout = proof.layout
+    components = counted(len(layout.components), "component")
+    amount = f"{show_processors(layout.reserved)} of {show_processors(layout.host_processors)}"
+    together = f"{proof.host}: {components} together on {amount}{against}: {says}"
     errors = [tried.error for tried in proof.verdicts if tried.error is not None and not _is_extreme(tried)]
     return (
         f"{together}; a verdict is wrong in at most {show_error(max(errors))} of cases." if errors else f"{together}."
@@ -63,7 +66,25 @@ def prove_json(proofs: Sequence[LayoutProof], interference: str | None, findings
     """The same for programs."""
     found = tuple(output for proof in proofs for output in _outputs(proof))
     met = not any(proof.not_met for proof in proofs)
-    return as_json(ProveOutput(interference=interference, met=met, indexes=found, findings=findings))
+    return as_json(
+        ProveOutput(
+            interference=interference,
+            met=met,
+            hosts=tuple(map(_host, proofs)),
+            indexes=found,
+            findings=findings,
+        )
+    )
+
+
+def _host(proof: LayoutProof) -> ProvenHostOutput:
+    layout = proof.layout
+    return ProvenHostOutput(
+        name=proof.host,
+        host_processors=layout.host_processors,
+        reserved_processors=float(layout.reserved),
+        partitions=tuple(sorted(layout.partitions)),
+    )
 
 
 def sampled(host: str, seen: Mapping[str, Series]) -> tuple[str, str]:

@@ -95,6 +95,16 @@ class ProvenIndexOutput(IndexOutput):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ProvenHostOutput:
+    """A host whose partitions ran together; amounts in LPs."""
+
+    name: str
+    host_processors: int
+    reserved_processors: float
+    partitions: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ProveOutput:
     """`rarms prove`: every component in the applied layout; `met`: each index was shown to meet its threshold."""
 
@@ -102,6 +112,7 @@ class ProveOutput:
     kind: Literal["prove"] = "prove"
     interference: str | None
     met: bool
+    hosts: tuple[ProvenHostOutput, ...]
     indexes: tuple[ProvenIndexOutput, ...]
     findings: tuple[Diagnostic, ...]
 

@@ -172,7 +172,7 @@ def test_a_plan_is_proven_as_the_manifest_that_it_was_made_of(here: Path, tmp_pa
         done = rarms("apply", "plan.json", "--prove")
 
     assert done.code == 0, done.err
-    assert "onboard: 2 components together: all thresholds met" in done.out
+    assert "onboard: 2 components together on 1.3 LP of 2 LP: all thresholds met" in done.out
     entry = read_entries(configuration_path(here, "onboard", "vision"))[-1]
     assert isinstance(entry, Proven)
     assert entry.reserve == 45
