@@ -94,7 +94,7 @@ class RunReporter(Protocol):
         ...
 
 
-class SilentReporter:
+class SilentRunReporter:
     """The default: tells nobody."""
 
     def run_started(self, host: str, run: RunKind, plan: str, *, done: int, addresses: Sequence[str] = ()) -> None:

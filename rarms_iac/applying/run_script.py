@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from rarms_iac.applying import refusals
-from rarms_iac.applying.run_report import HostReport, RunEnding, RunReport, RunReporter, SilentReporter, TitledStep
+from rarms_iac.applying.run_report import HostReport, RunEnding, RunReport, RunReporter, SilentRunReporter, TitledStep
 from rarms_iac.applying.run_steps import ShouldStop
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import RunKind, ScriptRun, StepStatus
@@ -84,7 +84,7 @@ def abandon_script(host: ScriptedHost, journal: ScriptRun, waits: WaitLimits) ->
         HostError: the host could not be reached.
     """
     order = finish_job(host.name, journal)
-    following = RunListener(host.name, order, SilentReporter(), lambda: False)
+    following = RunListener(host.name, order, SilentRunReporter(), lambda: False)
     ended = host.run_script(order.script, waits, following, abandoning=True)
     return replace(following.report(ended), hosts=())
 

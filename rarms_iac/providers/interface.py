@@ -55,7 +55,10 @@ class StepwiseHost(Protocol):
         ...
 
     def observe(self) -> State:
-        """What is there now. Changes nothing, takes no lock, and never makes anything on the host.
+        """Observe what is there now. Changes nothing, takes no lock, and never makes anything on the host.
+
+        Returns:
+            The whole State, with machines of other owners; one call is one consistent look.
 
         Raises:
             HostDamaged: what was kept cannot be read.
@@ -66,20 +69,33 @@ class StepwiseHost(Protocol):
     def lock(self, owner: str, timeout_ms: int = 0) -> AbstractContextManager[None]:
         """Hold the host; released when the context ends or the process dies.
 
+        Args:
+            owner: who holds it, told to others that want it.
+            timeout_ms: how long to wait for another run; 0: not at all.
+
         Raises:
             HostLocked: another run holds it, after waiting so long.
         """
         ...
 
     def read(self, address: Address, scope: Scope) -> Readings:
-        """Everything that `diff.readings` knows of this address, now; `{"exists": False}` where nothing is.
+        """Read everything that `diff.readings` knows of an address, now. Called twice a step.
 
-        Names are resolved as `diff.readings.resolve` says.
+        Args:
+            address: a partition, a disk, a task class or SystemResponsiveness.
+            scope: how names are resolved, as `diff.readings.resolve` does.
+
+        Returns:
+            The readings by name; `{"exists": False}` where nothing is.
         """
         ...
 
     def execute(self, operation: Operation, scope: Scope) -> None:
-        """Do it, wholly or not at all.
+        """Do one operation, wholly or not at all, also when the process is killed meanwhile.
+
+        Args:
+            operation: the call; what it needs is in it.
+            scope: how the partition's name is resolved.
 
         Raises:
             HostRefused: it is not allowed on this host now; nothing happened.
@@ -104,7 +120,11 @@ class StepwiseHost(Protocol):
         ...
 
     def start_run(self, started: RunStarted) -> None:
-        """Replace the journal by one that begins with this record, in one write."""
+        """Replace the journal by one that begins with this record, in one write.
+
+        Args:
+            started: the whole run with its steps, so that it can be finished without plan file or manifest.
+        """
         ...
 
     def record(self, record: JournalRecord) -> None:
@@ -230,7 +250,16 @@ class ScriptedHost(Protocol):
     def run_script(
         self, script: ScriptBundle, waits: WaitLimits, hearing: RunHearing, *, abandoning: bool = False
     ) -> ScriptExited | ScriptLost:
-        """Have the host run these bytes and no others; `abandoning`: only close the script's unfinished run.
+        """Have the host run these bytes and no others.
+
+        Args:
+            script: the script that runs, and those that must lie beside it.
+            waits: how long to wait for a held host, and for a silent script.
+            hearing: told each event, and asked whether to stop.
+            abandoning: whether the script only closes its unfinished run.
+
+        Returns:
+            The exit code, or why nobody heard the end.
 
         Raises:
             HostError: the host cannot be reached or runs no scripts; nothing happened.

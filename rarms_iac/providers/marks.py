@@ -59,7 +59,14 @@ def read_mark(notes: str) -> Mark | None:
 
 
 def read_marks(notes_by_id: Mapping[str, str]) -> dict[str, MarkReading]:
-    """Which machines of a host carry a mark that counts; the notes are by the machine's id."""
+    """Find which machines of a host carry a mark that counts.
+
+    Args:
+        notes_by_id: the notes of every machine of the host, by its id.
+
+    Returns:
+        By id: the mark where it counts, or why it does not, and the user's own lines.
+    """
     own = {
         machine: mark
         for machine, notes in notes_by_id.items()

@@ -13,7 +13,7 @@ import pytest
 
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.prepare import Request, prepare
-from rarms_iac.applying.run_report import RunEnding, RunReport, SilentReporter
+from rarms_iac.applying.run_report import RunEnding, RunReport, SilentRunReporter
 from rarms_iac.applying.undo import undo
 from rarms_iac.model.diagnostics import Place
 from rarms_iac.model.plan import Plan
@@ -70,10 +70,10 @@ def apply_again(system: System, folder: Path) -> RunReport:
     """What `rarms apply --auto-approve` does: finish what was begun and go no further, or plan and apply."""
     host = a_host(folder)
     with host.lock("ann@lab"):
-        finished = finish_unfinished([host], SilentReporter(), lambda: False)
+        finished = finish_unfinished([host], SilentRunReporter(), lambda: False)
         if finished is not None:
             return finished
-        return apply_plan(a_plan(system, host), {host.name: host}, "ann@lab", SilentReporter(), lambda: False)
+        return apply_plan(a_plan(system, host), {host.name: host}, "ann@lab", SilentRunReporter(), lambda: False)
 
 
 def settled(folder: Path) -> Path:
@@ -94,7 +94,7 @@ def test_applied_twice_changes_nothing_and_undo_brings_all_back_but_the_serial(t
 
     assert apply_again(SECOND, folder).ending is RunEnding.DONE
     assert not a_plan(SECOND, a_host(folder)).has_changes
-    assert undo(a_host(folder), "ann@lab", SilentReporter(), lambda: False).ending is RunEnding.DONE
+    assert undo(a_host(folder), "ann@lab", SilentRunReporter(), lambda: False).ending is RunEnding.DONE
 
     assert as_left(a_host(folder)) == before
     assert dict(a_host(folder).observe().serials) == {"robot": 3}
