@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from rarms_iac.views.console import LiveTable
 
 NARROWEST = 40
-WIDEST = 120
+WIDEST = 100
+"""Longer lines are harder to read, however wide the terminal is."""
 DEFAULT_WIDTH = 80
 
 
@@ -36,11 +37,6 @@ class Terminal:
     debug: bool = False
     answered: bool = False  # data was written
     _live_table: "LiveTable | None" = None
-
-    @property
-    def text_width(self) -> int:
-        """Columns of running text: longer lines are harder to read, however wide the terminal is."""
-        return min(self.width, DEFAULT_WIDTH)
 
     @property
     def ascii_only(self) -> bool:

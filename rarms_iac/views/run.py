@@ -235,6 +235,7 @@ def run_json(report: RunReport) -> str:
                     unchanged=host.unchanged,
                     total=host.total,
                     resumed=host.resumed,
+                    addresses=tuple(str(change.address) for change in host.changes),
                 )
                 for host in report.hosts
             ),

@@ -77,6 +77,7 @@ class HostRunOutput:
     unchanged: int
     total: int
     resumed: bool
+    addresses: tuple[str, ...]  # of the resources that an apply changes; empty for an undo
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
