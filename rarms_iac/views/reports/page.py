@@ -18,9 +18,6 @@ from rarms_iac.views.reports.summary import error_text
 RESERVES = (0, 20, 40, 60, 80, 100)
 """Labels of the lower axis."""
 
-SEEN = 0.001
-"""Of a plot's height: a line that is off by less looks the same, a third of a pixel at most."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tick:
@@ -160,23 +157,7 @@ def _number(value: float) -> str:
 
 def _path(points: Sequence[tuple[float, float]]) -> str:
     """Straight lines through points whose height is 0 at the bottom and 1 at the top."""
-    return "M" + "L".join(f"{_number(x)} {_number(100 - 100 * height)}" for x, height in corners(points))
-
-
-def corners(points: Sequence[tuple[float, float]]) -> Sequence[tuple[float, float]]:
-    """The fewest of the points whose straight lines pass all others within `SEEN` of a plot's height.
-
-    Points go from left to right and have heights from 0 to 1 (halving at the farthest, Douglas and Peucker 1973).
-    """
-    if len(points) < 3:
-        return points
-    (left, start), (right, end) = points[0], points[-1]
-    slope = (end - start) / (right - left)
-    off = [abs(height - start - slope * (x - left)) for x, height in points]
-    farthest = max(range(len(points)), key=off.__getitem__)
-    if off[farthest] < SEEN:
-        return (points[0], points[-1])
-    return (*corners(points[: farthest + 1])[:-1], *corners(points[farthest:]))
+    return "M" + "L".join(f"{_number(x)} {_number(100 - 100 * height)}" for x, height in points)
 
 
 def _band(rows: Sequence[CurveRow], scale: Scale) -> str:

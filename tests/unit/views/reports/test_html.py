@@ -6,17 +6,13 @@ import re
 from base64 import b64encode
 from dataclasses import replace
 from html.parser import HTMLParser
-from itertools import combinations, pairwise
-
-from hypothesis import given
-from hypothesis import strategies as st
+from itertools import combinations
 
 from rarms_iac.app.report_measurements import report_of
 from rarms_iac.app.report_model import ComponentProof
 from rarms_iac.model.indexes import find_index
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.views.reports.html import as_html
-from rarms_iac.views.reports.page import SEEN, corners
 from rarms_iac.views.reports.summary import MOST_CANDIDATES, candidate_rows
 from tests.measured_robot import a_robot, the_logs
 
@@ -123,25 +119,6 @@ def test_a_page_of_sixty_components_is_smaller_than_a_megabyte() -> None:
 
     assert len(REPORT.measurements) == 3
     assert len(page) < 1_000_000
-
-
-def test_a_line_is_drawn_by_its_corners() -> None:
-    straight = [(float(at), at / 100) for at in range(1, 51)]
-    bent = [*straight, *((float(at), 0.5) for at in range(51, 101))]
-
-    assert corners(straight) == (straight[0], straight[-1])
-    assert corners(bent) == (bent[0], bent[49], bent[-1])
-
-
-@given(st.lists(st.floats(0, 1), min_size=1, max_size=100))
-def test_no_point_lies_visibly_beside_the_line_through_the_corners(heights: list[float]) -> None:
-    points = [(float(at), height) for at, height in enumerate(heights, 1)]
-
-    kept = corners(points)
-
-    for (left, start), (right, end) in pairwise(kept):
-        for x, height in points[int(left) - 1 : int(right)]:
-            assert abs(start + (end - start) * (x - left) / (right - left) - height) <= SEEN
 
 
 def test_proofs_are_a_table_of_their_own() -> None:
