@@ -1,4 +1,4 @@
-"""What `rarms tune` is about: the CoIs with their reservations, what the hosts can promise, and who answers."""
+"""What is tuned: the CoIs with their reservations, what the hosts can promise, and who measures compounds."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -56,18 +56,18 @@ class TuningSubject:
         return self.hosts.system
 
     def may_share(self, members: Members) -> bool:
-        """Whether these components may be in one partition, somewhere, and be measured there."""
+        """Return whether these components may share a partition on some host, and be measured on the bench."""
         groups = [group for group in self.problem.groups if names_of(group.members)[0] in members]
         return may_share(*groups) and bool(self._homes(members)) and self.highest(members) > 0
 
     def highest(self, members: Members) -> int:
-        """The highest CR that the bench can give to a P1 of these."""
+        """Return the highest CR that the bench can give to a P1 of these components."""
         return highest_reserve(
             host_budget(self.bench, self.state, self.system.application.name), self.experiment(members).setup
         )
 
     def experiment(self, members: Members, samples: int | None = None) -> Experiment:
-        """These together in P1, against the load that they must stand up to."""
+        """Return these components together in P1, against the load that their reservation rests on."""
         return experiment_of(self.system, self.bench, members, interference_of(self.system, members), samples)
 
     def objective(self, layout_fit: "LayoutFit") -> Objective:
@@ -95,20 +95,20 @@ class TuningSubject:
         return Item(name=coi.name, claims=dict.fromkeys((now,) if now in homes else homes, claim))
 
     def _homes(self, members: Members) -> tuple[str, ...]:
-        """Where all of them may run."""
+        """The chosen hosts that all of these components may run on."""
         limits = [self.system.components[each].hosts for each in members]
         return tuple(name for name in self.hosts.chosen if all(limit is None or name in limit for limit in limits))
 
 
 @dataclass(slots=True, kw_only=True)
 class LayoutFit:
-    """Says which layouts fit, and keeps whether any was refused only because it is not known that it fits."""
+    """Says which layouts fit, and remembers whether one was refused only because no placement was found for it."""
 
     subject: TuningSubject
     unsure: bool = False
 
     def fits(self, layout: Sequence[Coi]) -> bool:
-        """Whether the hosts can keep these promises; no where no placement was found."""
+        """Return whether the hosts can give these reservations; no, where no placement was found."""
         packing = self.subject.placed(layout)
         self.unsure = self.unsure or (isinstance(packing, NoPacking) and not packing.proven)
         return isinstance(packing, Packing)
@@ -184,7 +184,7 @@ def bench_of(hosts: Hosts) -> Host:
 
 
 def _can_be_tuned(group: Group, problem: Problem, bench: Host) -> bool:
-    """One that says of itself what it gets keeps its partition: what was measured of another would not hold there."""
+    """A partition whose entry fixes what it gets is left alone: what is measured elsewhere would not hold there."""
     wish = group.wish
     own = wish.memory is not None or wish.processors is not None or wish.cpu.limit is not None
     measured = rests_on_a_log(group) and all(member.apt for member in group.members)
