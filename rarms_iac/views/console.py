@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, TextIO, TypeAlias, Union, cast
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
     from rich.live import Live
+    from rich.table import Table
     from rich.text import Text
 
 
@@ -27,6 +28,8 @@ UNLIMITED = 1_000_000
 """Columns of a pipe or a file: no line is broken there, so that `grep` and `diff` find it whole."""
 
 NARROWEST_COLUMN = 8
+LONGEST_WORD = 20
+"""Columns of a word that stay together however narrow the terminal is; a longer one, such as a path, may break."""
 
 ERROR, WARNING, NOTE, DIM, STRONG = "bold red", "bold yellow", "bold cyan", "dim", "bold"
 GOOD, CHANGED, BAD = "green", "yellow", "red"
@@ -149,7 +152,7 @@ def table(
     for number in range(max(map(len, cells), default=len(header))):
         folds = number in wrap
         texts = [*header[number : number + 1], *(row[number].plain for row in cells)]
-        whole = [word for text in texts for word in text.split()] if folds else texts
+        whole = [word[:LONGEST_WORD] for text in texts for word in text.split()] if folds else texts
         made.add_column(
             styled(header[number]) if header else "",
             justify="right" if number in right else "left",
@@ -158,7 +161,7 @@ def table(
         )
     for row in cells:
         made.add_row(*row)
-    return indented(made, indent) if indent else made
+    return indented(_Fitted(table=made), indent)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,6 +190,28 @@ class _Hung:
             yield from [blank] if number else self.head.render(console)
             yield from line
             yield Segment.line()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Fitted:
+    """A table within its width wherever its columns' least widths allow it.
+
+    NOTE: rich takes the same from all wide columns and then gives back what a column cannot do without, so that a table
+    can be a little wider than asked: it is asked for a narrower one then.
+    """
+
+    table: "Table"
+
+    def __rich_console__(self, console: "Console", options: "ConsoleOptions") -> "RenderResult":
+        from rich.segment import Segment
+
+        widest = options.max_width
+        segments = list(console.render(self.table, options))
+        for width in range(widest, max(widest // 2, 1), -1):
+            segments = list(console.render(self.table, options.update_width(width)))
+            if all(Segment.get_line_length(line) <= widest for line in Segment.split_lines(segments)):
+                break
+        return iter(segments)
 
 
 def render(content: "RenderableType", width: int = WIDTH, *, colour: bool = False) -> str:
