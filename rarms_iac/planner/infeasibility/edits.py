@@ -14,7 +14,7 @@ from rarms_iac.planner.reservations import MeasuredReservations, NotMeasured, Re
 TRIALS = 250
 """Manifests that are planned in all, before nothing more is offered."""
 
-UNKNOWN = 25
+UNKNOWN = 50
 """As many of them counts one of which it is not known whether it fits: finding that out took long."""
 
 
