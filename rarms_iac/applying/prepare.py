@@ -82,19 +82,19 @@ def prepare(request: Request, observed: Mapping[str, State]) -> Prepared:
     Same input, same plan, to the byte.
     """
     goals = _goals(request, observed)
-    found = list(goals.findings)
+    findings = list(goals.findings)
     parts: list[_HostPart] = []
     for name, goal in goals.hosts.items():
         if name in (request.hosts or observed):
             parts.append(_host_part(request, goal, goals.layout))
-            found += parts[-1].findings
-    found += unknown_targets([address for part in parts for address in part.addresses], request.targets)
-    kept, accepted = request.judge(in_order(found))
-    if has_errors(kept):
-        return Prepared(plan=None, findings=kept, accepted=accepted)
-    bare = _plan(request, tuple(part.plan for part in parts), goals.layout, kept, accepted)
+            findings += parts[-1].findings
+    findings += unknown_targets([address for part in parts for address in part.addresses], request.targets)
+    remaining, accepted = request.judge(in_order(findings))
+    if has_errors(remaining):
+        return Prepared(plan=None, findings=remaining, accepted=accepted)
+    bare = _plan(request, tuple(part.plan for part in parts), goals.layout, remaining, accepted)
     plan, wrong = with_scripts(bare, {part.plan.host.name: part.guests for part in parts})
-    return Prepared(plan=None if wrong else plan, findings=in_order((*kept, *wrong)), accepted=accepted)
+    return Prepared(plan=None if wrong else plan, findings=in_order((*remaining, *wrong)), accepted=accepted)
 
 
 def _goals(request: Request, observed: Mapping[str, State]) -> Goals:
@@ -111,7 +111,7 @@ def _plan(
     request: Request,
     hosts: tuple[HostPlan, ...],
     layout: Layout | None,
-    kept: tuple[Diagnostic, ...],
+    findings: tuple[Diagnostic, ...],
     accepted: tuple[Diagnostic, ...],
 ) -> Plan:
     return identified(
@@ -125,7 +125,7 @@ def _plan(
             today=request.today.isoformat(),
             max_disruption=request.limit,
             hosts=hosts,
-            findings=kept,
+            findings=findings,
             accepted=accepted,
             placement=None if layout is None else layout.placement,
         )
@@ -200,16 +200,16 @@ def _difference(request: Request, goal: HostGoal) -> Difference:
             return compare(goal.desired, goal.observed, application, goal.context, goal.rules)
         case Purpose.IMPORT:
             place = goal.rules.locate(Address(partition=request.partition))
-            return _only(adoption(goal.observed, application, request.partition, request.machine, place))
+            return _single_change(adoption(goal.observed, application, request.partition, request.machine, place))
         case Purpose.RELEASE:
             place = goal.rules.locate(Address(partition=request.partition))
-            return _only(releasing(goal.observed, application, request.partition, place))
+            return _single_change(releasing(goal.observed, application, request.partition, place))
 
 
-def _only(found: Adopt | Release | Diagnostic) -> Difference:
-    if isinstance(found, Diagnostic):
-        return Difference(changes=(), unchanged=0, unused=(), findings=(found,))
-    return Difference(changes=(found,), unchanged=0, unused=(), findings=())
+def _single_change(change: Adopt | Release | Diagnostic) -> Difference:
+    if isinstance(change, Diagnostic):
+        return Difference(changes=(), unchanged=0, unused=(), findings=(change,))
+    return Difference(changes=(change,), unchanged=0, unused=(), findings=())
 
 
 NO_SUCH_TARGET = Finding(code="RARMS194", severity=Severity.ERROR, summary="Nothing changes at this target")

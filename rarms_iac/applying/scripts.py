@@ -68,17 +68,17 @@ def of_the_host_itself(state: State) -> State:
 def with_scripts(plan: Plan, tasks: GuestTasks) -> tuple[Plan, tuple[Diagnostic, ...]]:
     """The plan with the scripts of its Hyper-V hosts, and what forbids to show or run one of them."""
     hosts: list[HostPlan] = []
-    found: list[Diagnostic] = []
+    findings: list[Diagnostic] = []
     for part in plan.hosts:
         scripts: Mapping[str, bytes] = {}
         if part.facts.provider is ProviderKind.HYPERV:
             try:
                 scripts = scripts_of(part, plan, tasks.get(part.host.name, ()))
             except NoLiteral as error:
-                found.append(_no_literal(part, error))
-        found += inspected(scripts)
+                findings.append(_no_literal(part, error))
+        findings += inspected(scripts)
         hosts.append(replace(part, scripts={name: text.decode("ascii") for name, text in scripts.items()}))
-    return replace(plan, hosts=tuple(hosts)), tuple(found)
+    return replace(plan, hosts=tuple(hosts)), tuple(findings)
 
 
 def scripts_of(host_plan: HostPlan, plan: Plan, tasks: Iterable[GuestTask] = ()) -> Mapping[str, bytes]:

@@ -104,8 +104,8 @@ def _in_set(flags: str) -> SetMembership:
 
 def cmdlet(name: str, module: str = "") -> Cmdlet | None:
     """The cmdlet of this name (and module, where it is given), whatever their case; None where there is none."""
-    found = _tables().get(name.lower())
-    return found if found and (not module or found.module.lower() == module.lower()) else None
+    cmdlet_facts = _tables().get(name.lower())
+    return cmdlet_facts if cmdlet_facts and (not module or cmdlet_facts.module.lower() == module.lower()) else None
 
 
 def names() -> tuple[str, ...]:
@@ -115,8 +115,8 @@ def names() -> tuple[str, ...]:
 
 def in_both(name: str, module: str = "") -> bool:
     """Whether 5.1 and 7 both have it."""
-    found = cmdlet(name, module)
-    return found is not None and found.in_7
+    cmdlet_facts = cmdlet(name, module)
+    return cmdlet_facts is not None and cmdlet_facts.in_7
 
 
 def problems_of_call(
@@ -144,16 +144,16 @@ def problems_of_call(
 
 
 def _spelling(called: Cmdlet, name: str) -> Iterable[CallProblem]:
-    found = called.parameter(name)
+    parameter = called.parameter(name)
     if name in COMMON:
         return
-    if found is None:
+    if parameter is None:
         yield _unknown(called, name)
-    elif found.name != name:
+    elif parameter.name != name:
         yield CallProblem(
-            message=f"-{name} is written -{found.name}", advice="write parameters as the cmdlet's page does"
+            message=f"-{name} is written -{parameter.name}", advice="write parameters as the cmdlet's page does"
         )
-    elif not found.in_7:
+    elif not parameter.in_7:
         yield CallProblem(message=f"-{name} of {called.name} does not exist in PowerShell 7", advice="do without it")
 
 

@@ -54,16 +54,16 @@ def difference(old: Outline, new: Outline) -> ScriptDifference:
     keys_old, keys_new = _keys(old), _keys(new)
     common = [key for key in keys_new if key in keys_old]
     stay = _longest_rising([list(keys_old).index(key) for key in common])
-    found: list[StepDifference] = []
+    differences: list[StepDifference] = []
     for key, step in keys_new.items():
         before = keys_old.get(key)
         if before is None:
-            found.append(StepDifference(address=step.address, action=step.action, old=None, new=step.number))
+            differences.append(StepDifference(address=step.address, action=step.action, old=None, new=step.number))
             continue
         details = tuple(_details(_facts(before, old), _facts(step, new)))
         moved = list(keys_old).index(key) not in stay
         if details or moved:
-            found.append(
+            differences.append(
                 StepDifference(
                     address=step.address,
                     action=step.action,
@@ -73,24 +73,24 @@ def difference(old: Outline, new: Outline) -> ScriptDifference:
                     moved=moved,
                 )
             )
-    found += [
+    differences += [
         StepDifference(address=step.address, action=step.action, old=step.number, new=None)
         for key, step in keys_old.items()
         if key not in keys_new
     ]
-    changed = sum(difference.old is not None and difference.new is not None for difference in found)
-    return ScriptDifference(run=tuple(_run(old, new)), steps=tuple(found), same=len(common) - changed)
+    changed = sum(difference.old is not None and difference.new is not None for difference in differences)
+    return ScriptDifference(run=tuple(_run(old, new)), steps=tuple(differences), same=len(common) - changed)
 
 
 def _keys(script: Outline) -> dict[tuple[str, tuple[str, ...], int], ScriptStep]:
-    found: dict[tuple[str, tuple[str, ...], int], ScriptStep] = {}
+    keys: dict[tuple[str, tuple[str, ...], int], ScriptStep] = {}
     for step in script.steps:
         kind = (step.address, tuple(call.name for call in step.calls))
         at = 0
-        while (*kind, at) in found:
+        while (*kind, at) in keys:
             at += 1
-        found[*kind, at] = step
-    return found
+        keys[*kind, at] = step
+    return keys
 
 
 def _longest_rising(numbers: Sequence[int]) -> frozenset[int]:
@@ -113,17 +113,17 @@ def _run(old: Outline, new: Outline) -> Iterator[Detail]:
 def _facts(step: ScriptStep, script: Outline) -> dict[str, str]:
     """Everything about a step that can differ, by name."""
     plan = str(script.run.get("Plan", ""))
-    found = {f"before.{name}": _format_value(value, plan) for name, value in step.before.items()}
-    found |= {f"after.{name}": _format_value(value, plan) for name, value in step.after.items()}
+    facts = {f"before.{name}": _format_value(value, plan) for name, value in step.before.items()}
+    facts |= {f"after.{name}": _format_value(value, plan) for name, value in step.after.items()}
     for asked in (step.read, *([step.fits] if step.fits else [])):
-        found |= {f"{asked.name} -{name}": _format_value(value, plan) for name, value in asked.parameters.items()}
+        facts |= {f"{asked.name} -{name}": _format_value(value, plan) for name, value in asked.parameters.items()}
     names = [call.name for call in step.calls]
     for at, call in enumerate(step.calls):
         name = call.name if names.count(call.name) == 1 else f"{call.name}[{at}]"
-        found |= {f"{name} -{key}": _format_value(value, plan) for key, value in call.parameters.items()}
+        facts |= {f"{name} -{key}": _format_value(value, plan) for key, value in call.parameters.items()}
     if step.undoes is not None:
-        found["undoes step"] = str(step.undoes + 1)
-    return found
+        facts["undoes step"] = str(step.undoes + 1)
+    return facts
 
 
 def _details(old: Mapping[str, str], new: Mapping[str, str]) -> Iterator[Detail]:

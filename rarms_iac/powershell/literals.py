@@ -120,8 +120,8 @@ def read_literal(text: str) -> Scalar:
         NotALiteral: it is not.
         NotTokens: it ends inside a string.
     """
-    found = tokens(text)
-    match found:
+    read_tokens = tokens(text)
+    match read_tokens:
         case (Token(kind=TokenKind.STRING, text=value),):
             return value
         case (Token(kind=TokenKind.WORD, text=word),) if word in _BOOLEANS:

@@ -53,7 +53,7 @@ def tokens(script: str) -> tuple[Token, ...]:
     Raises:
         NotTokens: a string or a comment does not end.
     """
-    found: list[Token] = []
+    result: list[Token] = []
     at = 0
     while at < len(script):
         if script[at] in _SPACES:
@@ -61,9 +61,9 @@ def tokens(script: str) -> tuple[Token, ...]:
         elif script[at] == "`" and script[at + 1 : at + 2] in tuple(NEWLINES):
             at += 3 if script[at + 1 : at + 3] == "\r\n" else 2
         else:
-            found.append(_token(script, at))
-            at = found[-1].end
-    return tuple(found)
+            result.append(_token(script, at))
+            at = result[-1].end
+    return tuple(result)
 
 
 def _token(script: str, at: int) -> Token:
@@ -96,10 +96,10 @@ def _line_end(script: str, at: int) -> int:
 
 
 def _after(script: str, closing: str, at: int, subject: str) -> int:
-    found = script.find(closing, at + 2)
-    if found < 0:
+    offset = script.find(closing, at + 2)
+    if offset < 0:
         raise NotTokens(subject, at)
-    return found + len(closing)
+    return offset + len(closing)
 
 
 def _verbatim(script: str, start: int) -> Token:

@@ -163,12 +163,12 @@ def sound(script: str) -> "Node":
 def disagreement(script: str, root: "Node") -> int:
     """The first line on which tokens and tree see different strings or comments; 0 where they agree."""
     try:
-        seen = {(token.offset, token.end) for token in tokens(script) if token.kind in _TOKEN_TEXTS}
+        token_ranges = {(token.offset, token.end) for token in tokens(script) if token.kind in _TOKEN_TEXTS}
     except NotTokens as no:
         return _line_at(script, no.offset)
     offset = _characters(script)
-    grown = {(offset(node.start_byte), offset(node.end_byte)) for node in walk(root) if node.type in _TEXTS}
-    return _line_at(script, min(seen ^ grown)[0]) if seen != grown else 0
+    tree_ranges = {(offset(node.start_byte), offset(node.end_byte)) for node in walk(root) if node.type in _TEXTS}
+    return _line_at(script, min(token_ranges ^ tree_ranges)[0]) if token_ranges != tree_ranges else 0
 
 
 _TOKEN_TEXTS = frozenset({TokenKind.STRING, TokenKind.EXPANDABLE, TokenKind.COMMENT})

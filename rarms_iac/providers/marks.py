@@ -54,8 +54,8 @@ def erase_mark(notes: str) -> str:
 
 def read_mark(notes: str) -> Mark | None:
     """The mark in the notes, None where there is none or more than one."""
-    found, _ = _split_notes(notes)
-    return found[0] if len(found) == 1 else None
+    marks, _ = _split_notes(notes)
+    return marks[0] if len(marks) == 1 else None
 
 
 def read_marks(notes_by_id: Mapping[str, str]) -> dict[str, MarkReading]:
@@ -88,11 +88,11 @@ def _judge(notes: str, own: Mark | None, carriers: Counter[tuple[str, str]]) -> 
 
 
 def _why_foreign(notes: str) -> str:
-    found, others = _split_notes(notes)
-    if len(found) > 1:
-        return f"its notes hold {len(found)} marks"
-    if found:
-        return f"its mark names another machine ({found[0].machine}): the machine was copied or imported"
+    marks, others = _split_notes(notes)
+    if len(marks) > 1:
+        return f"its notes hold {len(marks)} marks"
+    if marks:
+        return f"its mark names another machine ({marks[0].machine}): the machine was copied or imported"
     if any(_LOOKS_LIKE_ONE.match(line) for line in others.split("\n")):
         return "a line of its notes begins like a mark and is none"
     return ""

@@ -59,5 +59,5 @@ def examine(host: Examination) -> tuple[Diagnostic, ...]:
     Returns:
         The diagnostics of all checks, of unknown marks, and of the provider, in order.
     """
-    found = [diagnostic for check in CHECKS for diagnostic in check(host)]
-    return in_order((*found, *foreign_marks(host.state), *host.provider_findings))
+    findings = [diagnostic for check in CHECKS for diagnostic in check(host)]
+    return in_order((*findings, *foreign_marks(host.state), *host.provider_findings))

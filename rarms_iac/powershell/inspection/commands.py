@@ -34,27 +34,27 @@ def _check_call(script: Script, call: CommandCall) -> Iterator[Diagnostic]:
         yield from _check_function_call(script, call, function)
         return
     module, _, name = call.name.rpartition("\\")
-    found = cmdlets.cmdlet(name, module)
+    cmdlet = cmdlets.cmdlet(name, module)
     allowed = script.lists.qualified if module else script.lists.plain
-    if found is None or found.name != name or not found.in_7:
+    if cmdlet is None or cmdlet.name != name or not cmdlet.in_7:
         yield script.problem(COMMAND, call.node, f"{call.name} is no cmdlet of 5.1 and 7 that rarms knows", _ADVICE)
     elif name not in allowed or (bool(module) and module != HYPERV):
-        yield from _not_allowed(script, call, found)
+        yield from _not_allowed(script, call, cmdlet)
     else:
-        yield from _check_binding(script, call, found)
+        yield from _check_binding(script, call, cmdlet)
 
 
 _ADVICE = "call a cmdlet of the tables by its full name, with its module where that is Hyper-V"
 
 
-def _not_allowed(script: Script, call: CommandCall, found: Cmdlet) -> Iterator[Diagnostic]:
-    changes = found.name in CHANGING.qualified | CHANGING.plain or found.should_process
+def _not_allowed(script: Script, call: CommandCall, cmdlet: Cmdlet) -> Iterator[Diagnostic]:
+    changes = cmdlet.name in CHANGING.qualified | CHANGING.plain or cmdlet.should_process
     if script.kind is ScriptKind.OBSERVE and changes:
         detail = f"{call.name} does not only read"
         yield script.problem(WRITES, call.node, detail, "a read-only script calls Get- and Test- cmdlets")
-    elif found.module == HYPERV and "\\" not in call.name:
+    elif cmdlet.module == HYPERV and "\\" not in call.name:
         detail = f"{call.name} may be another module's"
-        yield script.problem(COMMAND, call.node, detail, f"write {HYPERV}\\{found.name}")
+        yield script.problem(COMMAND, call.node, detail, f"write {HYPERV}\\{cmdlet.name}")
     else:
         yield script.problem(COMMAND, call.node, f"scripts of rarms have no need of {call.name}", _ADVICE)
 
@@ -74,25 +74,25 @@ def _check_function_call(script: Script, call: CommandCall, function: Function) 
         yield script.problem(CALL, call.node, f"{function.name} gets a value without a name, or one twice", "name each")
 
 
-def _check_binding(script: Script, call: CommandCall, found: Cmdlet) -> Iterator[Diagnostic]:
+def _check_binding(script: Script, call: CommandCall, cmdlet: Cmdlet) -> Iterator[Diagnostic]:
     names, loose = [given.name for given in call.given], len(call.loose)
     for given in call.given:
-        parameter = found.parameter(given.name)
+        parameter = cmdlet.parameter(given.name)
         if parameter is None:
             continue
         if parameter.is_switch and given.value is not None:
             loose += 1
         elif not parameter.is_switch and given.value is None:
-            yield script.problem(CALL, given.node, f"-{given.name} of {found.name} needs a value", "give it one")
+            yield script.problem(CALL, given.node, f"-{given.name} of {cmdlet.name} needs a value", "give it one")
         elif given.value is not None and parameter.accepted and not _accepts(parameter.accepted, text_of(given.value)):
-            detail = f"-{given.name} of {found.name} does not take {text_of(given.value)[:40]}"
+            detail = f"-{given.name} of {cmdlet.name} does not take {text_of(given.value)[:40]}"
             yield script.problem(CALL, given.node, detail, f"it takes {', '.join(parameter.accepted[:12])}")
-    for problem in problems_of_call(found, names, positional=loose, piped=call.piped):
+    for problem in problems_of_call(cmdlet, names, positional=loose, piped=call.piped):
         yield script.problem(CALL, call.node, problem.message, problem.advice)
-    if found.name == "New-Item" and "Force" in names:
+    if cmdlet.name == "New-Item" and "Force" in names:
         detail = "New-Item with -Force makes a key anew: what it held is lost"
         yield script.problem(FORCE, call.node, detail, "test for the key first, and create it without -Force")
-    if found.name == "Remove-Item" and set(names) & {"Force", "Recurse"}:
+    if cmdlet.name == "Remove-Item" and set(names) & {"Force", "Recurse"}:
         detail = "Remove-Item takes more than the one empty-handed key"
         yield script.problem(FORCE, call.node, detail, "remove one key, without -Recurse and -Force")
 

@@ -105,8 +105,8 @@ def _is_known(script: Script, node: "Node", text: str, own: frozenset[str]) -> b
 
 def _own_variables(script: Script) -> frozenset[str]:
     """What the script assigns, iterates over or takes as a parameter: as written, and in lower case."""
-    found = [text_of(node) for node in script.nodes if node.type == "variable" and is_assigned(node)]
-    return frozenset([*found, *map(str.lower, found)])
+    assigned = [text_of(node) for node in script.nodes if node.type == "variable" and is_assigned(node)]
+    return frozenset([*assigned, *map(str.lower, assigned)])
 
 
 def is_assigned(node: "Node") -> bool:

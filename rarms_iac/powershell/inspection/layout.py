@@ -71,12 +71,12 @@ def split_script(text: str) -> ScriptParts:
     """The parts of a script; where the runtime's first or last line is missing, it is all head."""
     lines = text.replace("\r\n", "\n").split("\n")
     begin = next((at for at, line in enumerate(lines) if line.startswith(RUNTIME_BEGIN)), len(lines))
-    found = _piece(lines, begin, "", RUNTIME_END)
-    if found is None:
+    piece = _piece(lines, begin, "", RUNTIME_END)
+    if piece is None:
         return ScriptParts(head="\n".join(lines), fixed=(), steps="", steps_line=len(lines))
-    fixed = [found]
-    while found := _next_part(lines, fixed[-1].last):
-        fixed.append(found)
+    fixed = [piece]
+    while piece := _next_part(lines, fixed[-1].last):
+        fixed.append(piece)
     end = fixed[-1].last
     return ScriptParts(
         head="\n".join(lines[:begin]) + "\n", fixed=tuple(fixed), steps="\n".join(lines[end:]), steps_line=end
@@ -150,9 +150,9 @@ def _comment_problems(steps: str) -> tuple[str, ...]:
         return ()  # that is told of the steps
 
 
-def _directive_problems(found: Iterable[Token]) -> Iterator[str]:
+def _directive_problems(read_tokens: Iterable[Token]) -> Iterator[str]:
     """Comments that are more to PowerShell: `#Requires` counts wherever it stands, and imports what it names."""
-    for token in found:
+    for token in read_tokens:
         low = token.text.lower()
         if token.kind is TokenKind.COMMENT and (low.startswith(("<#", "# sig #")) or _is_requires(token)):
             yield f"PowerShell may heed the comment {token.text[:40]!r}"
@@ -165,9 +165,9 @@ def _is_requires(token: Token) -> bool:
 def check_end(name: str, text: str) -> Iterator[Diagnostic]:
     """A read-only script asks for its version alone, and ends with its exit code: what stood behind would never run."""
     place = Place(file=name, line=1, column=1)
-    first, *found = tokens(text)
+    first, *other_tokens = tokens(text)
     for problem in (
-        *_directive_problems(found),
+        *_directive_problems(other_tokens),
         *([] if first.text == "#Requires -Version 5.1" else ["it does not ask for 5.1 first"]),
     ):
         yield HEAD.at(place, problem, "render the script again")
@@ -191,17 +191,17 @@ def part_digest(text: str) -> str:
 def head_problems(head: str) -> tuple[str, ...]:
     """What is wrong before the runtime."""
     try:
-        found = tokens(head)
+        read_tokens = tokens(head)
     except NotTokens:
         return ("a text in it does not end",)
-    return tuple(_head_problems(found))
+    return tuple(_head_problems(read_tokens))
 
 
-def _head_problems(found: tuple[Token, ...]) -> Iterator[str]:
-    if not found or any(token.kind not in (TokenKind.COMMENT, TokenKind.NEWLINE) for token in found):
+def _head_problems(read_tokens: tuple[Token, ...]) -> Iterator[str]:
+    if not read_tokens or any(token.kind not in (TokenKind.COMMENT, TokenKind.NEWLINE) for token in read_tokens):
         yield "there is more than comments before the runtime"
-    asked = [token.text[len("#requires ") :] for token in found if _is_requires(token)]
-    yield from _directive_problems(token for token in found if not _is_requires(token))
+    asked = [token.text[len("#requires ") :] for token in read_tokens if _is_requires(token)]
+    yield from _directive_problems(token for token in read_tokens if not _is_requires(token))
     if not set(_REQUIRED) <= set(asked) <= {*_REQUIRED, *_OPTIONAL}:
         yield f"it asks for {', '.join(asked) or 'nothing'}"
 

@@ -83,13 +83,13 @@ def _function(node: "Node") -> Iterator[Function]:
 
 
 def _parameters(function: "Node") -> dict[str, bool]:
-    found: dict[str, bool] = {}
+    parameters: dict[str, bool] = {}
     for node in walk(function):
         if node.type == "script_parameter":
             words = [text_of(child) for child in node.children]
             name = next(word for word in words if word.startswith("$"))
-            found[name.removeprefix("$")] = any("[switch]" in word.lower() for word in words)
-    return found
+            parameters[name.removeprefix("$")] = any("[switch]" in word.lower() for word in words)
+    return parameters
 
 
 def calls_of(root: "Node") -> Iterator[CommandCall]:

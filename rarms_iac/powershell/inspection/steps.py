@@ -231,15 +231,15 @@ def entries(node: "Node") -> Mapping[str, "Node"] | None:
     table = inner(node)
     if table.type != "hash_literal_expression":
         return None
-    found: dict[str, Node] = {}
+    table_entries: dict[str, Node] = {}
     for body in table.children:
         for entry in body.children if body.type == "hash_literal_body" else ():
             if entry.type == "hash_entry":
                 key = text_of(entry.children[0])
-                if key in found:
+                if key in table_entries:
                     return None
-                found[key] = [child for child in entry.children if child.is_named][-1]
-    return found
+                table_entries[key] = [child for child in entry.children if child.is_named][-1]
+    return table_entries
 
 
 def inner(node: "Node") -> "Node":
