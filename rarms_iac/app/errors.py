@@ -53,22 +53,22 @@ class RequestError(ValueError):
 
 
 def bug(error: BaseException) -> Diagnostic:
-    """An exception that nobody foresaw."""
-    says = " ".join(str(error).split())
+    """The finding for an exception that nobody foresaw."""
+    message = " ".join(str(error).split())
     return BUG.at(
         None,
-        f"{type(error).__name__}: {says[:300]}" if says else type(error).__name__,
+        f"{type(error).__name__}: {message[:300]}" if message else type(error).__name__,
         "Run the same command with --debug: the trace it shows is what a report of the bug needs.",
     )
 
 
-def misused(says: str, command: str) -> Diagnostic:
-    """Words that do not fit the command, for a program that reads findings; a person is told the usage."""
-    return USAGE.at(None, says, f"`{command} --help` lists what it takes.")
+def misused(message: str, command: str) -> Diagnostic:
+    """The finding for words that do not fit a command, for a program that reads findings."""
+    return USAGE.at(None, message, f"`{command} --help` lists what it takes.")
 
 
 def system_refused(error: OSError) -> Diagnostic:
-    """A file or a call that the operating system would not do, and no command told better."""
+    """The finding for a call that the operating system refused, where nothing closer to it explains that."""
     where = f"{error.filename}: " if error.filename else ""
     return SYSTEM_REFUSED.at(
         None,
@@ -78,26 +78,32 @@ def system_refused(error: OSError) -> Diagnostic:
 
 
 def in_the_way(path: str) -> Diagnostic:
-    """What is to be written anew exists already."""
+    """The finding for a file that exists already and is not replaced."""
     return IN_THE_WAY.at(
         None, f"{path} exists already, and stays as it is.", "Name another folder, or move that file away first."
     )
 
 
 def not_written(path: str, error: OSError) -> Diagnostic:
-    """A file that was asked for with an option."""
+    """The finding for a file that could not be written."""
     return NOT_WRITTEN.at(
         None, f"{path}: {error.strerror or error}.", "Name a file in a folder that exists and that you may write to."
     )
 
 
-def not_read(path: str, says: str, advice: str) -> Diagnostic:
-    """A file that was named as a plan or a snapshot."""
-    return NOT_READ.at(None, f"{path}: {says}.", advice)
+def not_read(path: str, message: str, advice: str) -> Diagnostic:
+    """The finding for a file that could not be read.
+
+    Args:
+        path: as the user named it.
+        message: why, as the end of a sentence without a full stop.
+        advice: what to do, as whole sentences.
+    """
+    return NOT_READ.at(None, f"{path}: {message}.", advice)
 
 
 def declined() -> Diagnostic:
-    """The question was not answered with yes."""
+    """The finding for a question that was not answered with yes."""
     return DECLINED.at(
         None,
         "The answer was not `yes`.",
@@ -106,7 +112,7 @@ def declined() -> Diagnostic:
 
 
 def out_of_reach(host: str, provider: str) -> Diagnostic:
-    """A provider that the manifest may name, and that this version cannot observe or change."""
+    """The finding for a host of a provider that this version can neither observe nor change."""
     return OUT_OF_REACH.at(
         None,
         f"{host} has the provider {provider}: this version reaches simulated hosts only.",

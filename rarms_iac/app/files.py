@@ -1,4 +1,4 @@
-"""Files that a user asks for: whole or not at all, and told about where they cannot be written."""
+"""Files that a user names: read up to a limit, and written whole or not at all."""
 
 import stat
 import sys
@@ -17,12 +17,15 @@ STANDARD_INPUT = "-"
 
 
 def read_file(path: str, limit: int, origin: str) -> bytes:
-    """The bytes of a regular file, or of standard input for `-`; one byte more than the limit shows that it is larger.
+    """Read a regular file, or standard input for `-`.
 
     Args:
         path: as the user gave it.
         limit: bytes.
-        origin: the command that makes such a file, for who named one that cannot be read.
+        origin: the command that makes such a file, for the advice where this one cannot be read.
+
+    Returns:
+        Its bytes; one byte more than the limit shows that the file is larger.
 
     Raises:
         UseCaseError: it cannot be read.
@@ -41,7 +44,7 @@ def read_file(path: str, limit: int, origin: str) -> bytes:
 
 
 def write_file(path: str, data: bytes) -> None:
-    """Have exactly these bytes in the file; its rights stay, and a link goes on pointing to it.
+    """Replace what a file holds, whole or not at all; its rights stay, and a link goes on pointing to it.
 
     Raises:
         UseCaseError: the system does not let us; what was there before still is.
@@ -61,7 +64,7 @@ def write_file(path: str, data: bytes) -> None:
 
 
 def make_folder(path: str) -> None:
-    """Have this folder, and those above it.
+    """Make a folder and those above it; it may exist.
 
     Raises:
         UseCaseError: the system does not let us, or a file has its name.
@@ -74,10 +77,10 @@ def make_folder(path: str) -> None:
 
 
 def read_plan_file(path: str) -> "Plan":
-    """The plan of this file.
+    """Read a sealed plan.
 
     Raises:
-        UseCaseError: the file cannot be read (1), is no plan or was edited (3).
+        UseCaseError: the file cannot be read (failed), is no plan or was edited (refused).
     """
     from rarms_iac.storage.plan_file import MAX_BYTES, PlanFileError, read_plan
 

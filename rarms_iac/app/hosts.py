@@ -98,33 +98,36 @@ def select_hosts(manifest: Manifest, selection: HostSelection) -> Hosts:
 
 
 def observe_hosts(hosts: Hosts, *, needed: Collection[str] | None = None) -> Mapping[str, State]:
-    """What every host looks like; those that are not needed help the planner where they can be reached.
+    """Look at every host of the manifest; those that are not needed help the planner where they can be reached.
 
     Args:
         hosts: those of the manifest.
-        needed: names of hosts that there is no answer without; None: the chosen ones.
+        needed: names of hosts without which there is no answer; None: the chosen ones.
+
+    Returns:
+        The states by host. A host that is not needed is left out where it cannot be read, or hides what is there.
 
     Raises:
         UseCaseError: such a host cannot be reached or read, or does not have a guest of which there is a snapshot.
     """
-    must = hosts.chosen if needed is None else needed
+    required = hosts.chosen if needed is None else needed
     snapshots, application = hosts.snapshots, hosts.system.application.name
     states: dict[str, State] = {}
     for name in sorted(hosts.system.hosts):
         try:
-            written = snapshots.hosts.get(name)
-            state = written.state if written else observe_host(hosts.open(name))
+            snapshot = snapshots.hosts.get(name)
+            state = snapshot.state if snapshot else observe_host(hosts.open(name))
         except UseCaseError:
-            if name in must:
+            if name in required:
                 raise
             continue
-        if name in must or state.facts.rights is Rights.PROVEN:
+        if name in required or state.facts.rights is Rights.PROVEN:
             states[name] = add_guest_tasks(state, snapshots.guests, application)
     return states
 
 
 def observe_host(host: LiveHost) -> State:
-    """What a live host looks like.
+    """Look at a live host.
 
     Raises:
         UseCaseError: it cannot be read.
@@ -134,7 +137,7 @@ def observe_host(host: LiveHost) -> State:
 
 
 def record_host(host: LiveHost) -> bytes:
-    """What a live host looks like, as a file that `--snapshot` reads: its own words where it has such.
+    """Look at a live host; return the bytes of a snapshot file: the host's own answer where it gives one.
 
     Raises:
         UseCaseError: it cannot be read.
@@ -146,10 +149,10 @@ def record_host(host: LiveHost) -> bytes:
 
 
 def refuse_unfinished(hosts: Hosts) -> None:
-    """A plan that is made while a run is unfinished could never be applied.
+    """Refuse hosts with an unfinished run: a plan that is made now could never be applied.
 
     Raises:
-        UseCaseError: a chosen live host has an unfinished run (exit 3).
+        UseCaseError: a chosen host has an unfinished run (refused).
     """
     for name, snapshot in sorted(hosts.snapshots.hosts.items()):
         if name in hosts.chosen and snapshot.unfinished is not None:
@@ -159,7 +162,7 @@ def refuse_unfinished(hosts: Hosts) -> None:
 
 
 def unfinished_runs(hosts: Hosts) -> Iterator[tuple[str, Journal | ScriptRun]]:
-    """The chosen live hosts with an unfinished run, and its journal; none where snapshots are looked at.
+    """Yield the chosen live hosts with an unfinished run, and its journal; hosts with a snapshot are passed over.
 
     Raises:
         UseCaseError: a journal cannot be read.
@@ -173,7 +176,7 @@ def unfinished_runs(hosts: Hosts) -> Iterator[tuple[str, Journal | ScriptRun]]:
 
 
 def last_runs(hosts: Hosts) -> Iterator[tuple[str, Journal | ScriptRun | None]]:
-    """The chosen live hosts with the journal of the last run there; none where snapshots are looked at.
+    """Yield the chosen live hosts with the journal of the last run there; hosts with a snapshot are passed over.
 
     Raises:
         UseCaseError: a journal cannot be read.
@@ -186,7 +189,11 @@ def last_runs(hosts: Hosts) -> Iterator[tuple[str, Journal | ScriptRun | None]]:
 
 @contextmanager
 def host_errors() -> Iterator[None]:
-    """Inside, what goes wrong at a host ends the command with a finding."""
+    """Inside, what goes wrong at a host ends the use case with a finding.
+
+    Raises:
+        UseCaseError: a host is held by another run (refused), or did not do what was asked (failed).
+    """
     try:
         yield
     except HostLocked as error:
@@ -197,17 +204,17 @@ def host_errors() -> Iterator[None]:
 
 @contextmanager
 def hold_hosts(hosts: tuple[LiveHost, ...], timeout_ms: int) -> Iterator[None]:
-    """Hold all these hosts.
+    """Hold these hosts, taken in the order of their names.
 
     Raises:
-        UseCaseError: another run holds one of them (exit 3).
+        UseCaseError: another run holds one of them (refused).
     """
     with host_errors(), hold(hosts, owner(), timeout_ms):
         yield
 
 
 def owner() -> str:
-    """Who runs this, for people who find a host held: `user@computer, process 123`."""
+    """Name this run for people who find a host held: `user@computer, process 123`."""
     try:
         user = getpass.getuser()
     except (OSError, KeyError, ImportError):

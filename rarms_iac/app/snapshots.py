@@ -17,18 +17,18 @@ from rarms_iac.storage.snapshot_file import MAX_BYTES, SnapshotUnreadable, read_
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Snapshot:
-    """What a file says of a host."""
+    """A file that stands for a host."""
 
     file: str
     data: bytes
     state: State
-    findings: tuple[Diagnostic, ...] = ()  # what the look itself shows to be odd
+    findings: tuple[Diagnostic, ...] = ()  # what the provider finds odd in it
     unfinished: ScriptRun | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuestSnapshot:
-    """What a file says of the Windows inside a partition."""
+    """A file that stands for the Windows inside a partition."""
 
     file: str
     host: str
@@ -38,27 +38,27 @@ class GuestSnapshot:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Snapshots:
-    """All files of a command, each read once."""
+    """All files of a request, each read once."""
 
     hosts: Mapping[str, Snapshot]
     guests: tuple[GuestSnapshot, ...] = ()
 
     @property
     def findings(self) -> tuple[Diagnostic, ...]:
-        """What the looks show to be odd, host by host."""
+        """The findings of all hosts' snapshots, by host."""
         return tuple(finding for _, snapshot in sorted(self.hosts.items()) for finding in snapshot.findings)
 
 
 def read_snapshots(options: Sequence[SnapshotFile], hosts: Sequence[str], chosen: Sequence[str]) -> Snapshots:
-    """The files that the options name, as rarms or observe.ps1 wrote them.
+    """Read snapshots, as rarms or observe.ps1 wrote them.
 
     Args:
-        options: as given.
+        options: the files, each with its host where that is given.
         hosts: names of all hosts of the manifest.
-        chosen: names of those that are meant.
+        chosen: names of those that are meant; a file without a name stands for the only one.
 
     Raises:
-        UseCaseError: one cannot be read, is none, or it is not known which host it stands for.
+        UseCaseError: one cannot be read, is no snapshot, or does not say which host it stands for (failed).
     """
     found: dict[str, Snapshot] = {}
     guests: list[GuestSnapshot] = []
@@ -80,7 +80,7 @@ def read_snapshots(options: Sequence[SnapshotFile], hosts: Sequence[str], chosen
 
 
 def add_guest_tasks(state: State, guests: Sequence[GuestSnapshot], application: str) -> State:
-    """The host's state with what was seen inside its partitions.
+    """Add the task classes seen inside a host's partitions to its state.
 
     Raises:
         UseCaseError: the host has no such partition, or the file was taken on the host itself.
@@ -134,7 +134,7 @@ def _host_of(snapshot: Snapshot, seen: ScriptObservation | None, hosts: Sequence
 
 
 def snapshot_error(file: str, says: str) -> UseCaseError:
-    """Why a file does not stand for a host."""
+    """The error for a file that does not stand for a host."""
     finding = SnapshotUnreadable.finding.at(
         None,
         f"{file}: {says}.",

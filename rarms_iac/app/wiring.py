@@ -22,11 +22,11 @@ HOSTS = ".rarms/hosts"
 
 
 def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
-    """The host that this describes.
+    """Open a host of any provider.
 
     Args:
-        host: as the manifest or a plan says.
-        folder: the manifest's.
+        host: as the manifest or a plan describes it.
+        folder: the folder of the manifest.
         state_path: where a simulated host's file lies below it (`state_path`).
 
     Raises:
@@ -46,7 +46,7 @@ def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
 
 
 def open_bench(host: Host, folder: str, state_path: str) -> MeasuringHost | None:
-    """The same host as one that is measured on; None where this version cannot do that."""
+    """Open a host to measure on; None where this version cannot measure on its provider."""
     if host.provider is not ProviderKind.SIMULATED:
         return None
     from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
@@ -57,7 +57,7 @@ def open_bench(host: Host, folder: str, state_path: str) -> MeasuringHost | None
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScriptObservation:
-    """What `observe.ps1` printed, on a host or inside a guest."""
+    """The output of `observe.ps1`, run on a host or inside a guest."""
 
     computer: str
     state: State
@@ -68,10 +68,10 @@ class ScriptObservation:
 
 
 def read_script_output(data: bytes, host: str) -> ScriptObservation | None:
-    """What the file says of the host that the manifest calls so; None where it is not what `observe.ps1` printed.
+    """Read the output of `observe.ps1`, for a host of this name; None where the bytes are something else.
 
     Raises:
-        NotDecodable: it says that it is, and is not as the script writes it.
+        NotDecodable: it is such output, and not as the script writes it.
     """
     from rarms_iac.providers.hyperv.condition import condition_of, findings_of
     from rarms_iac.providers.hyperv.observation import document_of, is_observation, observation_of

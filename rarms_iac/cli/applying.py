@@ -1,4 +1,4 @@
-"""Running a plan on live hosts: show, ask, hold, walk, and say how it ended."""
+"""Running a plan at a terminal: show it, ask, do it, and report how it ended."""
 
 import sys
 
@@ -26,7 +26,7 @@ from rarms_iac.views.run import run_json, run_text
 def show_plan(
     session: Session, plan: Plan, sources: Sources | None = None, *, as_json: bool, verbose: bool = False
 ) -> None:
-    """Show the plan to who asked for it: a person, or a program."""
+    """Show a plan as text, or as JSON for a program."""
     if as_json:
         session.terminal.data(plan_json(plan))
     else:
@@ -113,7 +113,7 @@ def ended(session: Session, report: RunReport, *, as_json: bool, quiet: bool = F
     tell(session.terminal, report.diagnostics)
     if as_json and not (session.answer_follows and report.ending in {RunEnding.DONE, RunEnding.NOTHING}):
         session.terminal.data(run_json(report))
-    elif not quiet:
+    elif not quiet and (report.hosts or report.ending in {RunEnding.NOTHING, RunEnding.INTERRUPTED}):
         session.terminal.talk(run_text(report))
     return code_of(session, report.ending)
 

@@ -172,7 +172,7 @@ def output_option(function: F) -> F:
             outputs = parse_outputs((*output, "json") if as_json else output)
         except BadOutput as error:
             raise click.UsageError(f"--output: {error}", click.get_current_context()) from error
-        if any(one.format is OutputFormat.JSON and one.path is None for one in outputs):
+        if any(output.format is OutputFormat.JSON and output.path is None for output in outputs):
             _tell_in_json(click.get_current_context())
         return function(*args, outputs=outputs, **rest)
 
@@ -232,12 +232,12 @@ def _hosts(_context: click.Context, _parameter: click.Parameter, value: tuple[st
 def _snapshots(
     _context: click.Context, _parameter: click.Parameter, value: tuple[str, ...]
 ) -> tuple[SnapshotFile, ...]:
-    found = tuple(_snapshot(one) for one in value)
-    named = [f"{option.host}{option.guest and '.guest.'}{option.guest}" for option in found if option.host]
+    snapshots = tuple(map(_snapshot, value))
+    named = [f"{option.host}{option.guest and '.guest.'}{option.guest}" for option in snapshots if option.host]
     for name in named:
         if named.count(name) > 1:
             raise click.BadParameter(f"{name} has more than one.")
-    return found
+    return snapshots
 
 
 def _snapshot(text: str) -> SnapshotFile:

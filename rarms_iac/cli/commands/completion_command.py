@@ -9,7 +9,7 @@ from rarms_iac.views.completion import Shell, completion_script
 
 
 @rarms_command("completion")
-@click.argument("shell", type=click.Choice([one.value for one in Shell]))
+@click.argument("shell", type=click.Choice([shell.value for shell in Shell]))
 def command(session: Session, *, shell: str) -> ExitCode:
     """Print a completion script for a shell, to be sourced or saved.
 
