@@ -45,7 +45,9 @@ def elsewhere(group: Group, chosen: Chosen, system: System, reservations: Reserv
 
 
 def _elsewhere(group: Group, chosen: Chosen, host: Host, reservations: ReservationSource) -> Elsewhere:
-    refused = next((one.name for one in group.members if one.hosts is not None and host.name not in one.hosts), "")
+    refused = next(
+        (member.name for member in group.members if member.hosts is not None and host.name not in member.hosts), ""
+    )
     if refused:
         return Elsewhere(host=host.name, reserved=None, says=f"{refused} may not run there (`hosts`)")
     answer = size(group, host, reservations)
@@ -64,7 +66,7 @@ def _without_layout(chosen: Chosen, there: PlacedPartition) -> str:
 
 def _compared(chosen: Chosen, layout: Layout, there: PlacedPartition, host: Host) -> Iterator[str]:
     placed, view = chosen.placed, chosen.view(host)
-    beside = [one for one in layout.partitions if one.host == host.name]
+    beside = [partition for partition in layout.partitions if partition.host == host.name]
     amount = show_processors(there.reserved)
     if there.reserved > placed.reserved:
         yield f"it would reserve {amount} instead of {show_processors(placed.reserved)}"
@@ -80,10 +82,13 @@ def _compared(chosen: Chosen, layout: Layout, there: PlacedPartition, host: Host
         elif there.reserved < placed.reserved:
             yield f"there is room, so what is on {placed.host} already stays there, or another needs the room more"
     else:
-        names = [one.name for one in beside] + (["machines that are not ours"] if view.claims else [])
+        names = [partition.name for partition in beside] + (["machines that are not ours"] if view.claims else [])
         yield f"it does not fit beside {', '.join(names)}" if names else "it does not fit"
 
 
 def claims_of(partitions: Iterable[PlacedPartition]) -> tuple[Claim, ...]:
     """What these partitions are promised."""
-    return tuple(Claim(processors=one.processors, reserve=one.reserve, memory=one.memory) for one in partitions)
+    return tuple(
+        Claim(processors=partition.processors, reserve=partition.reserve, memory=partition.memory)
+        for partition in partitions
+    )

@@ -22,7 +22,7 @@ class Group:
     @property
     def criticality(self) -> int:
         """The highest of its members'."""
-        return max((one.criticality for one in self.members), default=0)
+        return max((member.criticality for member in self.members), default=0)
 
     @property
     def asking(self) -> PartitionShare:
@@ -36,7 +36,7 @@ def groups_of(system: System) -> tuple[Group, ...]:
     What `partitions` says stands. Of the others each component has a partition of its own name, but those that must
     be together share one, called after the most critical, ties by name.
     """
-    inside = {name: one for name, one in system.components.items() if one.runs_on is RunsOn.PARTITION}
+    inside = {name: component for name, component in system.components.items() if component.runs_on is RunsOn.PARTITION}
     spoken_for: set[str] = set()
     ranks, headroom = ranks_of(inside.values()), system.policy.headroom
 
@@ -50,11 +50,11 @@ def groups_of(system: System) -> tuple[Group, ...]:
         spoken_for.update(wish.components)
         if members:
             groups.append(group(wish.name, members, wish))
-    free = {name: one for name, one in inside.items() if name not in spoken_for}
+    free = {name: component for name, component in inside.items() if name not in spoken_for}
     for together in _together(free):
         name = most_critical_first(together)[0].name
         groups.append(group(name, together, PartitionWish(name=name, components=())))
-    return tuple(sorted(groups, key=lambda one: one.name))
+    return tuple(sorted(groups, key=lambda group: group.name))
 
 
 def may_share(*groups: Group) -> bool:
@@ -66,13 +66,13 @@ def may_share(*groups: Group) -> bool:
     names = {member.name for member in members}
     if any(member.dedicated or names & set(member.apart) for member in members):
         return False
-    _, *others = sorted(groups, key=lambda one: (-one.criticality, one.name))
-    return not any(one.wish.protect for one in others)
+    _, *others = sorted(groups, key=lambda group: (-group.criticality, group.name))
+    return not any(group.wish.protect for group in others)
 
 
 def most_critical_first(components: Iterable[Component]) -> tuple[Component, ...]:
     """By criticality, ties by name."""
-    return tuple(sorted(components, key=lambda one: (-one.criticality, one.name)))
+    return tuple(sorted(components, key=lambda component: (-component.criticality, component.name)))
 
 
 def _together(free: dict[str, Component]) -> Iterator[list[Component]]:
@@ -85,13 +85,13 @@ def _together(free: dict[str, Component]) -> Iterator[list[Component]]:
             name = parent[name]
         return name
 
-    for name, one in free.items():
-        for other in one.together:
+    for name, component in free.items():
+        for other in component.together:
             if other in parent:
                 parent[root(other)] = root(name)
     parts: dict[str, list[Component]] = {}
-    for name, one in free.items():
-        parts.setdefault(root(name), []).append(one)
+    for name, component in free.items():
+        parts.setdefault(root(name), []).append(component)
     yield from parts.values()
 
 

@@ -83,10 +83,10 @@ def _smaller(system: System, views: Mapping[str, HostView], places: Places) -> I
 
 def _remarks(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:
     """What is to be said of where reservations come from."""
-    groups = {one.name: one for one in problem.groups}
-    for one in answer.partitions:
-        host = problem.system.hosts[one.host]
-        group = groups[one.name]
+    groups = {group.name: group for group in problem.groups}
+    for partition in answer.partitions:
+        host = problem.system.hosts[partition.host]
+        group = groups[partition.name]
         if group.wish.cpu.reserve not in (None, Measured.MEASURED):
             continue
         for remark in problem.reservations.remarks(group.members, host):
@@ -114,15 +114,15 @@ def _partitions(number: int) -> str:
 
 def _moves(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:
     """What would reserve less elsewhere and stays because it is there: told, not done."""
-    for one in answer.partitions:
-        if problem.now.get(one.name) != one.host:
+    for partition in answer.partitions:
+        if problem.now.get(partition.name) != partition.host:
             continue
-        best, host = min((cost(claim), host) for host, claim in problem.claims[one.name].items())
-        if best < one.processors * one.reserve:
+        best, host = min((cost(claim), host) for host, claim in problem.claims[partition.name].items())
+        if best < partition.processors * partition.reserve:
             yield findings.BETTER_ELSEWHERE.at(
-                places.key("partitions", one.name),
-                f"{one.name} stays on {one.host}; on {host} it would reserve "
-                f"{show_processors(Fraction(best, 100))} instead of {show_processors(one.reserved)}.",
+                places.key("partitions", partition.name),
+                f"{partition.name} stays on {partition.host}; on {host} it would reserve "
+                f"{show_processors(Fraction(best, 100))} instead of {show_processors(partition.reserved)}.",
                 "Allow `--max-disruption removal` if it may be made anew there.",
-                address=f"partition/{one.name}",
+                address=f"partition/{partition.name}",
             )

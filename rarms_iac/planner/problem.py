@@ -30,7 +30,7 @@ def host_view(state: State, application: str) -> HostView:
     return HostView(
         facts=state.facts,
         claims=foreign_claims(state, application),
-        present=frozenset(one.mark.name for one in state.of(application).partitions if one.mark),
+        present=frozenset(partition.mark.name for partition in state.of(application).partitions if partition.mark),
     )
 
 
@@ -94,7 +94,7 @@ def _claims(
     group: Group, system: System, kinds: Mapping[str, tuple[Host, ...]], reservations: ReservationSource
 ) -> tuple[Mapping[str, Claim], tuple[Cause, ...]]:
     """What the group would claim on each host that all its members may run on, or why it cannot be there."""
-    limits = [one.hosts for one in group.members if one.hosts is not None]
+    limits = [member.hosts for member in group.members if member.hosts is not None]
     found: dict[str, Claim] = {}
     causes: list[Cause] = []
     for first, hosts in kinds.items():
@@ -171,13 +171,13 @@ def _causes(problem: Problem) -> Iterator[Cause]:
 
 
 def _placed(problem: Problem, packing: Packing) -> tuple[PlacedPartition, ...]:
-    groups = {one.name: one for one in problem.groups}
+    groups = {group.name: group for group in problem.groups}
     placed = []
     for name, host in packing.hosts.items():
         answer = size(groups[name], problem.system.hosts[host], problem.reservations)
         assert isinstance(answer, Sized), "a partition is only placed where it can be"
         placed.append(answer.placed)
-    return tuple(sorted(placed, key=lambda one: (one.host, one.name)))
+    return tuple(sorted(placed, key=lambda partition: (partition.host, partition.name)))
 
 
 def _on_hosts(system: System) -> tuple[tuple[tuple[str, str], ...], list[Cause]]:

@@ -31,8 +31,8 @@ class Sized:
     @property
     def claim(self) -> Claim:
         """What it would be promised there."""
-        one = self.placed
-        return Claim(processors=one.processors, reserve=one.reserve, memory=one.memory)
+        placed = self.placed
+        return Claim(processors=placed.processors, reserve=placed.reserve, memory=placed.memory)
 
 
 def size(group: Group, host: Host, reservations: ReservationSource) -> Sized | Cause:
@@ -55,12 +55,12 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> Sized | C
         says = f"The {_count(processors)} of {group.name} are more than the {host.logical_processors} of {host.name}."
         return Cause(what=f"partition/{group.name}", says=says, code=findings.TOO_WIDE.code)
     share = share_of(group.asking, host, processors, reserve)
-    memory = sum(one.memory for one in group.members) if group.wish.memory is None else group.wish.memory
+    memory = sum(member.memory for member in group.members) if group.wish.memory is None else group.wish.memory
     return Sized(
         placed=PlacedPartition(
             name=group.name,
             host=host.name,
-            components=tuple(one.name for one in group.members),
+            components=tuple(member.name for member in group.members),
             criticality=group.criticality,
             processors=processors,
             reserve=reserve,
@@ -89,7 +89,7 @@ def _reserve(group: Group, host: Host, reservations: ReservationSource) -> Logic
 def _processors(group: Group, host: Host) -> int:
     """Its own, or the most that a member wants; who says nothing wants all of the host's."""
     own = group.wish.processors
-    return own if own is not None else max(one.processors or host.logical_processors for one in group.members)
+    return own if own is not None else max(member.processors or host.logical_processors for member in group.members)
 
 
 def _generation(group: Group, host: Host) -> int:
@@ -114,7 +114,7 @@ def _reason(group: Group, host: Host, wanted: LogicalProcessors, reserve: int, p
     if not reserve:
         return "no reservation: none of its components asks for one"
     share = show_percent(Fraction(100) * wanted / host.logical_processors)
-    names = ", ".join(one.name for one in group.members)
+    names = ", ".join(member.name for member in group.members)
     each = "its virtual processor" if processors == 1 else f"each of its {processors} virtual processors"
     lost = guaranteed(reserve, processors) - wanted
     rounding = f", rounded up by {show_processors(lost)}" if lost else ""

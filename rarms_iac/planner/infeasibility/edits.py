@@ -15,7 +15,7 @@ TRIALS = 250
 """Manifests that are planned in all, before nothing more is offered."""
 
 UNKNOWN = 50
-"""As many of them counts one of which it is not known whether it fits: finding that out took long."""
+"""A manifest of which it is not known whether it fits counts as many: finding that out took long."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -62,7 +62,9 @@ class Assignment:
 
     def hosts(self, ones: Sequence[int]) -> dict[str, str]:
         """Return the packing of which these variables are 1."""
-        return {self.items[number].name: self.bins[at].name for number, at in (self.pairs[one] for one in ones)}
+        return {
+            self.items[number].name: self.bins[at].name for number, at in (self.pairs[variable] for variable in ones)
+        }
 
     def forbid(self, ones: Sequence[int]) -> bool:
         """Forbid, on each host that cannot keep what these variables put there, a smallest part of it.
