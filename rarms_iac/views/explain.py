@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.explanation import Explanation, HostExplanation
 from rarms_iac.storage.finding_pages import known_codes
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.console import columns, indented, paragraph, stack, styled, table
+from rarms_iac.views.console import STRONG, columns, indented, paragraph, stack, styled
 from rarms_iac.views.explanation_steps import steps_of
 from rarms_iac.views.output.measuring import WalkOutput, WalkStepOutput
 
@@ -48,14 +48,14 @@ def page_text(page: str) -> "RenderableType":
 
 
 def explanation_text(explanation: Explanation | HostExplanation) -> "RenderableType":
-    """Lay out the explanation: a row a sentence, behind what its step is about."""
+    """Lay out the explanation: what a step is about, its sentence behind it, and its other sentences below."""
     component = explanation.component
-    rows = [
-        ("" if number else step.topic, sentence)
-        for step in steps_of(explanation)
-        for number, sentence in enumerate(step.sentences)
-    ]
-    return stack(paragraph(f"{component.name} (criticality {component.criticality})"), table(rows, wrap=(1,)))
+    parts: list[RenderableType] = [paragraph(f"{component.name} (criticality {component.criticality})")]
+    for step in steps_of(explanation):
+        first, *others = step.sentences
+        parts.append(paragraph(styled((f"{step.topic}: ", STRONG), first), more=2))
+        parts += [paragraph(sentence, indent=2) for sentence in others]
+    return stack(*parts)
 
 
 def explanation_json(explanation: Explanation | HostExplanation) -> str:
