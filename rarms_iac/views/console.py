@@ -206,12 +206,11 @@ class _Fitted:
         from rich.segment import Segment
 
         widest = options.max_width
-        segments = list(console.render(self.table, options))
         for width in range(widest, max(widest // 2, 1), -1):
             segments = list(console.render(self.table, options.update_width(width)))
             if all(Segment.get_line_length(line) <= widest for line in Segment.split_lines(segments)):
-                break
-        return iter(segments)
+                return segments
+        return console.render(self.table, options)
 
 
 def render(content: "RenderableType", width: int = WIDTH, *, colour: bool = False) -> str:
