@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.errors import Outcome, UseCaseError, not_read, not_written
 from rarms_iac.manifest.load import manifest_path
+from rarms_iac.storage.reading import open_regular
 from rarms_iac.storage.replace import replace
 
 if TYPE_CHECKING:
@@ -34,13 +35,11 @@ def read_file(path: str, limit: int, origin: str) -> bytes:
     if path == STANDARD_INPUT:
         return sys.stdin.buffer.read(limit + 1)
     try:
-        if not stat.S_ISREG(Path(path).stat().st_mode):
-            raise UseCaseError(Outcome.FAILED, [not_read(path, "it is not a regular file", advice)])
-        with Path(path).open("rb") as file:
+        with open_regular(path) as file:
             return file.read(limit + 1)
     except (OSError, ValueError) as error:
-        says = (error.strerror if isinstance(error, OSError) else "") or str(error)
-        raise UseCaseError(Outcome.FAILED, [not_read(path, says, advice)]) from error
+        message = (error.strerror if isinstance(error, OSError) else "") or str(error)
+        raise UseCaseError(Outcome.FAILED, [not_read(path, message, advice)]) from error
 
 
 def write_file(path: str, data: bytes) -> None:

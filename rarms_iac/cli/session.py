@@ -26,7 +26,7 @@ class Session:
     answer_follows: bool = False  # a run that is done is not the command's answer: what follows it is
 
 
-class Command(click.Command):
+class RarmsCommand(click.Command):
     """A command that also takes the options every command takes, wherever they stand."""
 
     def __init__(self, *args: object, **kwargs: object) -> None:
@@ -80,7 +80,7 @@ def rarms_command(
             except RequestError as error:
                 raise click.UsageError(str(error), context) from error
 
-        return click.command(name, cls=Command, short_help=COMMANDS[name], epilog=epilog)(given_the_session)
+        return click.command(name, cls=RarmsCommand, short_help=COMMANDS[name], epilog=epilog)(given_the_session)
 
     return make
 
