@@ -37,10 +37,10 @@ def _strict(schema: dict[str, Any]) -> dict[str, Any]:
     """Every field is always written, so every one is required; the titles repeat the names."""
     definitions = {
         name: {
-            **{key: value for key, value in one.items() if key != "title"},
-            **({"required": list(one["properties"])} if "properties" in one else {}),
+            **{key: value for key, value in definition.items() if key != "title"},
+            **({"required": list(definition["properties"])} if "properties" in definition else {}),
         }
-        for name, one in schema["$defs"].items()
+        for name, definition in schema["$defs"].items()
     }
     for definition in definitions.values():
         for field in definition.get("properties", {}).values():
@@ -55,9 +55,9 @@ def _encodable(value: Json) -> Json:
         case str():
             return value.encode("utf-8", "replace").decode("utf-8")
         case list():
-            return [_encodable(one) for one in value]
+            return [_encodable(item) for item in value]
         case dict():
-            return {key: _encodable(one) for key, one in value.items()}
+            return {key: _encodable(item) for key, item in value.items()}
         case _:
             return value
 

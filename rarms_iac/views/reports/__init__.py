@@ -1,1 +1,6 @@
-"""Reports: measurements -> report model -> one HTML file, and the same as rows of a table."""
+"""The report in every form: as a page, in the terminal, as a document for programs, as CSV and as a spreadsheet.
+
+In comes an `app.report_model.Report`, whose curves were looked up where the planner looks; out goes text or bytes.
+Begin with `summary` for the rows that all forms share, then `page` and `html` for the page, `terminal`, `document` and
+`spreadsheet`. Nothing is computed from samples here, and nothing is decided.
+"""
