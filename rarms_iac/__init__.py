@@ -4,8 +4,7 @@ A program begins with `load`; what it returns goes into `measure`, `tune`, `plan
 (docs/library.md). Each of them is imported when it is first asked for, so that `import rarms_iac` costs nothing.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+TYPE_CHECKING = False  # type checkers know this name; to import typing would double the time of `rarms --version`
 
 if TYPE_CHECKING:
     from rarms_iac.app.applying import apply
@@ -30,7 +29,7 @@ _FUNCTIONS = {
 """The module of `rarms_iac.app` and the function there, by the name that a program uses."""
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """Import a function of the library when it is first used.
 
     Raises:
@@ -38,5 +37,8 @@ def __getattr__(name: str) -> Any:
     """
     if name not in _FUNCTIONS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
     module, function = _FUNCTIONS[name]
-    return getattr(import_module(f"rarms_iac.app.{module}"), function)
+    use_case: object = getattr(import_module(f"rarms_iac.app.{module}"), function)
+    return use_case
