@@ -113,6 +113,6 @@ def test_killed_in_the_middle_the_same_command_finds_the_same_and_measures_nothi
     reserves = [setting["reserve"] for setting in settings(killed)]
     assert len(set(reserves)) == len(reserves), "none was measured twice"
     assert (killed / TOGETHER).read_bytes().startswith(before[: before.rfind(b"\n") + 1])
-    assert "recorded already" in told
+    assert "RARMS261" in told, "what the killed run left is removed, and what it recorded is used"
     host = json.loads((killed / ".rarms" / "hosts" / "onboard.json").read_text(encoding="utf-8"))
     assert host["content"]["machines"] == {}, "P1 and P2 are gone"
