@@ -133,11 +133,11 @@ def _host_of(snapshot: Snapshot, seen: ScriptObservation | None, hosts: Sequence
     raise snapshot_error(snapshot.file, f"it was taken of {taken_of!r}, which the manifest does not have")
 
 
-def snapshot_error(file: str, says: str) -> UseCaseError:
+def snapshot_error(file: str, reason: str) -> UseCaseError:
     """The error for a file that does not stand for a host."""
     finding = SnapshotUnreadable.finding.at(
         None,
-        f"{file}: {says}.",
+        f"{file}: {reason}.",
         "Make one with `rarms snapshot --host NAME --out FILE`, or run the script of `rarms snapshot --script` there, "
         "and name its host where there are several: `--snapshot NAME=FILE`.",
     )

@@ -122,7 +122,7 @@ def unfinished_beside(folder: str) -> tuple[LiveHost, ...]:
         try:
             journal = read_journal(path)
         except (Damaged, NotDecodable, OSError):
-            continue  # it says nothing; whoever names the host is told of the damage
+            continue  # whoever names the host gets the finding of the damage
         if journal is not None and journal.unfinished:
             part = journal.started.host_plan
             found.append(open_host(part.host, folder, part.state_path))
