@@ -10,7 +10,9 @@ from rarms_iac.storage.digest import set_of_settings
 
 NO_SUCH_MACHINE = Finding(code="RARMS195", severity=Severity.ERROR, summary="No machine on the host has this id")
 TAKEN = Finding(code="RARMS196", severity=Severity.ERROR, summary="The machine or the partition is taken already")
-NOT_OURS = Finding(code="RARMS197", severity=Severity.ERROR, summary="This partition is not managed by this application")
+NOT_OURS = Finding(
+    code="RARMS197", severity=Severity.ERROR, summary="This partition is not managed by this application"
+)
 
 
 def adoption(state: State, application: str, name: str, machine: str, place: Place | None) -> Adopt | Diagnostic:
