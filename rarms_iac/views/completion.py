@@ -135,9 +135,9 @@ def _zsh(top: Sequence[OptionShape], commands: Sequence[CommandShape]) -> Iterat
 
 
 def _zsh_option(option: OptionShape, flag: str) -> str:
-    says = option.help.replace("\\", "\\\\").replace("[", "\\[").replace("]", "\\]").replace(":", "\\:")
+    description = option.help.replace("\\", "\\\\").replace("[", "\\[").replace("]", "\\]").replace(":", "\\:")
     value = f": :({' '.join(option.choices)})" if option.choices else ": :_files" if option.takes_value else ""
-    return f"*{flag}[{says}]{value}"
+    return f"*{flag}[{description}]{value}"
 
 
 def _zsh_words(command: CommandShape) -> str:

@@ -118,8 +118,8 @@ def paragraph(content: Content, *, indent: int = 0, more: int = 0, start: Conten
 
 
 def _item(line: "Text") -> "RenderableType":
-    found = _ITEM.match(line.plain)
-    return _Hung(head=line[: found.end()], more=0, content=line[found.end() :]) if found else line
+    marker = _ITEM.match(line.plain)
+    return _Hung(head=line[: marker.end()], more=0, content=line[marker.end() :]) if marker else line
 
 
 def indented(content: "RenderableType", indent: int) -> "RenderableType":

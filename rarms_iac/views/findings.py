@@ -116,8 +116,8 @@ def _together(diagnostics: Sequence[Diagnostic]) -> "Iterator[RenderableType]":
     advices = {diagnostic.advice for diagnostic in diagnostics}
     for diagnostic in diagnostics:
         parts = [*_location(diagnostic), *(f"{other.place}, {other.says}" for other in diagnostic.related)]
-        says = " ".join(text for text in (diagnostic.detail, diagnostic.advice if len(advices) > 1 else "") if text)
-        item = ": ".join(part for part in (visible(", ".join(parts), keep=""), says.replace("\n", "\n  ")) if part)
+        text = " ".join(part for part in (diagnostic.detail, diagnostic.advice if len(advices) > 1 else "") if part)
+        item = ": ".join(part for part in (visible(", ".join(parts), keep=""), text.replace("\n", "\n  ")) if part)
         yield paragraph(f"- {item}", indent=INDENT)
     if len(advices) == 1:
         yield from (paragraph(advice, indent=INDENT) for advice in advices if advice)

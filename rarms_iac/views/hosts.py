@@ -146,7 +146,7 @@ def _host(host: HostDrift) -> "Iterator[RenderableType]":
 
 
 def _summary(hosts: Sequence[HostDrift]) -> str:
-    kinds = [one.kind for host in hosts for one in host.drifted]
+    kinds = [drifted.kind for host in hosts for drifted in host.drifted]
     changed = sum(kind.is_of_the_host for kind in kinds)
     waiting = sum(not kind.is_of_the_host and kind is not DriftKind.UNUSED for kind in kinds)
     unused = kinds.count(DriftKind.UNUSED)

@@ -189,11 +189,11 @@ def _name(change: Change, part: HostPlan) -> "Text":
 def _line(change: Change, part: HostPlan) -> "RenderableType":
     """`~ vision  reserve 70 % -> 40 %; stopped for up to 60 s to shut down, and the start after it`."""
     differing = [attribute for attribute in attributes_of(change, part.facts) if attribute.differs]
-    says = ", ".join(f"{attribute.name} {_value(attribute)}" for attribute in differing)
+    differences = ", ".join(f"{attribute.name} {_value(attribute)}" for attribute in differing)
     if isinstance(change, Create | Delete):
-        says = ""
+        differences = ""
     note = _note(change, part)
-    text = "; ".join(words for words in (says, note) if words)
+    text = "; ".join(words for words in (differences, note) if words)
     return paragraph(styled(_name(change, part), "  ", text), indent=2, more=4)
 
 

@@ -206,8 +206,8 @@ def _host(report: HostReport, *, partial: bool) -> str:
         remaining = report.total - report.changed - report.unchanged
         return f"{begun} not complete: {steps}, {remaining} of {report.total} left."
     if report.changes:
-        found = f", {report.unchanged} found all as wanted" if report.unchanged else ""
-        steps = f"{_resources(report)} ({counted(report.total, 'step')}{found})"
+        unchanged = f", {report.unchanged} found all as wanted" if report.unchanged else ""
+        steps = f"{_resources(report)} ({counted(report.total, 'step')}{unchanged})"
     return f"{begun} complete: {steps}."
 
 
