@@ -44,7 +44,6 @@ class Way:
 
     minimise: Minimise = Minimise.COMBINING
     predicts: bool = False
-    probability: float | None = None
     noisy: bool = False
 
 
@@ -70,7 +69,6 @@ class Result:
     optimal: bool
     told: bool  # an answer contradicted the assumption
     breaks: bool  # the assumption is wrong there, seen or not
-    stopped: bool  # at a probability, short of the proof
     near: bool = True  # who shares in the best does, and the total is within 1 point a compound
     near_the_truth: bool = True  # the same without any noise
     held: int = 0  # reservations of compounds that were said to hold
@@ -125,7 +123,6 @@ def run(case: Instance, way: Way) -> Result:
     tuning = replace(
         tuning_of(case.cois, case.objective(way.minimise), lambda _members: True, largest=case.largest),
         predictor=case.predictor if way.predicts else NOTHING,
-        probability=way.probability,
     )
     asking: PerformanceOracle = case if oracle is None else oracle
     found, trail = search(tuning, Inquiry(oracle=asking))
@@ -144,7 +141,6 @@ def run(case: Instance, way: Way) -> Result:
         optimal=reached == best,
         told=bool(found.breaks),
         breaks=case.breaks,
-        stopped=isinstance(found, Best) and found.stopped_at is not None,
         near=_near(reached, best, len(compounds) * case.processors),
         near_the_truth=_near(reached, truly, len(compounds) * case.processors),
         held=len(compounds),
@@ -230,10 +226,8 @@ def greedy(case: Instance) -> Greedy:
 INSTANCES = 36
 SIZES = range(4, 13)
 PROOF = {"edf": 0.35, "fair": 0.45, "mixing": 0.35, "host": 0.35}
-CONTENT = 0.95
 
 PROVED, GUIDED = Way(), Way(predicts=True)
-AT_A_PROBABILITY = Way(predicts=True, probability=CONTENT)
 NOISY = Way(predicts=True, noisy=True)
 
 
@@ -262,7 +256,7 @@ class Done:
     greedy: Greedy
 
 
-WAYS = {"proof": PROVED, "prediction": GUIDED, "noise": NOISY, "probability": AT_A_PROBABILITY}
+WAYS = {"proof": PROVED, "prediction": GUIDED, "noise": NOISY}
 PARTS = (
     Part(name="combining", ways=WAYS, goals={"proof": PROOF, "prediction": dict.fromkeys(PROOF, 0.20)}, sizes=SIZES),
     Part(
@@ -275,9 +269,7 @@ PARTS = (
     ),
     Part(
         name="reservation first",
-        ways={
-            name: replace(WAYS[name], minimise=Minimise.RESERVATION) for name in ("proof", "prediction", "probability")
-        },
+        ways={name: replace(WAYS[name], minimise=Minimise.RESERVATION) for name in ("proof", "prediction")},
         goals={"proof": PROOF, "prediction": PROOF},
         sizes=SIZES,
     ),
@@ -324,8 +316,6 @@ def _figures(part: Part, model: str, instances: Sequence[Done]) -> Iterable[Figu
         walked = median(result.of_the_walk for result in by_way[way])
         yield Figure(name=f"{name}, {way}: median of the walk", value=walked, at_most=goals.get(model))
         yield from _not_the_best(f"{name}, {way}", by_way[way], with_limit=way == "prediction" and bool(goals))
-    if "probability" in by_way:
-        yield from _stopped(name, by_way["probability"])
     if "noise" in by_way:
         yield from _with_noise(name, by_way["noise"])
 
@@ -387,15 +377,6 @@ def _upper(part: float, number: int) -> float:
     middle = part + z * z / 2 / number
     wide = z * (part * (1 - part) / number + z * z / 4 / number**2) ** 0.5
     return float((middle + wide) / (1 + z * z / number))
-
-
-def _stopped(name: str, results: Sequence[Result]) -> Iterable[Figure]:
-    at = f"at {100 * CONTENT:.0f} %"
-    short = [result for result in results if result.stopped]
-    wrong = sum(not one.optimal for one in short)
-    print(f"  {at}: {len(short)} of {len(results)} ended short of the proof, {wrong} of them not with the best")
-    if short:
-        yield Figure(name=f"{name}, {at}: not the best", value=100 * wrong / len(short), unit="%", at_most=5)
 
 
 def _with_noise(name: str, results: Sequence[Result]) -> Iterable[Figure]:

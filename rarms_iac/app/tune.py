@@ -72,7 +72,6 @@ class TuningResult:
     before: int
     after: int
     proved: bool
-    probability: float | None  # that no other layout is better; None: it is proved, or nothing is claimed
     contradictions: tuple[str, ...]
     partitions: tuple[TunedPartition, ...]
     trail: tuple[Answer, ...]
@@ -81,7 +80,7 @@ class TuningResult:
     @property
     def claim(self) -> str:
         """What is said of other layouts."""
-        return claim_of(self.proved, self.probability)
+        return claim_of(proved=self.proved)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +89,6 @@ class TuneRequest:
 
     strategy: Literal["default", "paper"] = "default"
     repeat: bool = False  # the paper's procedure goes on with the compound until the total fits
-    probability: float | None = None  # be content when no other layout is better with this probability; None: proof
     dry_run: bool = False  # measure, but leave the manifest as it is
     samples: int | None = None  # a setting; None: as `run.until` says
     on_busy_host: bool = False
@@ -117,7 +115,6 @@ class TuningEnd:
     cois: tuple[Coi, ...]  # as they are now, most critical first
     trail: tuple[Answer, ...] = ()
     proved: bool = False
-    probability: float | None = None  # that no other layout is better; None: it is proved, or nothing is claimed
     breaks: tuple[Break, ...] = ()
     unanswered: str = ""  # why a compound could not be measured
 
@@ -127,9 +124,7 @@ class TuningEnd:
         return tuple(coi for coi in self.cois if coi not in self.subject.cois)
 
     @staticmethod
-    def of(
-        subject: TuningSubject, asking: Inquiry, strategy: str, *, repeat: bool, probability: float | None = None
-    ) -> "TuningEnd":
+    def of(subject: TuningSubject, asking: Inquiry, strategy: str, *, repeat: bool) -> "TuningEnd":
         """Tune by this strategy, until there is an answer or somebody asks for an end."""
         trail: list[Answer] = []
         heard = replace(asking, reporter=_TrailReporter(asking.reporter, trail))
@@ -137,7 +132,7 @@ class TuningEnd:
         try:
             if strategy == "paper":
                 return _by_the_paper(before, heard, repeat=repeat)
-            return _by_the_graph(before, heard, probability)
+            return _by_the_graph(before, heard)
         except TuningStopped:
             return replace(before, trail=tuple(trail))
         except Unanswered as problem:
@@ -206,7 +201,7 @@ def _tune_held(
             subject=subject, bench=benches[bench.name], request=measuring, reporter=reporter, stop=stop
         )
         asking = Inquiry(oracle=oracle, reporter=planner_reporter, consent=consent, may_share=subject.may_share)
-        return TuningEnd.of(subject, asking, request.strategy, repeat=request.repeat, probability=request.probability)
+        return TuningEnd.of(subject, asking, request.strategy, repeat=request.repeat)
 
 
 class _TrailReporter:
@@ -239,14 +234,13 @@ def _by_the_paper(before: TuningEnd, asking: Inquiry, *, repeat: bool) -> Tuning
     return replace(before, ending=ending, cois=done.cois, trail=done.trail)
 
 
-def _by_the_graph(before: TuningEnd, asking: Inquiry, probability: float | None) -> TuningEnd:
+def _by_the_graph(before: TuningEnd, asking: Inquiry) -> TuningEnd:
     subject = before.subject
     most = min((subject.highest(coi.members) for coi in subject.cois), default=WHOLE)
     layout_fit = LayoutFit(subject=subject)
     tuning = replace(
         tuning_of(subject.cois, subject.objective(layout_fit), asking.may_share, most=most),
         predictor=subject.predictor,
-        probability=probability,
     )
     measurements = measurements_of(subject.hosts.manifest)
     recorded = recorded_answers(measurements, subject.bench, tuning.candidates, {subject.bench.name: subject.state})
@@ -264,7 +258,6 @@ def _by_the_graph(before: TuningEnd, asking: Inquiry, probability: float | None)
         cois=best.cois,
         trail=trail,
         proved=best.proved and not layout_fit.unsure,
-        probability=None if layout_fit.unsure else best.probability,
         breaks=best.breaks,
     )
 
@@ -336,7 +329,6 @@ def _result_of(end: TuningEnd, strategy: Literal["default", "paper"], system: Sy
         before=total(end.subject.cois),
         after=total(end.cois),
         proved=end.proved,
-        probability=end.probability,
         contradictions=tuple(broken.says for broken in end.breaks),
         partitions=tuple(
             TunedPartition(
@@ -381,5 +373,4 @@ def run_of_result(result: TuningResult) -> TuningRun:
             for answer in result.trail
         ),
         written=bool(result.written),
-        probability=result.probability,
     )

@@ -90,14 +90,7 @@ def _sentences(tuned: TuningResult) -> Sequence[str]:
 
 
 def _claims(tuned: TuningResult) -> Sequence[str]:
-    if tuned.proved:
-        return [f"No other layout is better, if {ASSUMED}."]
-    if tuned.probability is None:
-        return []
-    return [
-        f"{tuned.claim.capitalize()}: so likely no other layout is better, as far as predictions have erred here. "
-        "Without --probability the search goes on to the proof."
-    ]
+    return [f"No other layout is better, if {ASSUMED}."] if tuned.proved else []
 
 
 def _number(percent: int) -> str:
@@ -121,7 +114,6 @@ def tuned_json(tuned: TuningResult, findings: Sequence[Diagnostic]) -> str:
             before=tuned.before,
             after=tuned.after,
             proved=tuned.proved,
-            probability=tuned.probability,
             claim=tuned.claim,
             contradictions=tuned.contradictions,
             partitions=tuple(

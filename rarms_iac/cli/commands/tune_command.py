@@ -32,12 +32,6 @@ STRATEGIES = ("default", "paper")
     "[default: default]",
 )
 @click.option("--repeat", is_flag=True, help="With --strategy paper: go on with the compound until the total fits.")
-@click.option(
-    "--probability",
-    type=click.FloatRange(min=0.5, max=0.999),
-    help="Be content when no other layout is better with this probability, as predictions err: 0.95. "
-    "[default: go on to the proof]",
-)
 @click.option("--interactive/--yes", default=False, help="Ask before each combination is measured. [default: --yes]")
 @click.option("--dry-run", is_flag=True, help="Measure, but leave the manifest as it is.")
 @click.option("--trail", metavar="FILE", help="Write the settings that were asked for, in order, as CSV.")
@@ -52,7 +46,6 @@ def command(
     where: HostSelection,
     strategy: str,
     repeat: bool,
-    probability: float | None,
     interactive: bool,
     dry_run: bool,
     trail: str | None,
@@ -69,8 +62,6 @@ def command(
     """
     if repeat and strategy != "paper":
         raise click.UsageError("--repeat belongs to --strategy paper: the default looks at compounds of any size.")
-    if probability is not None and strategy == "paper":
-        raise click.UsageError("--probability belongs to the default strategy: the paper's procedure claims nothing.")
     if not dry_run:
         refuse_standard_input(source)
     if interactive:
@@ -79,7 +70,6 @@ def command(
     request = TuneRequest(
         strategy=cast(Literal["default", "paper"], strategy),
         repeat=repeat,
-        probability=probability,
         dry_run=dry_run,
         samples=samples,
         on_busy_host=on_busy_host,

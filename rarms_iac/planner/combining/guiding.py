@@ -1,118 +1,18 @@
-"""Which of the questions that matter tells most, and how likely no other layout is better: what prediction is for."""
+"""Which of the questions that matter tells most: what prediction is for (docs/decisions/0018)."""
 
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import takewhile
 from math import ceil
 
 from rarms_iac.planner.combining.candidates import Candidate, Candidates, Mask
-from rarms_iac.planner.combining.layouts import NEVER, PARTITIONS, Layouts, Least, Value
-from rarms_iac.planner.prediction.belief import SELDOM, Belief, Expectation, Hypothesis, Outlook, belief_of
+from rarms_iac.planner.prediction.belief import SELDOM, Belief, Expectation, Outlook, belief_of
 from rarms_iac.planner.prediction.members import Predictor
-
-_BITS = 0xFFFFFFFFFFFFFFFF
-_GOLDEN = 0.6180339887498949
-
-
-@dataclass(slots=True, kw_only=True)
-class World:
-    """One way in which all may be; what a compound needs there is drawn when it is first asked for."""
-
-    number: int
-    layouts: Layouts  # at the lower ends
-    outlook: Callable[[Mask], Outlook]
-    way: Hypothesis
-    needs: dict[Mask, int] = field(default_factory=dict)  # CR, of those that were drawn
-    _costs: dict[Mask, Least] = field(default_factory=dict)
-    _least: dict[Mask, Least] = field(default_factory=lambda: {0: 0})
-    _more_than: dict[Mask, Least] = field(default_factory=dict)  # where it was given up
-
-    def need(self, mask: Mask) -> int:
-        """The CR that the compound needs here."""
-        found = self.needs.get(mask)
-        if found is None:
-            found = self.needs[mask] = self.way.need(self.outlook(mask), _drawn(self.number, mask))
-        return found
-
-    def _cost(self, block: Mask) -> Least:
-        found = self._costs.get(block)
-        if found is None:
-            candidate, need = self.layouts.candidates.by_mask[block], self.need(block)
-            found = (need * candidate.coi.processors << PARTITIONS) + 1 if need <= candidate.highest else NEVER
-            self._costs[block] = found
-        return found
-
-    def least(self, mask: Mask, most: Least) -> Least:
-        """As of `Layouts`, here, where it is at most so much; otherwise something more than that."""
-        found = self._least.get(mask)
-        if found is not None:
-            return found
-        if most < max(self._more_than.get(mask, -1) + 1, self.layouts.least(mask)):
-            return most + 1
-        found = most + 1
-        for block in self.layouts.blocks(mask):
-            left = mask ^ block
-            at_least = self.layouts.least(left)
-            if self.layouts.cost(block) + at_least < found and (cost := self._cost(block)) + at_least < found:
-                found = min(found, cost + self.least(left, found - cost - 1))
-        if found <= most:
-            self._least[mask] = found
-        else:
-            self._more_than[mask] = most
-        return found
-
-    def better(self, sets: Iterable[tuple[Mask, Least]]) -> tuple[Mask, ...] | None:
-        """The compounds of a layout in which one of these sets shares and needs at most so much; None: there is none.
-
-        NOTE: hosts are not looked at. So it may fit none, and another layout seems better rather than none.
-        """
-        for mask, most in sets:
-            if self.least(mask, most) <= most:
-                return tuple(self._blocks_of(mask))
-        return None
-
-    def _blocks_of(self, shared: Mask) -> Iterator[Mask]:
-        while shared:
-            least = self._least[shared]
-            block = next(part for part in self.layouts.blocks(shared) if self._makes(part, shared ^ part, least))
-            yield block
-            shared ^= block
-
-    def _makes(self, block: Mask, left: Mask, least: Least) -> bool:
-        """Whether the least of a set is this compound with the least of what is left."""
-        if self.layouts.cost(block) + self.layouts.least(left) > least:
-            return False
-        rest = least - self._cost(block)
-        return rest >= 0 and self.least(left, rest) == rest
-
-
-def _drawn(world: int, mask: Mask) -> float:
-    """From 0 to 1, always the same: splitmix64 (G. Steele, D. Lea and C. Flood, OOPSLA 2014)."""
-    state = (world * 0x9E3779B97F4A7C15 + mask * 0xD1B54A32D192ED03 + 0x632BE59BD9B4E019) & _BITS
-    state = ((state ^ (state >> 30)) * 0xBF58476D1CE4E5B9) & _BITS
-    state = ((state ^ (state >> 27)) * 0x94D049BB133111EB) & _BITS
-    return ((state ^ (state >> 31)) >> 11) / (1 << 53)
-
-
-def worlds(layouts: Layouts, outlook: Callable[[Mask], Outlook], belief: Belief, number: int) -> Iterator[World]:
-    """So many, each hypothesis in as many of them as it weighs; always the same ones."""
-    for at in range(number):
-        way = belief.drawn((at * _GOLDEN + 0.5 / number) % 1.0)
-        yield World(number=at, layouts=layouts, outlook=outlook, way=way)
-
 
 BEYOND = 0.2
 """What a bound that rises beyond what this layout can bear is worth: it may rule out others."""
 
 LIKE = 30
 """What is expected of needs below those of a part counts as if it had been seen of so many compounds."""
-
-MARGIN = 1.5
-"""So many times fewer of them than the probability allows: the hypotheses themselves are not quite right."""
-
-BETTER = 5
-"""Worlds with a better layout among those that are looked at, where the probability asked for is just reached."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,15 +40,6 @@ class Guide:
         if all(prediction is None for prediction in self.outlook(mask).said):
             return None
         return self.expected(mask).quantile(0.5)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Doubt:
-    """Worlds in which another layout is better, and its compounds there."""
-
-    found: tuple[tuple[World, tuple[Mask, ...]], ...]
-    looked_at: int
-    enough: bool  # so few that the probability asked for is reached
 
 
 def guide_of(known: Candidates, predictor: Predictor) -> Guide:
@@ -231,38 +122,3 @@ def _worth_most(expected: Expectation, candidate: Candidate, room: int, *, holds
         left += [(middle + 1, last, needs_more)] if middle < last else []
         left += [(first, middle - 1, more)] if first < middle else []
     return best
-
-
-def doubt_of(guide: Guide, layouts: Layouts, than: Value, probability: float) -> Doubt:
-    """In how many of the worlds that may be a layout is better than that one, which was seen to hold.
-
-    Hosts are not looked at, so some of these may fit nowhere: the doubt is rather too large.
-    """
-    ranked = takewhile(lambda shared: shared.value[0] <= than[0], layouts.ranked())
-    sets = [
-        (shared.mask, layouts.less_than(than, shared.mask, shared.rest)) for shared in ranked if shared.value < than
-    ]
-    number = ceil(MARGIN * (BETTER + 1) / (1.0 - probability))  # rule of succession (P. Laplace, 1774)
-    found = []
-    for looked_at, world in enumerate(worlds(layouts, guide.outlook, guide.belief, number), start=1):
-        blocks = world.better(sets)
-        if blocks is not None:
-            found.append((world, blocks))
-        if len(found) > BETTER:
-            return Doubt(found=tuple(found), looked_at=looked_at, enough=False)
-    return Doubt(found=tuple(found), looked_at=number, enough=True)
-
-
-def settles_most(doubt: Doubt, known: Candidates) -> tuple[Candidate, int] | None:
-    """The compound that is in most of the better layouts, with a CR that takes about half of the doubt away.
-
-    None: there is nothing to be asked of them; what is better uses compounds whose needs are known.
-    """
-    often = Counter(mask for _, blocks in doubt.found for mask in blocks if not known.by_mask[mask].is_known)
-    if not often:
-        return None
-    mask = max(often, key=lambda each: (often[each], each))
-    candidate = known.by_mask[mask]
-    needs = sorted(world.need(mask) for world, blocks in doubt.found if mask in blocks)
-    part = 1.0 - len(doubt.found) / doubt.looked_at / 2
-    return candidate, max(candidate.low, min(needs[min(len(needs) - 1, int(part * len(needs)))], highest(candidate)))

@@ -200,22 +200,6 @@ class Layouts:
         """How many there are when these share so many."""
         return len(self._alone) - shared.bit_count() + compounds
 
-    def less_than(self, than: Value, shared: Mask, rest: int) -> Least:
-        """The most that these may reserve together, and in how many partitions, for a layout better than that one.
-
-        Below 0: it cannot be. What exceeds the capacity is none.
-        """
-        first, second, partitions = than
-        key = self.key(shared)
-        reserved, limit = (second, first) if self.objective.minimise is Minimise.COMBINING else (first, second)
-        same = (reserved - rest << PARTITIONS) + partitions - self.partitions(shared, 0) - 1
-        if key == limit:
-            return min(same, self._room(rest))
-        if self.objective.minimise is Minimise.COMBINING:
-            return self._room(rest) if key < limit else -1
-        less = (reserved - rest + (key < limit) << PARTITIONS) - 1
-        return min(less, self._room(rest))
-
     def _room(self, rest: int) -> Least:
         return (self.objective.capacity - rest + 1 << PARTITIONS) - 1
 

@@ -15,10 +15,8 @@ from rarms_iac.planner.combining.candidates import (
 )
 from rarms_iac.planner.combining.guiding import (
     Guide,
-    doubt_of,
     guide_of,
     raises_most,
-    settles_most,
 )
 from rarms_iac.planner.combining.layouts import LayoutChoice, Layouts, Objective
 from rarms_iac.planner.combining.oracle import WHOLE, Answer, Coi, Members, total
@@ -43,17 +41,11 @@ class Best:
     total: int  # in per cent of one logical processor
     breaks: tuple[Break, ...]  # answers that contradict the assumption: with any, nothing is proved
     complete: bool  # whether every layout was considered
-    stopped_at: float | None = None  # the probability at which it stopped, short of a proof
 
     @property
     def proved(self) -> bool:
         """No other layout is better, under the assumption of `planner.prediction.floor`."""
-        return self.complete and not self.breaks and self.stopped_at is None
-
-    @property
-    def probability(self) -> float | None:
-        """No other layout is better with at least this probability, as predictions err; None: proved, or no claim."""
-        return self.stopped_at if self.complete and not self.breaks else None
+        return self.complete and not self.breaks
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +73,6 @@ class Tuning:
     complete: bool  # whether these candidates are all that the objective could choose
     every_size: bool  # whether compounds may have any number of parts
     predictor: Predictor = NOTHING
-    probability: float | None = None  # that is enough; None: go on to the proof
 
 
 def tuning_of(
@@ -132,13 +123,8 @@ class QuestionSearch:
         if holds is not None and layouts.value(holds) == layouts.value(best):
             return _best(tuning, seen, holds, known.breaks)
         guide = guide_of(known, tuning.predictor)
-        chosen = None
-        if holds is not None and tuning.probability is not None:
-            doubt = doubt_of(guide, layouts, layouts.value(holds), tuning.probability)
-            if doubt.enough:
-                return replace(_best(tuning, seen, holds, known.breaks), stopped_at=tuning.probability)
-            chosen = settles_most(doubt, known)
-        candidate, reserve = chosen or raises_most(guide, unknown, _room(tuning, best, holds), holds=holds is not None)
+        room = _room(tuning, best, holds)
+        candidate, reserve = raises_most(guide, unknown, room, holds=holds is not None)
         return _question(guide, candidate, reserve)
 
     def _looked_at(self, known: Candidates) -> Layouts:

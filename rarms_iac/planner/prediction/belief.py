@@ -8,7 +8,6 @@ host, that shows after a few compounds; where none does, what remains is wide, a
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from itertools import accumulate
 from math import ceil, exp, log
 
 BIASES = (-0.2, 0.0, 0.2)
@@ -85,12 +84,6 @@ class Hypothesis:
         low = self.below(outlook, outlook.low - 1) if outlook.low > outlook.neediest - outlook.slack else 0.0
         return low, 1.0 if outlook.passed is None else self.below(outlook, outlook.passed)
 
-    def need(self, outlook: Outlook, chance: float) -> int:
-        """What it needs, where the probability of less is `chance` (0 to 1) after all that is known."""
-        low, high = self.bounds(outlook)
-        wanted = low + chance * (high - low)
-        return _first(outlook.low, outlook.most, lambda reserve: self.below(outlook, reserve) >= wanted)
-
 
 @lru_cache(maxsize=1 << 18)
 def _below(bias: float, error: float, neediest: float, together: float, said: float | None, reserve: float) -> float:
@@ -150,14 +143,6 @@ class Belief:
                 parts.append((way, weight / (high - low), low))
         left = sum(weight * (way.bounds(outlook)[1] - low) for way, weight, low in parts)
         return Expectation(outlook=outlook, parts=tuple((way, weight / left, low) for way, weight, low in parts))
-
-    def drawn(self, chance: float) -> Hypothesis:
-        """One of the hypotheses, as likely as it weighs; `chance`: from 0 to 1."""
-        ways = list(self.weights)
-        for way, reached in zip(ways, accumulate(self.weights.values()), strict=True):
-            if chance < reached:
-                return way
-        return ways[-1]
 
 
 def belief_of(ways: int, seen: Sequence[Outlook]) -> Belief:

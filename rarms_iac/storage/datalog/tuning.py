@@ -5,11 +5,9 @@ the manifest. It is there for whoever asks why components share a partition.
 """
 
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from pathlib import Path
 from typing import Literal
 
-from rarms_iac.model.quantities import show_percent
 from rarms_iac.storage.append import Damaged, append, read_records
 from rarms_iac.storage.codec import NotDecodable, decode, encode
 from rarms_iac.storage.datalog.files import FOLDER, LogUnreadable
@@ -59,23 +57,16 @@ class TuningRun:
     partitions: tuple[TunedPartition, ...]
     trail: tuple[TrailSetting, ...]
     written: bool  # into the manifest
-    probability: float | None = None  # that no other layout is better; None: it is proved, or nothing is claimed
 
     @property
     def claim(self) -> str:
         """What is said of other layouts."""
-        return claim_of(self.proved, self.probability)
+        return claim_of(proved=self.proved)
 
 
-def claim_of(proved: bool, probability: float | None) -> str:
-    """`proved`; `not proved, at least 95 %`; or just `not proved`."""
-    if proved:
-        return "proved"
-    return "not proved" if probability is None else f"not proved, at least {show_percent(_percent(probability))}"
-
-
-def _percent(probability: float) -> Fraction:
-    return Fraction(str(probability)) * 100
+def claim_of(*, proved: bool) -> str:
+    """`proved`, or `not proved`."""
+    return "proved" if proved else "not proved"
 
 
 def tuning_path(folder: Path, platform: str) -> Path:
@@ -99,6 +90,10 @@ def append_run(path: Path, run: TuningRun) -> None:
     append(path, record)
 
 
+_NO_LONGER_WRITTEN = "probability"
+"""A field of runs that were recorded before it went."""
+
+
 def read_runs(path: Path) -> tuple[TuningRun, ...]:
     """All runs, oldest first; none where there is no file.
 
@@ -113,7 +108,8 @@ def read_runs(path: Path) -> tuple[TuningRun, ...]:
     runs: list[TuningRun] = []
     for line, record in enumerate(records, start=1):
         try:
-            runs.append(decode(TuningRun, record))
+            known = {name: value for name, value in record.items() if name != _NO_LONGER_WRITTEN}
+            runs.append(decode(TuningRun, known))
         except NotDecodable as problem:
             raise LogUnreadable(path, line, str(problem)) from None
     return tuple(runs)

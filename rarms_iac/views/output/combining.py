@@ -48,7 +48,6 @@ class TuneOutput:
     before: int
     after: int
     proved: bool  # that no other layout is better, under the assumption of docs/combining.md
-    probability: float | None  # not proved, but at least so likely; null: proved, or nothing is claimed
     claim: str  # proved; not proved; not proved, at least 95 %
     contradictions: tuple[str, ...]
     partitions: tuple[CombinedOutput, ...]

@@ -216,8 +216,6 @@ def tuning_text(tuning: PlatformTuning) -> str:
     before, after, capacity = (_processors(amount) for amount in (run.before, run.after, run.capacity))
     result = f"{before} became {after} of {capacity}" if run.before != run.after else f"{before} of {capacity}"
     proof = f" No other layout is better, if {ASSUMED}." if run.proved else ""
-    if run.probability is not None:
-        proof = f" {run.claim.capitalize()}: so likely no other layout is better, as far as predictions have erred."
     broken = f" Nothing is proved: {'; '.join(run.contradictions)}." if run.contradictions else ""
     written = "" if run.written or run.ending != "successful" else " The manifest was left as it is."
     named = (run.message or run.ending.replace("_", " ")).capitalize()

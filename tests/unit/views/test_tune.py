@@ -14,7 +14,7 @@ from rarms_iac.views.tune import TuningProgress, tuned_json, tuned_text
 from tests.unit.views.test_json import check
 
 
-def tuned(*, proved: bool, probability: float | None) -> TuningResult:
+def tuned(*, proved: bool) -> TuningResult:
     return TuningResult(
         platform="two-core",
         hosts=("onboard",),
@@ -25,7 +25,6 @@ def tuned(*, proved: bool, probability: float | None) -> TuningResult:
         before=230,
         after=190,
         proved=proved,
-        probability=probability,
         contradictions=(),
         partitions=(),
         trail=(
@@ -36,11 +35,11 @@ def tuned(*, proved: bool, probability: float | None) -> TuningResult:
 
 
 @pytest.mark.parametrize(
-    ("proved", "probability", "claim"),
-    [(True, None, "proved"), (False, 0.95, "not proved, at least 95 %"), (False, None, "not proved")],
+    ("proved", "claim"),
+    [(True, "proved"), (False, "not proved")],
 )
-def test_the_claim_is_the_same_everywhere(proved: bool, probability: float | None, claim: str) -> None:
-    ended = tuned(proved=proved, probability=probability)
+def test_the_claim_is_the_same_everywhere(proved: bool, claim: str) -> None:
+    ended = tuned(proved=proved)
     told, run = tuned_json(ended, ()), run_of_result(ended)
     check(told)
     _, *rows = trail_rows([PlatformTuning(platform="two-core", run=run)])
@@ -49,7 +48,6 @@ def test_the_claim_is_the_same_everywhere(proved: bool, probability: float | Non
     assert [row[-2:] for row in rows] == [(44, ""), (44, claim)]
     text = render(tuned_text(ended))
     assert ("No other layout is better, if" in text) is proved
-    assert ("Not proved, at least 95 %" in text) is (probability is not None)
 
 
 def test_every_answer_is_a_line_in_a_pipe_and_a_row_of_the_table_on_a_terminal() -> None:
@@ -60,7 +58,7 @@ def test_every_answer_is_a_line_in_a_pipe_and_a_row_of_the_table_on_a_terminal()
         TuningProgress(lambda text: pipe.append(render(text))),
         TuningProgress(lambda text: terminal.append(render(text)), live),
     ):
-        for answer in tuned(proved=True, probability=None).trail:
+        for answer in tuned(proved=True).trail:
             progress.setting_answered(answer)
         progress.ended()
 

@@ -56,31 +56,6 @@ def test_good_predictions_save_questions() -> None:
     assert asked[0.5] < 0.8 * asked[-1.0]
 
 
-def test_at_a_probability_it_ends_sooner_and_claims_no_proof() -> None:
-    settings = {"proof": 0, "0.9": 0}
-    stopped = best = 0
-    for seed in SEEDS:
-        tuning, needs = problem(seed)
-        whole = replace(guided(tuning, needs, 0.5), complete=True)
-        proof, trail = search(whole, Inquiry(oracle=Needs(needs)))
-        found, shorter = search(replace(whole, probability=0.9), Inquiry(oracle=Needs(needs)))
-        settings["proof"] += len(trail)
-        settings["0.9"] += len(shorter)
-        assert isinstance(found, Best)
-        assert isinstance(proof, Best)
-        assert proof.proved
-        assert proof.probability is None
-        assert found.proved is (found.probability is None)
-        assert found.probability in (None, 0.9)
-        stopped += found.probability is not None
-        best += found.total == proof.total
-        assert all(coi.reserve >= needs.get(coi.members, coi.reserve) for coi in found.cois), "what is said holds"
-
-    assert settings["0.9"] < settings["proof"]
-    assert stopped >= len(SEEDS) // 2
-    assert best >= 0.8 * len(SEEDS)
-
-
 class Hearing(SilentReporter):
     """A reporter that keeps the answers."""
 
@@ -104,7 +79,7 @@ def test_what_is_expected_is_told_with_every_question() -> None:
 
 def test_the_same_answers_lead_to_the_same_questions() -> None:
     tuning, needs = problem(1)
-    tuning = replace(guided(tuning, needs, 2.0), probability=0.95)
+    tuning = guided(tuning, needs, 2.0)
     whole, trail = search(tuning, Inquiry(oracle=Needs(needs)))
 
     for kept in (1, len(trail) // 2, len(trail) - 1):

@@ -1,9 +1,5 @@
 """What is expected: between what is known, wide at first, and as narrow as the predictions have shown to be good."""
 
-import random
-
-import pytest
-
 from rarms_iac.planner.prediction.belief import Belief, Outlook, belief_of
 
 
@@ -35,25 +31,3 @@ def test_a_bias_is_learnt() -> None:
     over = [outlook(said, failed=int(said) - 7, passed=int(said) - 6) for said in (50.0, 53.0, 58.0, 61.0, 65.0)]
 
     assert abs(belief_of(1, over).of(outlook(60.0)).quantile(0.5) - 54) <= 2
-
-
-@pytest.mark.parametrize("said", [45.0, 90.0, None])
-def test_nothing_is_expected_outside_of_what_is_known(said: float | None) -> None:
-    belief = belief_of(1, [])
-    one = outlook(said, failed=49, passed=55)
-    expected = belief.of(one)
-
-    assert (expected.below(49), expected.below(55)) == (0.0, 1.0)
-    assert [expected.below(at) for at in range(49, 56)] == sorted(expected.below(at) for at in range(49, 56))
-    drawn = [belief.drawn(at / 20).need(one, random.Random(at).random()) for at in range(20)]
-    assert min(drawn) >= 50
-    assert max(drawn) <= 55
-
-
-def test_what_is_drawn_is_as_likely_as_the_belief_says() -> None:
-    chance, belief, one = random.Random(1), belief_of(1, []), outlook(50.0)
-    drawn = [belief.drawn(chance.random()).need(one, chance.random()) for _ in range(2000)]
-
-    for reserve in (42, 50, 58, 66):
-        part = sum(each <= reserve for each in drawn) / len(drawn)
-        assert abs(part - belief.of(one).below(reserve)) < 0.05
