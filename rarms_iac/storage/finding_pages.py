@@ -23,27 +23,3 @@ def severity_line(page: str) -> str:
 def may_be_accepted(page: str) -> bool:
     """Whether `policy.accept` may name it: a warning, or an error whose page says so."""
     return severity_line(page) in {"warning", "error, can be accepted"}
-
-
-def index_of_pages() -> str:
-    """`docs/diagnostics.md`: every finding with its severity, summary and page."""
-    rows = [_row(code, finding_page(code) or "") for code in known_codes()]
-    return "\n".join([_HEAD, *rows]) + "\n"
-
-
-def _row(code: str, page: str) -> str:
-    summary = page.splitlines()[0].removeprefix(f"# {code}: ")
-    return f"| [{code}](findings/{code}.md) | {severity_line(page)} | {summary} |"
-
-
-_HEAD = """\
-# Findings
-
-Everything that rarms can tell of, by its stable id. `rarms explain RARMS014` shows a finding's page. How findings are
-accepted, and which, says the manifest's `policy.accept`; how they come out, `--output text`, `json`, `sarif`, `junit`
-or `github`.
-
-<!-- Made from the pages in docs/findings/ by scripts/findings_index.py; a test compares. -->
-
-| id | severity | summary |
-| --- | --- | --- |"""

@@ -7,8 +7,9 @@ import pytest
 
 import rarms_iac
 from rarms_iac.model.diagnostics import Finding
-from rarms_iac.storage.finding_pages import finding_page, index_of_pages, known_codes, may_be_accepted, severity_line
+from rarms_iac.storage.finding_pages import finding_page, known_codes, may_be_accepted, severity_line
 from rarms_iac.storage.shipped import shipped
+from scripts.findings_index import index_of_pages
 
 
 def findings_of_the_package() -> dict[str, tuple[str, Finding]]:

@@ -11,7 +11,7 @@ import jsonschema
 import pytest
 
 from rarms_iac.storage.shipped import shipped
-from rarms_iac.views.as_json import output_schema
+from scripts.output_schema import output_schema
 from tests.needs import CHECKOUT
 from tests.unit.cli.running import rarms
 from tests.unit.running.programs import same_everywhere

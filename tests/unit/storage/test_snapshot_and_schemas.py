@@ -6,9 +6,9 @@ import jsonschema
 import pytest
 
 from rarms_iac.model.state import State
-from rarms_iac.storage.file_schemas import SCHEMAS, plan_schema, snapshot_schema, text_of
 from rarms_iac.storage.plan_file import identified, write_plan
 from rarms_iac.storage.snapshot_file import SnapshotUnreadable, read_snapshot, write_snapshot
+from scripts.file_schemas import SCHEMAS, plan_schema, snapshot_schema, text_of
 from tests.builders_plan import a_rich_plan, facts, partition, plan, task
 
 FOLDER = Path(__file__).parents[3] / "schemas"
@@ -22,7 +22,7 @@ def a_state() -> State:
 def test_the_schemas_are_made_from_the_types(name: str) -> None:
     held = (FOLDER / f"{name}.json").read_text(encoding="utf-8")
 
-    assert held == text_of(SCHEMAS[name]()), "run: python -m rarms_iac.storage.file_schemas schemas"
+    assert held == text_of(SCHEMAS[name]()), "run: python -m scripts.file_schemas schemas"
 
 
 def test_plan_files_and_snapshots_are_as_their_schemas_say() -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from rarms_iac.storage.file_schemas import data_log_schema
+from scripts.file_schemas import data_log_schema
 from tests.unit.storage.datalog.test_files import a_file
 
 

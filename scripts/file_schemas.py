@@ -1,4 +1,4 @@
-"""The JSON Schemas of data logs, plan files and snapshots: `python -m rarms_iac.storage.file_schemas schemas`."""
+"""The JSON Schemas of data logs, plan files and snapshots: `python -m scripts.file_schemas schemas`."""
 
 import json
 import sys
@@ -9,8 +9,8 @@ from rarms_iac.model.plan import Plan
 from rarms_iac.model.state import State
 from rarms_iac.storage.datalog.files import REMEASUREMENT_FIELD
 from rarms_iac.storage.datalog.log import FORMAT, Header, Provenance, Remeasurement
-from rarms_iac.storage.json_schema import Schema, schema_of
 from rarms_iac.storage.snapshot_file import FORMAT as SNAPSHOT_FORMAT
+from scripts.schema_of_types import Schema, schema_of
 
 _NUMBERS: Schema = {"type": "array", "items": {"type": "number"}}
 _SEAL: dict[str, Schema] = {

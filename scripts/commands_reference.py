@@ -1,6 +1,6 @@
 """The text of `docs/commands.md`: what every `--help` says, in one page.
 
-`python -m rarms_iac.cli.reference > docs/commands.md` writes it.
+`python -m scripts.commands_reference > docs/commands.md` writes it.
 """
 
 import sys
@@ -14,7 +14,7 @@ WIDTH = 80
 
 HEAD = """# Commands
 
-<!-- Generated: python -m rarms_iac.cli.reference > docs/commands.md. A test compares. -->
+<!-- Generated: python -m scripts.commands_reference > docs/commands.md. A test compares. -->
 
 What each `--help` says. Data goes to standard output, talk to standard error.
 

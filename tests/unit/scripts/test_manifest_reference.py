@@ -9,8 +9,8 @@ import pytest
 from rarms_iac.manifest.document.schema import manifest_schema
 from rarms_iac.manifest.edit.formatting import format_text
 from rarms_iac.manifest.edit.order import MANIFEST, ValueShape
-from rarms_iac.manifest.reference import examples, reference_markdown
 from rarms_iac.manifest.text.reading import read_text
+from scripts.manifest_reference import examples, reference_markdown
 
 _NAMED = {"HostBlock", "ComponentBlock", "PartitionBlock", "TaskBlock", "AcceptanceBlock"}
 _NAMED |= {"BusyLoopBlock", "BrowserBlock", "CommandLoadBlock"}
