@@ -22,7 +22,7 @@ test: $(TESTS) ## All tests, with branch coverage
 test-long: $(TESTS) ## The same tests with the large counts (many times longer)
 	@RARMS_LONG=1 scripts/test
 
-lint: $(TESTS) ## ruff, mypy and the import contracts
+lint: $(TESTS) ## ruff, mypy, the import contracts, dead code and the house rules
 	@scripts/lint
 
 test-windows: $(TESTS) ## The unit, case and law tests under the real Windows CPython (wine)

@@ -8,7 +8,17 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from rarms_iac.model.diagnostics import Diagnostic, Place
-from rarms_iac.model.quantities import Bytes, Milliseconds, Percent, Unit, cpu_amount, parse_quantity
+from rarms_iac.model.quantities import (
+    Bytes,
+    CpuAmount,
+    LogicalProcessors,
+    Milliseconds,
+    Percent,
+    ProcessorTime,
+    ShareOfHost,
+    Unit,
+    parse_quantity,
+)
 from rarms_iac.model.system import (
     Application,
     AtLeast,
@@ -48,6 +58,12 @@ from rarms_iac.model.system import (
     TaskWish,
     Threshold,
 )
+
+
+def cpu_amount(text: str) -> CpuAmount:
+    """`70 %` or `1.4 LP` as an amount."""
+    kind, value = parse_quantity(text, Unit.SHARE, Unit.PROCESSORS)
+    return ShareOfHost(Percent(value)) if kind is Unit.SHARE else ProcessorTime(LogicalProcessors(value))
 
 
 def milliseconds(text: str) -> Milliseconds:

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any, cast
 
-from rarms_iac.providers.hyperv.observation import HostObservation, observation_of, read_observation
+from rarms_iac.providers.hyperv.observation import HostObservation, document_of, observation_of
 
 FOLDER = Path(__file__).parent / "recorded" / "hyperv"
 NAMES = sorted(path.stem for path in FOLDER.glob("*.json"))
@@ -13,6 +13,11 @@ NAMES = sorted(path.stem for path in FOLDER.glob("*.json"))
 def recorded_bytes(name: str) -> bytes:
     """The file as it lies there."""
     return (FOLDER / f"{name}.json").read_bytes()
+
+
+def read_observation(data: bytes) -> HostObservation:
+    """The observation that a script's output holds."""
+    return observation_of(document_of(data))
 
 
 def document(name: str) -> dict[str, Any]:

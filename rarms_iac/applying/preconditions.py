@@ -11,7 +11,6 @@ SCHEDULER = Finding(
     code="RARMS159",
     severity=Severity.ERROR,
     summary="The host's scheduler does not honour reserves",
-    acceptable=True,
 )
 
 

@@ -8,8 +8,8 @@ from rarms_iac.model.system import Acceptance, Policy
 from rarms_iac.model.wording import suggestion
 from rarms_iac.storage.finding_pages import finding_page, known_codes, may_be_accepted, severity_line
 
-EXPIRED = Finding(code="RARMS095", severity=Severity.WARNING, summary="An acceptance has expired", acceptable=False)
-UNUSED = Finding(code="RARMS096", severity=Severity.WARNING, summary="An acceptance is not used", acceptable=False)
+EXPIRED = Finding(code="RARMS095", severity=Severity.WARNING, summary="An acceptance has expired")
+UNUSED = Finding(code="RARMS096", severity=Severity.WARNING, summary="An acceptance is not used")
 UNKNOWN = Finding(code="RARMS097", severity=Severity.ERROR, summary="An acceptance of a finding that does not exist")
 REFUSED = Finding(
     code="RARMS098", severity=Severity.ERROR, summary="An acceptance names a finding that cannot be accepted"

@@ -47,12 +47,6 @@ class Finding:
     code: str
     severity: Severity
     summary: str
-    acceptable: bool | None = None  # may `policy.accept` silence it; None: as its severity says (warnings only)
-
-    @property
-    def can_be_accepted(self) -> bool:
-        """Whether `policy.accept` may name it: every warning, and the errors whose page says so."""
-        return self.severity is Severity.WARNING if self.acceptable is None else self.acceptable
 
     def at(
         self,

@@ -13,7 +13,6 @@ from typing import NewType
 
 Milliseconds = NewType("Milliseconds", Fraction)
 Bytes = NewType("Bytes", int)
-PerSecond = NewType("PerSecond", Fraction)
 Percent = NewType("Percent", Fraction)
 LogicalProcessors = NewType("LogicalProcessors", Fraction)
 
@@ -100,16 +99,6 @@ class ProcessorTime:
 
 CpuAmount = ShareOfHost | ProcessorTime
 """A reservation or limit as the manifest may write it (DESIGN section 3, Units)."""
-
-
-def cpu_amount(text: str) -> CpuAmount:
-    """`70 %` or `1.4 LP` as an amount.
-
-    Raises:
-        NotAQuantity: it is neither.
-    """
-    kind, value = parse_quantity(text, Unit.SHARE, Unit.PROCESSORS)
-    return ShareOfHost(Percent(value)) if kind is Unit.SHARE else ProcessorTime(LogicalProcessors(value))
 
 
 def in_processors(amount: CpuAmount, host_processors: int) -> LogicalProcessors:

@@ -113,12 +113,6 @@ def names() -> tuple[str, ...]:
     return tuple(sorted(table.name for table in _tables().values()))
 
 
-def in_both(name: str, module: str = "") -> bool:
-    """Whether 5.1 and 7 both have it."""
-    cmdlet_facts = cmdlet(name, module)
-    return cmdlet_facts is not None and cmdlet_facts.in_7
-
-
 def problems_of_call(
     called: Cmdlet, given: Collection[str], *, positional: int = 0, piped: bool = False
 ) -> tuple[CallProblem, ...]:

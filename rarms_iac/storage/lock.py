@@ -5,14 +5,11 @@ there cannot be read. It excludes threads as well as processes. The file stays w
 would let two hold "it" at once.
 """
 
-import getpass
 import os
-import socket
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from pathlib import Path
 
 from rarms_iac.storage.reading import open_regular
@@ -29,12 +26,6 @@ class Locked(Exception):
         super().__init__(f"{path} is held by {owner}")
         self.path = path
         self.owner = owner
-
-
-def this_process(command: str, now: datetime | None = None) -> str:
-    """The owner's name: user, computer, process, since when, and what it does."""
-    since = (now or datetime.now(UTC)).astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-    return f"{_user()}@{socket.gethostname()}, process {os.getpid()}, since {since}, {command}"
 
 
 @contextmanager
@@ -93,13 +84,6 @@ def _write(descriptor: int, owner: str) -> None:
     os.lseek(descriptor, 0, os.SEEK_SET)
     if text:
         os.write(descriptor, text + b"\n")
-
-
-def _user() -> str:
-    try:
-        return getpass.getuser()
-    except (OSError, KeyError, ImportError):  # no name for this user id; on Windows no environment says it
-        return "unknown"
 
 
 if sys.platform == "win32":

@@ -18,12 +18,12 @@ from unittest.mock import patch
 from rarms_iac.applying.prepare import Request, prepare
 from rarms_iac.manifest.load import load
 from rarms_iac.model.plan import Plan, Purpose
-from rarms_iac.providers.hyperv.observation import read_observation
 from rarms_iac.providers.hyperv.parse import to_state
 from rarms_iac.storage.plan_file import read_plan
 from rarms_iac.views.console import render
 from rarms_iac.views.finding_forms import OutputFormat, render_findings
 from rarms_iac.views.plan import plan_text
+from tests.recorded_hosts import read_observation
 from tests.twin.host import WindowsHost
 from tests.twin.observing import host_from
 from tests.unit.cli.running import rarms

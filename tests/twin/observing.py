@@ -8,8 +8,8 @@ from typing import Any
 
 from rarms_iac.model.state import State
 from rarms_iac.powershell.render import render_observe
-from rarms_iac.providers.hyperv.observation import read_observation
 from rarms_iac.providers.hyperv.parse import to_state
+from tests.recorded_hosts import read_observation
 from tests.twin.host import Entry, Vm, WindowsHost
 from tests.twin.hyperv import CHILD
 from tests.twin.run import observe

@@ -7,10 +7,10 @@ import pytest
 from rarms_iac.app.wiring import read_script_output
 from rarms_iac.model.state import Rights
 from rarms_iac.providers.hyperv.condition import findings_of
-from rarms_iac.providers.hyperv.observation import read_observation
 from rarms_iac.providers.hyperv.run import LiveHypervHost
 from rarms_iac.providers.interface import ExaminableHost, HostFailed, RecordableHost
 from tests.builders import a_host, codes
+from tests.recorded_hosts import read_observation
 from tests.twin.cell import apply
 from tests.twin.cells import everything, fresh
 from tests.twin.host import WindowsHost

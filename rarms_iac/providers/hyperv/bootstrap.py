@@ -13,9 +13,6 @@ from functools import cache
 from rarms_iac.powershell.templates import as_script, read
 from rarms_iac.providers.interface import ScriptBundle, WaitLimits
 
-LONGEST_COMMAND = 8191
-"""Characters of a command line that cmd.exe takes, which Windows' sshd starts by default."""
-
 READY = "rarms-bootstrap/1 ready"
 FAILED = "rarms-bootstrap/1 failed"
 FAILED_CODE = 90

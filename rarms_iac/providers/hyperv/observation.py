@@ -221,15 +221,6 @@ def is_denied(probe: Probe[Any]) -> bool:
     return isinstance(probe, UnreadProbe) and probe.denied
 
 
-def read_observation(data: bytes) -> HostObservation:
-    """The observation that a file or a script's output holds, in UTF-8 or UTF-16 as PowerShell's `>` writes it.
-
-    Raises:
-        NotDecodable: it is none, or of another format.
-    """
-    return observation_of(document_of(data))
-
-
 def document_of(data: bytes) -> Json:
     """The JSON of a file, whichever PowerShell wrote it.
 

@@ -58,15 +58,6 @@ def test_values_have_names_and_input_comes_by_pipeline() -> None:
     assert said("ConvertTo-Json", "Depth", piped=True) == []
 
 
-def test_what_both_versions_have() -> None:
-    assert cmdlets.in_both("Get-VM", "Hyper-V")
-    assert cmdlets.in_both("get-item")
-    assert not cmdlets.in_both("Get-VM", "VMware.VimAutomation.Core")
-    assert not cmdlets.in_both("Export-Counter")
-    assert not cmdlets.in_both("Get-VMNumaNode")
-    assert not cmdlets.in_both("Invoke-Expression")
-
-
 def test_accepted_values_and_switches() -> None:
     called = cmdlets.cmdlet("Set-VM")
     assert called

@@ -4,12 +4,11 @@ import subprocess
 import sys
 import threading
 import time
-from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
-from rarms_iac.storage.lock import Locked, hold, read_owner, this_process
+from rarms_iac.storage.lock import Locked, hold, read_owner
 
 HOLDER = """
 import sys, time
@@ -85,10 +84,3 @@ def test_the_lock_is_given_back_after_an_error(tmp_path: Path) -> None:
 
     with hold(path, "second"):
         assert read_owner(path) == "second"
-
-
-def test_an_owner_is_named_by_user_computer_process_and_command() -> None:
-    named = this_process("rarms apply", datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC))
-
-    assert named.endswith("since 2026-01-02T03:04:05Z, rarms apply")
-    assert "@" in named.split(", process ", 1)[0]

@@ -8,7 +8,6 @@ from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
 from rarms_iac.powershell.tokens import TokenKind, tokens
 from rarms_iac.providers.hyperv.bootstrap import (
-    LONGEST_COMMAND,
     arguments_of,
     command,
     frame,
@@ -19,6 +18,9 @@ from rarms_iac.providers.hyperv.bootstrap import (
 from rarms_iac.providers.interface import ScriptBundle, WaitLimits
 
 SCRIPT = ScriptBundle(runs="cell.ps1", files={"cell.undo.ps1": "undo\r\n", "cell.ps1": "do\r\n"})
+
+LONGEST_COMMAND = 8191
+"""Characters of a command line that cmd.exe takes, which Windows' sshd starts by default."""
 
 
 def test_the_bootstrap_passes_the_inspection() -> None:

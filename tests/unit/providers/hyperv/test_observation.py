@@ -11,10 +11,9 @@ from rarms_iac.providers.hyperv.observation import (
     UnreadProbe,
     is_observation,
     or_else,
-    read_observation,
 )
 from rarms_iac.storage.codec import NotDecodable
-from tests.recorded_hosts import NAMES, document, recorded, recorded_bytes
+from tests.recorded_hosts import NAMES, document, read_observation, recorded, recorded_bytes
 
 
 @pytest.mark.parametrize("name", NAMES)
