@@ -102,9 +102,9 @@ def task(name: str = "MotionControl", *, inside: str = "", priority: int = 5) ->
     return TaskClass(name=name, inside=inside, values=values)
 
 
-def because(says: str = "the manifest wants it", *, line: int | None = 31, file: str = "rarms.yaml") -> Reason:
+def because(message: str = "the manifest wants it", *, line: int | None = 31, file: str = "rarms.yaml") -> Reason:
     """A reason with its manifest line."""
-    return Reason(says=says, place=None if line is None else Place(file=file, line=line, column=5))
+    return Reason(says=message, place=None if line is None else Place(file=file, line=line, column=5))
 
 
 def address_of(resource: Resource) -> Address:

@@ -91,7 +91,7 @@ def read_plan_file(path: str) -> "Plan":
 
 def refuse_plan_file(path: str, error: "PlanFileError") -> UseCaseError:
     """Why a file is not used as a plan."""
-    return UseCaseError(Outcome.REFUSED, [error.finding.at(None, f"{path}: {error.says}.", f"{error.advice}.")])
+    return UseCaseError(Outcome.REFUSED, [error.finding.at(None, f"{path}: {error.message}.", f"{error.advice}.")])
 
 
 def folder_of(manifest: str) -> str:

@@ -80,6 +80,6 @@ def log_errors() -> Iterator[None]:
     try:
         yield
     except LogUnreadable as problem:
-        message = f"{problem.path.as_posix()}, line {problem.line}: {problem.says}."
+        message = f"{problem.path.as_posix()}, line {problem.line}: {problem.message}."
         advice = "Bring it back from git, or remove it: what it records is then measured, or written, anew."
         raise UseCaseError(Outcome.NEGATIVE, [UNREADABLE.at(None, message, advice)]) from None

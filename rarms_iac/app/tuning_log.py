@@ -102,7 +102,7 @@ def previous_tuning(folder: Path, platform: str) -> PreviousTuning:
     except LogUnreadable as problem:
         shown = path.relative_to(folder).as_posix()
         return PreviousTuning(
-            unreadable=f"what `rarms tune` measured cannot be told: {shown}, line {problem.line}: {problem.says}"
+            unreadable=f"what `rarms tune` measured cannot be told: {shown}, line {problem.line}: {problem.message}"
         )
 
 

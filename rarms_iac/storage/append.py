@@ -28,11 +28,11 @@ _CHUNK = 4096
 class Damaged(Exception):
     """A record before the last one is not as it was written."""
 
-    def __init__(self, path: Path, line: int, says: str) -> None:
-        super().__init__(f"{path}:{line}: {says}")
+    def __init__(self, path: Path, line: int, message: str) -> None:
+        super().__init__(f"{path}:{line}: {message}")
         self.path = path
         self.line = line
-        self.says = says
+        self.message = message
 
 
 def line_of(record: Record) -> bytes:

@@ -29,10 +29,10 @@ _KIND = "kind"
 class NotDecodable(ValueError):
     """The JSON is not a value of the type that was asked for."""
 
-    def __init__(self, path: str, says: str) -> None:
-        super().__init__(f"{path or 'the document'}: {says}")
+    def __init__(self, path: str, message: str) -> None:
+        super().__init__(f"{path or 'the document'}: {message}")
         self.path = path
-        self.says = says
+        self.message = message
 
 
 def _once(make: Callable[[Any], T]) -> Callable[[Any], T]:

@@ -27,9 +27,9 @@ class PlanFileError(Exception):
 
     finding: ClassVar[Finding]
 
-    def __init__(self, says: str, advice: str) -> None:
-        super().__init__(says)
-        self.says = says
+    def __init__(self, message: str, advice: str) -> None:
+        super().__init__(message)
+        self.message = message
         self.advice = advice
 
 

@@ -18,9 +18,9 @@ class SnapshotUnreadable(Exception):
 
     finding: ClassVar[Finding] = UNREADABLE
 
-    def __init__(self, says: str) -> None:
-        super().__init__(says)
-        self.says = says
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+        self.message = message
 
 
 def write_snapshot(state: State) -> bytes:

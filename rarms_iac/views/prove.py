@@ -51,11 +51,11 @@ def _partitions(proof: LayoutProof) -> Mapping[str, str]:
 
 def _sentence(proof: LayoutProof, against: str) -> str:
     counts = Counter(verdict_of(tried.verdict) for tried in proof.not_met)
-    says = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items())) or "all thresholds met"
+    message = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items())) or "all thresholds met"
     layout = proof.layout
     components = counted(len(layout.components), "component")
     amount = f"{show_processors(layout.reserved)} of {show_processors(layout.host_processors)}"
-    together = f"{proof.host}: {components} together on {amount}{against}: {says}"
+    together = f"{proof.host}: {components} together on {amount}{against}: {message}"
     errors = [tried.error for tried in proof.verdicts if tried.error is not None and not _is_extreme(tried)]
     return (
         f"{together}; a verdict is wrong in at most {show_error(max(errors))} of cases." if errors else f"{together}."

@@ -131,10 +131,10 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 @contextmanager
-def refused(host: StepwiseHost, says: str) -> Iterator[None]:
+def refused(host: StepwiseHost, message: str) -> Iterator[None]:
     """The block is refused with these words, and the host is as it was."""
     before = host.observe()
-    with pytest.raises(HostRefused, match=says) as refusal:
+    with pytest.raises(HostRefused, match=message) as refusal:
         yield
     assert refusal.value.advice
     assert host.observe() == before
@@ -457,11 +457,11 @@ def test_a_marked_and_a_pending_machine_are_one_too_many(room: Room) -> None:
         (RemovePartition(partition="vision"), "only a machine that is off can be removed"),
     ],
 )
-def test_what_needs_a_machine_that_is_off(room: Room, operation: Operation, says: str) -> None:
+def test_what_needs_a_machine_that_is_off(room: Room, operation: Operation, message: str) -> None:
     host = room.host()
     do(host, *making(), start())
 
-    with refused(host, f"is running, and .*{says}"):
+    with refused(host, f"is running, and .*{message}"):
         do(host, operation)
 
     do(host, StopPartition(partition="vision", grace_ms=120_000), operation)
@@ -537,11 +537,11 @@ def test_a_running_machine_does_not_grow_beyond_the_host(room: Room) -> None:
         (WriteTaskClass(task="x", inside="nobody", values=VALUES), "no machine stands for the partition nobody"),
     ],
 )
-def test_what_no_machine_can_have(room: Room, operation: Operation, says: str) -> None:
+def test_what_no_machine_can_have(room: Room, operation: Operation, message: str) -> None:
     host = room.host()
     do(host, *making())
 
-    with refused(host, says):
+    with refused(host, message):
         do(host, operation)
 
 
@@ -792,14 +792,14 @@ def damage(path: Path, old: bytes, new: bytes) -> None:
         (b'"reserve":40', b'"reserve":\xff', "not the text that rarms wrote"),
     ],
 )
-def test_a_damaged_file_is_said_to_be_damaged_and_stays(tmp_path: Path, old: bytes, new: bytes, says: str) -> None:
+def test_a_damaged_file_is_said_to_be_damaged_and_stays(tmp_path: Path, old: bytes, new: bytes, message: str) -> None:
     host = simulated(tmp_path)
     do(host, *making(reserve=40))
     damage(tmp_path / ".rarms/hosts/onboard.json", old, new)
     before = files(tmp_path)
 
     for manifest in (host, simulated(tmp_path)):
-        with pytest.raises(HostDamaged, match=says) as damaged:
+        with pytest.raises(HostDamaged, match=message) as damaged:
             manifest.observe()
         with pytest.raises(HostDamaged):
             do(manifest, start())

@@ -96,7 +96,7 @@ def planned(apts: Mapping[str, Mapping[str, Threshold]]) -> int | None:
     return None if found is None else found.reserve
 
 
-def says(page: "WebDriver", card: str) -> int | None:
+def message(page: "WebDriver", card: str) -> int | None:
     """The reserve that the page shows."""
     shown = text(page, f"{card}-reserve")
     return None if shown == "Not achieved" else int(shown.removeprefix("Reserve ").removesuffix(" %"))
@@ -112,10 +112,10 @@ def test_a_line_dragged_by_mouse_reserves_what_the_planner_would(page: "WebDrive
         for _ in range(9):
             ActionChains(page, duration=0).move_by_offset(0, height // 7).perform()
             a_frame_later(page)
-            seen.add((card, text(page, f"{plot}-value"), says(page, card)))
-            assert says(page, card) == planned(pasted(page, card))
+            seen.add((card, text(page, f"{plot}-value"), message(page, card)))
+            assert message(page, card) == planned(pasted(page, card))
         ActionChains(page, duration=0).release().move_by_offset(0, -50).perform()
-        assert (card, text(page, f"{plot}-value"), says(page, card)) in seen, "let go of, a line stays"
+        assert (card, text(page, f"{plot}-value"), message(page, card)) in seen, "let go of, a line stays"
         page.find_element("id", f"{card}-reset").click()
     assert len(seen) > 20
     assert len({reserve for _, _, reserve in seen}) > 8
@@ -148,12 +148,12 @@ def test_the_keyboard_moves_a_line_over_every_step_and_says_so(page: "WebDriver"
     assert text(page, "m1-reserve") == "Not achieved"
     assert "no measured reserve is enough" in (slider.get_attribute("aria-valuetext") or "")
     slider.send_keys(Keys.END)
-    assert says(page, "m1") == 10
+    assert message(page, "m1") == 10
     assert "needs a reserve of 10 %" in (slider.get_attribute("aria-valuetext") or "")
     slider.send_keys(*[Keys.PAGE_DOWN] * 40)
     for _ in range(12):
         slider.send_keys(*[Keys.ARROW_DOWN] * 7)
-        assert says(page, "m1") == planned(pasted(page, "m1"))
+        assert message(page, "m1") == planned(pasted(page, "m1"))
 
 
 def test_every_step_of_every_line_agrees_with_the_planner(page: "WebDriver") -> None:
@@ -195,8 +195,8 @@ def test_a_line_follows_a_finger(page: "WebDriver") -> None:
     a_frame_later(page)
     ask(page, "Emulation.setTouchEmulationEnabled", enabled=False)
 
-    assert 10 < (says(page, "m1") or 0) < 60
-    assert says(page, "m1") == planned(pasted(page, "m1"))
+    assert 10 < (message(page, "m1") or 0) < 60
+    assert message(page, "m1") == planned(pasted(page, "m1"))
 
 
 def test_headroom_follows_the_lines_and_reset_brings_them_back(page: "WebDriver") -> None:
@@ -211,7 +211,7 @@ def test_headroom_follows_the_lines_and_reset_brings_them_back(page: "WebDriver"
     page.find_element("id", "m2-reset").click()
 
     assert "Headroom of onboard: 14 % (0.28 LP)" in text(page, "fit-1")
-    assert (says(page, "m1"), says(page, "m2"), reset.is_displayed()) == (60, 16, False)
+    assert (message(page, "m1"), message(page, "m2"), reset.is_displayed()) == (60, 16, False)
 
 
 def test_lines_to_paste_and_the_command_say_the_threshold_and_are_copied(page: "WebDriver") -> None:

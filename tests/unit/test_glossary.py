@@ -16,7 +16,12 @@ finding|diagnostic|acceptance|task class|reserve|limit|weight|snapshot|undo|lock
 def entries() -> dict[str, str]:
     """The words in the first column, each with its meaning."""
     rows = re.findall(r"^\| (.+?) \| (.+) \|$", GLOSSARY.read_text(encoding="utf-8"), flags=re.MULTILINE)
-    return {word.strip("` "): says for words, says in rows for word in re.split(r", | \(|\)", words) if words != "word"}
+    return {
+        word.strip("` "): message
+        for words, message in rows
+        for word in re.split(r", | \(|\)", words)
+        if words != "word"
+    }
 
 
 @pytest.mark.parametrize("word", re.split(r"[|\n]", WORDS))

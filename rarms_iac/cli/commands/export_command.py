@@ -49,9 +49,9 @@ def command(
         try:
             data = workbook(report, samples=samples)
         except TooManyRows as problem:
-            says = f"{problem.rows} samples are more than the {problem.limit} rows of a sheet."
+            message = f"{problem.rows} samples are more than the {problem.limit} rows of a sheet."
             raise UseCaseError(
-                Outcome.NEGATIVE, [TOO_LONG.at(None, says, "Export them to a .csv file, or name fewer components.")]
+                Outcome.NEGATIVE, [TOO_LONG.at(None, message, "Export them to a .csv file, or name fewer components.")]
             ) from None
     write_file(file, data)
     session.terminal.talk(f"Wrote {file}.")

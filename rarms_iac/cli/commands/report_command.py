@@ -67,7 +67,9 @@ def command(
         return ExitCode.DONE
     write_file(file, page)
     if len(page) > MEGABYTE:
-        says = f"{file} has {len(page):,} bytes: a plot of each of {len(report.measurements)} data logs."
-        tell(session.terminal, [LARGE.at(None, says, "Name the components that matter: `rarms report COMPONENT...`.")])
+        message = f"{file} has {len(page):,} bytes: a plot of each of {len(report.measurements)} data logs."
+        tell(
+            session.terminal, [LARGE.at(None, message, "Name the components that matter: `rarms report COMPONENT...`.")]
+        )
     session.terminal.talk(f"Wrote {file}. Open it in a browser.")
     return ExitCode.DONE

@@ -41,7 +41,7 @@ def command(session: Session, *, as_json: bool) -> ExitCode:
 def version_text(facts: VersionOutput) -> str:
     """One line a thing."""
     own = {"rarms": facts.rarms, "python": facts.python, "system": facts.system}
-    return "".join(f"{name} {says}\n" for name, says in {**own, **facts.libraries}.items())
+    return "".join(f"{name} {message}\n" for name, message in {**own, **facts.libraries}.items())
 
 
 def _version(library: str) -> str:

@@ -25,11 +25,11 @@ def _only_its_own_block() -> dict[str, Any]:
     """A block of another provider is refused by the JSON Schema too; a host without `provider` is simulated."""
 
     def rule(kind: ProviderKind) -> dict[str, Any]:
-        says: dict[str, Any] = {"properties": {"provider": {"const": kind.value}}}
+        message: dict[str, Any] = {"properties": {"provider": {"const": kind.value}}}
         if kind is not ProviderKind.SIMULATED:
-            says["required"] = ["provider"]
+            message["required"] = ["provider"]
         others = [block for other, block in BLOCK_OF.items() if other is not kind]
-        return {"if": says, "then": {"not": {"anyOf": [{"required": [block]} for block in others]}}}
+        return {"if": message, "then": {"not": {"anyOf": [{"required": [block]} for block in others]}}}
 
     return {"allOf": [rule(kind) for kind in ProviderKind]}
 

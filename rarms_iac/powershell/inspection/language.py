@@ -23,8 +23,8 @@ def check_constructs(script: Script) -> Iterator[Diagnostic]:
     for node in script.nodes:
         if node.is_named and node.type not in script.lists.constructs:
             yield script.problem(CONSTRUCT, node, f"a {node.type.replace('_', ' ')}: {_short(node)}", _CONSTRUCT_ADVICE)
-        elif says := _misuse(script, node):
-            yield script.problem(CONSTRUCT, node, says, _CONSTRUCT_ADVICE)
+        elif message := _misuse(script, node):
+            yield script.problem(CONSTRUCT, node, message, _CONSTRUCT_ADVICE)
 
 
 def _check_backticks(script: Script) -> Iterator[Diagnostic]:

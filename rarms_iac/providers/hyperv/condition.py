@@ -157,10 +157,10 @@ def _journal_findings(observation: HostObservation, host: str) -> Iterator[Diagn
                 "Find out who put it there, then remove it. A script refuses to run beside it.",
                 address=f"host/{host}",
             )
-        case JournalDamaged(says=says):
+        case JournalDamaged(message=message):
             yield JOURNAL.at(
                 None,
-                f"%ProgramData%\\rarms\\journal.jsonl of {host} is damaged: {says}.",
+                f"%ProgramData%\\rarms\\journal.jsonl of {host} is damaged: {message}.",
                 "Look at the host to see what the last run did, then remove the file.",
                 address=f"host/{host}",
             )

@@ -21,7 +21,7 @@ PLACE = Path("%ProgramData%/rarms/journal.jsonl")
 class JournalDamaged:
     """It cannot be read: nothing is known of the last run."""
 
-    says: str
+    message: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,9 +47,9 @@ def last_run(owner: str, text: str) -> LastRun:
         records = records_in(text.encode("utf-8", "surrogatepass"), PLACE)
         return _run(records)
     except Damaged as error:
-        return JournalDamaged(says=f"line {error.line}: {error.says}")
+        return JournalDamaged(message=f"line {error.line}: {error.message}")
     except NotDecodable as error:
-        return JournalDamaged(says=str(error))
+        return JournalDamaged(message=str(error))
 
 
 def _run(records: tuple[dict[str, Json], ...]) -> ScriptRun | NoJournal:

@@ -31,7 +31,7 @@ class UnreadProbe:
 
     denied: bool
     error: str = ""  # PowerShell's id of the error, in no language
-    says: str = ""  # its message, in the host's language
+    message: str = ""  # its message, in the host's language
 
 
 Probe = ReadProbe[T] | UnreadProbe
@@ -277,7 +277,9 @@ def _probes() -> dict[str, Any]:
 
 def _probe(document: Mapping[str, Json], name: str, hint: Any) -> Probe[Any]:
     if name not in document:
-        return UnreadProbe(denied=False, error="NotLookedFor", says="the script that looked does not know this probe")
+        return UnreadProbe(
+            denied=False, error="NotLookedFor", message="the script that looked does not know this probe"
+        )
     probe = document[name]
     if not isinstance(probe, dict):
         raise NotDecodable(name, "it is no probe")
@@ -287,7 +289,7 @@ def _probe(document: Mapping[str, Json], name: str, hint: Any) -> Probe[Any]:
         case "absent" | "denied" as status:
             rest = {key: value for key, value in probe.items() if key != "status"}
             answer = _decoded(_NoAnswer, rest, name)
-            return UnreadProbe(denied=status == "denied", error=answer.error, says=answer.says)
+            return UnreadProbe(denied=status == "denied", error=answer.error, message=answer.message)
         case other:
             raise NotDecodable(f"{name}.status", f"{other!r} is none of value, absent, denied, with what belongs to it")
 
@@ -295,7 +297,7 @@ def _probe(document: Mapping[str, Json], name: str, hint: Any) -> Probe[Any]:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _NoAnswer:
     error: str
-    says: str
+    message: str
 
 
 def _decoded(hint: Any, data: Json, path: str) -> Any:
@@ -303,7 +305,7 @@ def _decoded(hint: Any, data: Json, path: str) -> Any:
         return decode_union(hint, data)
     except NotDecodable as error:
         between = "" if not error.path or error.path.startswith("[") else "."
-        raise NotDecodable(f"{path}{between}{error.path}", error.says) from None
+        raise NotDecodable(f"{path}{between}{error.path}", error.message) from None
 
 
 def _check_machines(found: HostObservation) -> None:

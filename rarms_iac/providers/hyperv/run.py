@@ -73,7 +73,7 @@ class LiveHypervHost:
             case JournalPlanted(owner=owner):
                 message = f"{JOURNAL} belongs to {owner}, not to Administrators or SYSTEM"
                 raise HostDamaged(self.name, message, "find out who put it there, then remove it")
-            case JournalDamaged(says=message):
+            case JournalDamaged(message=message):
                 advice = "look at what the last run did, then remove it"
                 raise HostDamaged(self.name, f"{JOURNAL} is damaged: {message}", advice)
 

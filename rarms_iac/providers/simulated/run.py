@@ -280,7 +280,7 @@ class SimulatedHostProvider:
             yield
         except Damaged as problem:
             raise HostDamaged(
-                self.name, f"{path.name} is damaged in line {problem.line}: {problem.says}", advice
+                self.name, f"{path.name} is damaged in line {problem.line}: {problem.message}", advice
             ) from None
         except NotDecodable as problem:
             raise HostDamaged(self.name, f"{path.name} is damaged: {problem}", advice) from None

@@ -161,6 +161,6 @@ def _failures(data: Json, length: int, path: str) -> Mapping[int, str]:
         raise NotDecodable(path, "it is no object of texts")
     if not all(key.isascii() and key.isdecimal() for key in data):
         raise NotDecodable(path, "its keys are no numbers of samples")
-    found = {int(key): cast("str", says) for key, says in data.items()}
+    found = {int(key): cast("str", message) for key, message in data.items()}
     _indexes(cast("Json", list(found)), length, path)
     return found

@@ -87,7 +87,7 @@ def read_entries(path: Path) -> tuple[Entry, ...]:
     try:
         records = read_records(path)
     except Damaged as damage:
-        raise LogUnreadable(path, damage.line, damage.says) from None
+        raise LogUnreadable(path, damage.line, damage.message) from None
     entries: list[Entry] = []
     for line, record in enumerate(records, start=1):
         try:

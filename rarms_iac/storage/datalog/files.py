@@ -17,11 +17,11 @@ REMEASUREMENT_FIELD = "pass"
 class LogUnreadable(Exception):
     """The file is no whole data log; `says` tells why and where."""
 
-    def __init__(self, path: Path, line: int, says: str) -> None:
-        super().__init__(f"{path}:{line}: {says}")
+    def __init__(self, path: Path, line: int, message: str) -> None:
+        super().__init__(f"{path}:{line}: {message}")
         self.path = path
         self.line = line
-        self.says = says
+        self.message = message
 
 
 def begin_log(path: Path, header: Header) -> None:
@@ -64,7 +64,7 @@ def read_log(path: Path) -> DataLog | None:
     try:
         records = read_records(path)
     except Damaged as damage:
-        raise LogUnreadable(path, damage.line, damage.says) from None
+        raise LogUnreadable(path, damage.line, damage.message) from None
     except NotDecodable as problem:
         raise LogUnreadable(path, 1, str(problem)) from None
     if not records:

@@ -104,7 +104,7 @@ def read_runs(path: Path) -> tuple[TuningRun, ...]:
     try:
         records = read_records(path)
     except Damaged as damage:
-        raise LogUnreadable(path, damage.line, damage.says) from None
+        raise LogUnreadable(path, damage.line, damage.message) from None
     runs: list[TuningRun] = []
     for line, record in enumerate(records, start=1):
         try:

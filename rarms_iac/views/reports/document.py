@@ -62,7 +62,9 @@ def report_json(report: Report) -> str:
                 ReportStandingOutput(
                     host=status.host,
                     is_planned=status.is_planned,
-                    differs=tuple(ReportDifferenceOutput(address=what, says=says) for what, says in status.differs),
+                    differs=tuple(
+                        ReportDifferenceOutput(address=what, says=message) for what, message in status.differs
+                    ),
                 )
                 for status in report.statuses
             ),

@@ -118,8 +118,10 @@ def _fixed(name: str, amount: Fraction) -> SummaryRow:
 
 
 def _absent(names: tuple[str, ...]) -> SummaryRow:
-    says = f"not measured: run rarms measure {' '.join(names)}{' --together' if len(names) > 1 else ''}"
-    return SummaryRow(component=" + ".join(names), index="", level="", shows="", reserve="", bandwidth="", verdict=says)
+    message = f"not measured: run rarms measure {' '.join(names)}{' --together' if len(names) > 1 else ''}"
+    return SummaryRow(
+        component=" + ".join(names), index="", level="", shows="", reserve="", bandwidth="", verdict=message
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -282,9 +284,9 @@ def status_text(standing: HostStatus) -> str:
     if not standing.differs:
         return "Applied: the host is as the manifest wants it."
     told: dict[str, list[str]] = {}
-    for address, says in standing.differs:
-        told.setdefault(says, []).append(address)
-    parts = "; ".join(f"{says}: {', '.join(addresses)}" for says, addresses in told.items())
+    for address, message in standing.differs:
+        told.setdefault(message, []).append(address)
+    parts = "; ".join(f"{message}: {', '.join(addresses)}" for message, addresses in told.items())
     return f"{parts[:1].upper()}{parts[1:]}. rarms plan shows what is to be done, rarms apply does it."
 
 

@@ -112,9 +112,9 @@ def test_what_combining_saves_and_what_else_was_measured_stands_with_the_rejecte
 def test_what_is_no_component_says_so(here: Path) -> None:
     for word, meant in (("visoin", "vision"), ("RAMS014", "RARMS014")):
         unknown = rarms("explain", word, "-f", str(here))
-        says = f'The manifest has no component "{word}", and no finding is called so. Did you mean "{meant}"?'
+        message = f'The manifest has no component "{word}", and no finding is called so. Did you mean "{meant}"?'
         assert unknown.code == 64
-        assert says in " ".join(unknown.err.split())
+        assert message in " ".join(unknown.err.split())
 
 
 TOPICS = [

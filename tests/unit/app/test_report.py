@@ -146,8 +146,8 @@ def test_a_component_that_is_misspelt_is_asked_back(robot: Path, command: tuple[
 
 
 def standing(robot: Path) -> str:
-    says = rarms("report", "-f", str(robot), "--text").out
-    return says[says.index("\nonboard: ", says.index("Headroom")) :].splitlines()[1]
+    message = rarms("report", "-f", str(robot), "--text").out
+    return message[message.index("\nonboard: ", message.index("Headroom")) :].splitlines()[1]
 
 
 def test_the_report_says_whether_what_it_shows_is_applied(robot: Path) -> None:

@@ -119,11 +119,11 @@ def test_a_run_may_last_a_time_against_a_load(tmp_path: Path) -> None:
         (("--for", "5s", "--samples", "3"), "Give --for or --samples, not both."),
     ],
 )
-def test_words_that_do_not_fit_are_wrong_usage(tmp_path: Path, words: tuple[str, ...], says: str) -> None:
+def test_words_that_do_not_fit_are_wrong_usage(tmp_path: Path, words: tuple[str, ...], message: str) -> None:
     ran = rarms("run", *words, "-f", manifest(tmp_path, vision=QUICK))
 
     assert ran.code == 64
-    assert says in " ".join(ran.err.split())
+    assert message in " ".join(ran.err.split())
 
 
 def test_a_component_that_does_not_say_how_is_told(tmp_path: Path) -> None:

@@ -82,12 +82,12 @@ def test_a_level_far_beyond_what_was_measured_is_a_slip_and_writes_nothing(here:
     before = manifest(here)
 
     answer = rarms("select", "vision", "--at", at, "-f", str(here))
-    says = " ".join(answer.err.split())
+    message = " ".join(answer.err.split())
 
     assert (answer.code, manifest(here)) == (64, before)
-    assert f"{at} lies far outside of what was measured, where mean_response_time goes from 88 ms to 700 ms." in says
-    assert meant in says
-    assert ("Did you mean" in says) == bool(meant)
+    assert f"{at} lies far outside of what was measured, where mean_response_time goes from 88 ms to 700 ms." in message
+    assert meant in message
+    assert ("Did you mean" in message) == bool(meant)
     assert rarms("select", "vision", "--at", "1.5 s", "-f", str(here)).code == 0, "easier than all is no slip"
 
 
@@ -168,11 +168,11 @@ def test_an_index_without_threshold_gets_one(here: Path) -> None:
         (["vision", "--at", "90 ms", "--index", "speed"], "no performance index"),
     ],
 )
-def test_what_is_unclear_is_asked_back(here: Path, words: list[str], says: str) -> None:
+def test_what_is_unclear_is_asked_back(here: Path, words: list[str], message: str) -> None:
     answer = rarms("select", *words, "-f", str(here))
 
     assert answer.code == 64
-    assert says in " ".join(answer.err.split())
+    assert message in " ".join(answer.err.split())
 
 
 def test_a_fixed_reserve_does_not_follow_and_says_so(here: Path) -> None:

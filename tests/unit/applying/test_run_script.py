@@ -47,7 +47,7 @@ DONE = event(EventKind.RUN, EventStatus.DONE, address="host")
 class Scripted:
     """A host whose script says these things, then ends so."""
 
-    says: Sequence[RunEvent | str]
+    message: Sequence[RunEvent | str]
     ends: ScriptExited | ScriptLost
     name: str = "cell"
     heard: list[str] = field(default_factory=list)
@@ -64,7 +64,7 @@ class Scripted:
     def run_script(
         self, script: ScriptBundle, waits: WaitLimits, hearing: RunHearing, *, abandoning: bool = False
     ) -> ScriptExited | ScriptLost:
-        for one in self.says:
+        for one in self.message:
             if isinstance(one, str):
                 hearing.noise(one)
             else:
@@ -92,10 +92,10 @@ class Told:
 
 
 def ran(
-    *says: RunEvent | str, ends: ScriptExited | ScriptLost = WELL, order: ScriptJob = ORDER
+    *message: RunEvent | str, ends: ScriptExited | ScriptLost = WELL, order: ScriptJob = ORDER
 ) -> tuple[RunReport, Told]:
     told = Told()
-    host = Scripted(says, ends)
+    host = Scripted(message, ends)
     assert isinstance(host, ScriptedHost)
     return run_job(host, order, told, lambda: False, WaitLimits()), told
 

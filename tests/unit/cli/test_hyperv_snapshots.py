@@ -142,7 +142,7 @@ def test_a_guest_that_was_looked_into_takes_part(cell: Path) -> None:
         ("inside-a-guest", "no partition operator-panel of welding-cell"),
     ],
 )
-def test_a_file_that_is_no_guest_of_the_host_is_refused(cell: Path, file: str, says: str) -> None:
+def test_a_file_that_is_no_guest_of_the_host_is_refused(cell: Path, file: str, message: str) -> None:
     guest = "torch-motion" if file != "inside-a-guest" else "operator-panel"
     (cell / "guest.json").write_bytes(recorded_bytes(file))
 
@@ -150,7 +150,7 @@ def test_a_file_that_is_no_guest_of_the_host_is_refused(cell: Path, file: str, s
         cell, "--snapshot", f"cell={with_torch(cell)}", "--snapshot", f"cell.guest.{guest}={cell / 'guest.json'}"
     )
 
-    assert (ran.code, says in " ".join(ran.err.split())) == (1, True)
+    assert (ran.code, message in " ".join(ran.err.split())) == (1, True)
 
 
 def test_rarms_own_snapshot_says_nothing_of_a_guest(cell: Path) -> None:

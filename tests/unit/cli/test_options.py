@@ -71,8 +71,8 @@ def test_how_far_and_how_long() -> None:
         (options.output_option, ["--output", "text", "--json"], "two outputs"),
     ],
 )
-def test_what_cannot_be_read_says_what_can(decorate: object, words: list[str], says: str) -> None:
+def test_what_cannot_be_read_says_what_can(decorate: object, words: list[str], message: str) -> None:
     code, called, output = read_by(decorate, words)
 
     assert (code, called) == (2, {})
-    assert says in " ".join(output.split())
+    assert message in " ".join(output.split())

@@ -120,10 +120,10 @@ def test_a_script_that_was_edited_is_checked(folder: Path, tmp_path: Path) -> No
         (("--script", "--snapshot", "x.json"), "A PLAN takes no --snapshot"),
     ],
 )
-def test_what_cannot_be_meant_is_a_wrong_usage(plan: str, words: tuple[str, ...], says: str) -> None:
+def test_what_cannot_be_meant_is_a_wrong_usage(plan: str, words: tuple[str, ...], message: str) -> None:
     ran = rarms("show", plan, *words)
 
-    assert (ran.code, says in ran.err) == (64, True), ran.err
+    assert (ran.code, message in ran.err) == (64, True), ran.err
 
 
 def test_what_travels_over_ssh_is_shown() -> None:

@@ -80,14 +80,14 @@ def test_without_the_line_a_value_of_others_stays() -> None:
 def test_another_applications_value_and_an_unknown_one_are_refused() -> None:
     theirs = TaskRecord(application="kiosk", set="a" * 12, before=None)
 
-    for there, says in (
+    for there, message in (
         (Responsiveness(value=dword(20), record=theirs), "application 'kiosk' set it"),
         (None, "could not be read"),
     ):
         found = route(wanting(10), a_state(there))
         assert of_it(found) == []
         assert codes(found.difference.findings) == ["RARMS228"]
-        assert says in found.difference.findings[0].detail
+        assert message in found.difference.findings[0].detail
 
 
 def test_drift_tells_who_changed_it() -> None:

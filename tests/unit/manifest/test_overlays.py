@@ -81,8 +81,8 @@ def test_a_place_is_in_the_file_that_said_it(tmp_path: Path) -> None:
 def test_paths_are_relative_to_the_file_that_says_them(tmp_path: Path) -> None:
     (tmp_path / "cells" / "tools").mkdir(parents=True)
     (tmp_path / "cells" / "tools" / "x.py").touch()
-    says = "{command: [python3, tools/x.py, ./new.py, -v, tools/none.py], files: ['*.bin'], folder: work}"
-    overlay = write(tmp_path, f"components: {{vision: {{run: {says}}}}}\n", "cells/one.yaml")
+    message = "{command: [python3, tools/x.py, ./new.py, -v, tools/none.py], files: ['*.bin'], folder: work}"
+    overlay = write(tmp_path, f"components: {{vision: {{run: {message}}}}}\n", "cells/one.yaml")
 
     read = load(write(tmp_path, SMALL), [overlay], today=date(2026, 1, 1), checks=no_checks)
 

@@ -34,9 +34,9 @@ def test_what_is_on_the_right_side_and_not_for_sure_is_told_of_as_well() -> None
 
 
 def test_a_series_without_a_steady_state_is_told_as_such() -> None:
-    says = " ".join(told([40.0 + number for number in range(100)]))
+    message = " ".join(told([40.0 + number for number in range(100)]))
 
-    assert "cannot be told: its response times still changed within 100 samples" in says
+    assert "cannot be told: its response times still changed within 100 samples" in message
 
 
 def drifting(reserve: int) -> Setting:
@@ -54,7 +54,7 @@ def drifting(reserve: int) -> Setting:
     ],
 )
 def test_less_that_may_be_enough_is_told_of_where_settings_between_say_nothing(
-    failed: int | None, inconclusive: tuple[int, ...], says: str | None
+    failed: int | None, inconclusive: tuple[int, ...], message: str | None
 ) -> None:
     end = Sufficient(reserve=46, failed=failed, error=0.03, inconclusive=inconclusive)
     component = a_component("vision", apt=APT, simulation=a_simulation(), reserve=None)
@@ -63,8 +63,8 @@ def test_less_that_may_be_enough_is_told_of_where_settings_between_say_nothing(
 
     found = list(findings_of(experiment, end, tuple(map(drifting, inconclusive)), FirstLine("")))
 
-    assert [diagnostic.code for diagnostic in found] == (["RARMS267"] if says else [])
-    assert all(says is not None and says in diagnostic.detail for diagnostic in found)
+    assert [diagnostic.code for diagnostic in found] == (["RARMS267"] if message else [])
+    assert all(message is not None and message in diagnostic.detail for diagnostic in found)
     assert all("(vision at 45 %: its response times still changed" in diagnostic.detail for diagnostic in found)
 
 

@@ -20,9 +20,9 @@ def steps_of(script: bytes) -> str:
     return script.decode("ascii").replace("\r\n", "\n").rpartition("# --- end of the ")[2]
 
 
-def renamed(change: Change, name: str, says: str) -> Change:
+def renamed(change: Change, name: str, message: str) -> Change:
     """The same change of a machine with this name, for this reason: names of unmanaged machines may be anything."""
-    reason = build.because(says)
+    reason = build.because(message)
     match change.kind:
         case "adopt" | "release" | "create" | "update" | "delete":
             return replace(change, reason=reason, address=replace(change.address, machine=name))

@@ -53,4 +53,4 @@ def test_what_is_no_snapshot_says_why(data: bytes) -> None:
     with pytest.raises(SnapshotUnreadable) as refused:
         read_snapshot(data)
 
-    assert refused.value.says
+    assert refused.value.message

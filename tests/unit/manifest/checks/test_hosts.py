@@ -41,11 +41,11 @@ def test_hosts_of_one_platform_are_alike() -> None:
         (100, "100 switches MMCSS off: no task class would have an effect."),
     ],
 )
-def test_a_responsiveness_that_windows_takes_for_another_one(percent: int, says: str) -> None:
+def test_a_responsiveness_that_windows_takes_for_another_one(percent: int, message: str) -> None:
     system = a_system(hosts=[a_host(system_responsiveness=percent)])
 
     assert found(system) == [("RARMS227", "hosts.onboard.system_responsiveness")]
-    assert details(system) == says
+    assert details(system) == message
 
 
 @pytest.mark.parametrize("percent", range(10, 100, 10))

@@ -48,13 +48,13 @@ def test_policies_are_by_scope_and_scopes_of_later_versions_are_left_out() -> No
 
 
 @pytest.mark.parametrize(("status", "says"), [("absent", "absent (Gone)"), ("denied", "denied (Gone)")])
-def test_what_was_not_read_is_said_with_the_reason(status: str, says: str) -> None:
+def test_what_was_not_read_is_said_with_the_reason(status: str, message: str) -> None:
     found = condition_of(unread(STRANGERS, "power_plan", "numa", status=status))
 
     assert (found.power_plans, found.numa_nodes) == (None, None)
     assert {name: found.unread[name] for name in ("the power plan", "the NUMA nodes")} == {
-        "the power plan": says,
-        "the NUMA nodes": says,
+        "the power plan": message,
+        "the NUMA nodes": message,
     }
 
 

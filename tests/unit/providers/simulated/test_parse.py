@@ -66,8 +66,8 @@ def test_line_ends_of_git_do_no_harm() -> None:
         (replace(SETTINGS, name="x" * 101), "1 to 100 characters"),
     ],
 )
-def test_settings_that_no_machine_can_have_are_damage(impossible: PartitionSettings, says: str) -> None:
-    with pytest.raises(NotDecodable, match=says):
+def test_settings_that_no_machine_can_have_are_damage(impossible: PartitionSettings, message: str) -> None:
+    with pytest.raises(NotDecodable, match=message):
         read_content(write_content(CONTENT.with_machine(replace(MACHINE, settings=impossible))))
 
 
@@ -81,8 +81,8 @@ def test_settings_that_no_machine_can_have_are_damage(impossible: PartitionSetti
         (replace(CONTENT, machines={ID.upper(): MACHINE}), "filed under another id"),
     ],
 )
-def test_content_that_cannot_be_is_damage(content: Content, says: str) -> None:
-    with pytest.raises(NotDecodable, match=says):
+def test_content_that_cannot_be_is_damage(content: Content, message: str) -> None:
+    with pytest.raises(NotDecodable, match=message):
         read_content(write_content(content))
 
 

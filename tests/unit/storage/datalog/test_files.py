@@ -109,12 +109,12 @@ def test_a_log_that_is_begun_anew_has_no_settings(tmp_path: Path) -> None:
         ("series", {}, "no array"),
     ],
 )
-def test_what_is_no_setting_says_why(tmp_path: Path, before: str, after: Any, says: str) -> None:
+def test_what_is_no_setting_says_why(tmp_path: Path, before: str, after: Any, message: str) -> None:
     path = a_file(tmp_path)
     line: dict[str, Any] = line_of(Recorded(setting=a_setting(), provenance=TAKEN))
     append(path, {**line, before: after})
 
-    with pytest.raises(LogUnreadable, match=says):
+    with pytest.raises(LogUnreadable, match=message):
         read_log(path)
 
 
@@ -129,12 +129,12 @@ def test_what_is_no_setting_says_why(tmp_path: Path, before: str, after: Any, sa
         ("failures", {"1": 4}, "no object of texts"),
     ],
 )
-def test_columns_that_do_not_fit_say_why(tmp_path: Path, column: str, value: Any, says: str) -> None:
+def test_columns_that_do_not_fit_say_why(tmp_path: Path, column: str, value: Any, message: str) -> None:
     path = a_file(tmp_path)
     line: dict[str, Any] = line_of(Recorded(setting=a_setting(), provenance=TAKEN))
     append(path, {**line, "series": [{**line["series"][0], column: value}]})
 
-    with pytest.raises(LogUnreadable, match=says):
+    with pytest.raises(LogUnreadable, match=message):
         read_log(path)
 
 

@@ -30,12 +30,12 @@ def read(text: str) -> list[list[str]]:
     return list(csv.reader(StringIO(text)))
 
 
-def with_failure(report: Report, says: str) -> Report:
+def with_failure(report: Report, message: str) -> Report:
     """The first sample of all failed for this reason."""
     first, *rest = report.measurements
     setting, *settings = first.settings
     [series] = setting.series
-    sample = Sample(began_ms=0.0, response_ms=None, successful=False, failure=says)
+    sample = Sample(began_ms=0.0, response_ms=None, successful=False, failure=message)
     broken = replace(setting, series=(replace(series, samples=(sample, *series.samples[1:])),))
     changed: Measurement = replace(first, settings=(broken, *settings))
     return replace(report, measurements=(changed, *rest))
@@ -68,8 +68,8 @@ def test_csv_of_samples_has_a_row_each() -> None:
 
 
 @given(st.text())
-def test_no_text_becomes_a_formula(says: str) -> None:
-    [row] = read(csv_text([("=1+1", says, -1.5)]))
+def test_no_text_becomes_a_formula(message: str) -> None:
+    [row] = read(csv_text([("=1+1", message, -1.5)]))
 
     assert row[0] == "'=1+1"
     assert not row[1].startswith(("=", "+", "-", "@", "\t", "\r", "\n"))
@@ -77,12 +77,12 @@ def test_no_text_becomes_a_formula(says: str) -> None:
 
 
 @pytest.mark.parametrize("says", ["=HYPERLINK(1)", "+1", "-1", "@SUM(A1)", "{=1}", "https://example.org"])
-def test_in_a_workbook_texts_are_text(says: str) -> None:
-    book = openpyxl.load_workbook(BytesIO(workbook(with_failure(SMALL, says), samples=True)))
+def test_in_a_workbook_texts_are_text(message: str) -> None:
+    book = openpyxl.load_workbook(BytesIO(workbook(with_failure(SMALL, message), samples=True)))
 
     header, first, *_ = book["samples"].iter_rows()
     cell = first[[one.value for one in header].index("failure")]
-    assert (cell.value, cell.data_type, cell.hyperlink) == (says, "s", None)
+    assert (cell.value, cell.data_type, cell.hyperlink) == (message, "s", None)
 
 
 def test_a_workbook_has_a_summary_a_sheet_a_log_and_a_chart_a_curve() -> None:
