@@ -450,7 +450,7 @@ def test_a_marked_and_a_pending_machine_are_one_too_many(room: Room) -> None:
 
 
 @pytest.mark.parametrize(
-    ("operation", "says"),
+    ("operation", "message"),
     [
         (SetProcessors(partition="vision", processors=1), "its processor count can only change while it is off"),
         (SetMemory(partition="vision", memory=512 * MIB, dynamic=True), "switching between static and dynamic memory"),
@@ -508,7 +508,7 @@ def test_a_running_machine_does_not_grow_beyond_the_host(room: Room) -> None:
 
 
 @pytest.mark.parametrize(
-    ("operation", "says"),
+    ("operation", "message"),
     [
         (
             SetCpu(partition="vision", reserve=41, limit=40, weight=100),
@@ -783,7 +783,7 @@ def damage(path: Path, old: bytes, new: bytes) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "says"),
+    ("old", "new", "message"),
     [
         (b'"reserve":40', b'"reserve":41', "checksum: it does not fit the content"),
         (b'"checksum"', b'"checksun"', "cut off, or was not written by rarms"),

@@ -289,7 +289,7 @@ def _probe(document: Mapping[str, Json], name: str, hint: Any) -> Probe[Any]:
         case "absent" | "denied" as status:
             rest = {key: value for key, value in probe.items() if key != "status"}
             answer = _decoded(_NoAnswer, rest, name)
-            return UnreadProbe(denied=status == "denied", error=answer.error, message=answer.message)
+            return UnreadProbe(denied=status == "denied", error=answer.error, message=answer.says)
         case other:
             raise NotDecodable(f"{name}.status", f"{other!r} is none of value, absent, denied, with what belongs to it")
 
@@ -297,7 +297,7 @@ def _probe(document: Mapping[str, Json], name: str, hint: Any) -> Probe[Any]:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _NoAnswer:
     error: str
-    message: str
+    says: str
 
 
 def _decoded(hint: Any, data: Json, path: str) -> Any:

@@ -111,7 +111,7 @@ def test_a_run_may_last_a_time_against_a_load(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("words", "message"),
     [
         (("visoin",), """The manifest has no component 'visoin'. Did you mean "vision"?"""),
         (("--interference", "busy-lop"), "The manifest has no interference 'busy-lop'."),

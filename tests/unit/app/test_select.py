@@ -160,7 +160,7 @@ def test_an_index_without_threshold_gets_one(here: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("words", "message"),
     [
         (["visoin", "--at", "90 ms"], 'Did you mean "vision"?'),
         (["vision", "--at", "90"], "not a number with one of the units"),

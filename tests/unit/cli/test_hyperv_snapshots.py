@@ -136,7 +136,7 @@ def test_a_guest_that_was_looked_into_takes_part(cell: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("file", "says"),
+    ("file", "message"),
     [
         ("server-2022-with-strangers", "was taken on CELL-4, the host itself"),
         ("inside-a-guest", "no partition operator-panel of welding-cell"),

@@ -59,7 +59,7 @@ def test_how_far_and_how_long() -> None:
 
 
 @pytest.mark.parametrize(
-    ("decorate", "words", "says"),
+    ("decorate", "words", "message"),
     [
         (options.host_options, ["--host", "Not A Name"], "cannot be the name of a host"),
         (options.host_or_snapshot_options, ["--snapshot", "a="], "names no file"),

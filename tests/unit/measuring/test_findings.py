@@ -44,7 +44,7 @@ def drifting(reserve: int) -> Setting:
 
 
 @pytest.mark.parametrize(
-    ("failed", "inconclusive", "says"),
+    ("failed", "inconclusive", "message"),
     [
         (None, (45,), "vision: 46 % is enough. Of 45 % nothing is known: it reached no steady state"),
         (20, (44, 45), "46 % is enough; 20 % is not shown to be. Of 44 and 45 % nothing is known: they reached no"),

@@ -32,7 +32,7 @@ def test_hosts_of_one_platform_are_alike() -> None:
 
 
 @pytest.mark.parametrize(
-    ("percent", "says"),
+    ("percent", "message"),
     [
         (25, "Windows would use 20 instead of 25: it rounds down to tens."),
         (99, "Windows would use 90 instead of 99: it rounds down to tens."),

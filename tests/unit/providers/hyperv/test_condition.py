@@ -47,7 +47,7 @@ def test_policies_are_by_scope_and_scopes_of_later_versions_are_left_out() -> No
     assert condition_of(seen).policies == {PolicyScope.MACHINE_POLICY: "AllSigned"}
 
 
-@pytest.mark.parametrize(("status", "says"), [("absent", "absent (Gone)"), ("denied", "denied (Gone)")])
+@pytest.mark.parametrize(("status", "message"), [("absent", "absent (Gone)"), ("denied", "denied (Gone)")])
 def test_what_was_not_read_is_said_with_the_reason(status: str, message: str) -> None:
     found = condition_of(unread(STRANGERS, "power_plan", "numa", status=status))
 

@@ -57,7 +57,7 @@ def test_line_ends_of_git_do_no_harm() -> None:
 
 
 @pytest.mark.parametrize(
-    ("impossible", "says"),
+    ("impossible", "message"),
     [
         (replace(SETTINGS, reserve=101), "reserve and limit are 0 to 100"),
         (replace(SETTINGS, reserve=50, limit=40), "above the limit"),
@@ -72,7 +72,7 @@ def test_settings_that_no_machine_can_have_are_damage(impossible: PartitionSetti
 
 
 @pytest.mark.parametrize(
-    ("content", "says"),
+    ("content", "message"),
     [
         (replace(CONTENT, made=0), "a count is too small"),
         (replace(CONTENT, struck={"f": -1}), "a count is too small"),

@@ -100,7 +100,7 @@ def test_a_log_that_is_begun_anew_has_no_settings(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "says"),
+    ("before", "after", "message"),
     [
         ("reserve", 0, "no per cent"),
         ("reserve", "70", "no whole number"),
@@ -119,7 +119,7 @@ def test_what_is_no_setting_says_why(tmp_path: Path, before: str, after: Any, me
 
 
 @pytest.mark.parametrize(
-    ("column", "value", "says"),
+    ("column", "value", "message"),
     [
         ("response_ms", [1.0], "different lengths"),
         ("response_ms", ["1", 2], "no array of numbers"),

@@ -76,7 +76,7 @@ def test_no_text_becomes_a_formula(message: str) -> None:
     assert row[2] == "-1.5"
 
 
-@pytest.mark.parametrize("says", ["=HYPERLINK(1)", "+1", "-1", "@SUM(A1)", "{=1}", "https://example.org"])
+@pytest.mark.parametrize("message", ["=HYPERLINK(1)", "+1", "-1", "@SUM(A1)", "{=1}", "https://example.org"])
 def test_in_a_workbook_texts_are_text(message: str) -> None:
     book = openpyxl.load_workbook(BytesIO(workbook(with_failure(SMALL, message), samples=True)))
 
