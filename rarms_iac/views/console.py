@@ -205,12 +205,15 @@ class _Fitted:
     def __rich_console__(self, console: "Console", options: "ConsoleOptions") -> "RenderResult":
         from rich.segment import Segment
 
-        widest = options.max_width
-        for width in range(widest, max(widest // 2, 1), -1):
+        columns = self.table.columns
+        # Below its columns' least widths rich leaves columns out: rather too wide a table than half of it.
+        least = sum(column.min_width or 0 for column in columns) + 2 * (len(columns) - 1)
+        widest = max(options.max_width, least)
+        for width in range(widest, least - 1, -1):
             segments = list(console.render(self.table, options.update_width(width)))
             if all(Segment.get_line_length(line) <= widest for line in Segment.split_lines(segments)):
                 return segments
-        return console.render(self.table, options)
+        return console.render(self.table, options.update_width(least))
 
 
 def render(content: "RenderableType", width: int = WIDTH, *, colour: bool = False) -> str:

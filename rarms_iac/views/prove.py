@@ -26,10 +26,10 @@ def proof_text(proofs: Sequence[LayoutProof], interference: str | None) -> "Rend
     if not any(proof.verdicts for proof in proofs):
         return paragraph("No component that ran has a threshold: nothing is proven.")
     rows = [_row(proof, tried) for proof in proofs for tried in proof.verdicts]
-    header, wrap = ["component", "index", "measured", "APT", "verdict"], (1, 4)
+    header, wrap = ["component", "index", "measured", "APT", "verdict"], (1, 3, 4)
     if any(row[0] != row[1] for row in rows):
         header.insert(0, "partition")
-        wrap = (2, 5)
+        wrap = (2, 4, 5)
     else:
         rows = [row[1:] for row in rows]
     against = f" against {interference}" if interference else ""
@@ -39,7 +39,7 @@ def proof_text(proofs: Sequence[LayoutProof], interference: str | None) -> "Rend
 def _row(proof: LayoutProof, tried: IndexVerdict) -> tuple[str, ...]:
     """The partition, the component, its index with its value, its threshold, and the verdict."""
     index = tried.measured
-    value = index.reason if index.estimate is None else show_value(index.index, index.estimate.value)
+    value = "-" if index.estimate is None else show_value(index.index, index.estimate.value)
     bound = show_bound(index.index, index.threshold).removeprefix(f"{index.index} ")
     return _partitions(proof).get(index.component, "-"), index.component, index.index, value, bound, _in_words(tried)
 
