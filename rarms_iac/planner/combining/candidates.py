@@ -1,6 +1,6 @@
 """The candidate graph: every compound that could save something, with what is known of the reservation it needs.
 
-One assumption is made, that of `planner.prediction.floor`: a compound needs at least what any part of it needs, less a
+One assumption is made, that of `planner.prediction.belief`: a compound needs at least what any part of it needs, less a
 little on several processors. That a compound needs at most the sum of its parts is expected and never used: one that
 fails just below that sum is no gain, and is dropped.
 """

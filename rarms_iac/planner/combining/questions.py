@@ -44,7 +44,7 @@ class Best:
 
     @property
     def proved(self) -> bool:
-        """No other layout is better, under the assumption of `planner.prediction.floor`."""
+        """No other layout is better, under the assumption of `planner.prediction.belief`."""
         return self.complete and not self.breaks
 
 
