@@ -86,10 +86,19 @@ class Candidates:
 
 
 def candidates_of(cois: Sequence[Coi], may_share: Sharing, *, most: int, largest: int | None = None) -> Candidates:
-    """All compounds of these CoIs before anything was asked; `most`: the highest CR that P1 can be given.
+    """Build every compound of these CoIs that could be a gain, before anything is measured.
 
-    A compound consists of CoIs that may share a partition with each other, two by two, and is one that may: so those
-    that may not are not even looked at. `largest`: CoIs that a compound may consist of; None: any number.
+    A compound consists of CoIs that may share a partition two by two, and may also share it all together; other sets
+    are not looked at. Of more than `EXACT_UP_TO` CoIs only the least critical ones are combined.
+
+    Args:
+        cois: the CoIs as they are now, in any order.
+        may_share: whether components, by sorted names, may be in one partition.
+        most: the highest CR that P1 can be given, in per cent of each of its processors.
+        largest: how many CoIs a compound may consist of; None: any number.
+
+    Returns:
+        The candidates, each with its lowest possible CR. Their number grows with 2 to the power of the CoIs.
     """
     ordered = tuple(sorted(cois, key=lambda coi: (-coi.criticality, coi.name), reverse=True))
     found = {}
@@ -111,7 +120,15 @@ def candidates_of(cois: Sequence[Coi], may_share: Sharing, *, most: int, largest
 
 
 def compound_of(members: Sequence[Coi]) -> Coi:
-    """These together, with the least that they can need, as the neediest of them says."""
+    """Make the compound of these CoIs, with the least CR that it can need.
+
+    Args:
+        members: its parts, at least one.
+
+    Returns:
+        A CoI with the name of its most critical part, the processors of its widest part, and as reserve the lower bound
+            that `at_least` gives for its neediest part.
+    """
     processors = max(member.processors for member in members)
     names = tuple(sorted(name for member in members for name in member.members))
     least = at_least(max(member.at_least for member in members), processors)
@@ -144,7 +161,18 @@ def _company(cois: Sequence[Coi], may_share: Sharing) -> "nx.Graph":
 
 
 def informed(candidates: Candidates, answers: Iterable[Answer]) -> Candidates:
-    """The candidates after these answers, in whatever order they came."""
+    """Narrow the candidates' intervals by these answers.
+
+    A failed setting raises the lower end of the compound and of every compound that contains it. Where answers
+    contradict each other or the assumption, the safe side counts, and a `Break` says so.
+
+    Args:
+        candidates: as `candidates_of` made them, before any answer.
+        answers: all answers so far, in any order; those about sets that are no candidates are ignored.
+
+    Returns:
+        New candidates; the order of the answers does not matter.
+    """
     own: dict[Members, tuple[list[int], list[int]]] = {}
     for answer in answers:
         passed, failed = own.setdefault(answer.members, ([], []))
@@ -215,14 +243,27 @@ def _parts(candidates: Candidates, mask: Mask) -> Iterator[tuple[Mask, int]]:
 
 
 def named(members: Members) -> str:
-    """`speech+vision`."""
+    """Write the name of a set of components, as messages and the graph have it.
+
+    Args:
+        members: names in sorted order.
+
+    Returns:
+        The names joined by a plus sign: `speech+vision`.
+    """
     return "+".join(members)
 
 
 def graph_of(candidates: Candidates) -> "nx.DiGraph":
-    """The candidate graph: nodes are CoIs (`low`, `high` in whole per cent) and compounds; edges lead into a compound.
+    """Build the candidate graph for networkx.
 
-    A compound also has `passed`, `failed` (None: not seen) and `is_gain`.
+    Args:
+        candidates: with what the answers so far say.
+
+    Returns:
+        A graph whose nodes are CoIs and compounds, by the name that `named` writes. Edges lead from a CoI into each
+            compound of it. Every node has `compound` (bool), `low` and `high` (CR in whole per cent); a compound also
+            has `passed`, `failed` (CR; None: not measured) and `is_gain`.
     """
     import networkx as nx
 
@@ -273,7 +314,15 @@ class Node:
 
 
 def nodes_of(candidates: Candidates, predicted: Mapping[Mask, int]) -> tuple[Node, ...]:
-    """The nodes: CoIs, the least critical first, then compounds, the smaller first; `predicted`: CRs of compounds."""
+    """List the nodes of the candidate graph as values to show.
+
+    Args:
+        candidates: with what the answers so far say.
+        predicted: the CR (whole per cent) that each compound will probably need, where something predicts it.
+
+    Returns:
+        CoIs first, the least critical first; then compounds, by number of parts and then by name.
+    """
     graph = graph_of(candidates)
     cois = [
         Node(

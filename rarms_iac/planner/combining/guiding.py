@@ -43,14 +43,31 @@ class Guide:
 
 
 def guide_of(known: Candidates, predictor: Predictor) -> Guide:
-    """What these answers and predictions make one expect."""
+    """Work out what to expect of every compound after these answers.
+
+    Args:
+        known: the candidates after all answers.
+        predictor: what the ways to predict say of a compound.
+
+    Returns:
+        A guide; it predicts a compound when it is asked about it, once.
+    """
     less = needs_less(known)
     seen = [outlook_of(candidate, predictor, less) for candidate in known.by_mask.values() if candidate.was_asked]
     return Guide(known=known, predictor=predictor, belief=belief_of(len(predictor.ways), seen), less=less)
 
 
 def needs_less(known: Candidates) -> float:
-    """How likely a compound that may need less than its neediest part reserves does, after those that were asked."""
+    """Estimate how often a compound needs less than its neediest part, from the compounds asked about so far.
+
+    The estimate starts at `SELDOM`, with the weight of `LIKE` compounds, and each compound that was seen moves it.
+
+    Args:
+        known: the candidates after all answers.
+
+    Returns:
+        The probability, 0..1, for a compound whose `slack` allows it.
+    """
     seen = [candidate for candidate in known.by_mask.values() if candidate.was_asked and candidate.slack]
     needs = [-(-candidate.neediest // candidate.coi.processors) for candidate in seen]
     did = sum(
@@ -64,7 +81,16 @@ def needs_less(known: Candidates) -> float:
 
 
 def outlook_of(candidate: Candidate, predictor: Predictor, less: float) -> Outlook:
-    """What is known of a compound, and predicted; `less`: as of `Guide`."""
+    """Collect what is known and predicted of one compound.
+
+    Args:
+        candidate: the compound after all answers.
+        predictor: what the ways to predict say of it.
+        less: the probability that it needs less than its neediest part, as `needs_less` returns it.
+
+    Returns:
+        The outlook, with CRs in per cent of each of the compound's processors.
+    """
     return Outlook(
         neediest=candidate.neediest / candidate.coi.processors,
         together=candidate.together / candidate.coi.processors,
@@ -78,15 +104,29 @@ def outlook_of(candidate: Candidate, predictor: Predictor, less: float) -> Outlo
 
 
 def highest(candidate: Candidate) -> int:
-    """The highest CR that is worth a question: one point more is known to be enough, or no gain."""
+    """Return the highest CR that is worth a question, in whole per cent.
+
+    Args:
+        candidate: the compound after all answers.
+
+    Returns:
+        Right below the lowest CR that passed; where none did, the highest CR at which the compound is still a gain.
+    """
     return candidate.highest if candidate.passed is None else candidate.passed - 1
 
 
 def raises_most(guide: Guide, unknown: Sequence[Candidate], room: int, *, holds: bool) -> tuple[Candidate, int]:
-    """Of these compounds of a layout the one, with a CR, that will probably raise most what the layout needs at least.
+    """Choose the compound and CR whose measurement will probably raise the layout's least reservation most.
 
-    `room`: what it can bear before it is out, in per cent of one logical processor; `holds`: whether a layout was seen
-    to hold.
+    Args:
+        guide: what is expected of each compound.
+        unknown: the compounds of a layout whose least CR is not yet measured; at least one, in any order.
+        room: by how much the layout's reservation may grow before the layout is out, in per cent of one logical
+            processor.
+        holds: whether some layout was already measured to meet all APTs.
+
+    Returns:
+        The compound and the CR (whole per cent) to measure; the same arguments give the same choice.
     """
     best: tuple[float, Candidate, int] | None = None
     for candidate in sorted(unknown, key=lambda each: each.coi.members, reverse=True):

@@ -39,7 +39,17 @@ class LayoutChoice:
 
 
 def weights_of(cois: Sequence[Coi], criticalities: Mapping[str, int]) -> list[int]:
-    """What it costs that a CoI shares: sums compare as sorted lists of criticalities do, most critical first."""
+    """Give each CoI a number for what it costs that it shares a partition.
+
+    Sums of these numbers compare as the sorted lists of the members' criticalities do, the most critical first.
+
+    Args:
+        cois: the CoIs.
+        criticalities: by component; it has every member of the CoIs.
+
+    Returns:
+        A number for each CoI, in their order; Python integers, which may be large.
+    """
     levels = sorted(set(criticalities.values()))
     base = len(criticalities) + 1
     return [sum(base ** levels.index(criticalities[name]) for name in coi.members) for coi in cois]
@@ -133,7 +143,7 @@ class Layouts:
         return Layouts(candidates=replace(self.candidates, by_mask=passed), objective=self.objective)
 
     def value(self, choice: LayoutChoice) -> Value:
-        """Of a layout."""
+        """Return what the layout is compared on; the smaller, the better."""
         return self._value(choice.key, choice.total, choice.partitions)
 
     def _value(self, key: int, reserved: int, partitions: int) -> Value:
@@ -259,7 +269,7 @@ class Layouts:
         return found
 
     def cost(self, block: Mask) -> Least:
-        """What a compound reserves, in its one partition."""
+        """Return what the compound reserves in its one partition, and that it is one partition."""
         return self._costs.get(block, NEVER)
 
     def blocks(self, mask: Mask) -> list[Mask]:

@@ -54,17 +54,39 @@ class Answer:
 
 
 def union(coi: Coi, other: Coi) -> Members:
-    """Who is in a partition of both."""
+    """Name the components of both CoIs.
+
+    Args:
+        coi: one CoI.
+        other: another CoI, with other members.
+
+    Returns:
+        All names, sorted.
+    """
     return tuple(sorted((*coi.members, *other.members)))
 
 
 def leader(cois: Iterable[Coi]) -> Coi:
-    """The most critical, ties by name: what their compound is called after."""
+    """Return the most critical CoI, after which a compound is called.
+
+    Args:
+        cois: at least one, in any order; equally critical ones go by name.
+
+    Raises:
+        ValueError: there are none.
+    """
     return min(cois, key=lambda coi: (-coi.criticality, coi.name))
 
 
 def total(cois: Iterable[Coi]) -> int:
-    """What they reserve together, in per cent of one logical processor."""
+    """Add up what the CoIs reserve.
+
+    Args:
+        cois: each with its processors and its CR.
+
+    Returns:
+        The sum in per cent of one logical processor; 100 is one whole processor.
+    """
     return sum(coi.cost for coi in cois)
 
 
@@ -104,7 +126,7 @@ class PlannerReporter(Protocol):
     """Told what combining does, as it does it; must not raise."""
 
     def setting_answered(self, answer: Answer) -> None:
-        """The oracle said."""
+        """Take note that the oracle answered this question."""
         ...
 
     def declined(self, members: Members) -> None:
@@ -120,27 +142,36 @@ class SilentReporter:
     """Tells nobody."""
 
     def setting_answered(self, answer: Answer) -> None:
-        """Nothing."""
+        """Do nothing."""
 
     def declined(self, members: Members) -> None:
-        """Nothing."""
+        """Do nothing."""
 
     def combined(self, compound: Coi, before: int) -> None:
-        """Nothing."""
+        """Do nothing."""
 
 
 class Always:
     """Consents to everything."""
 
     def allows(self, members: Members, *, settings: int, gain: int) -> bool:  # noqa: ARG002 - the protocol's
-        """Yes."""
+        """Allow every combination."""
         return True
 
 
 def coi_as_measured(group: Group, claim: Claim, reservations: ReservationSource, host: Host) -> Coi:
-    """What a partition holds, with the highest CR at which its data log for this host shows that it misses an APT.
+    """Make the CoI of a partition, with the highest CR at which its data log shows it to miss an APT.
 
-    Where it reserves more than the log asks for, because the manifest fixes that, nothing less is thought of.
+    Where the manifest fixes a larger reservation than the log asks for, the fixed value stays and `missed` is None.
+
+    Args:
+        group: the partition's members.
+        claim: what the partition reserves on this host.
+        reservations: the data logs, or what the manifest fixes.
+        host: the host that the logs must hold for.
+
+    Returns:
+        The CoI; its `missed` is in whole per cent of each of its processors.
     """
     coi = Coi(
         name=group.name,

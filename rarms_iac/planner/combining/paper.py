@@ -103,7 +103,14 @@ def tune_performance_to_use_less_resource(
 
 
 def ordered(cois: Sequence[Coi]) -> tuple[Coi, ...]:
-    """By non-increasing criticality, equal ones by name."""
+    """Sort CoIs by non-increasing criticality, equal ones by name, as the paper's procedures expect them.
+
+    Args:
+        cois: in any order.
+
+    Returns:
+        All of them, the most critical first.
+    """
     return tuple(sorted(cois, key=lambda coi: (-coi.criticality, coi.name)))
 
 

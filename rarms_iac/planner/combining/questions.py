@@ -30,7 +30,7 @@ class Ask:
 
     members: Members
     reserve: int
-    predicted: int | None  # the CR that is enough as likely as not; None: nothing predicts it; nothing rests on it
+    predicted: int | None  # the CR with an even chance of being enough; None: no prediction. Only informs the reader
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +57,7 @@ class NothingFits:
 
     @property
     def proved(self) -> bool:
-        """As of `Best`."""
+        """Whether no layout fits, under the assumption of `Best.proved`, with every layout considered."""
         return self.complete and not self.breaks
 
 
@@ -83,7 +83,18 @@ def tuning_of(
     most: int = WHOLE,
     largest: int | None = None,
 ) -> Tuning:
-    """The problem with every compound that could be a gain, without predictions; see `candidates_of`."""
+    """State the problem: every compound that could be a gain, without predictions.
+
+    Args:
+        cois: the CoIs as they are now, in any order.
+        objective: what makes a layout the better one, and whether it fits.
+        may_share: whether components, by sorted names, may be in one partition.
+        most: the highest CR that P1 can be given, in per cent of each of its processors.
+        largest: how many CoIs a compound may consist of; None: any number.
+
+    Returns:
+        The problem. It is `complete` where every compound that the objective could choose is a candidate.
+    """
     candidates = candidates_of(cois, may_share, most=most, largest=largest)
     every_size = largest is None
     complete = every_size and len(cois) <= EXACT_UP_TO
@@ -91,24 +102,36 @@ def tuning_of(
 
 
 def next_step(tuning: Tuning, answers: Sequence[Answer]) -> Step:
-    """What to ask after these answers, or the answer; as of `QuestionSearch`."""
+    """Say what to ask after these answers, or give the result; a pure function.
+
+    Args:
+        tuning: the problem.
+        answers: all answers so far, in any order.
+
+    Returns:
+        `Ask` with the next setting to measure, `Best` with the best layout, or `NothingFits`. For many calls with ever
+            more answers, one `QuestionSearch` costs less.
+    """
     return QuestionSearch(tuning=tuning).next_step(answers)
 
 
 @dataclass(slots=True, kw_only=True)
 class QuestionSearch:
-    """The same after ever more answers: what one does not touch is not worked out again, and all is as if it were."""
+    """Finds the next question while answers come in.
+
+    It keeps what earlier answers settled; the result is the same as working everything out anew.
+    """
 
     tuning: Tuning
     _layouts: Layouts | None = None
     _seen: "_Holding | None" = None
 
     def next_step(self, answers: Sequence[Answer]) -> Step:
-        """What to ask after these answers, or the answer.
+        """Say what to ask after these answers, or give the result.
 
-        The best layout that what is known allows is looked at: where the least CR of all its compounds was measured, no
-        other one can be better, since each was taken to need the least that it can. Otherwise a compound of it is asked
-        for, where what it needs at least will probably rise most. Predictions choose the question, and prove nothing.
+        Take the layout that would be best if every compound needed as little as is still possible. If all its compounds
+        are measured, nothing can be better: it is the answer. Otherwise ask for that one of its unmeasured compounds
+        whose least need will probably rise most. Predictions choose the question, and prove nothing.
         """
         tuning = self.tuning
         known = informed(tuning.candidates, answers)
@@ -179,9 +202,9 @@ def _best(tuning: Tuning, layouts: Layouts, best: LayoutChoice, breaks: tuple[Br
 
 
 def _is_first(tuning: Tuning, best: LayoutChoice) -> bool:
-    """Combining as little as possible, a layout of the least critical CoIs comes before all that touch others.
+    """Whether the layout combines only the `EXACT_UP_TO` least critical CoIs, under `minimise: combining`.
 
-    Only their number was limited then; a compound of them of more parts was looked at, too.
+    Any layout that touches more critical CoIs is then worse, so leaving those out loses nothing.
     """
     least = (1 << EXACT_UP_TO) - 1
     shares = 0
@@ -195,10 +218,18 @@ def search(
 ) -> tuple[Best | NothingFits, tuple[Answer, ...]]:
     """Ask until the answer is there; what was answered before is not asked again.
 
-    A combination that somebody says no to is left out; since a layout with it may be better, nothing is proved then.
-    `recorded` is what else was measured of compounds. It is looked at once there would be an answer, and then counts as
-    if it had been asked for: so a search that was stopped asks the same questions again, and no answer contradicts what
-    is known.
+    A combination that somebody says no to is left out; since a layout with it may be better, nothing is proved then. A
+    search that was stopped asks the same questions again, and no answer contradicts what is known.
+
+    Args:
+        tuning: the problem.
+        asking: who answers, who is told, and who may decline a combination.
+        answers: what was answered in an earlier run of this search, in order.
+        recorded: what else was measured of compounds. It is used only when the search would otherwise end, and then
+            counts as if it had been asked for.
+
+    Returns:
+        The result, and the trail: all answers in the order in which they counted, beginning with `answers`.
 
     Raises:
         Unanswered: the oracle has no answer; the trail up to there is in what it recorded.
