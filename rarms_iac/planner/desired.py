@@ -43,10 +43,19 @@ class Desired:
 
 
 def desired_state(system: System, layout: Layout, observed: State, places: Places) -> Desired:
-    """The state that this host is to have; `observed.facts.name` says which of the manifest's it is.
+    """Work out the state that one host is to have, and what the difference must know beside it.
 
-    What carries our mark and is placed on no host is kept, stopped, with its automatic start off: unused. What is
-    placed on another host is not in the state, and so goes.
+    A partition with our mark that is placed on no host is kept, stopped, with its automatic start off: it is unused. A
+    partition that is placed on another host is not in this state, and so it is removed here.
+
+    Args:
+        system: the manifest.
+        layout: where each partition is placed, on all hosts.
+        observed: the host as it is now; `observed.facts.name` must be a host of the manifest.
+        places: lines of the manifest, for the findings.
+
+    Returns:
+        The wanted state with partitions and task classes in the order of their names, and findings about task classes.
     """
     application = system.application.name
     here = [partition for partition in layout.partitions if partition.host == observed.facts.name]

@@ -31,10 +31,16 @@ class Group:
 
 
 def groups_of(system: System) -> tuple[Group, ...]:
-    """The partitions of a system, by name.
+    """Group the components into partitions.
 
-    What `partitions` says stands. Of the others each component has a partition of its own name, but those that must
-    be together share one, called after the most critical, ties by name.
+    What `partitions` of the manifest says stands. Each other component gets a partition of its own name; those that
+    must be together share one, called after the most critical, ties by name.
+
+    Args:
+        system: the manifest. Components that run on a host, outside of partitions, are left out.
+
+    Returns:
+        The groups, by name.
     """
     inside = {name: component for name, component in system.components.items() if component.runs_on is RunsOn.PARTITION}
     spoken_for: set[str] = set()
@@ -58,9 +64,16 @@ def groups_of(system: System) -> tuple[Group, ...]:
 
 
 def may_share(*groups: Group) -> bool:
-    """Whether neither `apart` nor `dedicated` nor `protect` forbids that these are one partition.
+    """Tell whether the manifest allows that these groups become one partition.
 
-    It is called after the most critical, and the partitions of the others are no longer wanted: none is protected.
+    `apart` and `dedicated` of a member forbid it. So does `protect` of any group but the most critical: the new
+    partition takes that one's name, and the others are no longer wanted.
+
+    Args:
+        groups: at least one.
+
+    Raises:
+        ValueError: there are none.
     """
     members = [member for group in groups for member in group.members]
     names = {member.name for member in members}
@@ -71,7 +84,14 @@ def may_share(*groups: Group) -> bool:
 
 
 def most_critical_first(components: Iterable[Component]) -> tuple[Component, ...]:
-    """By criticality, ties by name."""
+    """Sort components by criticality, equal ones by name.
+
+    Args:
+        components: in any order.
+
+    Returns:
+        All of them, the most critical first.
+    """
     return tuple(sorted(components, key=lambda component: (-component.criticality, component.name)))
 
 
@@ -96,7 +116,15 @@ def _together(free: dict[str, Component]) -> Iterator[list[Component]]:
 
 
 def company(groups: Iterable[Group], system: System) -> Iterator[Cause]:
-    """Where the partitions contradict `together`, `apart` and `dedicated`."""
+    """Find where partitions contradict `together`, `apart` and `dedicated`.
+
+    Args:
+        groups: all partitions, as `groups_of` makes them.
+        system: the manifest.
+
+    Yields:
+        A cause for each contradiction, by component's name; the same pair may come twice, from either side.
+    """
     where = {member.name: group.name for group in groups for member in group.members}
     for name in sorted(where):
         component, home = system.components[name], where[name]

@@ -42,18 +42,27 @@ class Share:
 
 
 def ranks_of(components: Iterable[Component]) -> Mapping[int, Rank]:
-    """The rank of each criticality.
+    """Rank the criticalities of the manifest.
 
-    All components of the manifest count, whatever partitions they are in: combining some moves no other's weight.
+    Args:
+        components: all that run in partitions, whatever partitions these are: combining some must not move another's
+            weight.
+
+    Returns:
+        A rank for each criticality; 1 is the least critical.
     """
     values = sorted({component.criticality for component in components})
     return {value: Rank(place=at, of=len(values)) for at, value in enumerate(values, 1)}
 
 
 def weight_of_rank(rank: Rank) -> int:
-    """One hundred a rank: the order of criticalities is the order of weights.
+    """Give a rank its weight: one hundred a rank, so that weights have the order of criticalities.
 
-    Beyond a hundred criticalities the steps are smaller; beyond 9901 they meet.
+    Args:
+        rank: as `ranks_of` returns it.
+
+    Returns:
+        100 to 10000. Beyond a hundred criticalities the steps are smaller; beyond 9901 neighbours are equal.
     """
     step = min(WEIGHT, (MAX_WEIGHT - WEIGHT) // max(1, rank.of - 1))
     return min(MAX_WEIGHT, WEIGHT + step * (rank.place - 1))
@@ -75,7 +84,17 @@ class PartitionShare:
 
 
 def share_of(asking: PartitionShare, host: Host, processors: int, reserve: int) -> Share:
-    """Limit and weight of a partition of so many virtual processors that reserves so much of each."""
+    """Decide limit and weight of a partition by the manifest and its headroom policy.
+
+    Args:
+        asking: the partition's members, wishes and policy.
+        host: where it would be; shares of a host are of its logical processors.
+        processors: its virtual processors.
+        reserve: its reservation, in whole per cent of each of them.
+
+    Returns:
+        Limit (never below the reservation) and weight, each with the reason in words.
+    """
     limit, why_limit = _limit(asking, host, processors, reserve)
     weight, why_weight = _weight(asking)
     return Share(limit=limit, weight=weight, why_limit=why_limit, why_weight=why_weight)
@@ -94,7 +113,16 @@ def _limit(asking: PartitionShare, host: Host, processors: int, reserve: int) ->
 
 
 def said_limit(asking: PartitionShare, host: Host, processors: int) -> int | None:
-    """Its own, or the members' together where each has one; None: it is open."""
+    """Return the limit that the manifest fixes: the partition's own, or the sum of its members' where each has one.
+
+    Args:
+        asking: the partition's members and wishes.
+        host: shares of a host are of its logical processors.
+        processors: the partition's virtual processors.
+
+    Returns:
+        Whole per cent of each virtual processor, at most 100, rounded up; None: the manifest fixes none.
+    """
     own = asking.wish.cpu.limit
     amounts: list[CpuAmount | None] = [own] if own is not None else [member.cpu.limit for member in asking.members]
     total = Fraction(0)

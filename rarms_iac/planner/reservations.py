@@ -64,7 +64,14 @@ class FixedReservations:
 
 
 def to_be_measured(members: Iterable[Component]) -> Names:
-    """Those whose reserve comes from a measurement, by name."""
+    """Name the components whose reserve comes from a measurement.
+
+    Args:
+        members: in any order. A component counts that says `measured`, or that has an APT and no reserve.
+
+    Returns:
+        Their names, sorted.
+    """
 
     def is_open(component: Component) -> bool:
         return component.cpu.reserve is Measured.MEASURED or (component.cpu.reserve is None and bool(component.apt))
@@ -73,12 +80,27 @@ def to_be_measured(members: Iterable[Component]) -> Names:
 
 
 def rests_on_a_log(group: Group) -> bool:
-    """Whether its reservation is to be measured: a member's is, and the partition fixes none of its own."""
+    """Tell whether the partition's reservation comes from a data log.
+
+    Args:
+        group: the partition with its members.
+
+    Returns:
+        True where a member's reserve is to be measured and the partition fixes none of its own.
+    """
     return group.wish.cpu.reserve in (None, Measured.MEASURED) and bool(to_be_measured(group.members))
 
 
 def fixed(members: Iterable[Component], host: Host) -> LogicalProcessors:
-    """What the manifest fixes of the members' reserves, in LPs of this host."""
+    """Add up what the manifest fixes of the members' reserves.
+
+    Args:
+        members: those without a fixed reserve count as 0.
+        host: shares of a host are of its logical processors.
+
+    Returns:
+        The sum in logical processors, exact.
+    """
     total = Fraction(0)
     for member in members:
         if member.cpu.reserve is not None and not isinstance(member.cpu.reserve, Measured):
@@ -163,17 +185,40 @@ class MeasuredReservations:
 
 
 def least_of(log: MeasuredTogether, apts: Iterable[tuple[str, str, Threshold]]) -> LeastReserve | None:
-    """The least CR at which all these thresholds (component, index, threshold) hold."""
+    """Find the least CR at which all these thresholds hold, by the log's curves.
+
+    Args:
+        log: the data log of the components together.
+        apts: component, performance index and threshold of each APT.
+
+    Returns:
+        The CR in whole per cent of each of the log's processors; None: no measured setting meets all of them.
+    """
     return least_reserve((log.curves(component, index), threshold) for component, index, threshold in apts)
 
 
 def names_of(members: Iterable[Component]) -> Names:
-    """The members' names in order, as data logs are found by."""
+    """List the members' names as data logs are found by.
+
+    Args:
+        members: in any order.
+
+    Returns:
+        The names, sorted.
+    """
     return tuple(sorted(member.name for member in members))
 
 
 def not_met(members: tuple[Component, ...], log: MeasuredTogether) -> NotMeasured:
-    """No setting of the log meets every APT of the members."""
+    """Explain that no setting of the log meets every APT of the members.
+
+    Args:
+        members: the partition's components; at least one is to be measured.
+        log: the data log of all of them together.
+
+    Returns:
+        The reason with the log's path, and advice with the command that measures on.
+    """
     names = to_be_measured(members)
     told = " and ".join(f"{index} of {member.name}" for member in members for index in member.apt)
     if not log.measured:

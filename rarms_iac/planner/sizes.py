@@ -36,7 +36,18 @@ class Sized:
 
 
 def size(group: Group, host: Host, reservations: ReservationSource) -> Sized | Cause:
-    """The partition on this host, or why it cannot be there whatever else is."""
+    """Work out a partition's settings on one host.
+
+    Args:
+        group: its members, and what the manifest says of it.
+        host: the host; what else is placed there does not matter.
+        reservations: where the reservation comes from.
+
+    Returns:
+        The partition with its reserve rounded up to whole per cent of each virtual processor; or the cause why it
+            cannot be there whatever else is: nothing measured, too few virtual processors, or more of them than the
+            host has.
+    """
     wanted = _reserve(group, host, reservations)
     if isinstance(wanted, NotMeasured):
         names = ", ".join(wanted.components)

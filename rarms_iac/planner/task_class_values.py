@@ -29,7 +29,7 @@ class Cost(NamedTuple):
     low: int = 0  # in Low where the manifest does not say so
 
     def plus(self, other: Sequence[int]) -> "Cost":
-        """Both together."""
+        """Add another cost to this one, number by number."""
         return Cost(*map(add, self, other))
 
 
@@ -58,10 +58,17 @@ class _Way:
 
 
 def chosen_values(levels: Sequence[Sequence[TaskWish]]) -> tuple[tuple[LevelValues, ...], ...]:
-    """Values for each class of each level of criticality, the most critical level first.
+    """Choose the values of all classes of one operating system.
 
-    Threads are out of order only where no values whatever would have them in order: all that matters of the levels
-    above is the lowest thread that is to be kept below, so the best choice for each is followed.
+    Threads are out of order only where no values could put them in order. All that matters of the levels above is the
+    lowest thread that the next level must stay below, so the best choice for each such thread is followed (dynamic
+    programming).
+
+    Args:
+        levels: the wishes for the classes of each level of criticality, the most critical level first.
+
+    Returns:
+        Values in the same shape: for each level, for each of its classes. Equal costs go to higher threads.
     """
     ways = {_NOTHING_ABOVE: _Way()}
     for level in levels:

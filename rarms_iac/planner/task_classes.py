@@ -56,11 +56,19 @@ def classes_of(
     *,
     processors: int = 0,
 ) -> Classes:
-    """Values for every class that these components of one operating system name.
+    """Decide the values of every task class that these components of one operating system name.
 
-    It has so many processors; of 0, an unknown number, no class is kept to some.
+    Equally critical classes share a thread priority where the values that the manifest fixes allow it.
 
-    Equally critical classes share a thread priority where what the manifest fixes, which stands, lets them.
+    Args:
+        components: all that run in this operating system; those without a class matter for affinity only.
+        wishes: what `tasks` of the manifest says of a class, by name in any case; it is never overruled.
+        inside: the partition whose guest it is; empty: the host's own Windows.
+        places: lines of the manifest, for the findings.
+        processors: how many this operating system has; 0: unknown, and then no class is kept to some of them.
+
+    Returns:
+        The classes by name, and findings on what their values cannot keep in order.
     """
     named: dict[str, list[Component]] = {}
     nameless: list[list[Component]] = []  # of no class: they are kept to nothing, and may use any processor
@@ -206,10 +214,16 @@ def _address(inside: str, name: str) -> str:
 
 
 def registry_values(values: ClassValues) -> Mapping[str, RegistryValue]:
-    """The class's whole key, with types: the booleans are text (FACTS 6.1).
+    """Write a class as its whole registry key, with types; the booleans are text (FACTS 6.1).
 
-    Threads of a class that is not of the background depend on which window has the focus (FACTS 6.2), which is no
-    order of criticalities.
+    `Background Only` is always true: otherwise threads would depend on which window has the focus (FACTS 6.2), and that
+    is no order of criticalities.
+
+    Args:
+        values: what was decided about the class.
+
+    Returns:
+        By name of the value, in alphabetical order.
     """
     return {
         "Affinity": _number(values.affinity),

@@ -146,7 +146,16 @@ class Belief:
 
 
 def belief_of(ways: int, seen: Sequence[Outlook]) -> Belief:
-    """What to expect with so many ways to predict, after these compounds were asked about."""
+    """Weigh every hypothesis by how well it foretold what was measured (Bayes' rule).
+
+    Args:
+        ways: how many ways to predict there are; 0: none.
+        seen: the compounds that were asked about, each with what was measured, in any order. Each `said` has `ways`
+            entries.
+
+    Returns:
+        Hypotheses with weights that add up to 1; the very unlikely ones are left out.
+    """
     first = _hypotheses(ways)
     likely = [
         sum(parts) for parts in zip(_logarithms(ways), *(_fitting(ways, outlook) for outlook in seen), strict=True)
@@ -208,10 +217,25 @@ SELDOM = 0.1
 
 
 def slack_on(processors: int) -> int:
-    """Points of CR by which a compound on so many virtual processors may need less than a part of it."""
+    """Return by how much a compound may need less than a part of it.
+
+    Args:
+        processors: virtual processors of the compound's partition.
+
+    Returns:
+        Points of CR: 0 on one processor, `SLACK` on several.
+    """
     return SLACK if processors > 1 else 0
 
 
 def at_least(cost: int, processors: int) -> int:
-    """The CR that a compound on so many needs at least of which a part needs `cost` (per cent of one LP)."""
+    """Return the CR that a compound needs at least, as the need of one of its parts shows.
+
+    Args:
+        cost: what that part needs, in per cent of one logical processor.
+        processors: virtual processors of the compound's partition.
+
+    Returns:
+        Whole per cent of each of these processors, at least 1; rounded up, less `slack_on`.
+    """
     return max(1, -(-cost // processors) - slack_on(processors))

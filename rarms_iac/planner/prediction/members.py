@@ -63,7 +63,16 @@ class Alone:
 
 
 def alone_in(groups: Iterable[Group], reservations: ReservationSource, host: Host) -> Mapping[str, Alone]:
-    """The components that were measured alone for this host, by name; those of a partition of several were not."""
+    """Collect what is known of the components that were measured alone for this host.
+
+    Args:
+        groups: the partitions of the system; those of several components are passed over.
+        reservations: where logs come from; sources without data logs give nothing.
+        host: the host that the logs must hold for.
+
+    Returns:
+        By component's name; a component whose log says too little is missing.
+    """
     found = {}
     if isinstance(reservations, MeasuredReservations):
         for group in groups:
@@ -74,7 +83,16 @@ def alone_in(groups: Iterable[Group], reservations: ReservationSource, host: Hos
 
 
 def alone_of(component: Component, log: MeasuredTogether, enough: int) -> Alone | None:
-    """What its log says of it; None: too little. `enough`: the CR at which it meets its APTs."""
+    """Derive a component's demand, and its task where it has a deadline, from its own data log.
+
+    Args:
+        component: the component, with its APTs and its arrival.
+        log: the log of the component alone.
+        enough: the CR at which it meets its APTs, in per cent of each of the log's processors.
+
+    Returns:
+        What is known of it; None: the log has no mean response time.
+    """
     points = [(point.reserve, point.value) for point in log.curves(component.name, "mean_response_time").points]
     arrival = None if component.run is None else component.run.arrival
     period = float(arrival.period) if isinstance(arrival, Periodic) else None
@@ -107,7 +125,16 @@ def _is_deadline(index: str) -> bool:
 
 
 def task_of(work_ms: float, period_ms: float, deadline_ms: float) -> Task:
-    """In ticks, on the safe side."""
+    """Turn milliseconds into a task of whole ticks, rounded to the safe side: more work, shorter period and deadline.
+
+    Args:
+        work_ms: processor time of each job.
+        period_ms: the least time between jobs.
+        deadline_ms: from a job's release to its latest answer.
+
+    Returns:
+        The task; each value is at least one tick (`TICKS` a millisecond).
+    """
     return Task(
         work=max(1, ceil(work_ms * TICKS)),
         period=max(1, int(period_ms * TICKS)),
@@ -116,10 +143,17 @@ def task_of(work_ms: float, period_ms: float, deadline_ms: float) -> Task:
 
 
 def said_of(members: Sequence[Alone], processors: int) -> Said:
-    """What each of `WAYS` says that these need in one partition of so many virtual processors.
+    """Predict, by each of `WAYS`, the CR that these components need together in one partition.
 
-    Those of the periodic resource are bounds for one processor; of several they are taken as one that is as fast as
-    all of them.
+    The periodic resource's bounds hold for one processor; several are taken as one that is as fast as all of them.
+
+    Args:
+        members: what is known of each component alone.
+        processors: virtual processors of the partition.
+
+    Returns:
+        A CR (per cent of each processor, not rounded) for each way, in the order of `WAYS`; None where it cannot say.
+            All are None where a member was measured on another number of processors.
     """
     if any(member.processors != processors for member in members):
         return (None,) * len(WAYS)
@@ -162,9 +196,16 @@ class Predictor:
 
 
 def expected_of(predictor: Predictor, members: tuple[str, ...], processors: int, costs: Sequence[int]) -> int | None:
-    """The CR that these will as likely as not need together, before any of it was measured; None: nothing says so.
+    """Predict the CR that a compound needs, before any of it was measured.
 
-    `costs`: what each part of them reserves, in per cent of one logical processor.
+    Args:
+        predictor: what each way to predict says of it.
+        members: its components, by sorted names.
+        processors: virtual processors of its partition.
+        costs: what each part of it reserves, in per cent of one logical processor; at least one.
+
+    Returns:
+        The whole CR with an even chance of being enough; None: no way to predict knows these members.
     """
     said = predictor.of(members, processors)
     if all(prediction is None for prediction in said):
@@ -191,7 +232,14 @@ NOTHING = Predictor(ways=(), says=_nothing)
 
 
 def predictor_of(alone: Mapping[str, Alone]) -> Predictor:
-    """Of components of which so much is known; compounds with others are not predicted."""
+    """Make a predictor from what is known of components alone.
+
+    Args:
+        alone: by component's name, as `alone_in` returns it.
+
+    Returns:
+        A predictor by all of `WAYS`; of a compound with another component it says None for each way.
+    """
 
     def says(members: tuple[str, ...], processors: int) -> Said:
         known = [alone[name] for name in members if name in alone]

@@ -53,9 +53,17 @@ Meets = Callable[[Sequence[Task], Resource], bool]
 
 
 def supplied(resource: Resource, ticks: int) -> int:
-    """The supply bound function: what any so many ticks in a row bring at least (Shin and Lee 2003, eq. 2).
+    """Compute the supply bound function: the least that a run of so many ticks brings (Shin and Lee 2003, eq. 2).
 
-    At worst they begin when the budget of a period was given at its very start, and the next comes at the very end.
+    At worst the run begins right after the budget was given at the very start of a period, and the next comes at the
+    very end of its period.
+
+    Args:
+        resource: the budget in every period.
+        ticks: the length of the run, at least 0.
+
+    Returns:
+        Ticks of processor time.
     """
     gap = resource.period - resource.budget
     if ticks <= gap:
@@ -65,19 +73,46 @@ def supplied(resource: Resource, ticks: int) -> int:
 
 
 def supplied_after(resource: Resource, work: int) -> int:
-    """The least number of ticks that bring at least this much work, above 0; the budget is above 0, too."""
+    """Compute the least number of ticks that surely bring at least this much work: the inverse of `supplied`.
+
+    Args:
+        resource: with a budget above 0.
+        work: ticks of processor time, above 0.
+
+    Returns:
+        Ticks, counted from the worst possible start.
+
+    Raises:
+        ZeroDivisionError: the budget is 0.
+    """
     periods = -(-work // resource.budget) - 1
     gap = resource.period - resource.budget
     return 2 * gap + periods * resource.period + work - periods * resource.budget
 
 
 def demanded(tasks: Sequence[Task], ticks: int) -> int:
-    """The demand bound function: work of jobs that come and are due within so many ticks (Baruah et al. 1990)."""
+    """Compute the demand bound function: work of jobs that come and are due within so many ticks (Baruah et al. 1990).
+
+    Args:
+        tasks: in any order.
+        ticks: the length of the run.
+
+    Returns:
+        Ticks of processor time, at most what any such run can demand.
+    """
     return sum(max(0, (ticks - task.deadline) // task.period + 1) * task.work for task in tasks)
 
 
 def meets_by_deadline(tasks: Sequence[Task], resource: Resource) -> bool:
-    """Whether earliest deadline first meets all deadlines; deadlines may be longer than periods."""
+    """Judge whether earliest deadline first meets all deadlines; deadlines may be longer than periods.
+
+    Args:
+        tasks: in any order; none: always met.
+        resource: what the partition gives.
+
+    Returns:
+        True only where it is proved. Where the first `LOOKED_AT` deadlines do not decide, the answer is False.
+    """
     rate = sum((task.rate for task in tasks), Fraction(0))
     if rate > resource.rate:
         return False
@@ -142,7 +177,16 @@ def _answers(tasks: Sequence[Task], resource: Resource) -> bool:
 
 
 def least_budget(tasks: Sequence[Task], period: int, meets: Meets) -> int | None:
-    """The least budget in every period with which the tasks meet their deadlines; None: not even all of it does."""
+    """Find the least budget in every period with which the tasks meet their deadlines, by bisection.
+
+    Args:
+        tasks: in the order that `meets` asks for.
+        period: of the resource, in ticks.
+        meets: the test; more budget must never make it fail. It is called about log2(period) times.
+
+    Returns:
+        The budget in ticks, 0 to `period`; None: not even the whole processor is enough.
+    """
     if not meets(tasks, Resource(budget=period, period=period)):
         return None
     low, high = 0, period
@@ -181,7 +225,17 @@ class MemberDemand:
 
 
 def responses(demands: Sequence[MemberDemand], reserve: float, processors: int) -> tuple[float, ...]:
-    """The mean response times (ms) of these in one partition at this CR, in their order; `inf`: more than it has."""
+    """Predict mean response times of components in one partition by processor sharing, as a fixed point.
+
+    Args:
+        demands: what each component's jobs ask for.
+        reserve: the CR, in per cent of each processor, above 0.
+        processors: virtual processors of the partition.
+
+    Returns:
+        A mean response time in ms for each, in their order; `inf` where jobs come faster than they are done. At most
+            `ROUNDS` rounds are computed.
+    """
     found = tuple(demand.response_ms(reserve) for demand in demands)
     for _ in range(ROUNDS):
         computing = [_computing(demand, seen) for demand, seen in zip(demands, found, strict=True)]
@@ -222,9 +276,14 @@ def _slower(demands: Sequence[MemberDemand], computing: Sequence[float], at: int
 
 
 def least_shared(demands: Sequence[MemberDemand], processors: int) -> float:
-    """The least CR (per cent, not rounded) at which each of them answers as soon as it does alone where that is enough.
+    """Find the least CR at which each component answers as soon as it does alone at its own sufficient CR.
 
-    Above 100: not even all of the partition is enough.
+    Args:
+        demands: what each component's jobs ask for.
+        processors: virtual processors of the partition.
+
+    Returns:
+        The CR in per cent, to within 0.05 above the exact one; above 100: not even all of the partition is enough.
     """
     low, high = float(max((demand.enough for demand in demands), default=0)), 2.0 * WHOLE
     while high - low > 0.05:
@@ -238,9 +297,18 @@ def least_shared(demands: Sequence[MemberDemand], processors: int) -> float:
 def demand_of(
     points: Sequence[tuple[float, float]], enough: int, *, period_ms: float | None = None, parallel: float = 1.0
 ) -> MemberDemand | None:
-    """The demand whose response times lie closest to what was measured: CR (per cent) and mean response time (ms).
+    """Fit the demand whose response times lie closest to what was measured.
 
-    Least squares of what it is off, in parts of the value; neither waiting nor work is below 0. None: nothing measured.
+    The fit takes the least squares of the relative errors; neither waiting nor work becomes negative.
+
+    Args:
+        points: CR (per cent) and mean response time (ms) of each measured setting; times of 0 or less are ignored.
+        enough: the CR at which the component meets its APTs alone.
+        period_ms: between its jobs; None: the next begins when the last one ended.
+        parallel: processors that it keeps busy while it computes.
+
+    Returns:
+        The demand; None: nothing was measured.
     """
     rows = [(1.0 / value, WHOLE / (reserve * value)) for reserve, value in points if value > 0]
     if not rows:
