@@ -22,7 +22,7 @@ from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime, in_proc
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, Disruption, Host, Measured, System
 from rarms_iac.model.wording import suggestion
-from rarms_iac.planner.alternatives import Chosen, Elsewhere, elsewhere
+from rarms_iac.planner.alternatives import ChosenPlace, Elsewhere, elsewhere
 from rarms_iac.planner.groups import Group, groups_of, may_share
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.packing.values import cost
@@ -321,7 +321,7 @@ def _where_now(known: _KnownOfPartition, placement: _Placement) -> str:
 
 
 def _elsewhere(known: _KnownOfPartition, placement: _Placement) -> tuple[Elsewhere, ...]:
-    chosen = Chosen(placed=placement.placed, layout=known.layout, views=known.views, stays=known.stays)
+    chosen = ChosenPlace(placed=placement.placed, layout=known.layout, views=known.views, stays=known.stays)
     return elsewhere(known.group, chosen, known.system, known.reservations)
 
 

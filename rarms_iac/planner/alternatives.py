@@ -25,7 +25,7 @@ class Elsewhere:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Chosen:
+class ChosenPlace:
     """Where a partition is in a layout, and what that was made from."""
 
     placed: PlacedPartition
@@ -38,13 +38,15 @@ class Chosen:
         return self.views.get(host.name, HostView())
 
 
-def elsewhere(group: Group, chosen: Chosen, system: System, reservations: ReservationSource) -> tuple[Elsewhere, ...]:
+def elsewhere(
+    group: Group, chosen: ChosenPlace, system: System, reservations: ReservationSource
+) -> tuple[Elsewhere, ...]:
     """Every other host of the manifest, by name."""
     others = [host for host in by_name(system.hosts) if host.name != chosen.placed.host]
     return tuple(_elsewhere(group, chosen, host, reservations) for host in others)
 
 
-def _elsewhere(group: Group, chosen: Chosen, host: Host, reservations: ReservationSource) -> Elsewhere:
+def _elsewhere(group: Group, chosen: ChosenPlace, host: Host, reservations: ReservationSource) -> Elsewhere:
     refused = next(
         (member.name for member in group.members if member.hosts is not None and host.name not in member.hosts), ""
     )
@@ -59,12 +61,12 @@ def _elsewhere(group: Group, chosen: Chosen, host: Host, reservations: Reservati
     return Elsewhere(host=host.name, reserved=there.reserved, says=says)
 
 
-def _without_layout(chosen: Chosen, there: PlacedPartition) -> str:
+def _without_layout(chosen: ChosenPlace, there: PlacedPartition) -> str:
     why = chosen.stays or "there is no layout to compare with"
     return f"it would reserve {show_processors(there.reserved)}; {why}"
 
 
-def _compared(chosen: Chosen, layout: Layout, there: PlacedPartition, host: Host) -> Iterator[str]:
+def _compared(chosen: ChosenPlace, layout: Layout, there: PlacedPartition, host: Host) -> Iterator[str]:
     placed, view = chosen.placed, chosen.view(host)
     beside = [partition for partition in layout.partitions if partition.host == host.name]
     amount = show_processors(there.reserved)

@@ -150,11 +150,11 @@ def _placement(packing: Packing, items: Sequence[Item]) -> Placement | None:
     )
 
 
-def has_layout(problem: Problem) -> bool | None:
-    """Say whether a quick look finds a layout, however good; None: it found none, and there may be one."""
+def has_layout(problem: Problem, *, by_first_fit: bool) -> bool | None:
+    """Say whether there is a layout, however good; None: a short search, or first fit alone, found none."""
     if any(_causes(problem)) or _on_hosts(problem.system)[1]:
         return False
-    return packs(problem.items, problem.bins, nodes=1)
+    return packs(problem.items, problem.bins, by_first_fit=by_first_fit)
 
 
 def _causes(problem: Problem) -> Iterator[Cause]:

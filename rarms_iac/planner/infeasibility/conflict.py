@@ -9,6 +9,9 @@ from rarms_iac.planner.packing.values import Bin, Item, free_in, least_cost, lea
 ASKED = 80
 """Sets that are packed to find a smallest one: a count, so that equal inputs have equal answers."""
 
+UNKNOWN = 5
+"""A set of which it is not known whether it fits counts one for so many partitions on hosts: that took long."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conflict:
@@ -20,12 +23,13 @@ class Conflict:
     lacking: str  # what is too little in sum: processors or memory; empty: neither, but no way to place them is left
 
 
-def conflicts(items: Sequence[Item], bins: Sequence[Bin]) -> tuple[Conflict, ...]:
+def conflicts(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> tuple[Conflict, ...]:
     """Find who conflicts, by processors and by memory where each of the two is too little.
 
     Args:
         items: Partitions of which no packing was found.
         bins: All hosts.
+        proven: Whether there is none.
 
     Returns:
         One or two conflicts; of none can a partition be left out, unless `ASKED` ends the search before.
@@ -35,7 +39,7 @@ def conflicts(items: Sequence[Item], bins: Sequence[Bin]) -> tuple[Conflict, ...
         "memory": _fewest_beyond(items, bins, least_memory, lambda host: free_in(host).memory),
     }
     found = [_conflict(some, bins, proven=True, lacking=what) for what, some in by_sums.items() if some]
-    return tuple(found) or (_by_packing(items, bins),)
+    return tuple(found) or (_by_packing(items, bins, proven=proven),)
 
 
 def _conflict(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool, lacking: str) -> Conflict:
@@ -76,17 +80,20 @@ def _fewest_beyond(
     return min(found, key=lambda some: (len(some), [item.name for item in some]), default=())
 
 
-def _by_packing(items: Sequence[Item], bins: Sequence[Bin]) -> Conflict:
+def _by_packing(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> Conflict:
     """Leave out the small ones first, by halves, quarters and so on, as long as those that stay still conflict."""
     asked = 0
 
     def conflict(some: Sequence[Item]) -> bool:
         nonlocal asked
-        asked += 1
-        return asked <= ASKED and bool(some) and packs(some, _hosts_of(some, bins)) is False
+        if asked >= ASKED or not some:
+            return False
+        fits = packs(some, _hosts_of(some, bins))
+        asked += 1 if fits is not None else 1 + sum(len(item.claims) for item in some) // UNKNOWN
+        return fits is False
 
-    start = next((group for group in _groups(items) if conflict(group)), None)
-    if start is None:
+    start = next((group for group in _groups(items) if len(group) < len(items) and conflict(group)), items)
+    if start is items and not proven:
         return _conflict(items, bins, proven=False, lacking="")
     kept = sorted(start, key=lambda item: (least_cost(item), least_memory(item), item.name))
     step = len(kept)

@@ -14,9 +14,6 @@ from rarms_iac.planner.reservations import MeasuredReservations, NotMeasured, Re
 TRIALS = 250
 """Manifests that are planned in all, before nothing more is offered."""
 
-UNKNOWN = 50
-"""A manifest of which it is not known whether it fits counts as many: finding that out took long."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variant:
@@ -47,14 +44,14 @@ class Trial:
     start: Variant
     made: list[int] = field(default_factory=lambda: [0])  # shared with trials that go on from here
 
-    def fits(self, edits: Iterable[Edit]) -> bool:
-        """Say whether there is a layout with all of these changes."""
+    def fits(self, edits: Iterable[Edit], *, by_first_fit: bool = True) -> bool:
+        """Say whether a layout with all of these changes is found, by first fit or also by the solver."""
         if self.made[0] >= TRIALS:
             return False
+        self.made[0] += 1
         after = edited(self.start, edits)
-        fits = has_layout(problem_of(after.system, after.reservations, after.views, may_move=after.may_move))
-        self.made[0] += UNKNOWN if fits is None else 1
-        return fits is True
+        problem = problem_of(after.system, after.reservations, after.views, may_move=after.may_move)
+        return has_layout(problem, by_first_fit=by_first_fit) is True
 
     def after(self, edits: Iterable[Edit]) -> "Trial":
         """The same, from where these changes are made."""

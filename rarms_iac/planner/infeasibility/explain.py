@@ -30,7 +30,7 @@ def explained(answer: Infeasible, problem: Problem, trial: Trial) -> Infeasible:
     """
     if answer.causes:
         return answer
-    found = conflicts(problem.items, problem.bins)
+    found = conflicts(problem.items, problem.bins, proven=answer.proven)
     names = sorted({item.name for conflict in found for item in conflict.items})
     return replace(
         answer,

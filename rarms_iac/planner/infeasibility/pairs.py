@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import combinations
+from itertools import combinations, islice
 
 from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime, show_percent
 from rarms_iac.model.system import CpuWish
@@ -16,6 +16,9 @@ from rarms_iac.planner.infeasibility.lowering import largest
 from rarms_iac.planner.prediction.members import alone_in, expected_of, predictor_of
 from rarms_iac.planner.problem import Problem
 from rarms_iac.planner.reservations import names_of, rests_on_a_log
+
+TRIED = 30
+"""Pairs that are planned alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,9 +49,12 @@ class Pair:
         return Edit("", change)
 
 
-def pair_to_combine(problem: Problem, conflict: Sequence[str], trial: Trial) -> str | None:
-    """Find the pair of the conflict, of the least critical first, that may need so little together that all fit."""
-    for pair in _pairs(problem, conflict):
+def pairs_to_combine(problem: Problem, conflict: Sequence[str], trial: Trial) -> str | None:
+    """Find the pair of the conflict, of the least critical first, that may need so little together that all fit.
+
+    Where no pair is enough, several are combined, of all partitions.
+    """
+    for pair in islice(_pairs(problem, conflict), TRIED):
         processors = problem.system.hosts[pair.hosts[0]].logical_processors
 
         def share(reserve: int) -> str:
@@ -63,6 +69,26 @@ def pair_to_combine(problem: Problem, conflict: Sequence[str], trial: Trial) -> 
                 f"{share(pair.lowest)} to {share(pair.highest)} of {in_a_row(pair.hosts, 'or')} then{predicted}, and "
                 f"up to {share(pair.lowest + more)} fits (`rarms tune` measures it)"
             )
+    return _several(problem, trial)
+
+
+def _several(problem: Problem, trial: Trial) -> str | None:
+    """As many pairs as are enough at their least, the least critical first, and no partition in two of them."""
+    chosen: list[Pair] = []
+    for pair in _pairs(problem, [group.name for group in problem.groups]):
+        names = {pair.minor.name, pair.leader.name}
+        if any(names & {other.minor.name, other.leader.name} for other in chosen):
+            continue
+        chosen.append(pair)
+        if trial.fits([each.edit(each.lowest) for each in chosen]):
+            says = ["no pair is enough; combining all of these may be (`rarms tune` measures what they need)"]
+            for each in chosen:
+                width = problem.system.hosts[each.hosts[0]].logical_processors
+                least = show_percent(Fraction(each.lowest * each.processors, width))
+                says.append(
+                    f"{each.minor.name} and {each.leader.name}: at least {least} of {in_a_row(each.hosts, 'or')}"
+                )
+            return "\n  - ".join(says)
     return None
 
 

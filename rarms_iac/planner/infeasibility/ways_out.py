@@ -19,7 +19,7 @@ from rarms_iac.planner.infeasibility.lowering import (
     reserve_levers,
     several_lowered,
 )
-from rarms_iac.planner.infeasibility.pairs import pair_to_combine
+from rarms_iac.planner.infeasibility.pairs import pairs_to_combine
 from rarms_iac.planner.packing.values import free_in
 from rarms_iac.planner.problem import HostView, Problem, by_name
 from rarms_iac.planner.reservations import NotMeasured, rests_on_a_log
@@ -50,7 +50,7 @@ def ways_out(problem: Problem, conflict: Sequence[str], trial: Trial) -> tuple[R
         rest = _in_turns(_single(problem, conflict, trial.after(memory))) if memory else iter(())
         single = [(*memory, *edits) for edits in islice(rest, OFFERED)]
     perhaps = [
-        *filter(None, [pair_to_combine(problem, conflict, trial)]),
+        *filter(None, [pairs_to_combine(problem, conflict, trial)]),
         *islice(_more_processors_to_measure(trial), 1),
         *_to_measure_elsewhere(problem, conflict),
     ]
@@ -84,7 +84,7 @@ def _moving(problem: Problem, trial: Trial) -> Iterator[Edits]:
         "`--max-disruption removal`, which lets partitions move to another host",
         lambda start: replace(start, may_move=True),
     )
-    if problem.now and not trial.start.may_move and trial.fits((edit,)):
+    if problem.now and not trial.start.may_move and trial.fits((edit,), by_first_fit=False):
         yield (edit,)
 
 

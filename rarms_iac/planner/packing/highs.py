@@ -31,7 +31,7 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class SolverAnswer:
     """What HiGHS found."""
 
     ones: tuple[int, ...] | None  # the variables that are 1; None: it found no solution
@@ -43,7 +43,9 @@ def is_installed() -> bool:
     return importlib.util.find_spec("highspy") is not None
 
 
-def minimise(costs: Sequence[int], rows: Sequence[Row], *, nodes: int, start: Sequence[int] | None = None) -> Answer:
+def minimise(
+    costs: Sequence[int], rows: Sequence[Row], *, nodes: int, start: Sequence[int] | None = None
+) -> SolverAnswer:
     """Find the cheapest choice of variables that are 0 or 1.
 
     Args:
@@ -75,10 +77,10 @@ def minimise(costs: Sequence[int], rows: Sequence[Row], *, nodes: int, start: Se
         solver.setSolution(solution)
     solver.run()
     if solver.getModelStatus() == highspy.HighsModelStatus.kInfeasible:
-        return Answer(ones=None, bound=None)
+        return SolverAnswer(ones=None, bound=None)
     info = solver.getInfo()
     bound = max(0, math.ceil(info.mip_dual_bound - _NEARLY)) if math.isfinite(info.mip_dual_bound) else 0
     if not math.isfinite(info.objective_function_value) or info.primal_solution_status != 2:
-        return Answer(ones=None, bound=bound)
+        return SolverAnswer(ones=None, bound=bound)
     values = solver.getSolution().col_value
-    return Answer(ones=tuple(at for at, value in enumerate(values) if value > 0.5), bound=bound)
+    return SolverAnswer(ones=tuple(at for at, value in enumerate(values) if value > 0.5), bound=bound)
