@@ -1,1 +1,7 @@
-"""How bytes reach the disk: `replace` for state, `append` for records, a lock that dies with its process, digests."""
+"""Files: the one reader, the two writers, and the formats of plans, snapshots and data logs.
+
+Paths and frozen values come in, bytes on a disk go out, and the reverse. Begin with `reading.read_file` for what is
+read (a regular file, up to a limit), `replace.replace` for a whole file and `append.append` for a record more. `codec`
+turns frozen values into JSON and back, `digest` gives the same value the same bytes everywhere, `lock` holds a file for
+one process. `plan_file`, `snapshot_file` and `datalog` are formats; `shipped` finds what is installed beside the code.
+"""

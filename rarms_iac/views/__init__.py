@@ -1,1 +1,7 @@
-"""What a person or a program sees: views take finished values, decide nothing and return text."""
+"""What a person or a program sees: views take finished values, decide nothing and return what is to be written.
+
+Plans, run reports, results of use cases and findings come in; what rich lays out, text or JSON goes out. Begin with
+`console` (the pieces of every text, and `render`) and with the module of a command: `plan`, `run`, `measure`, `tune`.
+`findings` is for people, `finding_forms` for programs. `output` has the types of all JSON documents, which `as_json`
+writes; `reports` is the report in all its forms. JSON, SARIF and JUnit need no rich.
+"""
