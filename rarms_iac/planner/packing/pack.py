@@ -127,6 +127,7 @@ def _solved(
 ) -> Packing | NoPacking:
     """Level after level: the least reservation, and with that the fewest moves."""
     program = Assignment(items, bins)
+    nodes = min(MOST, nodes // len(program.pairs))
     excesses, unit = program.excesses()
     least = sum(map(least_cost, items))
     if any(excesses) and (start is None or value_of(items, start)[0] > least):
@@ -156,7 +157,7 @@ def _solved(
 def _any(items: Sequence[Item], bins: Sequence[Bin]) -> "_Level":
     """A packing, whatever it is worth; without one, whether there is none."""
     program = Assignment(items, bins)
-    level = _settle(program, [0] * len(program.pairs), None, SHORT * len(program.pairs))
+    level = _settle(program, [0] * len(program.pairs), None, SHORT)
     return replace(level, bound=0) if program.unsure else level
 
 
@@ -184,7 +185,7 @@ def _settle(program: Assignment, costs: Sequence[int], start: Mapping[str, str] 
     bound = 0
     chosen = None if start is None else program.chosen(start)
     for _ in range(ROUNDS):
-        answer = minimise(costs, program.rows, nodes=min(MOST, nodes // len(costs)), start=chosen)
+        answer = minimise(costs, program.rows, nodes=nodes, start=chosen)
         if answer.bound is None:
             return _Level(hosts=start, bound=bound if start is not None else None)
         bound = max(bound, answer.bound)
