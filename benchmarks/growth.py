@@ -24,7 +24,7 @@ from rarms_iac.model.state import HostFacts, Rights, State
 from rarms_iac.model.system import (
     Application,
     Component,
-    CpuWish,
+    CpuRequest,
     Disruption,
     Host,
     KeepForHost,
@@ -65,7 +65,7 @@ def component(number: int, weight: int) -> Component:
         run=None,
         memory=Bytes((64 + number % 4 * 64) << 20),
         processors=1,
-        cpu=CpuWish(reserve=ProcessorTime(LogicalProcessors(Fraction(1 + number % 3, 100))), weight=weight),
+        cpu=CpuRequest(reserve=ProcessorTime(LogicalProcessors(Fraction(1 + number % 3, 100))), weight=weight),
         together=(),
         apart=(),
         dedicated=False,
@@ -126,8 +126,8 @@ def empty(host: Host) -> State:
 def applied(wanted_system: System) -> dict[str, State]:
     """The hosts as they are when all of it was applied."""
     nothing = {name: empty(host) for name, host in wanted_system.hosts.items()}
-    wishes = goals_of(wanted_system, nothing, NoPlaces(), Disruption.HOST_RESTART)
-    return {name: with_ids(wish.desired) for name, wish in wishes.hosts.items()}
+    requests = goals_of(wanted_system, nothing, NoPlaces(), Disruption.HOST_RESTART)
+    return {name: with_ids(request.desired) for name, request in requests.hosts.items()}
 
 
 def with_ids(desired: State) -> State:
@@ -143,15 +143,15 @@ def with_ids(desired: State) -> State:
 class Case:
     """A fleet as it is, and a plan for the manifest that wants something else."""
 
-    wishes: Mapping[str, HostGoal]
+    requests: Mapping[str, HostGoal]
     plan: Plan
 
     def difference_and_text(self) -> None:
         """What the goal is about: the difference of every host, in order, and the whole plan as text."""
-        for wish in self.wishes.values():
-            found = compare(wish.desired, wish.observed, "fleet", wish.context, wish.rules)
-            held = hold_back(found.changes, wish.budget)
-            if not isinstance(order(plan_changes(held.kept, wish.context), wish.budget), OrderedSteps):
+        for request in self.requests.values():
+            found = compare(request.desired, request.observed, "fleet", request.context, request.rules)
+            held = hold_back(found.changes, request.budget)
+            if not isinstance(order(plan_changes(held.kept, request.context), request.budget), OrderedSteps):
                 raise TypeError("a fleet with room to spare has an order")
         if "to change" not in render(plan_text(self.plan)):
             raise ValueError("the plan's text does not count its changes")
@@ -160,11 +160,11 @@ class Case:
 def case(components: int, hosts: int) -> Case:
     observed = applied(system(components, hosts, weight=100))
     heavier = system(components, hosts, weight=200)
-    wishes = goals_of(heavier, observed, NoPlaces(), Disruption.HOST_RESTART)
+    requests = goals_of(heavier, observed, NoPlaces(), Disruption.HOST_RESTART)
     made = prepare(request(heavier), observed)
     if made.plan is None:
         raise ValueError(f"no plan: {made.findings[:3]}")
-    return Case(wishes=wishes.hosts, plan=made.plan)
+    return Case(requests=requests.hosts, plan=made.plan)
 
 
 def request(wanted_system: System) -> Request:

@@ -29,7 +29,7 @@ from rarms_iac.model.system import (
     Command,
     Component,
     Connect,
-    CpuWish,
+    CpuRequest,
     Elapsed,
     FromEnvironment,
     Guest,
@@ -41,7 +41,7 @@ from rarms_iac.model.system import (
     KeepForHost,
     LinuxHost,
     Measured,
-    PartitionWish,
+    PartitionRequest,
     Periodic,
     Policy,
     ProviderKind,
@@ -55,7 +55,7 @@ from rarms_iac.model.system import (
     Stop,
     System,
     TaskCategory,
-    TaskWish,
+    TaskRequest,
     Threshold,
 )
 
@@ -91,9 +91,9 @@ def at_least(value: float | str | Fraction) -> AtLeast:
     return AtLeast(value=Fraction(value))
 
 
-def a_cpu(*, reserve: str | None = "20 %", limit: str | None = None, weight: int | None = None) -> CpuWish:
+def a_cpu(*, reserve: str | None = "20 %", limit: str | None = None, weight: int | None = None) -> CpuRequest:
     """What is fixed of the CPU; `reserve="measured"` leaves it to the data log, `None` to the planner."""
-    return CpuWish(
+    return CpuRequest(
         reserve=Measured.MEASURED if reserve == "measured" else None if reserve is None else cpu_amount(reserve),
         limit=None if limit is None else cpu_amount(limit),
         weight=weight,
@@ -220,19 +220,19 @@ def a_partition(
     components: Iterable[str] | None = None,
     processors: int | None = None,
     memory: str | None = None,
-    cpu: CpuWish | None = None,
+    cpu: CpuRequest | None = None,
     protect: bool = False,
     start: StartMode = StartMode.AUTOMATIC,
     hyperv: HypervPartition | None = None,
     guest: Guest | None = None,
-) -> PartitionWish:
+) -> PartitionRequest:
     """A partition of the component of its own name, unless `components` says which."""
-    return PartitionWish(
+    return PartitionRequest(
         name=name,
         components=(name,) if components is None else tuple(components),
         processors=processors,
         memory=None if memory is None else _bytes(memory),
-        cpu=cpu or CpuWish(),
+        cpu=cpu or CpuRequest(),
         protect=protect,
         start=start,
         hyperv=hyperv or HypervPartition(),
@@ -247,9 +247,9 @@ def a_task(
     priority: int | None = None,
     background_priority: int | None = None,
     replace_shipped: bool = False,
-) -> TaskWish:
+) -> TaskRequest:
     """A task class of which nothing is fixed."""
-    return TaskWish(
+    return TaskRequest(
         name=name,
         category=category,
         priority=priority,
@@ -263,9 +263,9 @@ def a_system(
     application: str = "robot",
     hosts: Iterable[Host] | None = None,
     components: Iterable[Component] | None = None,
-    partitions: Iterable[PartitionWish] = (),
+    partitions: Iterable[PartitionRequest] = (),
     interference: Mapping[str, Interference] | None = None,
-    tasks: Iterable[TaskWish] = (),
+    tasks: Iterable[TaskRequest] = (),
     policy: Policy | None = None,
     moved: Mapping[str, str] | None = None,
 ) -> System:

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from rarms_iac.model.measurement import Bench, EnvironmentSetup, Sample, Series, Setting
-from rarms_iac.model.system import BusyLoop, Component, Interference, ProviderKind, SchedulerType, TaskWish
+from rarms_iac.model.system import BusyLoop, Component, Interference, ProviderKind, SchedulerType, TaskRequest
 from rarms_iac.storage.datalog.identity import LogSubject, header_of, identity_of
 from rarms_iac.storage.datalog.log import DataLog, Header, Provenance, Recorded
 from tests.builders import a_component, memory
@@ -42,7 +42,7 @@ def a_bench() -> Bench:
 def a_subject(
     *components: Component,
     load: Interference | None = None,
-    tasks: Mapping[str, TaskWish] | None = None,
+    tasks: Mapping[str, TaskRequest] | None = None,
     platform: str = "onboard",
 ) -> LogSubject:
     """Components in P1 with two VPs against busy loops."""

@@ -22,7 +22,7 @@ PLACES = PathPlaces()
 class Route:
     """Everything between manifest and steps, for one host."""
 
-    wish: HostGoal
+    request: HostGoal
     difference: Difference
     held: HeldChanges
     ordered: OrderedSteps | Cycle
@@ -37,7 +37,7 @@ def route(system: System, observed: State, limit: Disruption = Disruption.REMOVA
     host = observed.facts.name
     found = goals_of(system, {host: observed}, PLACES, limit)
     assert found.layout is not None, found.findings
-    wish = replace(found.hosts[host], context=replace(found.hosts[host].context, guest_build=guest_build))
-    difference = compare(wish.desired, observed, system.application.name, wish.context, wish.rules)
-    held = hold_back(difference.changes, wish.budget)
-    return Route(wish, difference, held, order(plan_changes(held.kept, wish.context), wish.budget))
+    request = replace(found.hosts[host], context=replace(found.hosts[host].context, guest_build=guest_build))
+    difference = compare(request.desired, observed, system.application.name, request.context, request.rules)
+    held = hold_back(difference.changes, request.budget)
+    return Route(request, difference, held, order(plan_changes(held.kept, request.context), request.budget))

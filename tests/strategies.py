@@ -24,9 +24,9 @@ from rarms_iac.model.state import (
 )
 from rarms_iac.model.system import (
     Component,
-    CpuWish,
+    CpuRequest,
     Host,
-    PartitionWish,
+    PartitionRequest,
     ProviderKind,
     RunsOn,
     SchedulerType,
@@ -73,7 +73,7 @@ def components(draw: st.DrawFn, name: str, most: int) -> Component:
     )
     reserve = ShareOfHost(Percent(Fraction(draw(st.integers(0, most)))))
     weight = draw(st.none() | st.integers(1, 500))
-    return replace(base, cpu=CpuWish(reserve=reserve, weight=weight))
+    return replace(base, cpu=CpuRequest(reserve=reserve, weight=weight))
 
 
 @st.composite
@@ -86,11 +86,11 @@ def systems(draw: st.DrawFn, host: Host | None = None) -> System:
     chosen = [draw(components(name, most)) for name in names]
     if draw(st.booleans()):
         chosen.append(a_component("watcher", runs_on=RunsOn.HOST, task=draw(st.sampled_from(TASKS)), criticality=9))
-    return a_system(hosts=[host], components=chosen, partitions=draw(wishes(tuple(names))))
+    return a_system(hosts=[host], components=chosen, partitions=draw(requests(tuple(names))))
 
 
 @st.composite
-def wishes(draw: st.DrawFn, names: tuple[str, ...]) -> list[PartitionWish]:
+def requests(draw: st.DrawFn, names: tuple[str, ...]) -> list[PartitionRequest]:
     """Some partitions by hand: one of the first two together, or one that is started by hand."""
     found = []
     if len(names) > 2 and draw(st.booleans()):

@@ -171,7 +171,7 @@ def _answer(
     if isinstance(log, LogUnreadable):
         advice = f"Bring it back from git, or remove it and measure again: `{again}`."
         return _no(group, findings.UNREADABLE.code, f"{shown}, line {log.line}: {log.message}.", advice)
-    own = group.wish.hyperv.image
+    own = group.request.hyperv.image
     now = replace(bench, guest_image=own) if own is not None else bench
     comparison = compared(log, subject, files, now, here=is_here(host))
     if comparison.changed:

@@ -216,11 +216,11 @@ def _placement_of(known: _KnownOfPartition) -> _Placement:
 def _without_reserve(group: Group) -> Group:
     """The same reserving nothing: what else it gets does not wait for that."""
     nothing = ProcessorTime(LogicalProcessors(Fraction(0)))
-    return replace(group, wish=replace(group.wish, cpu=replace(group.wish.cpu, reserve=nothing)))
+    return replace(group, request=replace(group.request, cpu=replace(group.request.cpu, reserve=nothing)))
 
 
 def _wanted(group: Group, host: Host, reservations: MeasuredReservations) -> LogicalProcessors | None:
-    own = group.wish.cpu.reserve
+    own = group.request.cpu.reserve
     if own is None or isinstance(own, Measured):
         answer = reservations.reservation(group.members, host)
         return None if isinstance(answer, NotMeasured) else in_processors(answer, host.logical_processors)
@@ -228,7 +228,7 @@ def _wanted(group: Group, host: Host, reservations: MeasuredReservations) -> Log
 
 
 def _fixed_by(group: Group) -> str:
-    own = group.wish.cpu.reserve
+    own = group.request.cpu.reserve
     if own is not None and not isinstance(own, Measured):
         return f"the manifest's partition {group.name}"
     names = [member.name for member in group.members if member.cpu.reserve is not None]

@@ -10,7 +10,7 @@ from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.state import State
-from rarms_iac.model.system import Host, PartitionWish, System
+from rarms_iac.model.system import Host, PartitionRequest, System
 from rarms_iac.planner.combining.candidates import Candidates, Node, candidates_of, informed, nodes_of
 from rarms_iac.planner.combining.guiding import Guide, guide_of
 from rarms_iac.planner.combining.oracle import WHOLE, Answer, Members, coi_as_measured
@@ -114,4 +114,4 @@ def _answers(measurements: Measurements, host: Host, names: Members, states: Map
 def _together(system: System, names: Members) -> System:
     """The manifest with these in one partition."""
     others = {name: request for name, request in system.partitions.items() if not set(request.components) & set(names)}
-    return replace(system, partitions={**others, names[0]: PartitionWish(name=names[0], components=names)})
+    return replace(system, partitions={**others, names[0]: PartitionRequest(name=names[0], components=names)})

@@ -82,8 +82,8 @@ def _emptied(system: System, compounds: Sequence[Coi]) -> Mapping[str, str]:
     """Entries of partitions that lose their members to a compound of another name, by name; with that name."""
     home = {member: compound.name for compound in compounds for member in compound.members}
     found = {}
-    for name, wish in sorted(system.partitions.items()):
-        heirs = sorted({home[member] for member in wish.components if home.get(member, name) != name})
+    for name, request in sorted(system.partitions.items()):
+        heirs = sorted({home[member] for member in request.components if home.get(member, name) != name})
         if heirs:
             found[name] = heirs[0]
     return found

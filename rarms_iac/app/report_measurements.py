@@ -149,7 +149,7 @@ def _fixed(system: System, hosts: Sequence[Host]) -> Iterator[FixedReservation]:
             member.hosts is None or names & set(member.hosts) for member in group.members
         ):
             continue
-        own = group.wish.cpu.reserve
+        own = group.request.cpu.reserve
         if own is None or isinstance(own, Measured):
             amount = fixed(group.members, host)
         else:

@@ -185,10 +185,10 @@ def bench_of(hosts: Hosts) -> Host:
 
 def _can_be_tuned(group: Group, problem: Problem, bench: Host) -> bool:
     """A partition whose entry fixes what it gets is left alone: what is measured elsewhere would not hold there."""
-    wish = group.wish
-    own = wish.memory is not None or wish.processors is not None or wish.cpu.limit is not None
+    request = group.request
+    own = request.memory is not None or request.processors is not None or request.cpu.limit is not None
     measured = rests_on_a_log(group) and all(member.apt for member in group.members)
-    return measured and not own and wish.cpu.weight is None and bench.name in problem.claims[group.name]
+    return measured and not own and request.cpu.weight is None and bench.name in problem.claims[group.name]
 
 
 @dataclass(slots=True, kw_only=True)

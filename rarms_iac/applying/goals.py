@@ -109,7 +109,7 @@ def goals_of_removal(
     """
     if hidden := tuple(unproven_rights(observed.values(), places)):
         return Goals(layout=None, hosts={}, findings=hidden)
-    protected = frozenset(name for name, wish in system.partitions.items() if wish.protect)
+    protected = frozenset(name for name, request in system.partitions.items() if request.protect)
     hosts = {
         name: _host_goal(
             system,
@@ -206,5 +206,5 @@ def _host_goal(
 def _context(system: System, observed: State) -> HostContext:
     settings = system.hosts[observed.facts.name].settings
     guest_build = settings.guest_windows_build if isinstance(settings, SimulatedHost) else 0
-    graces = {name: wish.grace for name, wish in system.partitions.items()}
+    graces = {name: request.grace for name, request in system.partitions.items()}
     return HostContext(facts=observed.facts, guest_build=guest_build, graces=graces)

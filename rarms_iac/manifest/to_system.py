@@ -50,7 +50,7 @@ from rarms_iac.model.system import (
     CommandLoad,
     Component,
     Connect,
-    CpuWish,
+    CpuRequest,
     Elapsed,
     Fault,
     Field,
@@ -64,7 +64,7 @@ from rarms_iac.model.system import (
     KeepForHost,
     LinuxHost,
     Measured,
-    PartitionWish,
+    PartitionRequest,
     Periodic,
     Policy,
     ProviderKind,
@@ -76,7 +76,7 @@ from rarms_iac.model.system import (
     Simulation,
     Stop,
     System,
-    TaskWish,
+    TaskRequest,
 )
 
 
@@ -206,7 +206,7 @@ def _field(block: FieldBlock | None) -> Field | None:
 B = TypeVar("B")
 V = TypeVar("V")
 
-_NOTHING_FIXED = CpuWish()
+_NOTHING_FIXED = CpuRequest()
 _BUILT_IN: Mapping[str, Interference] = {"busy-loop": BusyLoop()}
 
 
@@ -248,16 +248,18 @@ def _component(name: str, block: ComponentBlock) -> Component:
     )
 
 
-def _component_cpu(block: ComponentBlock) -> CpuWish:
+def _component_cpu(block: ComponentBlock) -> CpuRequest:
     """A component with thresholds is measured unless its reserve is fixed; on the host nothing is reserved."""
     cpu = _cpu(block.cpu)
     if cpu.reserve is None and block.apt and block.runs_on is RunsOn.PARTITION:
-        return CpuWish(reserve=Measured.MEASURED, limit=cpu.limit, weight=cpu.weight)
+        return CpuRequest(reserve=Measured.MEASURED, limit=cpu.limit, weight=cpu.weight)
     return cpu
 
 
-def _cpu(block: CpuBlock | None) -> CpuWish:
-    return _NOTHING_FIXED if block is None else CpuWish(reserve=block.reserve, limit=block.limit, weight=block.weight)
+def _cpu(block: CpuBlock | None) -> CpuRequest:
+    return (
+        _NOTHING_FIXED if block is None else CpuRequest(reserve=block.reserve, limit=block.limit, weight=block.weight)
+    )
 
 
 def _simulation(block: SimulationBlock) -> Simulation:
@@ -270,8 +272,8 @@ def _simulation(block: SimulationBlock) -> Simulation:
     )
 
 
-def _partition(name: str, block: PartitionBlock) -> PartitionWish:
-    return PartitionWish(
+def _partition(name: str, block: PartitionBlock) -> PartitionRequest:
+    return PartitionRequest(
         name=name,
         components=(name,) if block.components is None else tuple(block.components),
         processors=block.processors,
@@ -305,8 +307,8 @@ def _interference(_name: str, block: BusyLoopBlock | BrowserBlock | CommandLoadB
             assert_never(block)
 
 
-def _task(name: str, block: TaskBlock) -> TaskWish:
-    return TaskWish(
+def _task(name: str, block: TaskBlock) -> TaskRequest:
+    return TaskRequest(
         name=name,
         category=block.category,
         priority=block.priority,

@@ -6,7 +6,16 @@ from fractions import Fraction
 
 from rarms_iac.model.measurement import EnvironmentSetup, run_of
 from rarms_iac.model.quantities import LogicalProcessors, in_processors, per_virtual_processor
-from rarms_iac.model.system import Component, Host, Interference, PartitionWish, Run, SampleCount, System, TaskWish
+from rarms_iac.model.system import (
+    Component,
+    Host,
+    Interference,
+    PartitionRequest,
+    Run,
+    SampleCount,
+    System,
+    TaskRequest,
+)
 
 USUAL_WEIGHT = 100
 
@@ -20,7 +29,7 @@ class Experiment:
     members: tuple[Component, ...]  # by name
     load: Interference
     setup: EnvironmentSetup
-    tasks: Mapping[str, TaskWish]  # what the manifest fixes of task classes
+    tasks: Mapping[str, TaskRequest]  # what the manifest fixes of task classes
 
     @property
     def name(self) -> str:
@@ -80,15 +89,15 @@ def interference_of(system: System, members: tuple[str, ...]) -> str:
     return only or system.policy.interference
 
 
-def _requested_partition(system: System, names: tuple[str, ...]) -> PartitionWish:
+def _requested_partition(system: System, names: tuple[str, ...]) -> PartitionRequest:
     """What the manifest says of the partition of just these components."""
     for request in system.partitions.values():
         if tuple(sorted(request.components)) == names:
             return request
-    return PartitionWish(name=names[0], components=names)
+    return PartitionRequest(name=names[0], components=names)
 
 
-def _limit(request: PartitionWish, components: tuple[Component, ...], host: Host, processors: int) -> int:
+def _limit(request: PartitionRequest, components: tuple[Component, ...], host: Host, processors: int) -> int:
     """Fixed by the manifest, in the provider's grain; open: none, as a cap would falsify what is measured."""
     amounts = (
         [request.cpu.limit] if request.cpu.limit is not None else [component.cpu.limit for component in components]

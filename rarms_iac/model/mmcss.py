@@ -7,7 +7,7 @@ BackgroundPriority + 7 in Low. In Medium some were seen one higher and none abov
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from rarms_iac.model.system import TaskCategory, TaskWish
+from rarms_iac.model.system import TaskCategory, TaskRequest
 
 LEVELS = range(1, 9)
 """Priorities of a category."""
@@ -41,32 +41,32 @@ class LevelValues:
         return thread_priority(self.category, self.priority, self.background_priority)
 
 
-def values_within(wish: TaskWish) -> tuple[LevelValues, ...]:
+def values_within(request: TaskRequest) -> tuple[LevelValues, ...]:
     """All values that what is fixed leaves possible, the highest threads first; of alike ones only one."""
-    categories = tuple(TaskCategory) if wish.category is None else (wish.category,)
+    categories = tuple(TaskCategory) if request.category is None else (request.category,)
     found = {
         level_values.thread_priority: level_values
         for category in categories
-        for level_values in _in_category(category, wish)
+        for level_values in _in_category(category, request)
     }
     return tuple(found[at] for at in sorted(found, reverse=True))
 
 
-def _in_category(category: TaskCategory, wish: TaskWish) -> Iterator[LevelValues]:
+def _in_category(category: TaskCategory, request: TaskRequest) -> Iterator[LevelValues]:
     """From the highest down; of 8 and 7 in Medium, which are alike, the last.
 
     The number that the category does not go by is the other one, so that who read that would find the same order.
     """
     match category:
         case TaskCategory.HIGH:
-            priority = wish.priority or TOP_OF_MEDIUM
-            yield _values(category, priority, wish.background_priority or priority)
+            priority = request.priority or TOP_OF_MEDIUM
+            yield _values(category, priority, request.background_priority or priority)
         case TaskCategory.MEDIUM:
-            for priority in reversed(LEVELS if wish.priority is None else (wish.priority,)):
-                yield _values(category, priority, wish.background_priority or priority)
+            for priority in reversed(LEVELS if request.priority is None else (request.priority,)):
+                yield _values(category, priority, request.background_priority or priority)
         case TaskCategory.LOW:
-            for level in reversed(LEVELS if wish.background_priority is None else (wish.background_priority,)):
-                yield _values(category, wish.priority or level, level)
+            for level in reversed(LEVELS if request.background_priority is None else (request.background_priority,)):
+                yield _values(category, request.priority or level, level)
 
 
 def _values(category: TaskCategory, priority: int, background_priority: int) -> LevelValues:

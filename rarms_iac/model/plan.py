@@ -151,7 +151,7 @@ class HostPlan:
 
 
 class Purpose(StrEnum):
-    """What a plan is for: the manifest's wishes, removing everything, or taking one partition in or out."""
+    """What a plan is for: what the manifest requests, removing everything, or taking one partition in or out."""
 
     APPLY = "apply"
     DESTROY = "destroy"

@@ -290,7 +290,7 @@ class Run:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CpuWish:
+class CpuRequest:
     """What the manifest fixes of a component's or partition's CPU; None is left to the planner."""
 
     reserve: CpuAmount | Measured | None = None
@@ -319,7 +319,7 @@ class Component:
     run: Run | None
     memory: Bytes
     processors: int | None  # VPs; None: as many as the host has LPs
-    cpu: CpuWish
+    cpu: CpuRequest
     together: tuple[str, ...]
     apart: tuple[str, ...]
     dedicated: bool
@@ -352,14 +352,14 @@ GRACE = Milliseconds(Fraction(120_000))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PartitionWish:
+class PartitionRequest:
     """What the manifest says of a partition; without an entry each component has one of its own name."""
 
     name: str
     components: tuple[str, ...]
     processors: int | None = None
     memory: Bytes | None = None  # None: the sum of its components'
-    cpu: CpuWish = field(default_factory=CpuWish)
+    cpu: CpuRequest = field(default_factory=CpuRequest)
     protect: bool = False
     start: StartMode = StartMode.AUTOMATIC
     grace: Milliseconds = GRACE  # for its guest to shut down, before it is turned off
@@ -393,7 +393,7 @@ Interference = BusyLoop | Browser | CommandLoad
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TaskWish:
+class TaskRequest:
     """What the manifest fixes of a robotic task class; None is left to the planner."""
 
     name: str
@@ -431,8 +431,8 @@ class System:
     application: Application
     hosts: Mapping[str, Host]
     components: Mapping[str, Component]
-    partitions: Mapping[str, PartitionWish]
+    partitions: Mapping[str, PartitionRequest]
     interference: Mapping[str, Interference]
-    tasks: Mapping[str, TaskWish]
+    tasks: Mapping[str, TaskRequest]
     policy: Policy
     moved: Mapping[str, str]  # old partition name -> new

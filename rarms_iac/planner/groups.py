@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from rarms_iac.model.layout import Cause
-from rarms_iac.model.system import Component, Headroom, PartitionWish, RunsOn, System
+from rarms_iac.model.system import Component, Headroom, PartitionRequest, RunsOn, System
 from rarms_iac.planner import findings
 from rarms_iac.planner.headroom import PartitionShare, Rank, ranks_of
 
@@ -15,7 +15,7 @@ class Group:
 
     name: str
     members: tuple[Component, ...]
-    wish: PartitionWish
+    request: PartitionRequest
     headroom: Headroom = Headroom.BY_CRITICALITY
     rank: Rank = Rank()  # of its criticality in the manifest
 
@@ -27,7 +27,7 @@ class Group:
     @property
     def asking(self) -> PartitionShare:
         """What it may have of what is left over depends on this."""
-        return PartitionShare(members=self.members, wish=self.wish, headroom=self.headroom, rank=self.rank)
+        return PartitionShare(members=self.members, request=self.request, headroom=self.headroom, rank=self.rank)
 
 
 def groups_of(system: System) -> tuple[Group, ...]:
@@ -46,20 +46,20 @@ def groups_of(system: System) -> tuple[Group, ...]:
     spoken_for: set[str] = set()
     ranks, headroom = ranks_of(inside.values()), system.policy.headroom
 
-    def group(name: str, members: list[Component], wish: PartitionWish) -> Group:
+    def group(name: str, members: list[Component], request: PartitionRequest) -> Group:
         ordered = most_critical_first(members)
-        return Group(name=name, members=ordered, wish=wish, headroom=headroom, rank=ranks[ordered[0].criticality])
+        return Group(name=name, members=ordered, request=request, headroom=headroom, rank=ranks[ordered[0].criticality])
 
     groups = []
-    for wish in system.partitions.values():
-        members = [inside[name] for name in wish.components if name in inside]
-        spoken_for.update(wish.components)
+    for request in system.partitions.values():
+        members = [inside[name] for name in request.components if name in inside]
+        spoken_for.update(request.components)
         if members:
-            groups.append(group(wish.name, members, wish))
+            groups.append(group(request.name, members, request))
     free = {name: component for name, component in inside.items() if name not in spoken_for}
     for together in _together(free):
         name = most_critical_first(together)[0].name
-        groups.append(group(name, together, PartitionWish(name=name, components=())))
+        groups.append(group(name, together, PartitionRequest(name=name, components=())))
     return tuple(sorted(groups, key=lambda group: group.name))
 
 
@@ -80,7 +80,7 @@ def may_share(*groups: Group) -> bool:
     if any(member.dedicated or names & set(member.apart) for member in members):
         return False
     _, *others = sorted(groups, key=lambda group: (-group.criticality, group.name))
-    return not any(group.wish.protect for group in others)
+    return not any(group.request.protect for group in others)
 
 
 def most_critical_first(components: Iterable[Component]) -> tuple[Component, ...]:

@@ -10,7 +10,7 @@ from fractions import Fraction
 from typing import assert_never
 
 from rarms_iac.model.quantities import CpuAmount, LogicalProcessors, in_processors, per_virtual_processor
-from rarms_iac.model.system import Component, Headroom, Host, PartitionWish
+from rarms_iac.model.system import Component, Headroom, Host, PartitionRequest
 
 WEIGHT = 100
 """What was measured with: a lower weight could falsify it."""
@@ -73,7 +73,7 @@ class PartitionShare:
     """A partition as the policy looks at it."""
 
     members: tuple[Component, ...]
-    wish: PartitionWish
+    request: PartitionRequest
     headroom: Headroom
     rank: Rank  # of its criticality
 
@@ -123,7 +123,7 @@ def said_limit(asking: PartitionShare, host: Host, processors: int) -> int | Non
     Returns:
         Whole per cent of each virtual processor, at most 100, rounded up; None: the manifest fixes none.
     """
-    own = asking.wish.cpu.limit
+    own = asking.request.cpu.limit
     amounts: list[CpuAmount | None] = [own] if own is not None else [member.cpu.limit for member in asking.members]
     total = Fraction(0)
     for amount in amounts:
@@ -135,8 +135,8 @@ def said_limit(asking: PartitionShare, host: Host, processors: int) -> int | Non
 
 def _weight(asking: PartitionShare) -> tuple[int, str]:
     """Its own, or the highest of its members'; a member that says nothing wants what the policy gives."""
-    if asking.wish.cpu.weight is not None:
-        return asking.wish.cpu.weight, "the manifest fixes it for the partition"
+    if asking.request.cpu.weight is not None:
+        return asking.request.cpu.weight, "the manifest fixes it for the partition"
     given, why = _given(asking)
     said = [(member.cpu.weight, member.name) for member in asking.members if member.cpu.weight is not None]
     if len(said) == len(asking.members) or any(weight > given for weight, _ in said):

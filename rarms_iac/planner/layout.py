@@ -87,7 +87,7 @@ def _remarks(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagn
     for partition in answer.partitions:
         host = problem.system.hosts[partition.host]
         group = groups[partition.name]
-        if group.wish.cpu.reserve not in (None, Measured.MEASURED):
+        if group.request.cpu.reserve not in (None, Measured.MEASURED):
             continue
         for remark in problem.reservations.remarks(group.members, host):
             place = places.value("components", remark.what.removeprefix("component/"), "cpu", "reserve")

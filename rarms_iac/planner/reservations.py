@@ -88,7 +88,7 @@ def rests_on_a_log(group: Group) -> bool:
     Returns:
         True where a member's reserve is to be measured and the partition fixes none of its own.
     """
-    return group.wish.cpu.reserve in (None, Measured.MEASURED) and bool(to_be_measured(group.members))
+    return group.request.cpu.reserve in (None, Measured.MEASURED) and bool(to_be_measured(group.members))
 
 
 def fixed(members: Iterable[Component], host: Host) -> LogicalProcessors:

@@ -66,7 +66,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> Sized | C
         says = f"The {_count(processors)} of {group.name} are more than the {host.logical_processors} of {host.name}."
         return Cause(what=f"partition/{group.name}", says=says, code=findings.TOO_WIDE.code)
     share = share_of(group.asking, host, processors, reserve)
-    memory = sum(member.memory for member in group.members) if group.wish.memory is None else group.wish.memory
+    memory = sum(member.memory for member in group.members) if group.request.memory is None else group.request.memory
     return Sized(
         placed=PlacedPartition(
             name=group.name,
@@ -80,7 +80,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> Sized | C
             why_limit=share.why_limit,
             why_weight=share.why_weight,
             memory=Bytes(memory),
-            start=group.wish.start,
+            start=group.request.start,
             generation=_generation(group, host),
             reason=_reason(group, host, wanted, reserve, processors),
             making=_making(group, host),
@@ -89,7 +89,7 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> Sized | C
 
 
 def _reserve(group: Group, host: Host, reservations: ReservationSource) -> LogicalProcessors | NotMeasured:
-    own = group.wish.cpu.reserve
+    own = group.request.cpu.reserve
     if isinstance(own, Measured) or own is None:
         answer: CpuAmount | NotMeasured = reservations.reservation(group.members, host)
     else:
@@ -99,12 +99,12 @@ def _reserve(group: Group, host: Host, reservations: ReservationSource) -> Logic
 
 def _processors(group: Group, host: Host) -> int:
     """Its own, or the most that a member wants; who says nothing wants all of the host's."""
-    own = group.wish.processors
+    own = group.request.processors
     return own if own is not None else max(member.processors or host.logical_processors for member in group.members)
 
 
 def _generation(group: Group, host: Host) -> int:
-    own = group.wish.hyperv.generation
+    own = group.request.hyperv.generation
     if own is not None:
         return own
     return host.settings.generation if isinstance(host.settings, HypervHost) else 2
@@ -112,7 +112,7 @@ def _generation(group: Group, host: Host) -> int:
 
 def _making(group: Group, host: Host) -> Making:
     usual = host.settings if isinstance(host.settings, HypervHost) else HypervHost()
-    own = group.wish.hyperv
+    own = group.request.hyperv
     return Making(
         image=own.image or usual.image or "",
         switch=own.switch or usual.switch or "",

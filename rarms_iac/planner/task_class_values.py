@@ -11,7 +11,7 @@ from operator import add
 from typing import NamedTuple
 
 from rarms_iac.model.mmcss import LevelValues, values_within
-from rarms_iac.model.system import Component, TaskCategory, TaskWish
+from rarms_iac.model.system import Component, TaskCategory, TaskRequest
 
 REAL_TIME = 16
 """Threads from here on are above whatever Windows raises for a while."""
@@ -57,7 +57,7 @@ class _Way:
         return self.cost, self.order
 
 
-def chosen_values(levels: Sequence[Sequence[TaskWish]]) -> tuple[tuple[LevelValues, ...], ...]:
+def chosen_values(levels: Sequence[Sequence[TaskRequest]]) -> tuple[tuple[LevelValues, ...], ...]:
     """Choose the values of all classes of one operating system.
 
     Threads are out of order only where no values could put them in order. All that matters of the levels above is the
@@ -72,7 +72,7 @@ def chosen_values(levels: Sequence[Sequence[TaskWish]]) -> tuple[tuple[LevelValu
     """
     ways = {_NOTHING_ABOVE: _Way()}
     for level in levels:
-        options = [_options(wish) for wish in level]
+        options = [_options(request) for request in level]
         threads = {option.thread for each in options for option in each}
         found: dict[int, _Way] = {}
         for ceiling, way in ways.items():
@@ -107,23 +107,23 @@ def _longer(way: _Way, options: Sequence[Sequence[_Option]], ceiling: int, floor
     return lowest, _Way(cost=cost, order=order, chosen=(*way.chosen, tuple(pick.values for pick in picks)))
 
 
-def _options(wish: TaskWish) -> list[_Option]:
+def _options(request: TaskRequest) -> list[_Option]:
     """The highest threads first, so that of those that weigh the same the highest is taken."""
-    is_free = wish.category is None
+    is_free = request.category is None
     return [
         _Option(
             values=level_values,
             thread=level_values.thread_priority,
-            is_against=is_free and _is_against(wish, level_values.category),
+            is_against=is_free and _is_against(request, level_values.category),
             is_low=level_values.category is TaskCategory.LOW,
             is_low_freely=is_free and level_values.category is TaskCategory.LOW,
         )
-        for level_values in values_within(wish)
+        for level_values in values_within(request)
     ]
 
 
-def _is_against(wish: TaskWish, category: TaskCategory) -> bool:
-    return category is TaskCategory.HIGH or (category is TaskCategory.LOW and wish.priority is not None)
+def _is_against(request: TaskRequest, category: TaskCategory) -> bool:
+    return category is TaskCategory.HIGH or (category is TaskCategory.LOW and request.priority is not None)
 
 
 def _weight(option: _Option, ceiling: int, floor: int) -> tuple[bool, bool, bool, bool, bool]:

@@ -10,7 +10,7 @@ from itertools import groupby
 from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.mmcss import LevelValues, thread_priority, values_within
 from rarms_iac.model.state import RegistryValue, ValueKind
-from rarms_iac.model.system import Component, TaskCategory, TaskWish
+from rarms_iac.model.system import Component, TaskCategory, TaskRequest
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import most_critical_first
 from rarms_iac.planner.task_class_values import ALL, REAL_TIME, chosen_values, masks_of
@@ -50,7 +50,7 @@ class Classes:
 
 def classes_of(
     components: Iterable[Component],
-    wishes: Mapping[str, TaskWish],
+    requests: Mapping[str, TaskRequest],
     inside: str,
     places: Places,
     *,
@@ -77,7 +77,7 @@ def classes_of(
             nameless.append([component])
         else:
             named.setdefault(component.task.lower(), []).append(component)
-    fixed = {name.lower(): wish for name, wish in wishes.items()}
+    fixed = {name.lower(): request for name, request in requests.items()}
     by_weight = sorted(named.values(), key=lambda users: (-_criticality(users), _called(users, fixed)))
     decided = _decide(by_weight, fixed)
     told = (*_out_of_order(decided, fixed, inside, places), *_remarks(decided, inside, places))
@@ -90,31 +90,31 @@ def _criticality(users: Sequence[Component]) -> int:
     return max(user.criticality for user in users)
 
 
-def _called(users: Sequence[Component], fixed: Mapping[str, TaskWish]) -> str:
+def _called(users: Sequence[Component], fixed: Mapping[str, TaskRequest]) -> str:
     """The class's name as `tasks` writes it, or as its first user by name does."""
     first = min(users, key=lambda user: user.name).task
     assert first is not None
     return fixed[first.lower()].name if first.lower() in fixed else first
 
 
-def _decide(by_weight: Sequence[Sequence[Component]], fixed: Mapping[str, TaskWish]) -> list[ClassValues]:
+def _decide(by_weight: Sequence[Sequence[Component]], fixed: Mapping[str, TaskRequest]) -> list[ClassValues]:
     levels = [list(level) for _, level in groupby(by_weight, key=_criticality)]
-    wishes = [[_wish(users, fixed) for users in level] for level in levels]
+    requests = [[_request(users, fixed) for users in level] for level in levels]
     return [
-        _class_values(wish, users, values)
-        for classes, level, chosen in zip(wishes, levels, chosen_values(wishes), strict=True)
-        for wish, users, values in zip(classes, level, chosen, strict=True)
+        _class_values(request, users, values)
+        for classes, level, chosen in zip(requests, levels, chosen_values(requests), strict=True)
+        for request, users, values in zip(classes, level, chosen, strict=True)
     ]
 
 
-def _wish(users: Sequence[Component], fixed: Mapping[str, TaskWish]) -> TaskWish:
+def _request(users: Sequence[Component], fixed: Mapping[str, TaskRequest]) -> TaskRequest:
     name = _called(users, fixed)
-    return fixed.get(name.lower(), TaskWish(name=name))
+    return fixed.get(name.lower(), TaskRequest(name=name))
 
 
-def _class_values(wish: TaskWish, users: Sequence[Component], values: LevelValues) -> ClassValues:
+def _class_values(request: TaskRequest, users: Sequence[Component], values: LevelValues) -> ClassValues:
     return ClassValues(
-        name=wish.name,
+        name=request.name,
         category=values.category,
         priority=values.priority,
         background_priority=values.background_priority,
@@ -124,7 +124,7 @@ def _class_values(wish: TaskWish, users: Sequence[Component], values: LevelValue
 
 
 def _out_of_order(
-    decided: Sequence[ClassValues], fixed: Mapping[str, TaskWish], inside: str, places: Places
+    decided: Sequence[ClassValues], fixed: Mapping[str, TaskRequest], inside: str, places: Places
 ) -> Iterator[Diagnostic]:
     """Every class against those that are to rank below it, unless the manifest's own checks tell of the pair."""
     for upper in decided:
@@ -150,10 +150,10 @@ def _out_of_order(
             )
 
 
-def _can_be_in_order(upper: ClassValues, lower: ClassValues, fixed: Mapping[str, TaskWish]) -> bool:
+def _can_be_in_order(upper: ClassValues, lower: ClassValues, fixed: Mapping[str, TaskRequest]) -> bool:
     """Whether what the manifest fixes of the two lets them; of those where it does not, its own checks tell."""
-    highest = values_within(fixed.get(upper.name.lower(), TaskWish(name=upper.name)))[0]
-    lowest = values_within(fixed.get(lower.name.lower(), TaskWish(name=lower.name)))[-1]
+    highest = values_within(fixed.get(upper.name.lower(), TaskRequest(name=upper.name)))[0]
+    lowest = values_within(fixed.get(lower.name.lower(), TaskRequest(name=lower.name)))[-1]
     return highest.thread_priority > lowest.thread_priority
 
 

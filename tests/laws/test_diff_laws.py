@@ -74,7 +74,7 @@ def test_a_state_has_no_difference_to_itself(system: System, others: Strangers) 
 
     for one in (start, state):
         ours = one.of("robot")
-        found = compare(ours, one, "robot", route(system, one).wish.context)
+        found = compare(ours, one, "robot", route(system, one).request.context)
         assert found.changes == ()
         assert drift(ours, one, "robot") == ()
 
@@ -94,10 +94,10 @@ def test_a_changed_manifest_is_reached_and_the_host_never_promises_more(data: st
     passed = walker.walk(steps_of(plan))
 
     for state in passed:
-        never_more(state, middle, plan.wish.budget)
+        never_more(state, middle, plan.request.budget)
     again = route(second, walker.state)
     assert again.difference.changes == ()
-    assert set(again.difference.unused) == set(again.wish.rules.unused)
+    assert set(again.difference.unused) == set(again.request.rules.unused)
     assert strangers_of(walker.state) == others
 
 
@@ -175,7 +175,7 @@ def test_who_moved_is_told_apart(data: st.DataObject, system: System, by_hand: b
         wanted = replace(system, components={**system.components, leader: heavier})
     possible(wanted, state)
 
-    found = {one.address.partition: one.kind for one in drift(route(wanted, state).wish.desired, state, "robot")}
+    found = {one.address.partition: one.kind for one in drift(route(wanted, state).request.desired, state, "robot")}
 
     kinds = {
         (True, True): DriftKind.BOTH,

@@ -12,7 +12,7 @@ from rarms_iac.model.capacity import Capacity, fits
 from rarms_iac.model.layout import Infeasible, Layout
 from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
-from rarms_iac.model.system import TaskCategory, TaskWish
+from rarms_iac.model.system import TaskCategory, TaskRequest
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.packing.pack import pack
 from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing, cost
@@ -147,11 +147,11 @@ WISHES = st.builds(
 
 @given(st.dictionaries(st.integers(0, 8), st.integers(0, 12), min_size=1), st.lists(WISHES, max_size=4))
 def test_threads_strictly_follow_criticality_or_a_finding_says_that_they_do_not(
-    criticalities: dict[int, int], wishes: list[TaskWish]
+    criticalities: dict[int, int], requests: list[TaskRequest]
 ) -> None:
     """Among the components of one Windows, whatever the manifest fixes."""
     components = [a_component(f"c{at}", task=f"Class{at}", criticality=weight) for at, weight in criticalities.items()]
-    fixed = {wish.name: wish for wish in wishes}
+    fixed = {request.name: request for request in requests}
     found = classes_of(components, fixed, "media", PLACES)
     both = a_partition("media", components=[component.name for component in components])
     system = a_system(components=components, partitions=[both], tasks=list(fixed.values()))

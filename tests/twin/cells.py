@@ -8,12 +8,12 @@ from rarms_iac.model.system import (
     Component,
     Disruption,
     HypervPartition,
-    PartitionWish,
+    PartitionRequest,
     ProviderKind,
     RunsOn,
     System,
     TaskCategory,
-    TaskWish,
+    TaskRequest,
 )
 from tests.builders import a_component, a_host, a_partition, a_system
 from tests.twin.cell import Cell, apply
@@ -50,8 +50,8 @@ def a_stranger(name: str = "backup", number: int = 1, **settings: object) -> Vm:
 
 def a_cell_system(
     *components: Component,
-    partitions: tuple[PartitionWish, ...] = (),
-    tasks: tuple[TaskWish, ...] = (),
+    partitions: tuple[PartitionRequest, ...] = (),
+    tasks: tuple[TaskRequest, ...] = (),
     responsiveness: int | None = None,
 ) -> System:
     """The same application on the same host, each time."""
@@ -86,8 +86,8 @@ def later() -> System:
             a_partition("video", hyperv=HypervPartition(switch="lab", generation=1)),
         ),
         tasks=(
-            TaskWish(name="Games", replace_shipped=True),
-            TaskWish(name="Localization", category=TaskCategory.MEDIUM, priority=2),
+            TaskRequest(name="Games", replace_shipped=True),
+            TaskRequest(name="Localization", category=TaskCategory.MEDIUM, priority=2),
         ),
         responsiveness=30,
     )

@@ -6,7 +6,7 @@ import pytest
 
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.state import RegistryValue, TaskClass, ValueKind
-from rarms_iac.model.system import TaskWish
+from rarms_iac.model.system import TaskRequest
 from rarms_iac.providers.hyperv.observation import observation_of
 from rarms_iac.providers.hyperv.parse import tasks_of
 from tests.builders import a_component
@@ -25,7 +25,7 @@ def the_plan() -> Plan:
     system = a_cell_system(
         a_component("vision", criticality=9, reserve="40 %", processors=2, task="MotionControl"),
         a_component("player", criticality=2, reserve="10 %", processors=1, task="Games", together=("vision",)),
-        tasks=(TaskWish(name="Games", replace_shipped=True),),
+        tasks=(TaskRequest(name="Games", replace_shipped=True),),
     )
     return Cell(system, a_windows()).plan()
 

@@ -17,8 +17,10 @@ OTHER_STATES = ("Saved", "Paused", "Saving", "RunningCritical", "OffCritical")
 
 
 def cell(processors: int, host: WindowsHost, grace_s: int = 120) -> Cell:
-    wish = replace(a_partition("vision"), grace=Milliseconds(Fraction(1000 * grace_s)))
-    return Cell(a_cell_system(a_component("vision", reserve="10 %", processors=processors), partitions=(wish,)), host)
+    request = replace(a_partition("vision"), grace=Milliseconds(Fraction(1000 * grace_s)))
+    return Cell(
+        a_cell_system(a_component("vision", reserve="10 %", processors=processors), partitions=(request,)), host
+    )
 
 
 def running() -> WindowsHost:

@@ -8,14 +8,14 @@ from rarms_iac.model.names import ROBOTIC_TASKS
 from rarms_iac.model.quantities import LogicalProcessors, in_processors
 from rarms_iac.model.system import (
     Component,
-    CpuWish,
+    CpuRequest,
     Host,
     Measured,
-    PartitionWish,
+    PartitionRequest,
     ProviderKind,
     RunsOn,
     System,
-    TaskWish,
+    TaskRequest,
 )
 from rarms_iac.model.wording import in_a_row
 
@@ -25,7 +25,7 @@ MOST_NAMES = 4
 Path = tuple[str | int, ...]
 
 _ADDRESSED = ("hosts", "components", "partitions", "interference", "tasks")
-_NOTHING_FIXED = CpuWish()
+_NOTHING_FIXED = CpuRequest()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +81,7 @@ def may_run_on(system: System, component: Component) -> list[Host]:
     return [system.hosts[name] for name in component.hosts if name in system.hosts]
 
 
-def members(system: System, partition: PartitionWish) -> list[Component]:
+def members(system: System, partition: PartitionRequest) -> list[Component]:
     """The partition's components, each once, those that exist."""
     return [system.components[name] for name in dict.fromkeys(partition.components) if name in system.components]
 
@@ -154,7 +154,7 @@ def operating_systems(system: System) -> Iterator[list[Component]]:
         yield [component for component in system.components.values() if component.runs_on is RunsOn.HOST]
 
 
-def task_entry(system: System, name: str) -> TaskWish | None:
+def task_entry(system: System, name: str) -> TaskRequest | None:
     """The entry of a task class in `tasks`; classes are compared without case."""
     return system.tasks.get(name) or next(
         (task for key, task in system.tasks.items() if key.lower() == name.lower()), None
@@ -166,14 +166,14 @@ def known_tasks(system: System) -> list[str]:
     return [*system.tasks, *(name for name in ROBOTIC_TASKS if name not in system.tasks)]
 
 
-def fixed_reserve(cpu: CpuWish, host: Host) -> LogicalProcessors | None:
+def fixed_reserve(cpu: CpuRequest, host: Host) -> LogicalProcessors | None:
     """The reserve in LPs of that host, where the manifest fixes one."""
     if cpu.reserve is None or isinstance(cpu.reserve, Measured):
         return None
     return in_processors(cpu.reserve, host.logical_processors)
 
 
-def cpu_settings(system: System) -> Iterator[tuple[str, str, CpuWish, list[Host]]]:
+def cpu_settings(system: System) -> Iterator[tuple[str, str, CpuRequest, list[Host]]]:
     """Section, name, CPU and possible hosts of every component and partition for which the manifest fixes CPU."""
     for component in system.components.values():
         if component.cpu != _NOTHING_FIXED:

@@ -8,7 +8,7 @@ from rarms_iac.manifest.checks.common import Path, Violation, known_tasks, opera
 from rarms_iac.model.diagnostics import Finding, Severity
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS, values_within
 from rarms_iac.model.names import ROBOTIC_TASKS, is_shipped_task
-from rarms_iac.model.system import Component, System, TaskCategory, TaskWish
+from rarms_iac.model.system import Component, System, TaskCategory, TaskRequest
 from rarms_iac.model.wording import suggestion
 
 SHIPPED_TASK = Finding(code="RARMS053", severity=Severity.ERROR, summary="A task class of Windows would be changed")
@@ -93,7 +93,7 @@ def order_not_expressed(system: System) -> Iterator[Violation]:
 class _FixedClass:
     """A class in one operating system, with the thread priorities that its fixed values leave possible."""
 
-    entry: TaskWish
+    entry: TaskRequest
     component: str  # its most critical user
     criticality: int
     worst: int

@@ -37,7 +37,7 @@ class Lever:
 
 def reserve_levers(group: Group) -> Iterator[Lever]:
     """The reserves that the manifest fixes for a partition: its own, or its members', the least critical first."""
-    own = group.wish.cpu.reserve
+    own = group.request.cpu.reserve
     if own is not None and not isinstance(own, Measured):
         yield _reserve_lever(own, partial(partition_reserves, group.name, own))
         return
@@ -66,7 +66,7 @@ def apt_levers(group: Group, problem: Problem) -> Iterator[Lever]:
     if (
         not claims
         or not isinstance(source, MeasuredReservations)
-        or group.wish.cpu.reserve not in (None, Measured.MEASURED)
+        or group.request.cpu.reserve not in (None, Measured.MEASURED)
     ):
         return
     host = problem.system.hosts[next(iter(claims))]

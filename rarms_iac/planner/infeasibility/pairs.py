@@ -6,7 +6,7 @@ from fractions import Fraction
 from itertools import combinations, islice
 
 from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime, show_percent
-from rarms_iac.model.system import CpuWish
+from rarms_iac.model.system import CpuRequest
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.combining.candidates import compound_of
 from rarms_iac.planner.combining.oracle import coi_as_measured
@@ -36,12 +36,12 @@ class Pair:
     def edit(self, reserve: int) -> Edit:
         """Put both in one partition that reserves so much."""
         members = tuple(member.name for group in (self.minor, self.leader) for member in group.members)
-        cpu = CpuWish(reserve=ProcessorTime(LogicalProcessors(Fraction(reserve * self.processors, 100))))
+        cpu = CpuRequest(reserve=ProcessorTime(LogicalProcessors(Fraction(reserve * self.processors, 100))))
 
         def change(variant: Variant) -> Variant:
             partitions = dict(variant.system.partitions)
             partitions.pop(self.minor.name, None)
-            partitions[self.leader.name] = replace(self.leader.wish, components=members, cpu=cpu)
+            partitions[self.leader.name] = replace(self.leader.request, components=members, cpu=cpu)
             there = replace(variant.system.components[members[0]], hosts=self.hosts)
             combined = replace(variant, system=replace(variant.system, partitions=partitions))
             return with_components(combined, {there.name: there})

@@ -145,7 +145,7 @@ def _more_processors_to_measure(trial: Trial) -> Iterator[str]:
             member.name
             for group in groups
             for member in group.members
-            if group.wish.processors is None and member.processors is None
+            if group.request.processors is None and member.processors is None
         )
         components = trial.start.system.components
         given = {name: replace(components[name], processors=width) for name in wide}

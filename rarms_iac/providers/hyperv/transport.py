@@ -157,7 +157,7 @@ def _opened(host: str, words: Sequence[str]) -> Channel:
 def _follow(
     channel: Channel, silence_s: float, listener: Listener, stop: Callable[[], None]
 ) -> ScriptExited | ScriptLost:
-    """Pass every line on until the end, and a wish to stop the other way, once."""
+    """Pass every line on until the end, and a request to stop the other way, once."""
     asked = False
 
     def look() -> None:

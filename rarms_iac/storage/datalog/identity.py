@@ -17,7 +17,7 @@ from typing import Any, get_type_hints
 
 from rarms_iac.model.measurement import Bench, EnvironmentSetup
 from rarms_iac.model.quantities import Bytes, Milliseconds, Percent, show_bytes
-from rarms_iac.model.system import Call, Command, CommandLoad, Component, Interference, Run, TaskWish
+from rarms_iac.model.system import Call, Command, CommandLoad, Component, Interference, Run, TaskRequest
 from rarms_iac.storage.datalog.log import Header, Identity
 from rarms_iac.storage.digest import canonical, digest, short
 from rarms_iac.storage.reading import open_regular
@@ -37,7 +37,7 @@ class LogSubject:
     components: tuple[Component, ...]  # by name
     setup: EnvironmentSetup
     load: Interference
-    tasks: Mapping[str, TaskWish]  # what the manifest fixes of task classes
+    tasks: Mapping[str, TaskRequest]  # what the manifest fixes of task classes
 
 
 def identity_of(subject: LogSubject, files: Mapping[str, str], interpreters: Mapping[str, str]) -> Identity:
@@ -74,7 +74,7 @@ def _setup_parts(subject: LogSubject) -> Iterator[tuple[str, str]]:
     yield from parts_of(f"interference.{setup.interference}", subject.load)
 
 
-def _component_parts(component: Component, tasks: Mapping[str, TaskWish]) -> Iterator[tuple[str, str]]:
+def _component_parts(component: Component, tasks: Mapping[str, TaskRequest]) -> Iterator[tuple[str, str]]:
     if component.run is not None:
         for name, text in parts_of("run", component.run):
             if name not in IN_THE_FILES:

@@ -10,7 +10,7 @@ from rarms_iac.applying.undo import abandon, steps_undone
 from rarms_iac.model.operations import SetCpu
 from rarms_iac.model.plan import Purpose, Scope
 from rarms_iac.model.quantities import Bytes
-from rarms_iac.model.system import Disruption, Fault, FaultEffect, PartitionWish, SimulatedHost
+from rarms_iac.model.system import Disruption, Fault, FaultEffect, PartitionRequest, SimulatedHost
 from tests.builders import a_component, a_host, a_partition, a_system, codes, the_delivery_robot
 from tests.lab import Countdown, Lab, a_lab, without_serials
 
@@ -274,7 +274,7 @@ def test_destroy_of_a_target_leaves_the_rest(lab: Lab) -> None:
 
 
 def test_what_is_protected_is_not_destroyed() -> None:
-    kept: list[PartitionWish] = [a_partition("vision", components=["vision"], protect=True)]
+    kept: list[PartitionRequest] = [a_partition("vision", components=["vision"], protect=True)]
     with a_lab(a_system(hosts=[a_host("onboard")], components=[VISION], partitions=kept)) as lab:
         lab.apply(lab.plan())
 

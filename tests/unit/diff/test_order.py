@@ -11,7 +11,7 @@ from rarms_iac.model.operations import SetCpu, SetMemory, StartPartition, StopPa
 from rarms_iac.model.plan import Claim, Step, Undo, UndoLevel
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, Percent, ShareOfHost
 from rarms_iac.model.state import Partition, RunState, State
-from rarms_iac.model.system import CpuWish, Disruption, System
+from rarms_iac.model.system import CpuRequest, Disruption, System
 from tests.builders import a_component, a_host, a_system
 from tests.planning import route
 from tests.pure_host import PureHost
@@ -25,7 +25,9 @@ def shares(**reserves: int) -> System:
     return a_system(
         hosts=[HOST],
         components=[
-            replace(a_component(name, criticality=50 - at), cpu=CpuWish(reserve=ShareOfHost(Percent(Fraction(share)))))
+            replace(
+                a_component(name, criticality=50 - at), cpu=CpuRequest(reserve=ShareOfHost(Percent(Fraction(share))))
+            )
             for at, (name, share) in enumerate(reserves.items())
         ],
     )

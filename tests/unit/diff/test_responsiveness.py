@@ -96,7 +96,7 @@ def test_drift_tells_who_changed_it() -> None:
     by_hand = replace(state, responsiveness=replace(state.responsiveness, value=dword(50)))
 
     def kinds(system: System, there: State) -> list[DriftKind]:
-        told = drift(route(system, there).wish.desired, there, "robot")
+        told = drift(route(system, there).request.desired, there, "robot")
         return [one.kind for one in told if one.address == ADDRESS]
 
     assert kinds(wanting(10), state) == []

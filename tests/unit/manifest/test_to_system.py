@@ -93,7 +93,7 @@ def test_a_component() -> None:
         ),
         memory=Bytes(512 * MIB),
         processors=2,
-        cpu=m.CpuWish(
+        cpu=m.CpuRequest(
             reserve=ProcessorTime(LogicalProcessors(Fraction(7, 5))),
             limit=ShareOfHost(Percent(Fraction(80))),
             weight=200,
@@ -114,7 +114,7 @@ def test_a_component() -> None:
 def test_what_is_left_out_has_its_default() -> None:
     planning, speech = SYSTEM.components["planning"], SYSTEM.components["speech"]
 
-    assert (planning.memory, planning.runs_on, planning.cpu) == (512 * MIB, m.RunsOn.HOST, m.CpuWish())
+    assert (planning.memory, planning.runs_on, planning.cpu) == (512 * MIB, m.RunsOn.HOST, m.CpuRequest())
     assert speech.run is not None
     assert speech.run.start == m.Call(module="components.speech", function="listen")
     assert (speech.run.until, speech.run.deadline) == (m.Elapsed(time=ms("60000")), None)
@@ -136,12 +136,12 @@ def test_a_component_without_thresholds_reserves_nothing_unless_it_says_so() -> 
 
 
 def test_partitions() -> None:
-    assert SYSTEM.partitions["senses"] == m.PartitionWish(
+    assert SYSTEM.partitions["senses"] == m.PartitionRequest(
         name="senses",
         components=("vision", "speech"),
         processors=2,
         memory=Bytes(2048 * MIB),
-        cpu=m.CpuWish(reserve=ShareOfHost(Percent(Fraction(60))), weight=100),
+        cpu=m.CpuRequest(reserve=ShareOfHost(Percent(Fraction(60))), weight=100),
         protect=True,
         start=m.StartMode.MANUAL,
         grace=ms("90000"),
@@ -164,8 +164,8 @@ def test_the_rest() -> None:
         "disk": m.CommandLoad(command=("fio", "disk.fio"), instances=2),
     }
     assert SYSTEM.tasks == {
-        "ObjectIdentification": m.TaskWish(name="ObjectIdentification", category=m.TaskCategory.MEDIUM, priority=6),
-        "Pro Audio": m.TaskWish(
+        "ObjectIdentification": m.TaskRequest(name="ObjectIdentification", category=m.TaskCategory.MEDIUM, priority=6),
+        "Pro Audio": m.TaskRequest(
             name="Pro Audio", category=m.TaskCategory.LOW, background_priority=3, replace_shipped=True
         ),
     }

@@ -5,7 +5,7 @@ import pytest
 
 from rarms_iac.model.layout import Infeasible, Layout
 from rarms_iac.model.state import Partition, RunState
-from rarms_iac.model.system import CpuWish, Disruption, HypervHost, ProviderKind, RunsOn, System
+from rarms_iac.model.system import CpuRequest, Disruption, HypervHost, ProviderKind, RunsOn, System
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.problem import HostView, host_view
 from rarms_iac.planner.reservations import FixedReservations
@@ -280,6 +280,6 @@ def test_nothing_changes_with_the_order_of_hosts_and_components() -> None:
 
 
 def test_an_open_reserve_of_a_partition_is_its_members() -> None:
-    by_hand = replace(a_partition(), cpu=CpuWish(reserve=None))
+    by_hand = replace(a_partition(), cpu=CpuRequest(reserve=None))
 
     assert layout(a_system(partitions=[by_hand])).partitions[0].reserve == 20

@@ -6,7 +6,7 @@ import pytest
 
 from rarms_iac.model.layout import Cause, Infeasible, Layout
 from rarms_iac.model.measurement import run_of
-from rarms_iac.model.system import PartitionWish, System
+from rarms_iac.model.system import PartitionRequest, System
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, NotMeasured
 from rarms_iac.statistics.curves import Curve, curve_of
@@ -130,7 +130,7 @@ def test_without_a_log_it_says_what_it_was_told() -> None:
 def test_what_is_said_of_a_log_is_said_of_a_reservation_that_rests_on_it() -> None:
     remark = Cause(what="component/vision", says="model.bin is not here.", code="RARMS104", advice="Plan elsewhere.")
     log = a_log({61: 110, 62: 90}, remarks=(remark,))
-    fixed = PartitionWish(name="vision", components=("vision",), cpu=a_cpu(reserve="70 %"))
+    fixed = PartitionRequest(name="vision", components=("vision",), cpu=a_cpu(reserve="70 %"))
 
     assert codes(planned(vision(), {("vision",): log})) == ["RARMS104"]
     assert codes(planned(replace(vision(), partitions={"vision": fixed}), {("vision",): log})) == []
@@ -138,8 +138,8 @@ def test_what_is_said_of_a_log_is_said_of_a_reservation_that_rests_on_it() -> No
 
 def test_together_they_rest_on_their_common_log_and_on_no_less_than_what_is_fixed() -> None:
     members = [a_component("vision", reserve="measured", apt=APT), a_component("speech", reserve="80 %", apt=APT)]
-    wish = PartitionWish(name="both", components=("vision", "speech"))
-    system = a_system(components=members, partitions=[wish])
+    request = PartitionRequest(name="both", components=("vision", "speech"))
+    system = a_system(components=members, partitions=[request])
     alone: Logs = {("vision",): a_log({61: 110, 62: 90})}
 
     assert codes(planned(system, alone)) == ["RARMS100"]

@@ -7,7 +7,7 @@ from itertools import combinations, pairwise, product
 import pytest
 
 from rarms_iac.model.mmcss import LevelValues, values_within
-from rarms_iac.model.system import Component, TaskCategory, TaskWish
+from rarms_iac.model.system import Component, TaskCategory, TaskRequest
 from rarms_iac.planner.task_class_values import ALL, chosen_values, masks_of
 from rarms_iac.planner.task_classes import classes_of, registry_values
 from tests.builders import a_component, a_task, at_most
@@ -39,20 +39,20 @@ Values = tuple[TaskCategory, int]
 """A category, and what its threads run at."""
 
 
-def values(wish: TaskWish) -> list[Values]:
+def values(request: TaskRequest) -> list[Values]:
     """Everything that the manifest leaves open, tried: in Medium 8 is no more than 7 (none was seen above 23)."""
     every = product(TaskCategory, range(1, 9), range(1, 9))
     left = {
         (category, {HIGH: 26, MEDIUM: min(16 + priority, 23), LOW: 7 + background}[category])
         for category, priority, background in every
-        if wish.category in {None, category}
-        and wish.priority in {None, priority}
-        and wish.background_priority in {None, background}
+        if request.category in {None, category}
+        and request.priority in {None, priority}
+        and request.background_priority in {None, background}
     }
     return sorted(left, key=lambda one: -one[1])
 
 
-def pairs(levels: Sequence[Sequence[TaskWish]], chosen: Sequence[Values]) -> Iterator[tuple[Values, Values]]:
+def pairs(levels: Sequence[Sequence[TaskRequest]], chosen: Sequence[Values]) -> Iterator[tuple[Values, Values]]:
     """Every more critical class with every less critical one."""
     at = [number for number, level in enumerate(levels) for _ in level]
     for upper, above in zip(at, chosen, strict=True):
@@ -61,18 +61,18 @@ def pairs(levels: Sequence[Sequence[TaskWish]], chosen: Sequence[Values]) -> Ite
                 yield above, below
 
 
-def in_order(levels: Sequence[Sequence[TaskWish]], chosen: Sequence[Values]) -> bool:
+def in_order(levels: Sequence[Sequence[TaskRequest]], chosen: Sequence[Values]) -> bool:
     return all(upper[1] > lower[1] for upper, lower in pairs(levels, chosen))
 
 
-def weight(levels: Sequence[Sequence[TaskWish]], chosen: Sequence[Values]) -> tuple[int, int, int, int]:
+def weight(levels: Sequence[Sequence[TaskRequest]], chosen: Sequence[Values]) -> tuple[int, int, int, int]:
     """Against the grain, close by in Medium, close by in Low, and in Low of its own accord."""
     free = [
-        (wish, category)
-        for wish, (category, _) in zip([wish for level in levels for wish in level], chosen, strict=True)
-        if wish.category is None
+        (request, category)
+        for request, (category, _) in zip([request for level in levels for request in level], chosen, strict=True)
+        if request.category is None
     ]
-    against = sum(category is HIGH or (category is LOW and wish.priority is not None) for wish, category in free)
+    against = sum(category is HIGH or (category is LOW and request.priority is not None) for request, category in free)
     number = [0, 0]
     at = [at for at, level in enumerate(levels) for _ in level]
     for here, (category, thread) in zip(at, chosen, strict=True):
@@ -85,29 +85,29 @@ def as_values(chosen: Sequence[Sequence[LevelValues]]) -> list[Values]:
     return [(level_values.category, level_values.thread_priority) for level in chosen for level_values in level]
 
 
-def groups(wishes: Sequence[TaskWish]) -> Iterator[list[list[TaskWish]]]:
+def groups(requests: Sequence[TaskRequest]) -> Iterator[list[list[TaskRequest]]]:
     """The same classes, of so many criticalities, neighbours equal or not."""
-    for ends in product([False, True], repeat=len(wishes) - 1):
-        levels = [[wishes[0]]]
-        for wish, is_other in zip(wishes[1:], ends, strict=True):
+    for ends in product([False, True], repeat=len(requests) - 1):
+        levels = [[requests[0]]]
+        for request, is_other in zip(requests[1:], ends, strict=True):
             if is_other:
-                levels.append([wish])
+                levels.append([request])
             else:
-                levels[-1].append(wish)
+                levels[-1].append(request)
         yield levels
 
 
-@pytest.mark.parametrize("wishes", [SOME + MORE if LONG else SOME])
+@pytest.mark.parametrize("requests", [SOME + MORE if LONG else SOME])
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_the_order_is_there_whenever_any_values_have_it_and_with_as_much_room(
-    wishes: list[TaskWish], number: int
+    requests: list[TaskRequest], number: int
 ) -> None:
-    left = {id(wish): values(wish) for wish in wishes}
-    for drawn in product(wishes, repeat=number):
+    left = {id(request): values(request) for request in requests}
+    for drawn in product(requests, repeat=number):
         for levels in groups(drawn):
             found = as_values(chosen_values(levels))
-            assert all(one in left[id(wish)] for wish, one in zip(drawn, found, strict=True))
-            every = [way for way in product(*(left[id(wish)] for wish in drawn)) if in_order(levels, way)]
+            assert all(one in left[id(request)] for request, one in zip(drawn, found, strict=True))
+            every = [way for way in product(*(left[id(request)] for request in drawn)) if in_order(levels, way)]
             assert in_order(levels, found) == bool(every), (levels, found)
             if every:
                 best = min(weight(levels, way) for way in every)
@@ -139,10 +139,10 @@ def test_equals_run_alike_as_far_as_each_can() -> None:
     assert [level_values.thread_priority for level_values in (open_, other, fixed, below)] == [23, 23, 20, 18]
 
 
-@pytest.mark.parametrize("wish", SOME + MORE)
-def test_what_a_wish_leaves_is_listed_once_each_the_highest_threads_first(wish: TaskWish) -> None:
-    assert [(level_values.category, level_values.thread_priority) for level_values in values_within(wish)] == values(
-        wish
+@pytest.mark.parametrize("request", SOME + MORE)
+def test_what_a_wish_leaves_is_listed_once_each_the_highest_threads_first(request: TaskRequest) -> None:
+    assert [(level_values.category, level_values.thread_priority) for level_values in values_within(request)] == values(
+        request
     )
 
 

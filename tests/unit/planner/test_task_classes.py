@@ -1,13 +1,13 @@
 import pytest
 
-from rarms_iac.model.system import Component, TaskCategory, TaskWish
+from rarms_iac.model.system import Component, TaskCategory, TaskRequest
 from rarms_iac.planner.task_classes import Classes, classes_of, registry_values
 from tests.builders import a_component, a_task, codes
 from tests.planning import PLACES
 
 
-def decided(components: list[Component], *wishes: TaskWish) -> Classes:
-    return classes_of(components, {wish.name: wish for wish in wishes}, "media", PLACES)
+def decided(components: list[Component], *requests: TaskRequest) -> Classes:
+    return classes_of(components, {request.name: request for request in requests}, "media", PLACES)
 
 
 def users(**criticalities: int) -> list[Component]:

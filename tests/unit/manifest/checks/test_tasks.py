@@ -4,7 +4,7 @@ from rarms_iac.model.system import (
     RunsOn,
     System,
     TaskCategory,
-    TaskWish,
+    TaskRequest,
 )
 from tests.builders import (
     a_component,
@@ -56,7 +56,7 @@ def test_classes_that_are_one_registry_key() -> None:
     assert found(system) == [("RARMS055", "tasks.GRASPING")]
 
 
-def two_tasks(vision: TaskWish, speech: TaskWish) -> System:
+def two_tasks(vision: TaskRequest, speech: TaskRequest) -> System:
     """`vision`, the more critical, and `speech` in one partition, each with a class of its own."""
     return a_system(
         components=[
@@ -89,7 +89,7 @@ def test_fixed_priorities_must_be_able_to_keep_the_order(
     speech: tuple[TaskCategory | None, int | None, int | None],
     finds: bool,
 ) -> None:
-    def task(name: str, fixed: tuple[TaskCategory | None, int | None, int | None]) -> TaskWish:
+    def task(name: str, fixed: tuple[TaskCategory | None, int | None, int | None]) -> TaskRequest:
         return a_task(name, category=fixed[0], priority=fixed[1], background_priority=fixed[2])
 
     system = two_tasks(task("Seeing", vision), task("Hearing", speech))

@@ -6,7 +6,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 from rarms_iac.model.layout import Infeasible, Layout, Relaxation
-from rarms_iac.model.system import AtMost, PartitionWish, System
+from rarms_iac.model.system import AtMost, PartitionRequest, System
 from tests.builders import a_component, a_cpu, a_host, a_system, at_most
 from tests.unit.planner.test_measured_reservations import NOT_MEASURED, Logs, a_log, planned
 
@@ -103,7 +103,7 @@ def test_the_pair_to_combine_is_of_the_least_critical_and_only_may_help() -> Non
         "(predicted: 58 %), and up to 60 % fits (`rarms tune` measures it)"
     )
     for reserve, does in (("60 %", True), ("61 %", False)):
-        both = PartitionWish(name="path", components=("path", "speech"), cpu=a_cpu(reserve=reserve))
+        both = PartitionRequest(name="path", components=("path", "speech"), cpu=a_cpu(reserve=reserve))
         assert fits(replace(system, partitions={"path": both}), logs) is does
 
 
@@ -219,7 +219,7 @@ def test_memory_and_processors_are_added_together_where_that_is_enough() -> None
 
 
 def test_a_partition_that_fixes_its_reserve_is_what_is_lowered() -> None:
-    both = PartitionWish(name="arm", components=("arm", "base"), cpu=a_cpu(reserve="70 %"))
+    both = PartitionRequest(name="arm", components=("arm", "base"), cpu=a_cpu(reserve="70 %"))
     components = [a_component(name, reserve="40 %") for name in ("arm", "base", "camera")]
 
     told = [one.says for one in ways(a_system(components=components, partitions=[both]), {})]

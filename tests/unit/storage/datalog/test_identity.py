@@ -24,7 +24,7 @@ from rarms_iac.model.system import (
     Simulation,
     Stop,
     TaskCategory,
-    TaskWish,
+    TaskRequest,
 )
 from rarms_iac.storage.datalog.identity import Files, LogSubject, file_digest, identity_of
 from rarms_iac.storage.datalog.log import Identity
@@ -128,7 +128,7 @@ def test_what_p1_is_is_in_the_identity(field: str, value: int) -> None:
 
 
 def test_the_load_and_what_is_fixed_of_a_task_class_are_in_the_identity() -> None:
-    task = TaskWish(name="ObjectIdentification", category=TaskCategory.MEDIUM, priority=5)
+    task = TaskRequest(name="ObjectIdentification", category=TaskCategory.MEDIUM, priority=5)
 
     assert changed(a_subject(vision(), load=Browser(instances=5))) == [
         "interference.busy-loop: BusyLoop -> Browser",
