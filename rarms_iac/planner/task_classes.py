@@ -62,7 +62,7 @@ def classes_of(
 
     Args:
         components: all that run in this operating system; those without a class matter for affinity only.
-        wishes: what `tasks` of the manifest says of a class, by name in any case; it is never overruled.
+        requests: what `tasks` of the manifest says of a class, by name in any case; it is never overruled.
         inside: the partition whose guest it is; empty: the host's own Windows.
         places: lines of the manifest, for the findings.
         processors: how many this operating system has; 0: unknown, and then no class is kept to some of them.
