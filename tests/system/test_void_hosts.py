@@ -6,7 +6,7 @@ import pytest
 
 from tests.unit.cli.running import Ran, rarms
 
-PROVIDER = "provider: simulated  # needs nothing; later hyperv or linux"
+PROVIDER = "provider: simulated  # needs nothing installed; or hyperv (linux is not built yet)"
 ACCEPTED = """\
 policy:
   accept:
