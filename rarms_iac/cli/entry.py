@@ -50,7 +50,7 @@ def guarded(
     except UseCaseError as problem:
         _trace(terminal)
         return _tell(session, _code_of(session, problem.outcome), problem.diagnostics, problem.sources)
-    except (Interrupted, KeyboardInterrupt) as interrupt:
+    except KeyboardInterrupt as interrupt:
         code = interrupt.code if isinstance(interrupt, Interrupted) else ExitCode.INTERRUPTED
         from rarms_iac.views.console import paragraph, stack
 

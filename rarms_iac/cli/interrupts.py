@@ -14,8 +14,8 @@ from rarms_iac.cli.codes import ExitCode
 SIGNALS = {signal.SIGINT: ExitCode.INTERRUPTED, signal.SIGTERM: ExitCode.TERMINATED}
 
 
-class Interrupted(BaseException):
-    """Somebody wants rarms to end; no `except Exception` may swallow it."""
+class Interrupted(KeyboardInterrupt):
+    """Somebody wants rarms to end, with Ctrl-C or SIGTERM; no `except Exception` may swallow it."""
 
     def __init__(self, code: ExitCode) -> None:
         super().__init__(code.name.lower())

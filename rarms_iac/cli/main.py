@@ -12,14 +12,26 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"rarms {__version__}")  # noqa: T201 - the one answer that is given before anything is imported
         return 0
 
-    import gc
+    try:
+        import gc
 
-    from rarms_iac.cli.entry import run
+        from rarms_iac.cli.entry import run
 
-    # NOTE: what a command makes are trees of values, hardly ever circles: to look for those after every 700 new
-    # values takes an eighth of a plan for 1,000 components.
-    gc.set_threshold(50_000, 20, 20)
-    return run(words)
+        # NOTE: what a command makes are trees of values, hardly ever circles: to look for those after every 700 new
+        # values takes an eighth of a plan for 1,000 components.
+        gc.set_threshold(50_000, 20, 20)
+        return run(words)
+    except KeyboardInterrupt:
+        return _interrupted()
+
+
+def _interrupted() -> int:
+    """End at a Ctrl-C outside a command's work: during the imports before it, or while its last words are written."""
+    import signal
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a further Ctrl-C would only show a traceback
+    print("rarms was interrupted.", file=sys.stderr)  # noqa: T201 - the command line may not be imported yet
+    return 130
 
 
 if __name__ == "__main__":

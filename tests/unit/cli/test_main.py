@@ -36,6 +36,30 @@ def test_help_lists_every_command_and_imports_none() -> None:
     assert all(f"  {name} " in shown for name in COMMANDS)
 
 
+INTERRUPTED_IN_AN_IMPORT = """
+import signal, sys
+class Finder:
+    def find_spec(self, name, *_):
+        if name == "rarms_iac.cli.entry":
+            signal.raise_signal(signal.SIGINT)
+sys.meta_path.insert(0, Finder())
+"""
+INTERRUPTED_IN_THE_LAST_FLUSH = """
+import signal
+from rarms_iac.cli.terminal import Terminal
+Terminal.flush = lambda self: signal.raise_signal(signal.SIGINT)
+"""
+
+
+@pytest.mark.parametrize("interrupt", [INTERRUPTED_IN_AN_IMPORT, INTERRUPTED_IN_THE_LAST_FLUSH])
+def test_an_interrupt_outside_the_command_is_one_line(interrupt: str) -> None:
+    script = f"{interrupt}\nimport sys; from rarms_iac.cli.main import main; sys.exit(main(['version']))"
+
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+
+    assert (ended.returncode, ended.stderr) == (130, "rarms was interrupted.\n")
+
+
 @pytest.mark.parametrize("name", sorted(COMMANDS))
 def test_every_command_explains_itself_in_80_columns(name: str) -> None:
     answer = rarms(name, "--help")
