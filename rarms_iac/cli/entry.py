@@ -54,7 +54,7 @@ def guarded(
         code = interrupt.code if isinstance(interrupt, Interrupted) else ExitCode.INTERRUPTED
         from rarms_iac.views.console import paragraph, stack
 
-        terminal.talk(stack("", paragraph(f"rarms was {code.name.lower()}. {GO_ON}")))
+        terminal.talk(stack("", paragraph(f"rarms was {code.name.lower()}.{_how_to_go_on(session.command)}")))
         return code
     except OSError as error:
         _trace(terminal)
@@ -64,7 +64,13 @@ def guarded(
         return _tell(session, ExitCode.FAILED, [bug(error)])
 
 
-GO_ON = "If it was changing a host, run `rarms apply` to finish that, or `rarms undo` to take it back."
+def _how_to_go_on(command: str) -> str:
+    """Say what to do after an interrupt, with a space before it; nothing where the command leaves nothing behind."""
+    if command in {"measure", "prove", "tune"}:
+        return " What is recorded stays. The same command goes on where it stopped."
+    if command in {"apply", "destroy", "import", "release", "undo"}:
+        return " If it was changing a host, run `rarms apply` to finish that, or `rarms undo` to take it back."
+    return ""
 
 
 def _invoke(session: Session, arguments: Sequence[str]) -> ExitCode:

@@ -22,6 +22,7 @@ class Session:
 
     terminal: Terminal
     interrupts: Interrupts = field(default_factory=Interrupts)
+    command: str = ""  # its name, as soon as it runs
     as_json: bool = False  # a program reads standard output: an early end is told there, too
     answer_follows: bool = False  # a run that is done is not the command's answer: what follows it is
 
@@ -75,8 +76,10 @@ def rarms_command(
         @wraps(function)
         def given_the_session(*args: P.args, **kwargs: P.kwargs) -> ExitCode:
             context = click.get_current_context()
+            session = context.ensure_object(Session)
+            session.command = name
             try:
-                return function(context.ensure_object(Session), *args, **kwargs)
+                return function(session, *args, **kwargs)
             except RequestError as error:
                 raise click.UsageError(str(error), context) from error
 

@@ -15,14 +15,14 @@ from rarms_iac.cli.session import Session
 from rarms_iac.cli.terminal import Terminal
 
 
-def run_with(error: BaseException, *, debug: bool = False) -> tuple[ExitCode, str]:
+def run_with(error: BaseException, *, debug: bool = False, command: str = "") -> tuple[ExitCode, str]:
     """What becomes of an exception that a command ends with."""
     terminal = Terminal(out=io.StringIO(), err=io.StringIO(), debug=debug)
 
     def invoke(_session: Session, _arguments: Sequence[str]) -> ExitCode:
         raise error
 
-    code = entry.guarded(Session(terminal=terminal), [], invoke)
+    code = entry.guarded(Session(terminal=terminal, command=command), [], invoke)
     assert isinstance(terminal.err, io.StringIO)
     return code, terminal.err.getvalue()
 
@@ -62,11 +62,19 @@ def test_debug_shows_the_trace() -> None:
     assert said.startswith("Traceback (most recent call last):\n")
 
 
-def test_an_interrupt_says_how_to_go_on() -> None:
-    _, said = run_with(Interrupted(ExitCode.INTERRUPTED))
+@pytest.mark.parametrize(
+    ("command", "advice"),
+    [
+        ("apply", "If it was changing a host, run `rarms apply` to finish that, or `rarms undo` to take it back."),
+        ("measure", "What is recorded stays. The same command goes on where it stopped."),
+        ("prove", "What is recorded stays. The same command goes on where it stopped."),
+        ("plan", ""),
+    ],
+)
+def test_an_interrupt_says_how_to_go_on(command: str, advice: str) -> None:
+    _, said = run_with(Interrupted(ExitCode.INTERRUPTED), command=command)
 
-    assert "rarms was interrupted" in said
-    assert "`rarms apply` to finish" in said
+    assert " ".join(said.split()) == f"rarms was interrupted. {advice}".strip()
 
 
 def test_the_file_of_a_refusal_is_named() -> None:
