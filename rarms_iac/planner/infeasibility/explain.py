@@ -36,17 +36,17 @@ def explained(answer: Infeasible, problem: Problem, trial: Trial) -> Infeasible:
         answer,
         proven=answer.proven or all(conflict.proven for conflict in found),
         conflict=tuple(names),
-        causes=tuple(map(_cause, found)),
+        causes=tuple(_cause(conflict, problem) for conflict in found),
         relaxations=ways_out(problem, names, trial),
     )
 
 
-def _cause(conflict: Conflict) -> Cause:
+def _cause(conflict: Conflict, problem: Problem) -> Cause:
     what = f"host/{conflict.bins[0].name}" if conflict.bins else "application"
     if conflict.lacking == "processors":
         return Cause(what=what, says=_processors_exceed(conflict), code=findings.RESERVATIONS.code)
     if conflict.lacking == "memory":
-        return Cause(what=what, says=_memory_exceeds(conflict), code=findings.MEMORY.code)
+        return Cause(what=what, says=_memory_exceeds(conflict, problem), code=findings.MEMORY.code)
     names = _listed([item.name for item in conflict.items])
     if len(conflict.bins) == 1:
         host = conflict.bins[0]
@@ -84,11 +84,18 @@ def _processors_exceed(conflict: Conflict) -> str:
     return f"{_listed(needs)} {_need(needs)} {share(total)} of the {_logical_processors(host)}{missing}."
 
 
-def _memory_exceeds(conflict: Conflict) -> str:
-    """As in: FDP 3 GiB and SRP 2 GiB need 5 GiB; onboard has 4 GiB to promise."""
+def _memory_exceeds(conflict: Conflict, problem: Problem) -> str:
+    """As in: FDP 3 GiB and SRP 2 GiB need 5 GiB; onboard has 4 GiB to promise.
+
+    Where other partitions need memory of the same hosts, all are summed up as well, since the ways out count them.
+    """
     ordered = sorted(conflict.items, key=lambda item: (-least_memory(item), item.name))
     free = sum(max(0, free_in(host).memory) for host in conflict.bins)
-    return _exceed([(item.name, least_memory(item)) for item in ordered], free, conflict.bins, show_bytes)
+    message = _exceed([(item.name, least_memory(item)) for item in ordered], free, conflict.bins, show_bytes)
+    if len(ordered) == len(problem.items) or len(conflict.bins) < len(problem.bins):
+        return message
+    total = show_bytes(sum(map(least_memory, problem.items)))
+    return f"{message} All {number(len(problem.items))} partitions together need {total}."
 
 
 def _exceed(needs: Sequence[tuple[str, int]], free: int, hosts: Sequence[Bin], show: Callable[[int], str]) -> str:

@@ -167,6 +167,19 @@ def test_memory_that_is_not_there_is_told_with_how_much_more_would_do() -> None:
     assert "512 MiB more memory on onboard" in found[0].advice
 
 
+def test_memory_counts_the_partitions_that_are_not_in_the_conflict_too() -> None:
+    needs = {"seams": "1 GiB", "motion": "512 MiB", "messages": "256 MiB"}
+    components = [a_component(name, memory=memory) for name, memory in needs.items()]
+
+    found = planned(a_system(hosts=[a_host(memory="1 GiB")], components=components)).findings
+
+    assert found[0].detail == (
+        "seams 1 GiB and motion 512 MiB need 1536 MiB; onboard has 1 GiB to promise. "
+        "All three partitions together need 1792 MiB."
+    )
+    assert "768 MiB more memory on onboard" in found[0].advice
+
+
 def test_virtual_processors_are_not_split_over_logical_ones() -> None:
     three = a_system(components=[a_component(name, reserve="0.6 LP", processors=1) for name in "abc"])
 
