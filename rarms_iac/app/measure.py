@@ -55,7 +55,7 @@ USUAL_SEED = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasureOutcome:
-    """What came of all experiments: those that were begun, and after an early end the others."""
+    """The results of all experiments that were begun, and the experiments that an early end left out."""
 
     results: tuple[ExperimentResult, ...]
     findings: tuple[Diagnostic, ...]
@@ -297,7 +297,8 @@ def _strategy(hosts: Hosts, experiment: Experiment, request: MeasureRequest, see
                 hosts.manifest.sources,
             )
     goal = goal_of(experiment)
-    # Where something is in the way it is refused, by name, before anything runs: that says more than a lack of room.
+    # Other partitions on the host: `_refuse` names them before the first run. Do not end earlier for lack of room,
+    # which says less.
     refused = bool(seen.running) and not request.on_busy_host
     verifying = Verifying(goal=goal, most=100 if refused else seen.top)
     if request.verify:
@@ -310,7 +311,9 @@ def _strategy(hosts: Hosts, experiment: Experiment, request: MeasureRequest, see
 
 
 def _refuse_what_has_no_demand(hosts: Hosts, experiment: Experiment) -> None:
-    """NOTE: the host would refuse it, too; here the line of the manifest is told.
+    """Refuse a member without `simulation` on a simulated host.
+
+    The host would refuse it too; here the line of the manifest can be named.
 
     Raises:
         UseCaseError: a member or the load is nothing that this host can run (negative).

@@ -107,7 +107,7 @@ def hosts_with_partition(hosts: Hosts, partition: str) -> Hosts:
 
 
 def planner_request(hosts: Hosts, request: PlanRequest, states: Mapping[str, State]) -> Request:
-    """What `applying.prepare` is asked.
+    """Make the request that `applying.prepare` takes.
 
     Args:
         hosts: the manifest and the chosen hosts.

@@ -133,7 +133,7 @@ class TuningEnd:
             if strategy == "paper":
                 return _by_the_paper(before, heard, repeat=repeat)
             return _by_the_graph(before, heard)
-        except TuningStopped:
+        except TuningStopped:  # before Unanswered, of which it is a kind
             return replace(before, trail=tuple(trail))
         except Unanswered as problem:
             return replace(before, ending="unable", trail=tuple(trail), unanswered=str(problem))
@@ -157,9 +157,9 @@ def tune_components(
         hosts: Of one platform; their processors are what is shared out.
         request: How.
         reporter: Hears of every setting that is run.
-        stop: Answer between settings and while samples come.
+        stop: Asked between settings and while samples come.
         planner_reporter: Hears what the search asks, and what it was answered; None: nobody does.
-        consent: Answer before a combination is measured; None: all are allowed.
+        consent: Asked before a combination is measured; None: all are allowed.
 
     Raises:
         UseCaseError: No host can be measured on (failed); one is busy or held (refused); a reservation is not

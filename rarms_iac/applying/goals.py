@@ -105,7 +105,8 @@ def goals_of_removal(
 ) -> Goals:
     """Every observed host without anything of this application: the goal of `rarms destroy`.
 
-    With `remove_disks` also without the disks that rarms made for it.
+    With `remove_disks` also without the disks that rarms made for it. Import and release take it too: they use its
+    observed state, rules and budget, and bring their one change themselves.
     """
     if hidden := tuple(unproven_rights(observed.values(), places)):
         return Goals(layout=None, hosts={}, findings=hidden)

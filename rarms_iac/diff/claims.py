@@ -15,9 +15,16 @@ _ACTIVE = frozenset({RunState.RUNNING, RunState.PAUSED, RunState.BUSY, RunState.
 
 
 def claim_of(partition: Partition | None) -> Claim:
-    """The promise to a managed partition: nothing before it runs, because a reserve is taken at the start (FACTS 1.2).
+    """Return what a managed partition is promised now.
 
-    One that merely starts with its host counts when it is started; the layout fits all of them.
+    Nothing before it runs, because a reserve is taken at the start (FACTS 1.2). A partition that merely starts with its
+    host counts when it is started; the layout has room for all of them.
+
+    Args:
+        partition: as observed; None: there is none.
+
+    Returns:
+        Virtual processors, reserve (per cent of each) and memory (bytes).
     """
     if partition is None or not (partition.settings.running or partition.state in _ACTIVE):
         return NO_CLAIM
@@ -25,7 +32,15 @@ def claim_of(partition: Partition | None) -> Claim:
 
 
 def within(claim: Claim, limit: Claim) -> bool:
-    """Whether a claim is at most the limit in every respect, so that it fits wherever the limit fits."""
+    """Tell whether a claim fits wherever the limit fits.
+
+    Args:
+        claim: what is asked for.
+        limit: what there is room for.
+
+    Returns:
+        True where the claim is at most the limit in every respect; processors count only with a reserve.
+    """
     reserved = claim.reserve == 0 or (claim.processors <= limit.processors and claim.reserve <= limit.reserve)
     return reserved and claim.memory <= limit.memory
 

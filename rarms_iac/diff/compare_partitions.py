@@ -139,7 +139,14 @@ def _describe_difference(before: Partition, after: Partition, context: HostConte
 
 
 def foreign_marks(observed: State) -> Iterator[Diagnostic]:
-    """A finding for each machine with a line that looks like a mark and does not count."""
+    """Report each machine with a line that looks like a mark and does not count.
+
+    Args:
+        observed: the host as it is now.
+
+    Yields:
+        A finding for each such machine, in the order of the host's partitions.
+    """
     for partition in observed.partitions:
         if partition.foreign_mark:
             yield FOREIGN_MARK.at(

@@ -12,7 +12,11 @@ NOTHING_TO_MOVE = Finding(code="RARMS156", severity=Severity.WARNING, summary="B
 
 
 def no_place(_address: Address) -> Place | None:
-    """The place of what no manifest line asks for."""
+    """Stand in for a locator where no manifest line asks for anything.
+
+    Returns:
+        None, for every address.
+    """
     return None
 
 

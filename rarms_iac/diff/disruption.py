@@ -27,12 +27,25 @@ class HostContext:
 
 
 def grace_ms(graces: Mapping[str, Milliseconds], partition: str) -> int:
-    """How long the guest of this partition may take to shut down; the default where the manifest does not know it."""
+    """Return how long a partition's guest may take to shut down.
+
+    Args:
+        graces: by partition, in ms, as the manifest has them.
+        partition: its name.
+
+    Returns:
+        Whole milliseconds, rounded up; the default where the manifest does not know the partition.
+    """
     return ceil(graces.get(partition, GRACE))
 
 
 def changed_facets(before: PartitionSettings, after: PartitionSettings) -> frozenset[Facet]:
-    """Which facets of the settings differ; whether the partition runs is none of them."""
+    """Tell which facets of the settings differ; whether the partition runs is none of them.
+
+    Args:
+        before: the settings as observed.
+        after: the settings as wanted.
+    """
     pairs = {
         Facet.NAME: (before.name, after.name),
         Facet.PROCESSORS: (before.processors, after.processors),
@@ -51,10 +64,18 @@ def changed_facets(before: PartitionSettings, after: PartitionSettings) -> froze
 
 
 def needs_off(before: PartitionSettings, after: PartitionSettings, context: HostContext) -> bool:
-    """Whether a setting changes that the machine must be off for.
+    """Tell whether a setting changes for which the machine must be off.
 
-    On Linux none is: a control group takes every value while its processes run. A running machine's memory changes
-    live where it is static and both Windows are new enough (FACTS 3).
+    On Linux there is none: a control group takes every value while its processes run. A running machine's memory
+    changes live where it is static and both Windows are new enough (FACTS 3).
+
+    Args:
+        before: the settings as observed.
+        after: the settings as wanted.
+        context: the host's provider and version.
+
+    Returns:
+        Whether it must be off; the answer does not depend on whether it runs.
     """
     if context.facts.provider is ProviderKind.LINUX:
         return False
@@ -70,7 +91,16 @@ def _memory_is_live(before: PartitionSettings, after: PartitionSettings, context
 
 
 def stops(before: Partition, after: PartitionSettings, context: HostContext) -> bool:
-    """Whether the change stops the partition, for good or for a while."""
+    """Tell whether the change stops the partition, for good or for a while.
+
+    Args:
+        before: the partition as observed.
+        after: the settings as wanted.
+        context: the host's provider and version.
+
+    Returns:
+        False where it does not run now.
+    """
     running = before.settings.running
     return running and (not after.running or needs_off(before.settings, after, context))
 
@@ -89,9 +119,12 @@ def disruption_of_update(before: Partition, after: PartitionSettings, context: H
 
 
 def disruption_of_task(inside: str) -> Disruption:
-    """How much a task class disturbs: it takes effect when its Windows starts again, and rarms restarts none for it.
+    """Return how much a task class disturbs.
 
-    FACTS 6.3. `inside` is the partition whose guest it is; empty: the host itself.
+    It takes effect when its Windows starts again (FACTS 6.3), and rarms restarts none for it.
+
+    Args:
+        inside: the partition whose guest it is in; empty: the host itself.
     """
     return Disruption.PARTITION_STOP if inside else Disruption.HOST_RESTART
 

@@ -1,7 +1,8 @@
 """The steps of a partition's change.
 
-Order within a change: stop, what gives back, what takes more, actions, name, mark, start. The mark comes after the
-values, because a host that was left half-way must not look as if it had everything that was written.
+Order of an update: mark's name, stop, what gives back, what takes more, start/stop actions, name, mark, start. A
+creation marks right after it makes the machine; see `create_partition`. The mark comes after the values, because a host
+that was left half-way must not look as if it had everything that was written.
 """
 
 from collections.abc import Iterator
@@ -67,7 +68,8 @@ def create_partition(address: Address, after: Partition, reason: Reason, context
     if wanted.running:
         start = start_step(machine)
         back = Undo(level=UndoLevel.FULL, operation=StopPartition(partition=name, grace_ms=grace))
-        # What a new machine is made with is the host's affair, but it is off: to that its undo brings it back.
+        # A new machine starts from settings that nobody read, so `start_step` has no full `before`; but it is known to
+        # be off, and the undo switches it off.
         yield replace(start, before={**start.before, "running": False, "state": RunState.OFF.value}, undo=back)
 
 
@@ -121,6 +123,7 @@ def update_partition(
     grace = grace_ms(context.graces, address.partition)
     machine = StepBuilder(address=address, now=before, reason=reason, grace_ms=grace)
     off = needs_off(before.settings, after.settings, context)
+    # First, and alone: order.py takes this step out and does all renames of marks before anything else.
     yield from rename_mark(machine.address, before, reason)
     machine.now = _with_mark_name(before, address.partition)
     if before.settings.running and (off or not after.settings.running):
@@ -228,7 +231,17 @@ def _disk_step(removal: Step, disk: Disk) -> Step:
 
 
 def adopt_partition(address: Address, before: Partition, after: Partition, reason: Reason) -> Iterator[Step]:
-    """Write the mark on a machine that is taken over, and nothing else."""
+    """Write the mark on a machine that is taken over, and nothing else.
+
+    Args:
+        address: the partition with its machine's id.
+        before: the machine as observed.
+        after: the same with its mark; it must have one.
+        reason: told to the reviewer of the step.
+
+    Yields:
+        One step.
+    """
     assert after.mark is not None, "what rarms adopts, it marks"
     yield mark_step(
         StepBuilder(address=address, now=before, reason=reason), after.mark, None, "only the mark is written"
@@ -236,7 +249,16 @@ def adopt_partition(address: Address, before: Partition, after: Partition, reaso
 
 
 def release_partition(address: Address, before: Partition, reason: Reason) -> Iterator[Step]:
-    """Erase the mark of a machine that is released; it stays as it is."""
+    """Erase the mark of a machine that is released; the machine stays as it is.
+
+    Args:
+        address: the partition with its machine's id.
+        before: the machine as observed, with its mark.
+        reason: told to the reviewer of the step.
+
+    Yields:
+        One step; its undo writes the mark again.
+    """
     mark = before.mark
     assert mark is not None, "only what is ours is released"
     machine = StepBuilder(address=address, now=before, reason=reason)

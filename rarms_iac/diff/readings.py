@@ -76,13 +76,29 @@ def resolve(partitions: Iterable[Partition], name: str, scope: Scope, machine: s
 
 
 def is_marked(partition: Partition, application: str, name: str) -> bool:
-    """Whether it carries a valid mark of this application's partition."""
+    """Tell whether the machine carries a valid mark of this application's partition.
+
+    Args:
+        partition: the machine as observed.
+        application: the application's name.
+        name: the partition's name in the manifest; the machine's own name does not matter.
+    """
     mark = partition.mark
     return mark is not None and mark.name == name and mark.application == application
 
 
 def find_task(tasks: Iterable[TaskClass], name: str, *, inside: str, machine: str) -> TaskClass | None:
-    """The task class of this name, whatever its case, in this operating system."""
+    """Find the task class of this name, whatever its case, in this operating system.
+
+    Args:
+        tasks: of the whole host.
+        name: the class's name.
+        inside: the partition whose guest it is in; empty: the host itself.
+        machine: the id of that partition's machine; empty for the host itself.
+
+    Returns:
+        The first such class; None: there is none.
+    """
     wanted = name.lower()
     for task in tasks:
         if task.inside == inside and task.machine == machine and task.name.lower() == wanted:
@@ -91,7 +107,14 @@ def find_task(tasks: Iterable[TaskClass], name: str, *, inside: str, machine: st
 
 
 def partition_readings(partition: Partition) -> Readings:
-    """What is read at a partition's address."""
+    """Return what is read at a partition's address.
+
+    Args:
+        partition: as observed.
+
+    Returns:
+        All readings by name, memory in bytes, reserve and limit in per cent of each virtual processor.
+    """
     settings, mark = partition.settings, partition.mark
     return {
         "exists": True,
@@ -116,7 +139,16 @@ def partition_readings(partition: Partition) -> Readings:
 
 
 def disk_readings(disks: Iterable[Disk], path: str) -> Readings:
-    """What is read at a disk's address; a file that grows out of it uses it as a machine does."""
+    """Return what is read at a disk's address.
+
+    Args:
+        disks: all that are known on the host.
+        path: the disk's file; Windows' rules for equal paths hold.
+
+    Returns:
+        `exists`, `parent` and `used`; a disk that grows out of this file uses it as a machine does. `NOTHING` where
+            there is no such disk.
+    """
     known = tuple(disks)
     here = [disk for disk in known if same_path(disk.path, path)]
     if not here:
@@ -126,20 +158,38 @@ def disk_readings(disks: Iterable[Disk], path: str) -> Readings:
 
 
 def same_path(left: str, right: str) -> bool:
-    """Whether two paths of a Windows are the same to it."""
+    """Tell whether Windows takes two paths for the same: slashes and case do not matter.
+
+    Args:
+        left: a path.
+        right: another path; neither is made absolute.
+    """
     return left.replace("/", "\\").lower() == right.replace("/", "\\").lower()
 
 
 def task_readings(task: TaskClass | Responsiveness | None) -> Readings:
-    """What is read at the address of a task class or of SystemResponsiveness. A key without values counts as none.
+    """Return what is read at the address of a task class or of SystemResponsiveness.
 
-    Its record may outlive its key, and may stand before it.
+    A key without values counts as absent. rarms' record may outlive its key, and may be written before it.
+
+    Args:
+        task: as observed; None: neither values nor a record are there.
+
+    Returns:
+        The values' readings and the record's.
     """
     return {**values_readings(task.values), **record_readings(task.record)} if task else _NO_TASK
 
 
 def values_readings(values: Mapping[str, RegistryValue]) -> Readings:
-    """What is read of registry values."""
+    """Return what is read of registry values.
+
+    Args:
+        values: by name.
+
+    Returns:
+        `exists`, the names in lower case, and kind and data of each value, in the order of the names.
+    """
     return {
         "exists": bool(values),
         "values": ", ".join(sorted(name.lower() for name in values)),
@@ -148,7 +198,14 @@ def values_readings(values: Mapping[str, RegistryValue]) -> Readings:
 
 
 def record_readings(record: TaskRecord | None) -> Readings:
-    """What is read of rarms' own record."""
+    """Return what is read of rarms' own record.
+
+    Args:
+        record: as observed; None: there is none.
+
+    Returns:
+        `record` (the application) and `set` (the digest), both empty without a record.
+    """
     return {"record": record.application if record else "", "set": record.set if record else ""}
 
 

@@ -30,7 +30,17 @@ Values = Mapping[str, RegistryValue]
 def write_registry(
     address: Address, before: TaskClass | Responsiveness | None, after: TaskClass | Responsiveness, reason: Reason
 ) -> Iterator[Step]:
-    """Make the class, or the value, exactly as wanted, and record what was there before rarms."""
+    """Make the class, or the value, exactly as wanted, and record what was there before rarms.
+
+    Args:
+        address: of the class, or of SystemResponsiveness.
+        before: as observed; None: nothing is there.
+        after: as wanted, with its record.
+        reason: told to the reviewer of every step.
+
+    Yields:
+        The record's step first, then that of the values; neither where nothing differs.
+    """
     assert after.record is not None, "what rarms writes, it records"
     old_values, old_record = (before.values, before.record) if before else ({}, None)
     if after.record != old_record:
@@ -40,7 +50,16 @@ def write_registry(
 
 
 def restore_registry(address: Address, before: TaskClass | Responsiveness, reason: Reason) -> Iterator[Step]:
-    """Bring back what was there before rarms, then erase the record of it."""
+    """Bring back what was there before rarms, then erase the record of it.
+
+    Args:
+        address: of the class, or of SystemResponsiveness.
+        before: as observed, with rarms' record.
+        reason: told to the reviewer of every step.
+
+    Yields:
+        The values' step where they differ, then that of the record.
+    """
     assert before.record is not None, "only what is managed is restored"
     restored = before.record.before or {}
     if isinstance(before, Responsiveness):

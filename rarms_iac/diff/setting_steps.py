@@ -90,13 +90,28 @@ class StepBuilder:
 
 
 def some_readings(partition: Partition, names: tuple[str, ...]) -> Readings:
-    """These readings of a partition, and that it exists."""
+    """Return these readings of a partition, and that it exists.
+
+    Args:
+        partition: as observed, or as expected at this step.
+        names: of the readings, as `partition_readings` has them.
+
+    Raises:
+        KeyError: there is no such reading.
+    """
     everything = partition_readings(partition)
     return {name: everything[name] for name in ("exists", *names)}
 
 
 def mark_step(machine: StepBuilder, new: Mark, old: Mark | None, why: str) -> Step:
-    """Write the mark; its undo writes the old one, or erases it where there was none."""
+    """Write the mark; the undo writes the old one, or erases the new one where there was none.
+
+    Args:
+        machine: the machine as it is at this step; the builder goes on with the new mark.
+        new: the mark to write; its machine's id is set here.
+        old: the mark that is there now; None: none.
+        why: the comment of the step.
+    """
     address = machine.address
     marked = replace(machine.now, mark=replace(new, machine=machine.now.id[:8]))
 
@@ -198,7 +213,13 @@ def _why_here(facet: Facet, old: PartitionSettings, to: PartitionSettings, *, is
 
 
 def rename_step(machine: StepBuilder, old: str, new: str) -> Step:
-    """Give the machine the name that people see."""
+    """Give the machine another name, the one that people see.
+
+    Args:
+        machine: the machine as it is at this step; the builder goes on with the new name.
+        old: its name now, for the undo.
+        new: its name after this step.
+    """
     address = machine.address
     return machine.step(
         RenamePartition(partition=address.partition, name=new, machine=address.machine),
@@ -211,7 +232,18 @@ def rename_step(machine: StepBuilder, old: str, new: str) -> Step:
 
 
 def stop_step(machine: StepBuilder, why: str) -> Step:
-    """Stop the machine. Read as running: one that was saved or paused since the plan was not stopped by it."""
+    """Stop the machine.
+
+    What is read before must still be what the plan saw: a machine that ran then must run, since a machine that was
+    saved or paused by somebody else was not stopped by this plan.
+
+    Args:
+        machine: the machine as it is at this step; the builder goes on with a stopped one.
+        why: the comment of the step.
+
+    Returns:
+        A step that stops the partition; its undo starts it again, where it ran.
+    """
     address, was_running = machine.address, machine.now.settings.running
     stop = machine.step(
         StopPartition(partition=address.partition, grace_ms=machine.grace_ms, machine=address.machine),
@@ -227,12 +259,23 @@ def stop_step(machine: StepBuilder, why: str) -> Step:
 
 
 def describe_stop(grace: int) -> str:
-    """How a guest is stopped that has `grace` milliseconds to shut down, in words."""
+    """Describe how a guest is stopped.
+
+    Args:
+        grace: milliseconds that it has to shut down; 0: it is turned off without being asked.
+    """
     return f"asked; after {plain(Fraction(grace, 1000))} s turned off" if grace else "turned off, not asked"
 
 
 def start_step(machine: StepBuilder) -> Step:
-    """Start the machine, the last of its steps."""
+    """Start the machine, the last of its steps.
+
+    Args:
+        machine: the machine as it is at this step; the builder goes on with a running one.
+
+    Returns:
+        The step; its undo stops the machine. A machine that was saved is left off by the undo, not saved again.
+    """
     address, was_off = machine.address, machine.now.state is RunState.OFF
     start = machine.step(
         StartPartition(partition=address.partition, machine=address.machine),

@@ -30,7 +30,15 @@ class PlannedChange:
 
 
 def plan_changes(changes: Iterable[Change], context: HostContext) -> tuple[PlannedChange, ...]:
-    """Give each change its steps."""
+    """Give each change its steps.
+
+    Args:
+        changes: in any order.
+        context: the host's facts, disks and grace periods.
+
+    Returns:
+        The changes with their steps, in the same order; `order.py` decides the order in which they are applied.
+    """
     return tuple(PlannedChange(change=change, steps=steps_for(change, context)) for change in changes)
 
 

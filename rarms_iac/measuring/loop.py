@@ -219,7 +219,7 @@ def _series(running: RunningWork, samples: Mapping[str, list[Sample]]) -> Mappin
 
 
 def highest_seed(settings: tuple[Setting, ...]) -> int:
-    """Find the last seed that anything was measured with; 0 where nothing was."""
+    """Return the highest seed that any of these settings has; 0 where there are none."""
     return max((setting.seed for setting in settings), default=0)
 
 
@@ -273,13 +273,19 @@ def _run_setting(
 
 
 def _setting(reserve: int, beside: int, seed: int, seen: Mapping[str, Series]) -> Setting:
-    """What will be recorded: whoever goes on from the log decides by the same numbers."""
+    """The setting, rounded as the log records it.
+
+    So a run that goes on from the log decides by the same numbers.
+    """
     series = tuple(seen[name] for name in sorted(seen))
     return as_recorded(Setting(reserve=reserve, series=series, beside=beside, seed=seed))
 
 
 def _work(experiment: Experiment, context: MeasuringContext, reserve: int) -> Work:
-    """Chance is drawn anew for each setting: what two of them have in common is not an accident of one."""
+    """What runs at this setting.
+
+    Each setting has a seed of its own, so that settings do not share one lucky or unlucky draw.
+    """
     return Work(
         application=experiment.application,
         partitions=(

@@ -41,7 +41,17 @@ class ChosenPlace:
 def elsewhere(
     group: Group, chosen: ChosenPlace, system: System, reservations: ReservationSource
 ) -> tuple[Elsewhere, ...]:
-    """Every other host of the manifest, by name."""
+    """Work out for each other host of the manifest how the partition would be there.
+
+    Args:
+        group: the partition's members.
+        chosen: where the layout has it.
+        system: the manifest.
+        reservations: where reservations come from.
+
+    Returns:
+        An answer for each host but the chosen one, by name.
+    """
     others = [host for host in by_name(system.hosts) if host.name != chosen.placed.host]
     return tuple(_elsewhere(group, chosen, host, reservations) for host in others)
 
@@ -89,7 +99,14 @@ def _compared(chosen: ChosenPlace, layout: Layout, there: PlacedPartition, host:
 
 
 def claims_of(partitions: Iterable[PlacedPartition]) -> tuple[Claim, ...]:
-    """What these partitions are promised."""
+    """List what these partitions are promised.
+
+    Args:
+        partitions: placed partitions, in any order.
+
+    Returns:
+        A claim for each, in the same order: virtual processors, reserve (per cent of each) and memory (bytes).
+    """
     return tuple(
         Claim(processors=partition.processors, reserve=partition.reserve, memory=partition.memory)
         for partition in partitions

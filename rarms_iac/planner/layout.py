@@ -34,10 +34,20 @@ def plan_layout(
     *,
     max_disruption: Disruption | None = None,
 ) -> Planning:
-    """Every component in a partition on a host, within what the hosts have; or what conflicts, and ways out.
+    """Place every component in a partition on a host, within what the hosts have, or explain why that is impossible.
 
-    `hosts` may lack any that was not observed: of those the manifest alone counts. A partition that is on a host
-    stays there, unless `max_disruption` (default: the policy's) allows removal; what a move would gain is told.
+    A partition that is on a host stays there, unless removal is allowed; a finding says what a move would gain.
+
+    Args:
+        system: the manifest.
+        reservations: where reservations come from.
+        hosts: the hosts that were observed, by name; of the others the manifest alone counts.
+        places: lines of the manifest, for the findings.
+        max_disruption: the most that may be disturbed; `REMOVAL` lets partitions move. None: as the policy says.
+
+    Returns:
+        A layout; or `Infeasible` with the conflict and ways out. Findings come with both. The solver's work is limited
+            by nodes, not by time, so the same input gives the same layout.
     """
     limit = max_disruption or system.policy.max_disruption
     problem = problem_of(system, reservations, hosts, may_move=limit is Disruption.REMOVAL)

@@ -26,7 +26,15 @@ class HostView:
 
 
 def host_view(state: State, application: str) -> HostView:
-    """The view of a host that was observed."""
+    """Make the planner's view of a host that was observed.
+
+    Args:
+        state: the host as observed.
+        application: whose partitions count as ours; all other machines keep what they claim.
+
+    Returns:
+        The host's facts, the claims of foreign machines, and the names of our partitions there.
+    """
     return HostView(
         facts=state.facts,
         claims=foreign_claims(state, application),
@@ -52,7 +60,19 @@ class Problem:
 def problem_of(
     system: System, reservations: ReservationSource, views: Mapping[str, HostView], *, may_move: bool
 ) -> Problem:
-    """The problem that the search is given."""
+    """Put together what the search is given: who may go where, and what it claims there.
+
+    Hosts on which a partition gets the same are sized once.
+
+    Args:
+        system: the manifest.
+        reservations: where reservations come from.
+        views: the hosts that were observed, by name; the others count as the manifest has them.
+        may_move: whether a partition may leave the host that it is on; if not, it is only offered that host.
+
+    Returns:
+        The problem, with the causes that need no search.
+    """
     groups = groups_of(system)
     now = {name: host for host in sorted(views, reverse=True) for name in views[host].present}
     alike = _kinds(system, lambda host: host.logical_processors)
@@ -76,7 +96,14 @@ def problem_of(
 
 
 def by_name(hosts: Mapping[str, Host]) -> Iterable[Host]:
-    """The hosts in name order."""
+    """Iterate over the hosts by name, so that the same manifest gives the same order.
+
+    Args:
+        hosts: by name.
+
+    Returns:
+        The hosts, sorted by name.
+    """
     return (hosts[name] for name in sorted(hosts))
 
 
@@ -151,7 +178,15 @@ def _placement(packing: Packing, items: Sequence[Item]) -> Placement | None:
 
 
 def has_layout(problem: Problem, *, by_first_fit: bool) -> bool | None:
-    """Say whether there is a layout, however good; None: a short search, or first fit alone, found none."""
+    """Say whether a short search finds a layout, however good.
+
+    Args:
+        problem: as `problem_of` returns it.
+        by_first_fit: whether only first fit looks for one; that is quicker, and finds fewer.
+
+    Returns:
+        True: there is a layout. False: there is none. None: none was found, and there may be one.
+    """
     if any(_causes(problem)) or _on_hosts(problem.system)[1]:
         return False
     return packs(problem.items, problem.bins, by_first_fit=by_first_fit)

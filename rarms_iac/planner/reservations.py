@@ -192,7 +192,8 @@ def least_of(log: MeasuredTogether, apts: Iterable[tuple[str, str, Threshold]]) 
         apts: component, performance index and threshold of each APT.
 
     Returns:
-        The CR in whole per cent of each of the log's processors; None: no measured setting meets all of them.
+        The CR in whole per cent of each of the log's processors, and whether it is interpolated; None: no measured
+            setting meets all thresholds.
     """
     return least_reserve((log.curves(component, index), threshold) for component, index, threshold in apts)
 

@@ -143,7 +143,16 @@ def curves_of(
 
 
 def holds(curve: Curve, threshold: Threshold, reserve: int) -> bool:
-    """Tell whether the safe side of the band meets the threshold there: the rule that every reservation rests on."""
+    """Tell whether the safe side of the curve's band meets the threshold: the rule that every reservation rests on.
+
+    Args:
+        curve: a performance index over CRs.
+        threshold: in the unit of that index.
+        reserve: the CR, in whole per cent.
+
+    Returns:
+        False also where the curve says nothing at this CR.
+    """
     safe = curve.safe_value_at(reserve)
     if safe is None:
         return False
@@ -255,7 +264,18 @@ def _smaller_is_better(index: str) -> bool:
 
 
 def falling(numbers: Sequence[float], weights: Sequence[float]) -> list[float]:
-    """Make the numbers non-increasing with the least weighted squares, by pooling neighbours that rise (isotonic)."""
+    """Make the numbers non-increasing with the least weighted squares, by pooling neighbours that rise (isotonic).
+
+    Args:
+        numbers: in the order of their places.
+        weights: above 0, one for each number.
+
+    Returns:
+        As many numbers, in the same order. The cost is linear.
+
+    Raises:
+        ValueError: there are not as many weights as numbers.
+    """
     pools: list[tuple[float, float, int]] = []  # mean, weight, how many
     for number, weight in zip(numbers, weights, strict=True):
         pools.append((number, weight, 1))
@@ -265,17 +285,42 @@ def falling(numbers: Sequence[float], weights: Sequence[float]) -> list[float]:
 
 
 def rising(numbers: Sequence[float], weights: Sequence[float]) -> list[float]:
-    """Make the numbers non-decreasing likewise."""
+    """Make the numbers non-decreasing with the least weighted squares, as `falling` makes them non-increasing.
+
+    Args:
+        numbers: in the order of their places.
+        weights: above 0, one for each number.
+
+    Returns:
+        As many numbers, in the same order.
+
+    Raises:
+        ValueError: there are not as many weights as numbers.
+    """
     return [-number for number in falling([-number for number in numbers], weights)]
 
 
 def not_below_later(numbers: Sequence[float]) -> list[float]:
-    """Make the numbers non-increasing, each at least as it was: what was seen may happen at every place before, too."""
+    """Make the numbers non-increasing, each at least as it was: what was seen may happen at every place before, too.
+
+    Args:
+        numbers: in the order of their places.
+
+    Returns:
+        At each place the largest number from there on.
+    """
     return list(accumulate(reversed(numbers), max))[::-1]
 
 
 def not_above_earlier(numbers: Sequence[float]) -> list[float]:
-    """Make the numbers non-increasing, each at most as it was: what was seen may happen at every place after, too."""
+    """Make the numbers non-increasing, each at most as it was: what was seen may happen at every place after, too.
+
+    Args:
+        numbers: in the order of their places.
+
+    Returns:
+        At each place the smallest number up to there.
+    """
     return list(accumulate(numbers, min))
 
 

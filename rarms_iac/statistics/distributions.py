@@ -11,12 +11,28 @@ _NORMAL_ENOUGH = 400.0  # degrees of freedom from which Student's t is the norma
 
 
 def normal_quantile(probability: float) -> float:
-    """Compute the value that a standard normal variable stays below with this probability, 0..1."""
+    """Compute the value that a standard normal variable stays below with this probability.
+
+    Args:
+        probability: between 0 and 1, neither of them.
+
+    Raises:
+        statistics.StatisticsError: the probability is not between 0 and 1.
+    """
     return NormalDist().inv_cdf(probability)
 
 
 def share_below(value: float, a: float, b: float) -> float:
-    """Compute P(Beta(a, b) <= value), the regularised incomplete beta function, by its continued fraction (Lentz)."""
+    """Compute P(Beta(a, b) <= value), the regularised incomplete beta function, by its continued fraction (Lentz).
+
+    Args:
+        value: any number; at most 0 gives 0, at least 1 gives 1.
+        a: above 0.
+        b: above 0.
+
+    Returns:
+        The probability, 0..1.
+    """
     if value <= 0.0:
         return 0.0
     if value >= 1.0:
@@ -46,7 +62,16 @@ def _continued_fraction(value: float, a: float, b: float) -> float:
 
 @lru_cache(maxsize=4096)
 def beta_quantile(probability: float, a: float, b: float) -> float:
-    """Compute the value that a Beta(a, b) variable stays below with this probability, by bisection."""
+    """Compute the value that a Beta(a, b) variable stays below with this probability, by bisection.
+
+    Args:
+        probability: 0..1.
+        a: above 0.
+        b: above 0.
+
+    Returns:
+        A share, 0..1, exact to the last of `_HALVINGS` halvings; each costs one call of `share_below`.
+    """
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
@@ -59,7 +84,15 @@ def beta_quantile(probability: float, a: float, b: float) -> float:
 
 @lru_cache(maxsize=4096)
 def student_quantile(probability: float, freedom: float) -> float:
-    """Compute the value that Student's t with so many degrees of freedom stays below with this probability."""
+    """Compute the value that Student's t stays below with this probability.
+
+    Args:
+        probability: between 0 and 1.
+        freedom: degrees of freedom, not necessarily whole; many count as a normal distribution.
+
+    Returns:
+        The value; infinite without a degree of freedom.
+    """
     if freedom > _NORMAL_ENOUGH:
         return normal_quantile(probability)
     if probability < 0.5:
@@ -72,7 +105,16 @@ def student_quantile(probability: float, freedom: float) -> float:
 
 
 def share_interval(successes: float, trials: float, *, error: float) -> tuple[float, float]:
-    """Compute Clopper and Pearson's bounds of a share, 0..1: each is wrong with at most half the error."""
+    """Compute Clopper and Pearson's bounds of a share: each is wrong with at most half the error.
+
+    Args:
+        successes: 0 to `trials`, not necessarily whole.
+        trials: the independent trials that the samples are worth.
+        error: the probability, 0..1, that the share lies outside of the bounds.
+
+    Returns:
+        The lower and the upper bound, 0..1.
+    """
     misses = trials - successes
     lower = beta_quantile(error / 2, successes, misses + 1.0) if successes > 0.0 else 0.0
     upper = beta_quantile(1.0 - error / 2, successes + 1.0, misses) if misses > 0.0 else 1.0

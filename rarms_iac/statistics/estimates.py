@@ -39,7 +39,17 @@ def estimate(index: str, series: Series, run: Run, *, error: float = USUAL_ERROR
 
 
 def estimate_steady(index: str, series: Series, run: Run, *, error: float = USUAL_ERROR) -> Estimate | NoEstimate:
-    """Estimate a performance index over the steady part of a series, without its warm-up (`estimate`)."""
+    """Estimate a performance index over the steady part of a series, without its warm-up (`estimate`).
+
+    Args:
+        index: the index's name.
+        series: the samples of one component at one setting, in order.
+        run: how the component is run, with its deadline.
+        error: the probability, 0..1, that the true value lies outside of the interval.
+
+    Returns:
+        The estimate in the index's unit; or the reason why there is none: too few samples, or no steady state.
+    """
     first = find_steady_part(response_times(series.samples))
     if isinstance(first, Unsteady):
         return NoEstimate(reason=first.reason)
@@ -49,7 +59,15 @@ def estimate_steady(index: str, series: Series, run: Run, *, error: float = USUA
 def mean_estimate(numbers: Sequence[float], error: float) -> Estimate | NoEstimate:
     """Estimate the mean of numbers of any unit, by Student's t over as many samples as they are worth.
 
-    Of numbers all alike a share may yet be others (`_unseen_share`), taken to be away by the mean itself at most.
+    Where all numbers are alike, a share of others may not have been seen (`_unseen_share`); these are taken to be away
+    by the mean itself at most.
+
+    Args:
+        numbers: in the order in which they were sampled, since neighbours may be correlated.
+        error: the probability, 0..1, that the true mean lies outside of the interval.
+
+    Returns:
+        The estimate in the numbers' unit; or the reason why there is none: fewer than two numbers.
     """
     count = len(numbers)
     if count < 2:
@@ -78,7 +96,15 @@ def _lean(numbers: Sequence[float], mean: float, deviation: float, worth: float,
 
 
 def share_estimate(ones: Sequence[float], error: float) -> Estimate | NoEstimate:
-    """Estimate the share of ones among zeros and ones, in per cent, by Clopper and Pearson's bounds."""
+    """Estimate the share of ones among zeros and ones, by Clopper and Pearson's bounds.
+
+    Args:
+        ones: 1 or 0 for each job, in the order in which they were sampled.
+        error: the probability, 0..1, that the true share lies outside of the interval.
+
+    Returns:
+        The estimate in per cent; or the reason why there is none: no job.
+    """
     if not ones:
         return NoEstimate(reason="no job ended")
     share, worth = sum(ones) / len(ones), effective_samples(ones)

@@ -10,37 +10,79 @@ _LONGEST_LAG = 4  # a share of the samples: 1/4
 
 
 def response_times(samples: Sequence[Sample]) -> list[float]:
-    """List the response times, in ms, of all jobs that answered, in order."""
+    """List the response times of all jobs that answered.
+
+    Args:
+        samples: in the order in which the jobs began.
+
+    Returns:
+        Times in ms, in the same order; jobs without an answer are left out.
+    """
     return [sample.response_ms for sample in samples if sample.response_ms is not None]
 
 
 def successes(samples: Sequence[Sample]) -> list[float]:
-    """List 1 for a job that succeeded and 0 for every other, in order."""
+    """Mark the jobs that succeeded.
+
+    Args:
+        samples: in the order in which the jobs began.
+
+    Returns:
+        1 for a job that succeeded and 0 for every other, in the same order.
+    """
     return [1.0 if sample.successful else 0.0 for sample in samples]
 
 
 def deadline_misses(samples: Sequence[Sample], run: Run) -> list[float]:
-    """List 1 for a job that missed its deadline or gave no answer and 0 for every other, in order."""
+    """Mark the jobs that missed their deadline.
+
+    Args:
+        samples: in the order in which the jobs began.
+        run: has the deadline in ms; without one only a missing answer is a miss.
+
+    Returns:
+        1 for a job that answered late or not at all and 0 for every other, in the same order.
+    """
     deadline = float("inf") if run.deadline is None else float(run.deadline)
     return [1.0 if sample.response_ms is None or sample.response_ms > deadline else 0.0 for sample in samples]
 
 
 def end_ms(sample: Sample) -> float:
-    """Say when the job was over, in ms since the setting began; without an answer, when it began."""
+    """Say when the job was over.
+
+    Args:
+        sample: a job.
+
+    Returns:
+        Milliseconds since the setting began; for a job without an answer, when it began.
+    """
     return sample.began_ms + (sample.response_ms or 0.0)
 
 
 def failures(series: Series) -> tuple[str, ...]:
-    """List why samples failed (death, time-out, unreadable), in order."""
+    """List why samples failed: death of the component, time-out, an unreadable answer.
+
+    Args:
+        series: the samples of one component at one setting.
+
+    Returns:
+        A sentence for each failed sample, in order.
+    """
     return tuple(sample.failure for sample in series.samples if sample.failure)
 
 
 def effective_samples(values: Sequence[float]) -> float:
     """Count the independent samples that would know the mean as well: n / (1 + 2 * sum of autocorrelations).
 
-    The sum ends where neighbouring pairs of autocorrelations stop being positive (Geyer's initial positive
-    sequence); it is never less than what a first-order process of the same, bias-corrected, first autocorrelation
-    has. Negative correlation is not counted as a gain: the result is at most n and at least 1.
+    The sum ends where neighbouring pairs of autocorrelations stop being positive (Geyer's initial positive sequence);
+    it is never less than what a first-order process of the same, bias-corrected, first autocorrelation has. Negative
+    correlation is not counted as a gain.
+
+    Args:
+        values: in the order in which they were sampled, of any unit.
+
+    Returns:
+        1 to n, not necessarily whole; n where all values are alike or there are fewer than three.
     """
     count = len(values)
     if count < 3:

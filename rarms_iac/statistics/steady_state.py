@@ -38,17 +38,33 @@ def find_steady_part(times: Sequence[float]) -> int | Unsteady:
 
 
 def steady_series(index: str, series: Series, first: int) -> Series:
-    """Select the samples that an index is made of, when the series is steady from the answer number `first` on.
+    """Select the samples that an index is made of.
 
     The maximum is of all samples: no warm-up excuses a late answer.
+
+    Args:
+        index: the index's name.
+        series: the samples of one component at one setting, in order.
+        first: the number (from 0) of the answer from which the series is steady.
+
+    Returns:
+        The whole series for the maximum; for every other index the part without its warm-up.
     """
     return series if index == _MAXIMUM else without_warm_up(series, first)
 
 
 def without_warm_up(series: Series, first: int) -> Series:
-    """Cut off what came before the answer number `first` (from 0) and set the clock back.
+    """Cut off the warm-up and set the clock back, so that a throughput counts the steady part's own time only.
 
-    So a throughput counts the steady part's own time only.
+    Args:
+        series: the samples of one component at one setting, in order.
+        first: the number (from 0) of the first answer to keep; jobs without an answer are not counted.
+
+    Returns:
+        A series that begins at 0 ms; the same series where `first` is 0.
+
+    Raises:
+        IndexError: fewer jobs answered.
     """
     if first == 0:
         return series

@@ -57,7 +57,17 @@ def judge(series: Series, apt: Mapping[str, Threshold], run: Run, *, error: floa
 def judge_each(
     series: Series, apt: Mapping[str, Threshold], run: Run, *, error: float = VERDICT_ERROR
 ) -> dict[str, Verdict]:
-    """Judge each index by itself; that any of the verdicts is wrong has at most this probability."""
+    """Judge each index by itself.
+
+    Args:
+        series: the samples of one component at one setting, in order.
+        apt: the thresholds by index.
+        run: how the component is run, with its deadline.
+        error: the probability, 0..1, that any of the verdicts is wrong; each index gets an equal part.
+
+    Returns:
+        A verdict for each index of the APT, in its order.
+    """
     part = error / max(1, len(apt))
     return {index: judge(series, {index: threshold}, run, error=part) for index, threshold in apt.items()}
 
@@ -91,7 +101,14 @@ def judge_early(
 
 
 def next_look(samples: int) -> int:
-    """Say at which count of samples to ask `judge_early` next, when there are so many now."""
+    """Say at which count of samples to ask `judge_early` next.
+
+    Args:
+        samples: how many there are now.
+
+    Returns:
+        A larger count. The counts grow geometrically, so that the looks stay few.
+    """
     look = float(FIRST_LOOK)
     while round(look) <= samples:
         look *= _NEXT_LOOK
@@ -99,12 +116,26 @@ def next_look(samples: int) -> int:
 
 
 def show_error(error: float) -> str:
-    """Write a probability as people read it: `2.5 %`."""
+    """Write a probability as people read it.
+
+    Args:
+        error: 0..1.
+
+    Returns:
+        Per cent, with at most three digits: `2.5 %`.
+    """
     return f"{100 * error:.3g} %"
 
 
 def describe_error(error: float) -> str:
-    """Write what stands behind a verdict: `wrong in at most 1 %`."""
+    """Write how sure a verdict is.
+
+    Args:
+        error: the probability, 0..1, that it is wrong.
+
+    Returns:
+        Words to append to a message: `wrong in at most 1 %`.
+    """
     return f"wrong in at most {show_error(error)}"
 
 

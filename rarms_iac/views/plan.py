@@ -219,7 +219,7 @@ def _note(change: Change, part: HostPlan) -> str:
 
 
 def is_part_of(step: Step, change: Change) -> bool:
-    """Whether the step is about the same partition's machine or its disk."""
+    """Whether the step's address is in the partition of this change; never for a task class's change."""
     return not change.address.task and step.address.partition == change.address.partition
 
 

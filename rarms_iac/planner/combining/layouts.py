@@ -203,11 +203,23 @@ class Layouts:
                 yield Shared(self.value_of(sharing.mask, rest, least, sharing.key), sharing.mask, rest)
 
     def value_of(self, shared: Mask, rest: int, least: Least, key: int) -> Value:
-        """Of a layout in which these share, and the others reserve `rest`; `key`: of those who share."""
+        """Return what a layout is compared on in which these CoIs share partitions.
+
+        Args:
+            shared: the CoIs that share.
+            rest: what the others reserve, in per cent of one logical processor.
+            least: what those that share reserve at least, and in how many partitions.
+            key: the criticalities of those that share, as in `LayoutChoice`.
+        """
         return self._value(key, rest + (least >> PARTITIONS), self.partitions(shared, least & (1 << PARTITIONS) - 1))
 
     def partitions(self, shared: Mask, compounds: int) -> int:
-        """How many there are when these share so many."""
+        """Count all partitions: those of the CoIs that share, and one for each other CoI.
+
+        Args:
+            shared: the CoIs that share.
+            compounds: in how many partitions these are.
+        """
         return len(self._alone) - shared.bit_count() + compounds
 
     def _room(self, rest: int) -> Least:

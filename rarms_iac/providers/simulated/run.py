@@ -121,6 +121,7 @@ class SimulatedHostProvider:
 
     def execute(self, operation: Operation, scope: Scope) -> None:
         """See the interface; faults that the manifest asks for strike here."""
+        # What the host itself would refuse comes before any fault. LATE and FAIL_AFTER do the operation first.
         before = self.load()
         after = self._after(before, operation, scope)
         fault = self._fault(before, operation)
@@ -175,7 +176,9 @@ class SimulatedHostProvider:
             return self._last_content[1]
 
     def save(self, content: Content) -> None:
-        """Have this on the host, in one replacement of its file. Not for rarms: tests make machines of others with it.
+        """Write this content as the host's file, in one replacement.
+
+        `execute` uses it; tests also use it to make machines that rarms does not manage.
 
         Raises:
             HostFailed: the file cannot be written; what was there before still is.
