@@ -76,17 +76,39 @@ def abandon_runs(hosts: Sequence[LiveHost], *, waits: WaitLimits = NO_WAITING) -
 
 
 def hosts_left_unfinished(source: ManifestSource) -> tuple[LiveHost, ...]:
-    """The simulated hosts beside a manifest with an unfinished run, also where the manifest has errors by now."""
+    """Find the simulated hosts beside a manifest whose last run did not end.
+
+    The manifest itself may have errors by now.
+
+    Args:
+        source: names the manifest, whose folder is searched.
+
+    Returns:
+        The hosts, in the order of their files.
+    """
     return unfinished_beside(folder_of(source.manifest))
 
 
 def manifest_of(plan: Plan, source: ManifestSource) -> ManifestSource:
-    """The manifest that a plan was made of, with the overlays and the day of `source`."""
+    """Name the manifest that a plan was made of.
+
+    Args:
+        plan: the plan, which knows its manifest's path.
+        source: where overlays and the day come from; also the manifest, where the plan's came from standard input.
+    """
     return source if plan.manifest == STANDARD_INPUT else replace(source, manifest=plan.manifest)
 
 
 def combine_reports(reports: Sequence[RunReport]) -> RunReport:
-    """One report of several hosts: a failure counts before a refusal, an interruption, something done, nothing."""
+    """Make one report of several hosts'.
+
+    Args:
+        reports: of each host or group of hosts, in order.
+
+    Returns:
+        All hosts and diagnostics in the same order. The ending is the gravest: a failure counts before a refusal, an
+            interruption, something done, and nothing done.
+    """
     endings = [report.ending for report in reports]
     order = (RunEnding.FAILED, RunEnding.REFUSED, RunEnding.INTERRUPTED, RunEnding.DONE)
     return RunReport(

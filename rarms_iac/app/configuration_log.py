@@ -58,7 +58,14 @@ def _choices(measurements: Measurements, components: Iterable[str]) -> tuple[Pat
 
 
 def describe_apt(component: Component) -> dict[str, str]:
-    """Return the thresholds of a component in words, by index: `at most 100 ms`."""
+    """Describe the thresholds of a component in words.
+
+    Args:
+        component: its APTs may name indexes that this version does not know; these are left out.
+
+    Returns:
+        By index: `at most 100 ms`.
+    """
     return {
         name: show_threshold(index, threshold)
         for name, threshold in component.apt.items()

@@ -46,7 +46,11 @@ class Measurements:
 
 
 def measurements_of(manifest: Manifest) -> Measurements:
-    """Return the measurements beside a manifest."""
+    """Return where the measurements beside a manifest are; nothing is read yet.
+
+    Args:
+        manifest: its folder has the data logs; its path and overlays go into commands that messages advise.
+    """
     source = manifest.source
     named = [] if source.manifest == DEFAULT_MANIFEST else ["-f", source.manifest]
     laid = [word for overlay in source.overlays for word in ("--overlay", overlay)]
@@ -122,7 +126,14 @@ def compared(log: DataLog, subject: LogSubject, files: Files, bench: BenchNow, *
 
 
 def is_here(host: Host) -> bool:
-    """Return whether programs of this computer run on the host."""
+    """Tell whether programs of this computer run on the host.
+
+    Args:
+        host: of the manifest.
+
+    Returns:
+        True for a Linux host without a connection.
+    """
     return host.connect is None and host.provider is ProviderKind.LINUX
 
 

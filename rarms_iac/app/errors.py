@@ -53,7 +53,11 @@ class RequestError(ValueError):
 
 
 def bug(error: BaseException) -> Diagnostic:
-    """The finding for an exception that nobody foresaw."""
+    """Make the finding for an exception that nobody foresaw.
+
+    Args:
+        error: the exception; the first 300 characters of its text are shown.
+    """
     message = " ".join(str(error).split())
     return BUG.at(
         None,
@@ -63,12 +67,21 @@ def bug(error: BaseException) -> Diagnostic:
 
 
 def misused(message: str, command: str) -> Diagnostic:
-    """The finding for words that do not fit a command, for a program that reads findings."""
+    """Make the finding for words that do not fit a command, for a program that reads findings.
+
+    Args:
+        message: what is wrong, as a sentence.
+        command: the command with its group, whose `--help` is advised.
+    """
     return USAGE.at(None, message, f"`{command} --help` lists what it takes.")
 
 
 def system_refused(error: OSError) -> Diagnostic:
-    """The finding for a call that the operating system refused, where nothing closer to it explains that."""
+    """Make the finding for a call that the operating system refused, where nothing closer to the call explains that.
+
+    Args:
+        error: its file name is shown, if it has one.
+    """
     where = f"{error.filename}: " if error.filename else ""
     return SYSTEM_REFUSED.at(
         None,
@@ -78,14 +91,23 @@ def system_refused(error: OSError) -> Diagnostic:
 
 
 def in_the_way(path: str) -> Diagnostic:
-    """The finding for a file that exists already and is not replaced."""
+    """Make the finding for a file that exists already and is not replaced.
+
+    Args:
+        path: the file, as people know it.
+    """
     return IN_THE_WAY.at(
         None, f"{path} exists already, and stays as it is.", "Name another folder, or move that file away first."
     )
 
 
 def not_written(path: str, error: OSError) -> Diagnostic:
-    """The finding for a file that could not be written."""
+    """Make the finding for a file that could not be written.
+
+    Args:
+        path: the file, as people know it.
+        error: why.
+    """
     return NOT_WRITTEN.at(
         None, f"{path}: {error.strerror or error}.", "Name a file in a folder that exists and that you may write to."
     )
@@ -103,7 +125,11 @@ def not_read(path: str, message: str, advice: str) -> Diagnostic:
 
 
 def declined() -> Diagnostic:
-    """The finding for a question that was not answered with yes."""
+    """Make the finding for a question that was not answered with yes.
+
+    Returns:
+        A finding without a place, as no line of the manifest is at fault.
+    """
     return DECLINED.at(
         None,
         "The answer was not `yes`.",
@@ -112,7 +138,12 @@ def declined() -> Diagnostic:
 
 
 def out_of_reach(host: str, provider: str) -> Diagnostic:
-    """The finding for a host of a provider that this version can neither observe nor change."""
+    """Make the finding for a host of a provider that this version can neither observe nor change.
+
+    Args:
+        host: the host's name in the manifest.
+        provider: as the manifest writes it.
+    """
     return OUT_OF_REACH.at(
         None,
         f"{host} has the provider {provider}: this version reaches simulated hosts only.",

@@ -76,7 +76,15 @@ def settings_log_of(log: ExperimentLog, seed: int | None, running: Sequence[Part
 
 
 def data_log_path(hosts: Hosts, experiment: Experiment) -> Path:
-    """Return where the data log of an experiment lies; it need not exist."""
+    """Return where the data log of an experiment lies.
+
+    Args:
+        hosts: the manifest, whose folder has the logs.
+        experiment: its host's platform, its members and the interfering load name the file.
+
+    Returns:
+        A path that need not exist.
+    """
     setup = experiment.setup
     return log_path(Path(hosts.folder), experiment.host.platform, setup.members, setup.interference)
 
@@ -143,7 +151,14 @@ def end_remeasurements(hosts: Hosts, complete: Mapping[Path, Remeasurement], req
 
 
 def describe_request(request: MeasureRequest) -> str:
-    """Return what tells a command from others of the same components, in words: `default; 200 samples`."""
+    """Describe what tells a command from others of the same components.
+
+    Args:
+        request: what was asked for.
+
+    Returns:
+        Words such as `default; 200 samples`; equal requests have equal words.
+    """
     words = request.strategy
     if request.reserves:
         words = ", ".join(f"{reserve} %" for reserve in request.reserves)

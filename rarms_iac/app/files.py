@@ -90,7 +90,15 @@ def read_plan_file(path: str) -> "Plan":
 
 
 def refuse_plan_file(path: str, error: "PlanFileError") -> UseCaseError:
-    """Why a file is not used as a plan."""
+    """Make the error for a file that is not used as a plan.
+
+    Args:
+        path: the file, as it was named.
+        error: why it is not used, and what to do.
+
+    Returns:
+        An error to raise; it ends the use case as refused.
+    """
     return UseCaseError(Outcome.REFUSED, [error.finding.at(None, f"{path}: {error.message}.", f"{error.advice}.")])
 
 

@@ -214,7 +214,11 @@ def hold_hosts(hosts: tuple[LiveHost, ...], timeout_ms: int) -> Iterator[None]:
 
 
 def owner() -> str:
-    """Name this run for people who find a host held: `user@computer, process 123`."""
+    """Name this run for people who find a host held.
+
+    Returns:
+        `user@computer, process 123`; stand-ins where the system does not know the user or the computer.
+    """
     try:
         user = getpass.getuser()
     except (OSError, KeyError, ImportError):

@@ -66,7 +66,11 @@ def _held(folder: Path, name: str, timeout_ms: int) -> Iterator[None]:
 
 
 def now() -> str:
-    """Return the time in UTC, to the second: `2026-01-31T12:00:00Z`."""
+    """Return the time now, to the second.
+
+    Returns:
+        UTC, in the form `2026-01-31T12:00:00Z`.
+    """
     return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 

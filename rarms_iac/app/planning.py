@@ -159,7 +159,15 @@ def _judge(hosts: Hosts, request: PlanRequest) -> Judge:
 
 
 def outcome_of(findings: Sequence[Diagnostic]) -> Outcome:
-    """How a use case ends for these errors: a host that is only busy may be asked again (refused)."""
+    """Decide how a use case ends by its findings.
+
+    Args:
+        findings: in any order; only errors count.
+
+    Returns:
+        Failed where rights are missing; refused where the only error is a host that is busy, since the same may be
+            asked again later; negative otherwise.
+    """
     codes = {finding.code for finding in findings if finding.severity is Severity.ERROR}
     if NO_RIGHTS.code in codes:
         return Outcome.FAILED

@@ -314,7 +314,14 @@ def _finding_of(verdict: IndexVerdict) -> tuple[Finding, str]:
 
 
 def verdict_of(verdict: Verdict) -> ProofVerdict:
-    """Return what a verdict is called wherever it is shown."""
+    """Return what a verdict is called wherever it is shown.
+
+    Args:
+        verdict: of one index.
+
+    Returns:
+        A few words in lower case.
+    """
     match verdict:
         case Met():
             return "met"

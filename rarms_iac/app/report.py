@@ -74,7 +74,14 @@ def report_of_manifest(manifest: Manifest, components: Sequence[str] = ()) -> Re
 
 
 def candidates_for_report(manifest: Manifest) -> tuple[Node, ...]:
-    """Return the candidate graph, parts before what consists of them; nothing where a reservation is not known yet."""
+    """Return the nodes of the candidate graph for the report, without predictions.
+
+    Args:
+        manifest: with its data logs beside it.
+
+    Returns:
+        The nodes, parts before the compounds that consist of them; none where a reservation is not known yet.
+    """
     try:
         return candidate_nodes(manifest, predict=False)
     except UseCaseError:

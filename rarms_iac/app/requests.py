@@ -9,7 +9,11 @@ DEFAULT_MANIFEST = "rarms.yaml"
 
 
 def today_utc() -> date:
-    """The day it is now in UTC: asked here and nowhere below."""
+    """Return the day it is now.
+
+    Returns:
+        The date in UTC. No layer below `app` asks the clock for it: they are given the day.
+    """
     return datetime.now(UTC).date()
 
 

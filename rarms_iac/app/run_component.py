@@ -55,7 +55,15 @@ class ComponentRunResult:
 
 
 def meets(value: float, threshold: Threshold) -> bool:
-    """Return whether a value, in the unit of the threshold's index, is good enough."""
+    """Tell whether a value is good enough.
+
+    Args:
+        value: in the unit of the threshold's index.
+        threshold: at most or at least a value.
+
+    Returns:
+        True also where the value equals the threshold's.
+    """
     match threshold:
         case AtMost(value=most):
             return value <= most
@@ -64,7 +72,12 @@ def meets(value: float, threshold: Threshold) -> bool:
 
 
 def noise(estimate: Estimate, threshold: Threshold) -> bool:
-    """Return whether the estimate's interval reaches over the threshold, so that the truth may lie on either side."""
+    """Tell whether the estimate's interval reaches over the threshold, so that the truth may lie on either side.
+
+    Args:
+        estimate: with its interval, in the unit of the threshold's index.
+        threshold: at most or at least a value.
+    """
     return meets(estimate.lower, threshold) is not meets(estimate.upper, threshold)
 
 

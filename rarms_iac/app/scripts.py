@@ -113,7 +113,17 @@ def only_script(selected: Sequence[PlanScript], option: str) -> PlanScript:
 def scripts_to_write(
     scripts: Sequence[PlanScript], selected: Sequence[PlanScript], selection: ScriptSelection
 ) -> tuple[PlanScript, ...]:
-    """All scripts of the selected hosts; with a guest or an undo selected, that script and the one that reverses it."""
+    """Choose which scripts of a plan are written.
+
+    Args:
+        scripts: all scripts of the plan.
+        selected: those that the selection picks to be shown.
+        selection: the hosts, guest and undo that were asked for.
+
+    Returns:
+        All scripts of the selected hosts. Where a guest or an undo was asked for: that script and the one that reverses
+            it, since neither is of use alone.
+    """
     if not selection.guest and not selection.undo:
         return tuple(script for script in scripts if not selection.hosts or script.host in selection.hosts)
     pairs = {(script.host, script.guest) for script in selected}

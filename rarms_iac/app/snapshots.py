@@ -134,7 +134,15 @@ def _host_of(snapshot: Snapshot, seen: ScriptObservation | None, hosts: Sequence
 
 
 def snapshot_error(file: str, reason: str) -> UseCaseError:
-    """The error for a file that does not stand for a host."""
+    """Make the error for a file that is not a snapshot of a host.
+
+    Args:
+        file: as it was named.
+        reason: why, as a sentence without its full stop.
+
+    Returns:
+        An error to raise; it ends the use case as failed.
+    """
     finding = SnapshotUnreadable.finding.at(
         None,
         f"{file}: {reason}.",

@@ -267,7 +267,16 @@ def _parts(subject: TuningSubject, coi: Coi) -> Sequence[Coi]:
 
 
 def findings_of_end(end: TuningEnd, hosts: Hosts) -> Iterator[Diagnostic]:
-    """Yield what is to be said of the end itself: no answer, a contradiction, or a compound that costs more."""
+    """Report what a user should know of how tuning ended.
+
+    Args:
+        end: how it ended.
+        hosts: the manifest, for the places of findings.
+
+    Yields:
+        A finding where there is no answer or nothing fits, one for each contradiction, and one for each compound that
+            reserves more than its parts.
+    """
     places = hosts.manifest.places
     if end.unanswered:
         advice = "Mend the component's `run`, allow more `run.failures`, or keep it `apart`; then the command goes on."
@@ -352,7 +361,14 @@ def _show(percent: int) -> str:
 
 
 def run_of_result(result: TuningResult) -> TuningRun:
-    """Return the run as it is written into the log of tuning; only of one that was not stopped."""
+    """Turn a result into the run that the log of tuning records.
+
+    Args:
+        result: of a tuning that was not stopped; a stopped one goes on later, and is recorded when it ends.
+
+    Returns:
+        The run, dated now.
+    """
     assert result.ending != "stopped", "it goes on, and is written when it ends"
     return TuningRun(
         when=now(),

@@ -95,7 +95,15 @@ class PreviousTuning:
 
 
 def previous_tuning(folder: Path, platform: str) -> PreviousTuning:
-    """Read the platform's log of tuning below the manifest's folder; what cannot be read is an answer, not an error."""
+    """Read the platform's log of tuning.
+
+    Args:
+        folder: the manifest's.
+        platform: as the manifest names it.
+
+    Returns:
+        The recorded runs; a log that cannot be read gives a message in `unreadable`, and no error.
+    """
     path = tuning_path(folder, platform)
     try:
         return PreviousTuning(runs=read_runs(path))
@@ -107,7 +115,16 @@ def previous_tuning(folder: Path, platform: str) -> PreviousTuning:
 
 
 def why_together(group: Group, system: System, previous: PreviousTuning) -> Iterator[str]:
-    """Say what put the members of a partition together: the manifest, and who wrote that there."""
+    """Say what put the members of a partition together: the manifest, and who wrote that there.
+
+    Args:
+        group: the partition's members.
+        system: the manifest.
+        previous: the recorded runs of tuning.
+
+    Yields:
+        Clauses without a capital letter or a full stop; none for a component that the manifest leaves alone.
+    """
     if group.name in system.partitions:
         by_tuning = previous.combined(names_of(group.members))
         by_hand = "no run of `rarms tune` that is on record here wrote it, so it was written by hand"
@@ -119,7 +136,16 @@ def why_together(group: Group, system: System, previous: PreviousTuning) -> Iter
 
 
 def rejected_compounds(group: Group, previous: PreviousTuning, host: Host) -> Iterator[str]:
-    """Say which compounds with its members were measured and not taken, or that there are none."""
+    """Say which compounds with a partition's members were measured and not taken, or that there are none.
+
+    Args:
+        group: the partition's members.
+        previous: the recorded runs of tuning.
+        host: whose platform is named where nothing was tuned.
+
+    Yields:
+        At least one clause.
+    """
     messages = list(previous.rejected(names_of(group.members)))
     yield from messages
     if not messages:

@@ -56,7 +56,14 @@ def last_applies(hosts: Hosts) -> tuple[LastApply, ...]:
 
 
 def preview(applies: Sequence[LastApply]) -> Iterator[UndoPreview]:
-    """What `undo_applies` would do, host by host."""
+    """Describe what `undo_applies` would do; nothing is changed.
+
+    Args:
+        applies: the last apply on each host.
+
+    Yields:
+        A preview for each host that has a journal, in order.
+    """
     for last in applies:
         if last.journal is not None:
             yield UndoPreview(

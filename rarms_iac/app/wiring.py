@@ -46,7 +46,16 @@ def open_host(host: Host, folder: str, state_path: str) -> LiveHost:
 
 
 def open_bench(host: Host, folder: str, state_path: str) -> MeasuringHost | None:
-    """Open a host to measure on; None where this version cannot measure on its provider."""
+    """Open a host to measure on.
+
+    Args:
+        host: as the manifest describes it.
+        folder: the folder of the manifest.
+        state_path: where a simulated host's file lies below it (`state_path`).
+
+    Returns:
+        The host; None: this version cannot measure on hosts of its provider.
+    """
     if host.provider is not ProviderKind.SIMULATED:
         return None
     from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
@@ -96,14 +105,27 @@ def read_script_output(data: bytes, host: str) -> ScriptObservation | None:
 
 
 def bootstrap_script() -> str:
-    """What travels over ssh to a Hyper-V host ahead of every script, as a reader sees it; with LF."""
+    """Return the script that travels over ssh to a Hyper-V host ahead of every other script, for a reader.
+
+    Returns:
+        ASCII text with LF; over the wire it has CRLF.
+    """
     from rarms_iac.providers.hyperv.bootstrap import render_bootstrap
 
     return render_bootstrap().decode("ascii").replace("\r\n", "\n")
 
 
 def state_path(host: str, folder: str, overlays: Sequence[str]) -> str:
-    """Where a simulated host's file lies: one for each host name and set of overlays, as each is a machine."""
+    """Return where a simulated host's file lies: one for each host name and set of overlays, as each is a machine.
+
+    Args:
+        host: the host's name in the manifest.
+        folder: the folder of the manifest.
+        overlays: paths of the overlays, in their order.
+
+    Returns:
+        A path below the folder, with slashes; the overlays' names and a digest of their paths are in it.
+    """
     if not overlays:
         return f"{HOSTS}/{host}.json"
     paths = [_below(overlay, folder) for overlay in overlays]
@@ -114,7 +136,15 @@ def state_path(host: str, folder: str, overlays: Sequence[str]) -> str:
 
 
 def unfinished_beside(folder: str) -> tuple[LiveHost, ...]:
-    """The simulated hosts below this folder with an unfinished run: their journals say all that is needed of them."""
+    """Find the simulated hosts below this folder whose last run did not end.
+
+    Args:
+        folder: the folder of a manifest. Journals say all that is needed, so the manifest is not read.
+
+    Returns:
+        The hosts, in the order of their files. Journals that cannot be read are passed over: whoever names such a host
+            gets the finding of the damage.
+    """
     from rarms_iac.providers.simulated.files import read_journal
 
     found: list[LiveHost] = []

@@ -209,11 +209,11 @@ class RunHearing(Protocol):
     """Follows a running script, and is asked whether it should go on; its methods must not raise."""
 
     def heard(self, event: RunEvent) -> None:
-        """An event, as it came."""
+        """Take an event of the script, in the order in which the script wrote it."""
         ...
 
     def noise(self, line: str) -> None:
-        """A line that is no event."""
+        """Take a line of the script's output that is no event, without its line end."""
         ...
 
     def should_stop(self) -> bool:
