@@ -71,7 +71,7 @@ def misused(message: str, command: str) -> Diagnostic:
 
     Args:
         message: what is wrong, as a sentence.
-        command: the command with its group, whose `--help` is advised.
+        command: the command whose `--help` is advised, with the program's name.
     """
     return USAGE.at(None, message, f"`{command} --help` lists what it takes.")
 

@@ -62,7 +62,7 @@ def weight_of_rank(rank: Rank) -> int:
         rank: as `ranks_of` returns it.
 
     Returns:
-        100 to 10000. Beyond a hundred criticalities the steps are smaller; beyond 9901 neighbours are equal.
+        100 to 10000. Beyond a hundred criticalities the steps are smaller; beyond 9901 all weights are equal.
     """
     step = min(WEIGHT, (MAX_WEIGHT - WEIGHT) // max(1, rank.of - 1))
     return min(MAX_WEIGHT, WEIGHT + step * (rank.place - 1))

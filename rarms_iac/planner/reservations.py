@@ -30,7 +30,15 @@ class ReservationSource(Protocol):
     """Answers what components need, together in one partition, on a host."""
 
     def reservation(self, members: tuple[Component, ...], host: Host) -> CpuAmount | NotMeasured:
-        """The reservation with which every APT of the members holds. Quick; the same question has the same answer."""
+        """Return the reservation with which every APT of the members holds.
+
+        Args:
+            members: all components of the partition, in any order.
+            host: where the partition would be.
+
+        Returns:
+            The reservation, or why there is none. Quick; the same question has the same answer.
+        """
         ...
 
     def depends_on(self, host: Host) -> Hashable:
@@ -38,7 +46,12 @@ class ReservationSource(Protocol):
         ...
 
     def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:
-        """What is to be said of an answer that was given: that it is interpolated, that nobody could verify it."""
+        """Return what a reader should know of an answer: that it is interpolated, or that nobody could verify it.
+
+        Args:
+            members: as of `reservation`.
+            host: as of `reservation`.
+        """
         ...
 
 
@@ -50,7 +63,15 @@ class FixedReservations:
     """
 
     def reservation(self, members: tuple[Component, ...], host: Host) -> CpuAmount | NotMeasured:
-        """The members' fixed reserves in LPs of this host, added up."""
+        """Add up the members' fixed reserves.
+
+        Args:
+            members: all components of the partition.
+            host: shares of a host are of its logical processors.
+
+        Returns:
+            The sum in logical processors; `NotMeasured` where a member's reserve is to be measured.
+        """
         unknown = to_be_measured(members)
         return NotMeasured(components=unknown) if unknown else ProcessorTime(fixed(members, host))
 
@@ -59,7 +80,7 @@ class FixedReservations:
         return host.logical_processors
 
     def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:  # noqa: ARG002 - the protocol's
-        """What the manifest fixes needs no comment."""
+        """Return nothing: what the manifest fixes needs no comment."""
         return ()
 
 
@@ -141,7 +162,16 @@ class MeasuredReservations:
     _known: dict[Hashable, LeastReserve | None] = field(default_factory=dict, compare=False, repr=False)
 
     def reservation(self, members: tuple[Component, ...], host: Host) -> CpuAmount | NotMeasured:
-        """The least reservation with which every APT of the members holds, as the curves say."""
+        """Return the least reservation with which every APT of the members holds, by the curves of their log.
+
+        Args:
+            members: all components of the partition.
+            host: the host that the log must hold for.
+
+        Returns:
+            The reservation in logical processors, at least what the manifest fixes; or why there is none: no log, or no
+                measured setting that meets every APT.
+        """
         if not to_be_measured(members):
             return FixedReservations().reservation(members, host)
         log = self.log(members, host)
@@ -158,7 +188,7 @@ class MeasuredReservations:
         return host.logical_processors, self.kinds.get(host.name)
 
     def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:
-        """Of the log, and that the answer lies between two settings."""
+        """Return the log's remarks, and that the answer lies between two measured settings where it does."""
         log = self.log(members, host)
         if not to_be_measured(members) or isinstance(log, NotMeasured):
             return ()
@@ -168,12 +198,29 @@ class MeasuredReservations:
         return (*log.remarks, _interpolated(members, least, log))
 
     def log(self, members: tuple[Component, ...], host: Host) -> MeasuredTogether | NotMeasured:
-        """What the data log of these components together says on this host."""
+        """Find the data log of these components together that holds for this host.
+
+        Args:
+            members: all components of the partition, in any order.
+            host: logs are found by what it shares with others of its kind.
+
+        Returns:
+            The log, or why there is none.
+        """
         names = names_of(members)
         return self.logs.get((self.kinds.get(host.name), names)) or NotMeasured(components=to_be_measured(members))
 
     def least(self, members: tuple[Component, ...], host: Host) -> LeastReserve | None:
-        """The least CR at which every APT holds; None: none that was measured does, or there is no log."""
+        """Find the least CR at which every APT holds; each answer is worked out once.
+
+        Args:
+            members: all components of the partition.
+            host: the host that the log must hold for.
+
+        Returns:
+            The CR in whole per cent of each of the log's processors, and whether it is interpolated; None: no measured
+                setting meets every APT, or there is no log.
+        """
         log = self.log(members, host)
         if isinstance(log, NotMeasured):
             return None

@@ -114,10 +114,12 @@ class Consent(Protocol):
     """Answer before a combination is measured for the first time."""
 
     def allows(self, members: Members, *, settings: int, gain: int) -> bool:
-        """Whether it may be tried.
+        """Tell whether the combination may be tried.
 
-        It takes about so many settings, fewer where it is soon out; at most so much, in per cent of one logical
-        processor, is gained.
+        Args:
+            members: the components that would share a partition, by sorted names.
+            settings: about how many settings it takes; fewer where it is soon out.
+            gain: what it can save at most, in per cent of one logical processor.
         """
         ...
 
@@ -134,7 +136,12 @@ class PlannerReporter(Protocol):
         ...
 
     def combined(self, compound: Coi, before: int) -> None:
-        """A compound was found; `before`: what its parts cost, in per cent of one logical processor."""
+        """Take note that a compound was found.
+
+        Args:
+            compound: with the reservation that was measured.
+            before: what its parts reserve, in per cent of one logical processor.
+        """
         ...
 
 

@@ -66,7 +66,12 @@ class Hypothesis:
     error: float = 0.0
 
     def below(self, outlook: Outlook, reserve: float) -> float:
-        """The probability of a need of at most so much, before anything was asked."""
+        """Return the probability that the compound needs at most this CR, before anything was asked about it.
+
+        Args:
+            outlook: what is known and predicted of the compound.
+            reserve: a CR, in per cent of each of its processors.
+        """
         least = ceil(outlook.neediest)
         if reserve < least and outlook.slack:
             return outlook.less * max(0.0, reserve + 1 - least + outlook.slack) / outlook.slack

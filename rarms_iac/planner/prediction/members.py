@@ -52,7 +52,15 @@ class Alone:
     processors: int  # of the partition that it was measured in
 
     def fitted(self, window: int, meets: Meets) -> Task | None:
-        """Its task with so much work that alone it needs what it was measured to need; None: it has none."""
+        """Scale the task's work so that alone it needs just the CR that it was measured to need.
+
+        Args:
+            window: the period of the resource, in ticks.
+            meets: the test for deadlines.
+
+        Returns:
+            The scaled task; None: the component has no task, or not even a whole processor is enough for it.
+        """
         if self.task is None:
             return None
         budget = least_budget([self.task], window, meets)
@@ -188,7 +196,15 @@ class Predictor:
     _known: dict[tuple[tuple[str, ...], int], Said] = field(default_factory=dict, compare=False, repr=False)
 
     def of(self, members: tuple[str, ...], processors: int) -> Said:
-        """The CR that each way predicts."""
+        """Return the CR that each way predicts for a compound.
+
+        Args:
+            members: its components, by sorted names.
+            processors: virtual processors of its partition.
+
+        Returns:
+            A CR for each of `ways`, not rounded; None where a way cannot say. The same question is worked out once.
+        """
         key = members, processors
         if key not in self._known:
             self._known[key] = self.says(members, processors)

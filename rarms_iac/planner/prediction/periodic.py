@@ -215,7 +215,12 @@ class MemberDemand:
     parallel: float = 1.0  # processors that it keeps busy while it computes
 
     def response_ms(self, reserve: float, slower: float = 1.0) -> float:
-        """At this CR (per cent), with its work so many times slower."""
+        """Return the response time in ms.
+
+        Args:
+            reserve: the CR, in per cent, above 0.
+            slower: how many times longer the work takes beside other components.
+        """
         return self.waits_ms + self.work_ms * slower * WHOLE / reserve
 
     @property
