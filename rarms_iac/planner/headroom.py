@@ -87,7 +87,7 @@ def share_of(asking: PartitionShare, host: Host, processors: int, reserve: int) 
     """Decide limit and weight of a partition by the manifest and its headroom policy.
 
     Args:
-        asking: the partition's members, wishes and policy.
+        asking: the partition's members, requests and policy.
         host: where it would be; shares of a host are of its logical processors.
         processors: its virtual processors.
         reserve: its reservation, in whole per cent of each of them.
@@ -116,7 +116,7 @@ def said_limit(asking: PartitionShare, host: Host, processors: int) -> int | Non
     """Return the limit that the manifest fixes: the partition's own, or the sum of its members' where each has one.
 
     Args:
-        asking: the partition's members and wishes.
+        asking: the partition's members and requests.
         host: shares of a host are of its logical processors.
         processors: the partition's virtual processors.
 

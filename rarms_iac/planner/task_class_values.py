@@ -65,7 +65,7 @@ def chosen_values(levels: Sequence[Sequence[TaskRequest]]) -> tuple[tuple[LevelV
     programming).
 
     Args:
-        levels: the wishes for the classes of each level of criticality, the most critical level first.
+        levels: the requests for the classes of each level of criticality, the most critical level first.
 
     Returns:
         Values in the same shape: for each level, for each of its classes. Equal costs go to higher threads.

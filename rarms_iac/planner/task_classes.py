@@ -133,7 +133,7 @@ def _out_of_order(
             for lower in decided
             if lower.criticality < upper.criticality
             and lower.thread_priority >= upper.thread_priority
-            and _can_be_in_order(upper, lower, fixed)
+            and not _is_checked_before(upper, lower, fixed)
         ]
         if wrong:
             worst = max(
@@ -150,11 +150,12 @@ def _out_of_order(
             )
 
 
-def _can_be_in_order(upper: ClassValues, lower: ClassValues, fixed: Mapping[str, TaskRequest]) -> bool:
-    """Whether what the manifest fixes of the two lets them; of those where it does not, its own checks tell."""
-    highest = values_within(fixed.get(upper.name.lower(), TaskRequest(name=upper.name)))[0]
-    lowest = values_within(fixed.get(lower.name.lower(), TaskRequest(name=lower.name)))[-1]
-    return highest.thread_priority > lowest.thread_priority
+def _is_checked_before(upper: ClassValues, lower: ClassValues, fixed: Mapping[str, TaskRequest]) -> bool:
+    """Whether the manifest's own check tells of the pair: both have an entry, and what it fixes allows no order."""
+    highest, lowest = fixed.get(upper.name.lower()), fixed.get(lower.name.lower())
+    if highest is None or lowest is None:
+        return False
+    return values_within(highest)[0].thread_priority <= values_within(lowest)[-1].thread_priority
 
 
 def _remarks(decided: Sequence[ClassValues], inside: str, places: Places) -> Iterator[Diagnostic]:

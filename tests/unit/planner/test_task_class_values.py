@@ -139,11 +139,11 @@ def test_equals_run_alike_as_far_as_each_can() -> None:
     assert [level_values.thread_priority for level_values in (open_, other, fixed, below)] == [23, 23, 20, 18]
 
 
-@pytest.mark.parametrize("request", SOME + MORE)
-def test_what_a_wish_leaves_is_listed_once_each_the_highest_threads_first(request: TaskRequest) -> None:
-    assert [(level_values.category, level_values.thread_priority) for level_values in values_within(request)] == values(
-        request
-    )
+@pytest.mark.parametrize("task_request", SOME + MORE)
+def test_what_a_request_leaves_is_listed_once_each_the_highest_threads_first(task_request: TaskRequest) -> None:
+    assert [
+        (level_values.category, level_values.thread_priority) for level_values in values_within(task_request)
+    ] == values(task_request)
 
 
 def test_the_number_that_a_category_does_not_go_by_follows_the_one_that_it_does() -> None:

@@ -49,10 +49,13 @@ def test_more_criticalities_than_windows_has_levels_are_told() -> None:
     assert "RARMS128" in codes(of_all(17).findings)
 
 
-def test_a_fixed_class_that_nothing_can_be_above_is_the_affair_of_the_manifests_own_checks() -> None:
-    found = decided(users(Localization=30, MotionControl=20), a_task("MotionControl", category=TaskCategory.HIGH))
+def test_a_fixed_class_that_nothing_can_be_above_is_reported_once() -> None:
+    high = a_task("MotionControl", category=TaskCategory.HIGH)
+    found = decided(users(Localization=30, MotionControl=20), high)
+    both = decided(users(Localization=30, MotionControl=20), high, a_task("Localization", category=TaskCategory.MEDIUM))
 
-    assert found.findings == ()
+    assert codes(found.findings) == ["RARMS128"]
+    assert codes(both.findings) == [], "both have an entry: the manifest's own check tells of them (RARMS056)"
     assert threads(found) == {"Localization": 23, "MotionControl": 26}
 
 
