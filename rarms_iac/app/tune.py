@@ -283,11 +283,13 @@ def findings_of_end(end: TuningEnd, hosts: Hosts) -> Iterator[Diagnostic]:
         yield findings.NO_ANSWER.at(None, end.unanswered, advice)
     elif end.ending == "unable":
         reserved, capacity = map(_show, (total(end.subject.cois), end.subject.capacity))
+        message = f"{reserved} are reserved, {capacity} are there, and no combination that was allowed fits."
+        advice = "Relax an APT (`rarms select`), lift an `apart`, `dedicated` or `protect`, or add a logical processor."
+        if not end.subject.cois:
+            message = "The manifest fixes all reserves, they do not fit, and nothing can be combined."
+            advice = "Lower a reserve (`rarms plan` names ways out), or have it measured: `cpu: { reserve: measured }`."
         yield findings.UNABLE.at(
-            places.key("hosts", end.subject.bench.name),
-            f"{reserved} are reserved, {capacity} are there, and no combination that was allowed fits.",
-            "Relax an APT (`rarms select`), lift an `apart`, `dedicated` or `protect`, or add a logical processor.",
-            address=f"host/{end.subject.bench.name}",
+            places.key("hosts", end.subject.bench.name), message, advice, address=f"host/{end.subject.bench.name}"
         )
     for broken in end.breaks:
         yield findings.CONTRADICTION.at(

@@ -60,7 +60,9 @@ def answer_text(worse: Sequence[str]) -> str:
 
 
 def tuned_text(tuned: TuningResult) -> "RenderableType":
-    """The partitions, and what all of it came to."""
+    """The partitions, where there were some to tune, and what all of it came to."""
+    if not tuned.partitions:
+        return stack(*map(paragraph, _sentences(tuned)))
     rows = [
         (
             partition.name,

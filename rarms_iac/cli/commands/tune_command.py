@@ -89,7 +89,7 @@ def command(
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
     if as_json:
         session.terminal.data(tuned_json(outcome.result, outcome.findings))
-    else:
+    elif outcome.result.partitions or outcome.result.ending != "unable":  # else a finding has said all
         session.terminal.show(tuned_text(outcome.result))
     if outcome.result.ending == "stopped":
         return stopped(session)

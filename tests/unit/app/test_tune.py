@@ -192,6 +192,17 @@ def test_where_nothing_may_be_combined_the_answer_is_no(here: Path) -> None:
     assert (here / "rarms.yaml").read_text(encoding="utf-8") == alone
 
 
+def test_where_all_reserves_are_fixed_that_is_said_once_and_without_a_table(tmp_path: Path) -> None:
+    fixed = MANIFEST.replace("reserve: measured", "reserve: 40 %")
+    (tmp_path / "rarms.yaml").write_text(fixed, encoding="utf-8", newline="\n")
+
+    with chdir(tmp_path):
+        ran = rarms("tune")
+
+    assert (ran.code, ran.out) == (4, "")
+    assert "The manifest fixes all reserves, they do not fit, and nothing can be combined." in ran.err
+
+
 def test_a_protected_partition_takes_others_in_and_is_never_combined_away(here: Path) -> None:
     protected = "\npartitions:\n  {}: {{ protect: true }} # never lose it\n"
     (here / "rarms.yaml").write_text(MANIFEST + protected.format("video"), encoding="utf-8", newline="\n")
