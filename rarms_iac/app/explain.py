@@ -38,6 +38,7 @@ from rarms_iac.planner.reservations import (
     rests_on_a_log,
 )
 from rarms_iac.planner.sizes import Sized, size
+from rarms_iac.statistics.curves import LeastReserve
 from rarms_iac.storage.datalog.files import read_log
 from rarms_iac.storage.datalog.log import DataLog
 from rarms_iac.storage.finding_pages import known_codes
@@ -154,6 +155,7 @@ def _explanation(known: _KnownOfPartition, placement: _Placement, component: Com
     log = reservations.log(group.members, placement.host)
     rests = rests_on_a_log(group)
     used = log if rests and isinstance(log, MeasuredTogether) else None
+    beside_fixed = None if rests else _log_beside_fixed(known, placement.host)
     previous = previous_tuning(known.measured.folder, placement.host.platform)
     return Explanation(
         component=component,
@@ -166,6 +168,8 @@ def _explanation(known: _KnownOfPartition, placement: _Placement, component: Com
         measured=None if used is None else _data_log_summary(known.measured, group, placement.host, used),
         curves=() if used is None else tuple(_member_curves(group, used)),
         least=None if used is None else reservations.least(group.members, placement.host),
+        beside_fixed=None if beside_fixed is None else beside_fixed[0],
+        least_beside_fixed=None if beside_fixed is None else beside_fixed[1],
         remarks=() if used is None else tuple(remark.says for remark in used.remarks),
         why_together=tuple(why_together(group, known.system, previous)),
         apart=_apart(known, placement),
@@ -181,6 +185,28 @@ def _explanation(known: _KnownOfPartition, placement: _Placement, component: Com
         elsewhere=_elsewhere(known, placement),
         infeasibility=() if layout is not None else tuple(_misfit(known.planning)),
     )
+
+
+def _log_beside_fixed(known: _KnownOfPartition, host: Host) -> tuple[DataLogSummary, LeastReserve | None] | None:
+    """The data log of a partition whose reserve is fixed, and the least that is enough by it; None: there is none."""
+    group, system = known.group, known.system
+    measured_members = {
+        member.name: replace(member, cpu=replace(member.cpu, reserve=Measured.MEASURED))
+        for member in group.members
+        if member.apt
+    }
+    partitions = {
+        name: replace(partition, cpu=replace(partition.cpu, reserve=None)) if name == group.name else partition
+        for name, partition in system.partitions.items()
+    }
+    unfixed = replace(system, components={**system.components, **measured_members}, partitions=partitions)
+    measured = replace(known.measured, system=unfixed)
+    members = tuple(unfixed.components[name] for name in names_of(group.members))
+    reservations = measured_reservations(measured, known.states)
+    log = reservations.log(members, host)
+    if not isinstance(log, MeasuredTogether):
+        return None
+    return _data_log_summary(measured, group, host, log), reservations.least(members, host)
 
 
 def _was_measured(measured: Measurements, host: Host) -> Callable[[Names], bool]:

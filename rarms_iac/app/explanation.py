@@ -64,6 +64,8 @@ class Explanation:
     measured: DataLogSummary | None
     curves: tuple[MemberCurve, ...]
     least: LeastReserve | None
+    beside_fixed: DataLogSummary | None  # measured, though the manifest fixes the reserve
+    least_beside_fixed: LeastReserve | None  # by that log; None: no setting in it is enough
     remarks: tuple[str, ...]
     why_together: tuple[str, ...]
     apart: str  # what its members would need in partitions of their own; empty: it cannot be told, or is alone

@@ -76,6 +76,8 @@ def shown(name: str, threshold: Threshold) -> str:
 def _why_not_measured(explanation: Explanation) -> str:
     if explanation.wanted is None:
         return "not measured: there is no data log that holds"
+    if explanation.fixed_by and explanation.beside_fixed is not None:
+        return _measured_beside_fixed(explanation, explanation.beside_fixed)
     if explanation.fixed_by:
         met = (
             "nobody knows whether its APT is met"
@@ -84,6 +86,19 @@ def _why_not_measured(explanation: Explanation) -> str:
         )
         return f"not measured: the reserve is fixed, and {met}"
     return "not measured: nothing is reserved, and no APT asks"
+
+
+def _measured_beside_fixed(explanation: Explanation, log: DataLogSummary) -> str:
+    """As in: measured: 1.24 LP (62 % of onboard) is enough; the manifest fixes 1.25 LP (63 % of onboard)."""
+
+    def amount(processors: Fraction) -> str:
+        share = show_percent(100 * processors / explanation.host.logical_processors)
+        return f"{show_processors(processors)} ({share} of {explanation.host.name})"
+
+    least = explanation.least_beside_fixed
+    enough = f"{amount(guaranteed(least.reserve, log.processors))} is" if least else "no setting that was measured is"
+    fixed = f"; the manifest fixes {amount(explanation.wanted)}" if explanation.wanted is not None else ""
+    return f"measured: {enough} enough{fixed}"
 
 
 def _verdict(explanation: Explanation, apt: MemberCurve, point: Point, at: int) -> str:
@@ -199,7 +214,10 @@ def _thresholds(component: Component, whose: str) -> Iterator[str]:
 def _data_log(explanation: Explanation) -> Iterator[str]:
     log = explanation.measured
     if explanation.fixed_by:
-        yield f"none is needed: {explanation.fixed_by} fixes the reserve"
+        if explanation.beside_fixed is not None:
+            yield from _log(explanation.beside_fixed)
+        none = "none is needed" if explanation.beside_fixed is None else "not used"
+        yield f"{none}: {explanation.fixed_by} fixes the reserve"
     elif log is not None:
         yield from _log(log)
     elif explanation.wanted is None:

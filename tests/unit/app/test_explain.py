@@ -184,6 +184,19 @@ def test_what_is_fixed_by_hand_says_that_nothing_was_looked_for(here: Path) -> N
     assert "sharing with others: not looked for" in said["rejected"]
 
 
+def test_what_is_fixed_and_measured_all_the_same_says_what_the_log_says(here: Path) -> None:
+    measure(here, MEANS)
+    edit(here / "rarms.yaml", "    memory: 512 MiB\n", "    memory: 512 MiB\n    cpu: { reserve: 70 % }\n")
+
+    said = steps(here, "vision")
+
+    assert said["setting and verdict"] == (
+        "measured: 1.24 LP (62 % of onboard) is enough; the manifest fixes 1.4 LP (70 % of onboard)"
+    )
+    assert "vision/busy-loop.jsonl, 6 settings" in said["data log"]
+    assert "not used: the manifest, for vision, fixes the reserve" in said["data log"]
+
+
 def test_one_without_a_wish_and_one_outside_partitions_have_every_step(here: Path) -> None:
     more = "  logging: { criticality: 1, memory: 64 MiB }\n"
     more += "  driver: { criticality: 2, runs_on: host, task: MotionControl }\n  vision:\n"
