@@ -20,7 +20,12 @@ class LevelPrompt(Protocol):
     """Asks somebody for the level of performance that is good enough; on a terminal, or on a page."""
 
     def show(self, result: ExperimentResult, measurements: Sequence[Measurement]) -> None:
-        """Show what was measured, and the data logs with curves that a reservation rests on."""
+        """Show the user what was measured, before `ask`.
+
+        Args:
+            result: the experiment that was just measured.
+            measurements: the data logs with curves that a reservation rests on.
+        """
         ...
 
     def ask(self, component: str) -> str:

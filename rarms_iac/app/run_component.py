@@ -113,11 +113,22 @@ class SampleReporter(Protocol):
     """Hears what components show while they run; must not raise."""
 
     def sample(self, component: str, number: int, sample: Sample) -> None:
-        """Hear of a sample as it happens; numbers of a component begin with 1."""
+        """Take note of a sample as soon as it is read.
+
+        Args:
+            component: the component's name.
+            number: which of its samples this is, from 1.
+            sample: the sample.
+        """
         ...
 
     def ended(self, result: ComponentRunResult, last_words: str) -> None:
-        """Hear that a component ended; `last_words`: the end of its standard error, as it was written."""
+        """Take note that a component ended.
+
+        Args:
+            result: what it showed.
+            last_words: the end of its standard error, as it was written.
+        """
         ...
 
 

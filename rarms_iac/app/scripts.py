@@ -42,12 +42,12 @@ class PlanScript:
 
     @property
     def kind(self) -> ScriptKind:
-        """What it is for."""
+        """Whether the script applies the plan or undoes it."""
         return ScriptKind.UNDO if self.undo else ScriptKind.APPLY
 
     @property
     def sha256(self) -> str:
-        """Of its bytes."""
+        """The SHA-256 digest of the script's bytes, in hexadecimal."""
         return hashlib.sha256(self.text.encode("ascii")).hexdigest()
 
 

@@ -100,7 +100,7 @@ def _far_from(index: PerformanceIndex, threshold: Threshold, text: str, curves: 
 
 
 def _meant(index: PerformanceIndex, text: str, values: Sequence[float]) -> str:
-    """The same number with another unit, where that lies among what was measured."""
+    """Ask whether another unit was meant, where the number in that unit lies among what was measured; else empty."""
     number = Fraction(text.rstrip("abcdefghijklmnopqrstuvwxyz/ "))
     for unit, factor in UNITS[index.unit].items():
         if min(values) / 2 <= float(number * factor) <= max(values) * 2:

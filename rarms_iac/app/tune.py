@@ -125,7 +125,17 @@ class TuningEnd:
 
     @staticmethod
     def of(subject: TuningSubject, asking: Inquiry, strategy: str, *, repeat: bool) -> "TuningEnd":
-        """Tune by this strategy, until there is an answer or somebody asks for an end."""
+        """Tune by this strategy, until there is an answer or somebody asks for an end.
+
+        Args:
+            subject: what is tuned.
+            asking: who answers, who is told, and who may decline a combination.
+            strategy: `paper`, or else the candidate graph.
+            repeat: whether the paper's procedure goes on after its first combination.
+
+        Returns:
+            How it ended. An oracle without an answer is an ending too, and raises nothing.
+        """
         trail: list[Answer] = []
         heard = replace(asking, reporter=_TrailReporter(asking.reporter, trail))
         before = TuningEnd(subject=subject, ending="stopped", cois=ordered(subject.cois))

@@ -67,7 +67,12 @@ class TuningSubject:
         )
 
     def experiment(self, members: Members, samples: int | None = None) -> Experiment:
-        """Return these components together in P1, against the load that their reservation rests on."""
+        """Return the experiment of these components together in P1, against the load that their reservation rests on.
+
+        Args:
+            members: the components, by sorted names.
+            samples: how many of each component a setting takes; None: as its `run.until` says.
+        """
         return experiment_of(self.system, self.bench, members, interference_of(self.system, members), samples)
 
     def objective(self, layout_fit: "LayoutFit") -> Objective:

@@ -26,7 +26,7 @@ class Group:
 
     @property
     def asking(self) -> PartitionShare:
-        """What it may have of what is left over depends on this."""
+        """What the decision on limit and weight depends on."""
         return PartitionShare(members=self.members, request=self.request, headroom=self.headroom, rank=self.rank)
 
 

@@ -42,7 +42,7 @@ class ReservationSource(Protocol):
         ...
 
     def depends_on(self, host: Host) -> Hashable:
-        """What of a host the answers depend on: hosts for which this is equal have the same answers."""
+        """Return what of a host the answers depend on: hosts for which this is equal have the same answers."""
         ...
 
     def remarks(self, members: tuple[Component, ...], host: Host) -> tuple[Cause, ...]:

@@ -30,7 +30,7 @@ class Sized:
 
     @property
     def claim(self) -> Claim:
-        """What it would be promised there."""
+        """What the partition would be promised on that host."""
         placed = self.placed
         return Claim(processors=placed.processors, reserve=placed.reserve, memory=placed.memory)
 

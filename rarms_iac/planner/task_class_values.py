@@ -85,7 +85,10 @@ def chosen_values(levels: Sequence[Sequence[TaskRequest]]) -> tuple[tuple[LevelV
 
 
 def _worth_following(ways: Mapping[int, _Way]) -> dict[int, _Way]:
-    """Those that leave more room below than any better one: whatever goes on from another goes on from that too."""
+    """Keep the ways that leave more room below than any better way.
+
+    Whatever levels follow a dropped way can follow a kept one too, at no more cost.
+    """
     kept: dict[int, _Way] = {}
     for ceiling in sorted(ways, reverse=True):
         if all(ways[ceiling].rank < better.rank for better in kept.values()):

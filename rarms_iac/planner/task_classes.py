@@ -36,7 +36,7 @@ class ClassValues:
 
     @property
     def thread_priority(self) -> int:
-        """What its threads run at while they have their share."""
+        """The priority of its threads while they have their share of the processor."""
         return thread_priority(self.category, self.priority, self.background_priority)
 
 

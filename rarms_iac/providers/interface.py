@@ -231,7 +231,7 @@ class ScriptedHost(Protocol):
         ...
 
     def observe(self) -> State:
-        """As `StepwiseHost.observe`."""
+        """Observe what is there now; the contract is that of `StepwiseHost.observe`."""
         ...
 
     def journal(self) -> ScriptRun | None:
@@ -281,7 +281,11 @@ class ExaminableHost(Protocol):
     """A host of which more can be observed than its State."""
 
     def examined(self) -> HostLook:
-        """Observe everything at once; it raises as `observe` does."""
+        """Observe everything at once.
+
+        Raises:
+            HostError: as of `observe`.
+        """
         ...
 
 
@@ -290,7 +294,11 @@ class RecordableHost(Protocol):
     """A host whose observation is stored as it is printed, because it holds more than a State."""
 
     def recorded(self) -> bytes:
-        """What its observe script printed, as `--snapshot` reads it; it raises as `observe` does."""
+        """Return what the observe script printed, as `--snapshot` reads it.
+
+        Raises:
+            HostError: as of `observe`.
+        """
         ...
 
 

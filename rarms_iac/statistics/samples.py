@@ -111,6 +111,9 @@ def _initial_positive(deviations: Sequence[float], variance: float) -> float:
 
 
 def _first_order(first: float, count: int) -> float:
-    """The same of a first-order autoregressive process; short series show its correlation too small (Kendall)."""
+    """Return the integrated autocorrelation time of a first-order autoregressive process with this autocorrelation.
+
+    Short series show their correlation too small; that is corrected (Kendall).
+    """
     corrected = min(0.98, first + (1.0 + 3.0 * first) / count)
     return (1.0 + corrected) / (1.0 - corrected)

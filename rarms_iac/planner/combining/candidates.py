@@ -40,7 +40,7 @@ class Candidate:
 
     @property
     def low(self) -> int:
-        """It needs at least so much."""
+        """The CR that the compound needs at least, by all that is known."""
         return self.coi.reserve
 
     @property
@@ -81,7 +81,7 @@ class Candidates:
     breaks: tuple[Break, ...] = ()
 
     def members(self, mask: Mask) -> tuple[Coi, ...]:
-        """The CoIs of a set."""
+        """List the CoIs of a set, the least critical first."""
         return tuple(coi for at, coi in enumerate(self.cois) if mask >> at & 1)
 
 
@@ -190,7 +190,7 @@ def informed(candidates: Candidates, answers: Iterable[Answer]) -> Candidates:
 
 
 def _own(candidate: Candidate, passed: Sequence[int], failed: Sequence[int]) -> Candidate:
-    """What its own settings say; where they contradict each other, the safe side."""
+    """Set the compound's interval by its own answers; where they contradict each other, the safe side counts."""
     highest = max(failed, default=None)
     enough = min((each for each in passed if highest is None or each > highest), default=None)
     low = candidate.low if highest is None else max(candidate.low, highest + 1)
@@ -200,7 +200,7 @@ def _own(candidate: Candidate, passed: Sequence[int], failed: Sequence[int]) -> 
 
 
 def _raised(candidate: Candidate, floors: Iterable[tuple[Mask, int]]) -> Candidate:
-    """It needs at least what each part of it needs, unless it was seen to need less."""
+    """Raise the compound's lower end to what each part of it needs, unless it was seen to pass with less."""
     own, cost = candidate.mask, 0
     for mask, floor in floors:
         if floor > cost and mask & own == mask:
@@ -304,7 +304,7 @@ class Node:
 
     @property
     def label(self) -> tuple[str, ...]:
-        """Its lines in a picture."""
+        """The lines of text in the node, where the graph is drawn."""
         if not self.is_gain:
             return self.name, f"no gain: needs at least {self.low} %"
         if self.measured:

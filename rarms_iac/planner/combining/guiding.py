@@ -17,7 +17,7 @@ LIKE = 30
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Guide:
-    """What is expected of every compound, after the answers so far."""
+    """What is known and predicted of every compound, after the answers so far."""
 
     known: Candidates
     predictor: Predictor
@@ -26,13 +26,13 @@ class Guide:
     _outlooks: dict[Mask, Outlook] = field(default_factory=dict, compare=False, repr=False)
 
     def outlook(self, mask: Mask) -> Outlook:
-        """What is known of this compound, and predicted."""
+        """Return what is known and predicted of this compound."""
         if mask not in self._outlooks:
             self._outlooks[mask] = outlook_of(self.known.by_mask[mask], self.predictor, self.less)
         return self._outlooks[mask]
 
     def expected(self, mask: Mask) -> Expectation:
-        """What this compound may need."""
+        """Return how likely this compound needs how much."""
         return self.belief.of(self.outlook(mask))
 
     def predicted(self, mask: Mask) -> int | None:

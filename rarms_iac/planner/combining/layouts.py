@@ -114,7 +114,7 @@ class Layouts:
         self._heap = None
 
     def after(self, candidates: Candidates) -> "Layouts":
-        """The same of the same CoIs, of which more is known now; what did not change is not worked out again."""
+        """Return the layouts of the same CoIs after more answers; what these do not change is not worked out again."""
         costs = _costs(candidates)
         if not costs.keys() <= self._costs.keys():
             return Layouts(candidates=candidates, objective=self.objective)
@@ -134,7 +134,10 @@ class Layouts:
         self._heap = None if self._heap is None else self._heap.copy()
 
     def seen(self) -> "Layouts":
-        """The same of what was seen to hold: only compounds that met all APTs somewhere, at the least such CR."""
+        """Return the layouts that are known to hold.
+
+        They have only compounds that met all APTs at some CR, each at the least such CR.
+        """
         passed = {
             mask: replace(candidate, coi=replace(candidate.coi, reserve=candidate.passed))
             for mask, candidate in self.candidates.by_mask.items()
@@ -170,7 +173,10 @@ class Layouts:
             yield from self._by_reservation()
 
     def _by_reservation(self) -> Iterator[Shared]:
-        """The same, the least reservation first. What was found before is the least that it may be now."""
+        """Yield what `_with_room` does, the least reservation first.
+
+        The heap keeps older values. They are lower bounds, so each is brought up to date only when it comes first.
+        """
         if self._heap is None:
             self._heap = sorted(self._with_room())
         heap, found = self._heap, []
@@ -189,7 +195,7 @@ class Layouts:
                 heapq.heappush(heap, sharing)
 
     def _looked_at(self, shared: Shared) -> Shared | None:
-        """As it is now; None: there is no room for it any more."""
+        """Bring a set of CoIs up to date; None: there is no room for it any more."""
         least = self.least(shared.mask)
         if least > self._room(shared.rest):
             return None
@@ -262,7 +268,7 @@ class Layouts:
         return sum(weight for at, weight in enumerate(self._weights) if shared >> at & 1)
 
     def cois_of(self, blocks: Sequence[Mask]) -> tuple[Coi, ...]:
-        """What the partitions of a layout hold, compounds at their lower ends."""
+        """List what the partitions of a layout hold, each compound with the least CR that it may need."""
         taken = 0
         for mask in blocks:
             taken |= mask

@@ -29,7 +29,10 @@ class Coi:
 
     @property
     def at_least(self) -> int:
-        """What it truly needs at least, as `cost`: what it reserves is the safe side of what was measured."""
+        """What it needs at least, in per cent of one logical processor.
+
+        Its reserve is on the safe side of what was measured, so the true need may be lower.
+        """
         return self.cost if self.missed is None else min(self.cost, self.processors * (self.missed + 1))
 
     @property
@@ -98,11 +101,18 @@ class PerformanceOracle(Protocol):
     """An experiment on a host, or the data logs of one."""
 
     def worse(self, members: Members, reserve: int) -> frozenset[str]:
-        """Those of the members that miss any of their APTs when all of them run in one partition.
+        """Name the members that miss any of their APTs when all of them run in one partition.
 
-        That partition reserves `reserve` per cent of each of its processors (CR, 1..100); the rest is reserved by P2
-        with the interfering load. On the safe side: whoever is not shown to meet an APT misses it. The same question
-        has the same answer.
+        That partition reserves `reserve` per cent of each of its processors; the rest is reserved by P2 with the
+        interfering load. On the safe side: whoever is not shown to meet an APT misses it. The same question has the
+        same answer.
+
+        Args:
+            members: the components, by sorted names.
+            reserve: the CR, 1..100 whole per cent.
+
+        Returns:
+            Names of members; empty: all APTs are met.
 
         Raises:
             Unanswered: there is no verdict, or somebody asked for an end.

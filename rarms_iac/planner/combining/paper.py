@@ -51,14 +51,14 @@ class Inquiry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Combination:
-    """Two that became one."""
+    """Two CoIs that became a compound."""
 
     compound: Coi
     parts: tuple[Coi, Coi]
 
     @property
     def gain(self) -> int:
-        """What it reserves less, in per cent of one logical processor; below 0: it reserves more."""
+        """The reservation that it saves, in per cent of one logical processor; below 0: it reserves more."""
         return total(self.parts) - self.compound.cost
 
 

@@ -52,7 +52,7 @@ class Outlook:
 
     @property
     def most(self) -> int:
-        """Nobody expects more."""
+        """The CR above which the need is not expected to lie."""
         width = max(self.together - self.neediest, 1.0)
         return max(self.low, int(self.neediest + BEYOND * width) + 1) if self.passed is None else self.passed
 
@@ -85,7 +85,7 @@ class Hypothesis:
         return outlook.said[self.way]
 
     def bounds(self, outlook: Outlook) -> tuple[float, float]:
-        """The same probability at the ends of what is known."""
+        """Return the probabilities of a need below the known interval, and of one up to its upper end."""
         low = self.below(outlook, outlook.low - 1) if outlook.low > outlook.neediest - outlook.slack else 0.0
         return low, 1.0 if outlook.passed is None else self.below(outlook, outlook.passed)
 
@@ -140,7 +140,7 @@ class Belief:
     weights: Mapping[Hypothesis, float]
 
     def of(self, outlook: Outlook) -> Expectation:
-        """What this compound may need."""
+        """Return how likely this compound needs how much, within what is known of it."""
         parts = []
         for way, weight in self.weights.items():
             low, high = way.bounds(outlook)
@@ -182,7 +182,7 @@ def _logarithms(ways: int) -> tuple[float, ...]:
 
 @lru_cache(maxsize=1 << 12)
 def _fitting(ways: int, seen: Outlook) -> tuple[float, ...]:
-    """Of each hypothesis."""
+    """For each hypothesis, how well it foretold what was answered about this compound, as a logarithm."""
     return tuple(_fits(hypothesis, seen) for hypothesis, _ in _hypotheses(ways))
 
 

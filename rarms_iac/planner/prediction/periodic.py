@@ -225,7 +225,7 @@ class MemberDemand:
 
     @property
     def allowed_ms(self) -> float:
-        """What meets its APTs."""
+        """The longest mean response time, in ms, with which the component meets its APTs."""
         return self.response_ms(self.enough)
 
 
