@@ -84,3 +84,18 @@ def test_colour_changes_no_word(colour: bool) -> None:
     text = render(stack(styled(("bad", BAD)), "", paragraph("good")), colour=colour)
 
     assert text == ("\x1b[31mbad\x1b[0m\n\ngood\n" if colour else "bad\n\ngood\n")
+
+
+@pytest.mark.parametrize("width", [40, 60, 80])
+@pytest.mark.parametrize("wrap", [(), (1, 3), (0, 1, 2, 3, 4)], ids=["nothing wraps", "two wrap", "all wrap"])
+def test_a_table_that_is_too_wide_loses_neither_a_column_nor_a_word(wrap: tuple[int, ...], width: int) -> None:
+    header = ("component", "performance index", "expected", "verdict", "reserve")
+    rows = [
+        ("localization-of-arm", "response time of the 95th percentile", "104.7 ms", "not enough", "35 % of 2 VPs"),
+        ("vision", "throughput", "29.8 /s", "enough, by a hair", "140 %"),
+    ]
+
+    shown = render(table(rows, header=header, wrap=wrap, right=(2, 4)), width)
+
+    assert all(word in shown.split() for line in (header, *rows) for cell in line for word in cell.split())
+    assert all(number in wrap or cell in shown for line in (header, *rows) for number, cell in enumerate(line))
