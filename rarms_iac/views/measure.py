@@ -217,7 +217,7 @@ def _output(measured: ExperimentResult) -> ExperimentOutput:
         undecided=isinstance(conclusion, Sufficient)
         and conclusion.failed is not None
         and shortfall_at(conclusion.failed, measured.settings, experiment) != "missed",
-        untold=conclusion.inconclusive if isinstance(conclusion, Sufficient) else (),
+        inconclusive=conclusion.inconclusive if isinstance(conclusion, Sufficient) else (),
         error=conclusion.error if isinstance(conclusion, Sufficient | NotAchievable) else None,
         planned=measured.planned.reserve if measured.planned else None,
         interpolated=bool(measured.planned and measured.planned.interpolated),

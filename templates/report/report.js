@@ -40,8 +40,8 @@
   const totalOf = (capacity) => {
     const cards = data.cards.filter((card) => card.platform === capacity.platform && counts(card));
     const replaced = new Set(cards.flatMap((card) => card.fixed));
-    const standing = capacity.fixed.filter(([names]) => !names.every((name) => replaced.has(name)));
-    const fixed = standing.reduce((sum, [, amount]) => sum + amount, 0);
+    const remaining = capacity.fixed.filter(([names]) => !names.every((name) => replaced.has(name)));
+    const fixed = remaining.reduce((sum, [, amount]) => sum + amount, 0);
     return cards.reduce((sum, card) => sum + (reserveOf(card) ?? 0) * card.processors, fixed);
   };
 

@@ -6,8 +6,8 @@ from typing import Literal
 
 from rarms_iac.model.diagnostics import Diagnostic
 
-Format = Literal["rarms-output/1"]
-FORMAT_VERSION: Format = "rarms-output/1"
+Format = Literal["rarms-output/2"]
+FORMAT_VERSION: Format = "rarms-output/2"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -42,7 +42,7 @@ class ExperimentOutput:
     """Components measured together in one partition; `reserve` is null where none was found or looked for.
 
     `failed` is the highest lower setting that is not enough, or is `undecided`: within the noise. Those above it that
-    reached no steady state are `untold`: nobody knows whether they are enough.
+    reached no steady state are `inconclusive`: nobody knows whether they are enough.
     `planned` is what a plan reserves by the curve; it is `interpolated` where it lies between measured settings.
     """
 
@@ -58,7 +58,7 @@ class ExperimentOutput:
     reserved_processors: float | None  # LPs of that
     failed: int | None
     undecided: bool
-    untold: tuple[int, ...]
+    inconclusive: tuple[int, ...]
     error: float | None
     planned: int | None
     interpolated: bool
@@ -266,7 +266,7 @@ class ReportDifferenceOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReportStandingOutput:
+class ReportStatusOutput:
     """A host that could be looked at without waiting; `is_planned`: there is a layout that could be applied."""
 
     host: str
@@ -298,5 +298,5 @@ class ReportOutput:
     application: str
     measurements: tuple[ReportMeasurementOutput, ...]
     capacities: tuple[ReportCapacityOutput, ...]
-    standings: tuple[ReportStandingOutput, ...]
+    statuses: tuple[ReportStatusOutput, ...]
     tunings: tuple[ReportTuningOutput, ...]

@@ -13,7 +13,7 @@ from rarms_iac.views.output.measuring import (
     ReportOutput,
     ReportPointOutput,
     ReportRowOutput,
-    ReportStandingOutput,
+    ReportStatusOutput,
     ReportTuningOutput,
 )
 from rarms_iac.views.reports.summary import platform_fits
@@ -58,8 +58,8 @@ def report_json(report: Report) -> str:
                 )
                 for tuning in report.tunings
             ),
-            standings=tuple(
-                ReportStandingOutput(
+            statuses=tuple(
+                ReportStatusOutput(
                     host=status.host,
                     is_planned=status.is_planned,
                     differs=tuple(

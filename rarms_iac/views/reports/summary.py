@@ -277,14 +277,14 @@ def _processors(percent: int) -> str:
     return show_processors(Fraction(percent, 100))
 
 
-def status_text(standing: HostStatus) -> str:
+def status_text(status: HostStatus) -> str:
     """Whether what the manifest asks for is on the host, and what brings it there."""
-    if not standing.is_planned:
+    if not status.is_planned:
         return "Nothing can be applied as it is: rarms plan tells why."
-    if not standing.differs:
+    if not status.differs:
         return "Applied: the host is as the manifest wants it."
     told: dict[str, list[str]] = {}
-    for address, message in standing.differs:
+    for address, message in status.differs:
         told.setdefault(message, []).append(address)
     parts = "; ".join(f"{message}: {', '.join(addresses)}" for message, addresses in told.items())
     return f"{parts[:1].upper()}{parts[1:]}. rarms plan shows what is to be done, rarms apply does it."

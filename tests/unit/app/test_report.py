@@ -145,18 +145,18 @@ def test_a_component_that_is_misspelt_is_asked_back(robot: Path, command: tuple[
     assert """The manifest has no component 'visoin'. Did you mean "vision"?""" in " ".join(ran.err.split())
 
 
-def standing(robot: Path) -> str:
+def status(robot: Path) -> str:
     message = rarms("report", "-f", str(robot), "--text").out
     return message[message.index("\nonboard: ", message.index("Headroom")) :].splitlines()[1]
 
 
 def test_the_report_says_whether_what_it_shows_is_applied(robot: Path) -> None:
-    never = standing(robot)
+    never = status(robot)
     assert rarms("apply", "-f", str(robot), "--auto-approve").code == 0
-    applied = standing(robot)
+    applied = status(robot)
     text = robot.read_text(encoding="utf-8")
     robot.write_text(text.replace("at_most: 100 ms", "at_most: 120 ms"), encoding="utf-8")
-    chosen = standing(robot)
+    chosen = status(robot)
 
     assert never.startswith("onboard: Not applied yet: partition/vision")
     assert applied == "onboard: Applied: the host is as the manifest wants it."
@@ -166,7 +166,7 @@ def test_the_report_says_whether_what_it_shows_is_applied(robot: Path) -> None:
     assert "Not applied yet: partition/vision" in rarms("report", "-f", str(robot), "-o", "-").out
     document = rarms("report", "-f", str(robot), "--json").out
     check(document)
-    assert json.loads(document)["standings"] == [
+    assert json.loads(document)["statuses"] == [
         {
             "host": "onboard",
             "is_planned": True,

@@ -80,7 +80,7 @@ def test_settings_between_that_have_no_steady_state_are_told_beside_the_one_that
 
     assert "55 % too little, 56 and 57 % unsteady" in text([one])
     assert "60 %  1.2  57 % unsteady" in text([alone])
-    assert '"untold": [\n        56,\n        57\n' in measure_json([one], ())
+    assert '"inconclusive": [\n        56,\n        57\n' in measure_json([one], ())
     check(measure_json([one], ()))
 
 
