@@ -63,14 +63,22 @@ class ScriptSelection:
 def plan_scripts(plan: Plan) -> tuple[PlanScript, ...]:
     """Every script of the plan, by host, then name; for other hosts, what a Hyper-V host would get of the same steps.
 
-    Raises:
-        UseCaseError: one of them does not pass the inspection; it is not shown.
+    They are not inspected yet: `inspect_scripts` does that with those that are shown or written.
     """
-    found = [script for part in plan.hosts for script in _of_host(part, _texts(part, plan))]
-    wrong = [problem for script in found for problem in inspect(script.text.encode("ascii"), script.kind, script.name)]
+    return tuple(script for part in plan.hosts for script in _of_host(part, _texts(part, plan)))
+
+
+def inspect_scripts(scripts: Sequence[PlanScript]) -> None:
+    """Refuse scripts that must not be shown or written; it takes about 50 ms a script.
+
+    Raises:
+        UseCaseError: one of them does not pass the inspection (failed).
+    """
+    wrong = [
+        problem for script in scripts for problem in inspect(script.text.encode("ascii"), script.kind, script.name)
+    ]
     if wrong:
         raise UseCaseError(Outcome.FAILED, wrong)
-    return tuple(found)
 
 
 def select_scripts(scripts: Sequence[PlanScript], selection: ScriptSelection, plan: Plan) -> tuple[PlanScript, ...]:
@@ -201,6 +209,7 @@ def _outline_in(path: str, like: PlanScript) -> Outline:
         if like.name not in scripts:
             names = ", ".join(scripts) or "none"
             raise RequestError(f"{path} is a plan without a script {like.name}. It has: {names}.")
+        inspect_scripts([scripts[like.name]])
         return _outline_of(scripts[like.name])
     kind = _kind_of(data.decode("ascii", "replace"))
     wrong = inspect(data, kind, path) if kind in {ScriptKind.APPLY, ScriptKind.UNDO} else (_no_script(path),)

@@ -87,7 +87,7 @@ def parts_for(steps: str) -> tuple[str, ...]:
         NotTokens: the text ends inside a string.
     """
     needed: set[str] = set()
-    waiting = _called(runtime()) | _called(steps)
+    waiting = {*_needs(""), *_called(steps)}
     while waiting:
         name = waiting.pop()
         if name not in needed:
@@ -98,7 +98,8 @@ def parts_for(steps: str) -> tuple[str, ...]:
 
 @cache
 def _needs(name: str) -> frozenset[str]:
-    return frozenset(_called(part_text(name)))
+    """The parts that a part calls; an empty name is the runtime."""
+    return frozenset(_called(part_text(name) if name else runtime()))
 
 
 def _called(text: str) -> set[str]:

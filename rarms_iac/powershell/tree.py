@@ -6,7 +6,7 @@ with it on where each string and comment begins and ends (`disagreement`).
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 from rarms_iac.powershell.literals import NotALiteral, read_literal
@@ -96,11 +96,17 @@ def literal_of(node: "Node") -> str | None:
         return text if _is_array(node) else None
     if node.type == "parenthesized_expression" and not text.startswith("(''"):
         return None
+    return text if _is_literal(text) else None
+
+
+@lru_cache(maxsize=4096)
+def _is_literal(text: str) -> bool:
+    """Whether it reads as a literal; the inspection asks the same texts several times."""
     try:
         read_literal(text)
     except (NotALiteral, NotTokens):
-        return None
-    return text
+        return False
+    return True
 
 
 def _is_array(node: "Node") -> bool:

@@ -11,57 +11,62 @@ from rarms_iac.views.output.plan import ScriptDetailOutput, ScriptDifferenceOutp
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
-    from rich.text import Text
 
 SYMBOLS = {"+": GOOD, "~": CHANGED, "-": BAD}
 
+_RESET, _BOLD, _DIM, _GREEN, _YELLOW, _CYAN = (f"\x1b[{code}m" for code in (0, 1, 2, 32, 33, 36))
 
-def script_text(script: str, *, whole: bool = False) -> "RenderableType":
-    """Show the script with the numbers of its lines, as they are in the file.
+
+def script_text(script: str, *, colour: bool = False, whole: bool = False) -> str:
+    """The script with the numbers of its lines, as they are in the file; it ends with a line end.
+
+    rich has no part in it: a script is long, its lines are never wrapped, and it passed the inspection, so that it is
+    printable ASCII.
 
     Args:
         script: its text.
+        colour: with escape sequences; without, the same text in the same lines.
         whole: show its fixed parts, too; otherwise a line stands for each.
     """
     plain = script.replace("\r\n", "\n").removesuffix("\n")
-    lines = _highlighted(plain).split("\n", allow_blank=True)
+    lines = (_highlighted(plain) if colour else plain).split("\n")
     width = len(str(len(lines)))
-    numbered = [styled(f"{number:>{width}}  ", line) for number, line in enumerate(lines, start=1)]
+    numbered = [f"{number:>{width}}  {line}".rstrip() for number, line in enumerate(lines, start=1)]
     for piece in () if whole else reversed(split_script(plain + "\n").fixed):
         fixed = f"{piece.title}, fixed (SHA-256 {part_digest(piece.text)[:12]}); --whole shows it"
-        line = styled(f"{'':>{width}}  ... lines {piece.first} to {piece.last}: {fixed}")
-        numbered[piece.first - 1 : piece.last] = [line]
-    for line in numbered:
-        line.no_wrap, line.overflow = True, "ignore"
-    return stack(*numbered)
+        numbered[piece.first - 1 : piece.last] = [f"{'':>{width}}  ... lines {piece.first} to {piece.last}: {fixed}"]
+    return "\n".join(numbered) + "\n"
 
 
-def _highlighted(text: str) -> "Text":
+def _highlighted(text: str) -> str:
     try:
         parts = tokens(text)
     except NotTokens:
-        return styled(text)  # it is shown as it is; the inspection says what is wrong with it
-    pieces: list[str | tuple[str, str]] = []
+        return text  # it is shown as it is; the inspection says what is wrong with it
+    pieces: list[str] = []
     at = 0
     for before, token in zip((None, *parts), parts, strict=False):
         piece = text[token.offset : token.end]
-        pieces += [text[at : token.offset], (piece, _style(before, token, piece))]
+        start = _colour(before, token, piece)
+        if start:
+            piece = "\n".join(f"{start}{line}{_RESET}" for line in piece.split("\n"))
+        pieces += [text[at : token.offset], piece]
         at = token.end
-    return styled(*pieces, text[at:])
+    return "".join([*pieces, text[at:]])
 
 
-def _style(before: Token | None, token: Token, piece: str) -> str:
+def _colour(before: Token | None, token: Token, piece: str) -> str:
     match token.kind:
         case TokenKind.COMMENT:
-            return "green"
+            return _GREEN
         case TokenKind.STRING | TokenKind.EXPANDABLE:
-            return "yellow"
+            return _YELLOW
         case TokenKind.WORD if piece.startswith("$"):
-            return "cyan"
+            return _CYAN
         case TokenKind.WORD if piece.startswith("-") and piece[1:2].isalpha():
-            return "dim"
+            return _DIM
         case TokenKind.WORD if _begins_call(before) and "-" in piece:
-            return "bold"
+            return _BOLD
         case _:
             return ""
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import click
 
@@ -18,6 +17,7 @@ from rarms_iac.app.scripts import (
     ScriptSelection,
     check_script,
     compare_with_file,
+    inspect_scripts,
     only_script,
     plan_scripts,
     scripts_to_write,
@@ -32,14 +32,10 @@ from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.plan import Plan
 from rarms_iac.views.as_json import as_json as written
-from rarms_iac.views.console import stack
 from rarms_iac.views.finding_forms import findings_json
 from rarms_iac.views.findings import findings_text
 from rarms_iac.views.output.plan import ScriptOutput, ScriptsOutput
 from rarms_iac.views.scripts import difference_json, difference_text, script_text
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
 
 
 @rarms_command("show")
@@ -125,6 +121,7 @@ def _show_scripts(session: Session, plan: Plan, selection: ScriptSelection, form
     selected = select_scripts(scripts, selection, plan)
     if form.out is not None:
         return _write(session, scripts_to_write(scripts, selected, selection), form.out)
+    inspect_scripts(selected)
     if form.against is not None:
         script = only_script(selected, "--against")
         difference = compare_with_file(form.against, script)
@@ -139,12 +136,13 @@ def _show_scripts(session: Session, plan: Plan, selection: ScriptSelection, form
         session.terminal.exactly(only_script(selected, "--raw").text)
     else:
         for script in selected:
-            session.terminal.show(_with_heading(script.name, script.text, whole=form.whole))
+            _show_script(session, script.name, script.text, whole=form.whole)
     _mention_others(session, scripts, selected)
     return ExitCode.DONE
 
 
 def _write(session: Session, scripts: Sequence[PlanScript], folder: str) -> ExitCode:
+    inspect_scripts(scripts)
     for path in write_scripts(scripts, folder):
         session.terminal.talk(f"Wrote {path}.")
     if not scripts:
@@ -179,12 +177,13 @@ def _show_transport(session: Session, form: ScriptForm) -> ExitCode:
     if form.raw:
         session.terminal.data(script)
     else:
-        session.terminal.show(_with_heading(heading, script, whole=True))
+        _show_script(session, heading, script, whole=True)
     return ExitCode.DONE
 
 
-def _with_heading(name: str, text: str, *, whole: bool) -> "RenderableType":
-    return stack(name, script_text(text, whole=whole), "")
+def _show_script(session: Session, heading: str, text: str, *, whole: bool) -> None:
+    numbered = script_text(text, colour=session.terminal.colour, whole=whole)
+    session.terminal.data(f"{heading}\n{numbered}\n")
 
 
 def _output(script: PlanScript) -> ScriptOutput:

@@ -12,7 +12,7 @@ from rarms_iac.powershell.inspection.script import Function, Script, functions_o
 from rarms_iac.powershell.inspection.steps import check_steps
 from rarms_iac.powershell.inspection.style import check_style
 from rarms_iac.powershell.templates import part_text, read, runtime
-from rarms_iac.powershell.tree import NotParsed, sound, walk
+from rarms_iac.powershell.tree import NotParsed, parse, sound, walk
 
 BYTES = Finding(code="RARMS200", severity=Severity.ERROR, summary="A script is not pure ASCII with CRLF")
 PARSE = Finding(code="RARMS201", severity=Severity.ERROR, summary="A script cannot be read as PowerShell")
@@ -63,7 +63,7 @@ def _carried_functions(whole: str) -> dict[str, Function]:
 @cache
 def _shipped_functions(name: str) -> dict[str, Function]:
     """The functions of a shipped part, or of the runtime: parsed once, checked by the tests of what rarms ships."""
-    return functions_of(sound(part_text(name) if name else runtime()))
+    return functions_of(parse(part_text(name) if name else runtime()))
 
 
 def _check_bytes(script: bytes, name: str) -> Iterator[Diagnostic]:

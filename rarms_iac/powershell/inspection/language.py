@@ -29,6 +29,8 @@ def check_constructs(script: Script) -> Iterator[Diagnostic]:
 
 def _check_backticks(script: Script) -> Iterator[Diagnostic]:
     """Outside of texts and remarks a backtick joins lines or hides a name."""
+    if "`" not in script.text:
+        return
     skipped = (TokenKind.STRING, TokenKind.COMMENT)
     inside = {at for token in tokens(script.text) if token.kind in skipped for at in range(token.offset, token.end)}
     for at, character in enumerate(script.text):

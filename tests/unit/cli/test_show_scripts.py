@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.storage.shipped import shipped
-from rarms_iac.views.console import render
 from rarms_iac.views.scripts import script_text
 from tests.unit.cli.running import rarms
 
@@ -63,13 +62,14 @@ def test_without_a_plan_it_is_made_first(folder: Path) -> None:
 
 
 def test_colour_changes_no_character() -> None:
-    text = "# remark\n$vm = Get-Machine -Name 'it''s'\nif ($true) { Hyper-V\\Start-VM -VM $vm }\n"
+    text = "<# a remark\nof two lines #>\n$vm = Get-Machine -Name 'it''s'\nif ($true) { Hyper-V\\Start-VM -VM $vm }\n"
 
-    coloured = render(script_text(text), colour=True)
+    coloured = script_text(text, colour=True)
 
-    assert re.sub("\x1b\\[[0-9;]*m", "", coloured) == render(script_text(text))
+    assert re.sub("\x1b\\[[0-9;]*m", "", coloured) == script_text(text)
     assert "\x1b[33m'it''s'\x1b[0m" in coloured
-    assert render(script_text("'open"), colour=True) == "1  'open\n"
+    assert "2  \x1b[32mof two lines #>\x1b[0m\n" in coloured
+    assert script_text("'open", colour=True) == "1  'open\n"
 
 
 def test_scripts_of_two_plans_are_compared_by_steps(plan: str, folder: Path, tmp_path: Path) -> None:
