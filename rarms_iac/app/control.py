@@ -25,7 +25,7 @@ class NeverStop:
     """Nobody asks for an end."""
 
     def should_stop(self) -> bool:
-        """Never."""
+        """Return False."""
         return False
 
     @contextmanager
@@ -68,10 +68,10 @@ class SilentListener:
     settings: MeasuringReporter = SilentMeasuringReporter()
 
     def message(self, text: str) -> None:
-        """Drop it."""
+        """Do nothing."""
 
     def findings(self, diagnostics: Sequence[Diagnostic], sources: Sources | None = None) -> None:
-        """Drop them."""
+        """Do nothing."""
 
 
 NEVER_STOP: StopSignal = NeverStop()

@@ -240,7 +240,7 @@ def _placement_of(known: _KnownOfPartition) -> _Placement:
 
 
 def _without_reserve(group: Group) -> Group:
-    """The same reserving nothing: what else it gets does not wait for that."""
+    """Return the partition with no reservation: what else it gets can be told before that is measured."""
     nothing = ProcessorTime(LogicalProcessors(Fraction(0)))
     return replace(group, request=replace(group.request, cpu=replace(group.request.cpu, reserve=nothing)))
 
@@ -293,7 +293,10 @@ def _member_curves(group: Group, log: MeasuredTogether) -> Iterator[MemberCurve]
 
 
 def _apart(known: _KnownOfPartition, placement: _Placement) -> str:
-    """What the members would reserve in partitions of their own, and whether that fits, as planned without this one."""
+    """Say what the members would reserve in partitions of their own, and whether that fits.
+
+    For this the layout is planned without the partition.
+    """
     group, measured = known.group, known.measured
     if group.name not in measured.system.partitions or len(group.members) == 1:
         return ""

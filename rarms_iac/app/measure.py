@@ -360,9 +360,9 @@ def _refuse(hosts: Hosts, experiment: Experiment, request: MeasureRequest, seen:
 
 
 def _going_on(hosts: Hosts, running: Sequence[Partition]) -> Iterator[PartitionWork]:
-    """What the application's own partitions do meanwhile: their components, under names that nobody looks for.
+    """Yield what the application's own partitions do meanwhile: their components, under names that nobody looks for.
 
-    What machines of others do, nobody can say: a simulated host has them idle.
+    What machines of others do is not known: a simulated host has them idle.
     """
     application = hosts.system.application.name
     names = {

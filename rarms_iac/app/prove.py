@@ -153,7 +153,7 @@ def _proven(verdict: IndexVerdict) -> ProvenIndex:
 
 
 def _seen_elsewhere(hosts: Hosts, able: tuple[str, ...]) -> dict[str, State]:
-    """What the other hosts look like, as far as they can be reached: partitions that are there are not missing here."""
+    """Observe the other hosts, as far as they can be reached: a partition that is there is not missing here."""
     states: dict[str, State] = {}
     for name in sorted(set(hosts.system.hosts) - set(able)):
         with suppress(UseCaseError):

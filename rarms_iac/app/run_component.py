@@ -182,7 +182,7 @@ def run_components(manifest: Manifest, request: RunRequest, reporter: SampleRepo
 
 
 def _findings(result: ComponentRunResult, manifest: Manifest) -> Iterator[Diagnostic]:
-    """What is wrong with a run."""
+    """Report what is wrong with a run."""
     name, places = result.component.name, manifest.places
     address = f"component/{name}"
     if result.ending is SamplingEnd.FAILURES:

@@ -82,11 +82,11 @@ def inspect_scripts(scripts: Sequence[PlanScript]) -> None:
 
 
 def select_scripts(scripts: Sequence[PlanScript], selection: ScriptSelection, plan: Plan) -> tuple[PlanScript, ...]:
-    """Those that are meant: without a guest, the hosts' own.
+    """Choose the scripts that a selection asks for; without a guest, the hosts' own.
 
     Args:
         scripts: all of the plan (`plan_scripts`).
-        selection: which.
+        selection: the hosts, guest and undo that were asked for.
         plan: names the hosts; a host without changes has no script.
 
     Raises:

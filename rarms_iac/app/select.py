@@ -210,7 +210,7 @@ def _fits(index: PerformanceIndex, at: str) -> bool:
 
 
 def _selection(manifest: Manifest, changed: Measurements, choice: _Choice) -> tuple[Selection, tuple[Diagnostic, ...]]:
-    """What follows from the choice; `changed`: with the level in the manifest."""
+    """Work out what follows from the choice; `changed`: the measurements with the level in the manifest."""
     system, name = changed.system, choice.component.name
     reservations = measured_reservations(changed, {})
     group = next((group for group in groups_of(system) if name in names_of(group.members)), None)
@@ -271,7 +271,7 @@ def _with(system: System, choice: _Choice) -> System:
 def _levels(
     group: Group, system: System, reservations: MeasuredReservations, choice: _Choice
 ) -> Sequence[SelectedLevel]:
-    """What the group gets on each platform that it was measured for; hosts in name order."""
+    """Yield what the partition gets on each platform that it was measured for; hosts in the order of their names."""
     levels: dict[str, SelectedLevel] = {}
     for _, host in sorted(system.hosts.items()):
         if host.platform in levels or any(

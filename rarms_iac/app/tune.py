@@ -79,7 +79,7 @@ class TuningResult:
 
     @property
     def claim(self) -> str:
-        """What is said of other layouts."""
+        """What is known of other layouts, in words."""
         return claim_of(proved=self.proved)
 
 
@@ -120,7 +120,7 @@ class TuningEnd:
 
     @property
     def compounds(self) -> tuple[Coi, ...]:
-        """Those that are new."""
+        """The compounds that tuning made."""
         return tuple(coi for coi in self.cois if coi not in self.subject.cois)
 
     @staticmethod
@@ -227,11 +227,11 @@ class _TrailReporter:
         self._reporter.setting_answered(answer)
 
     def declined(self, members: Members) -> None:
-        """Pass it on."""
+        """Pass the message on."""
         self._reporter.declined(members)
 
     def combined(self, compound: Coi, before: int) -> None:
-        """Pass it on."""
+        """Pass the message on."""
         self._reporter.combined(compound, before)
 
 

@@ -100,7 +100,10 @@ def _unseen_guests(tasks: Iterable[TaskClass], observed: State, current: Mapping
 
 
 def _current_names(there: Collection[str], here: Collection[str], moved: Mapping[str, str]) -> Mapping[str, str]:
-    """What each wanted partition is called on the host now, after the manifest's moves; only those that are there."""
+    """Return what each wanted partition is called on the host now, after the manifest's moves.
+
+    Only partitions that are there have an entry.
+    """
     return {new: old for old, new in renaming(there, here, moved).new.items() if new in here}
 
 
@@ -166,7 +169,7 @@ def _tasks(
 
 
 def _responsiveness(host: Host, observed: State, application: str) -> Responsiveness | None:
-    """What the manifest sets of the host's own Windows, with what was there before rarms."""
+    """Return what the manifest sets of the host's own Windows, with what was there before rarms."""
     if host.system_responsiveness is None or host.provider is ProviderKind.LINUX:
         return None
     wanted = Responsiveness(value=RegistryValue(kind=ValueKind.DWORD, data=host.system_responsiveness))

@@ -92,7 +92,7 @@ def _smaller(system: System, views: Mapping[str, HostView], places: Places) -> I
 
 
 def _remarks(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:
-    """What is to be said of where reservations come from."""
+    """Report what a reader should know of where reservations come from."""
     groups = {group.name: group for group in problem.groups}
     for partition in answer.partitions:
         host = problem.system.hosts[partition.host]
@@ -106,7 +106,7 @@ def _remarks(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagn
 
 
 def _placement(answer: Layout, places: Places) -> Iterator[Diagnostic]:
-    """What is not known of better layouts."""
+    """Report how much better another layout could be, where that is not proved."""
     placement = answer.placement
     if placement is None or placement.proven:
         return
@@ -123,7 +123,7 @@ def _partitions(number: int) -> str:
 
 
 def _moves(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:
-    """What would reserve less elsewhere and stays because it is there: told, not done."""
+    """Report each partition that would reserve less on another host and stays because it is where it is."""
     for partition in answer.partitions:
         if problem.now.get(partition.name) != partition.host:
             continue

@@ -193,7 +193,7 @@ def has_layout(problem: Problem, *, by_first_fit: bool) -> bool | None:
 
 
 def _causes(problem: Problem) -> Iterator[Cause]:
-    """What is wrong wherever partitions are placed."""
+    """Yield what is wrong wherever partitions are placed."""
     yield from problem.contradictions
     for group in problem.groups:
         if not problem.claims[group.name]:

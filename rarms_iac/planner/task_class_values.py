@@ -35,7 +35,7 @@ class Cost(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Option:
-    """What a class may have, and what is to be known of it to weigh it."""
+    """Values that a class may have, and what is needed to weigh them."""
 
     values: LevelValues
     thread: int
@@ -174,7 +174,10 @@ def _criticality(users: Sequence[Component]) -> int:
 
 
 def _wanted(users: Sequence[Component], processors: int) -> int:
-    """What all components of a class can use at once; everything where one has an APT, or no class, or does not say."""
+    """Return how many processors all components of a class can use at once.
+
+    It is all processors where a component has an APT, or no class, or does not say how many it uses.
+    """
     if any(user.apt or user.task is None or user.processors is None for user in users):
         return processors
     return sum(user.processors or 0 for user in users)

@@ -159,7 +159,7 @@ def _is_checked_before(upper: ClassValues, lower: ClassValues, fixed: Mapping[st
 
 
 def _remarks(decided: Sequence[ClassValues], inside: str, places: Places) -> Iterator[Diagnostic]:
-    """What may come between threads that are in order; each told once, of the most critical pair."""
+    """Report what may come between threads that are in order; each kind once, for the most critical pair."""
     pairs = [
         (upper, lower)
         for upper in sorted(decided, key=lambda class_values: (-class_values.criticality, class_values.name))

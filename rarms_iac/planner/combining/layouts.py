@@ -78,7 +78,7 @@ class Shared(NamedTuple):
 class _Sharing(NamedTuple):
     """A set of CoIs that share; NOTE: there are thousands of them, and they are sorted."""
 
-    key: int  # as of `Choice`
+    key: int  # as in `LayoutChoice`
     mask: Mask
     alone: int  # what they reserve apart
 
@@ -264,7 +264,7 @@ class Layouts:
                 )
 
     def key(self, shared: Mask) -> int:
-        """The criticalities of these, as of `Choice`."""
+        """Return the criticalities of the CoIs that share, as in `LayoutChoice`."""
         return sum(weight for at, weight in enumerate(self._weights) if shared >> at & 1)
 
     def cois_of(self, blocks: Sequence[Mask]) -> tuple[Coi, ...]:
