@@ -61,9 +61,14 @@ class ScriptSelection:
 
 
 def plan_scripts(plan: Plan) -> tuple[PlanScript, ...]:
-    """Every script of the plan, by host, then name; for other hosts, what a Hyper-V host would get of the same steps.
+    """Make every script of the plan; for other hosts, what a Hyper-V host would get of the same steps.
 
-    They are not inspected yet: `inspect_scripts` does that with those that are shown or written.
+    Args:
+        plan: the plan.
+
+    Returns:
+        The scripts by host, then by name. They are not inspected yet: `inspect_scripts` does that with those that are
+            shown or written.
     """
     return tuple(script for part in plan.hosts for script in _of_host(part, _texts(part, plan)))
 
