@@ -74,7 +74,7 @@ def plan_scripts(plan: Plan) -> tuple[PlanScript, ...]:
 
 
 def inspect_scripts(scripts: Sequence[PlanScript]) -> None:
-    """Refuse scripts that must not be shown or written; it takes about 50 ms a script.
+    """Refuse scripts that must not be shown or written.
 
     Raises:
         UseCaseError: one of them does not pass the inspection (failed).

@@ -2,10 +2,16 @@
 
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from rarms_iac.app import scripts
+from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.powershell.inspection import inspect as inspection
+from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.storage.shipped import shipped
 from rarms_iac.views.scripts import script_text
 from tests.unit.cli.running import rarms
@@ -44,9 +50,9 @@ def test_numbers_are_those_of_the_file_and_the_runtime_is_left_out(plan: str, fo
 
 
 def test_the_bytes_that_are_shown_raw_are_those_that_are_written(plan: str, folder: Path) -> None:
-    scripts = {load["name"]: load for load in json.loads(rarms("show", "--script", plan, "--json").out)["scripts"]}
+    loaded = {load["name"]: load for load in json.loads(rarms("show", "--script", plan, "--json").out)["scripts"]}
 
-    assert scripts["cell.ps1"]["text"].encode("ascii") == (folder / "cell.ps1").read_bytes()
+    assert loaded["cell.ps1"]["text"].encode("ascii") == (folder / "cell.ps1").read_bytes()
     raw = rarms("show", "--script", plan, "--guest", "torch-motion", "--undo", "--raw").out
     written = (folder / "cell.guest.torch-motion.undo.ps1").read_bytes().decode("ascii")
     assert raw.replace("\r\n", "\n") == written.replace("\r\n", "\n")
@@ -139,3 +145,28 @@ def test_a_simulated_host_shows_what_a_hyperv_host_would_get(tmp_path: Path) -> 
 
     assert ran.code == 0
     assert "Hyper-V\\New-VM" in ran.out
+
+
+def test_a_script_in_a_pipe_is_shown_without_rich(plan: str) -> None:
+    code = (
+        "import sys\nfrom rarms_iac.cli.main import main\n"
+        f"sys.argv = ['rarms', 'show', '--script', {plan!r}]\n"
+        "try:\n    main()\nfinally:\n    print([name for name in sys.modules if name.partition('.')[0] == 'rich'])\n"
+    )
+
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+
+    assert ran.stdout.splitlines()[-1] == "[]"
+
+
+def test_only_the_scripts_that_are_shown_are_inspected(plan: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    inspected: list[str] = []
+
+    def inspect(script: bytes, kind: ScriptKind, name: str) -> tuple[Diagnostic, ...]:
+        inspected.append(name)
+        return inspection.inspect(script, kind, name)
+
+    monkeypatch.setattr(scripts, "inspect", inspect)
+
+    assert rarms("show", "--script", plan, "--guest", "torch-motion").code == 0
+    assert inspected == ["cell.guest.torch-motion.ps1"]
