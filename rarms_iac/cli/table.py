@@ -8,7 +8,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "init": "Write a commented manifest to start from.",
         "validate": "Check manifests; needs no host.",
         "fmt": "Write manifests in their canonical form, comments kept.",
-        "doctor": "Tell what makes a plan void or unsafe on the hosts.",
+        "doctor": "Tell what makes a plan ineffective or unsafe on the hosts.",
         "measure": "Find the reservations that components need.",
         "select": "Choose the performance that is good enough for a component.",
         "tune": "Combine components so that their reservations fit.",

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 
-HEALTHY = "Nothing here makes a plan void or unsafe."
+HEALTHY = "Nothing here makes a plan ineffective or unsafe."
 
 
 def doctor_text(

@@ -1,4 +1,4 @@
-"""`rarms doctor`: what makes a plan void or unsafe on the hosts."""
+"""`rarms doctor`: what makes a plan ineffective or unsafe on the hosts."""
 
 from rarms_iac.app.doctor import examine_hosts
 from rarms_iac.app.hosts import select_hosts
@@ -21,7 +21,7 @@ from rarms_iac.views.hosts import doctor_json, doctor_text
 def command(
     session: Session, *, source: ManifestSource, where: HostSelection, outputs: tuple[OutputTarget, ...]
 ) -> ExitCode:
-    """Look at the hosts and tell what makes a plan void or unsafe there, with what to do. Only reads.
+    """Look at the hosts and tell what makes a plan ineffective or unsafe there, with what to do. Only reads.
 
     A host is looked at live, or as `rarms snapshot` or the observe script wrote it down (--snapshot). Errors end with
     exit code 2; warnings and notes do not.

@@ -55,7 +55,7 @@ class ExaminedOutput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DoctorOutput:
-    """`rarms doctor`: what makes a plan void or unsafe on each host."""
+    """`rarms doctor`: what makes a plan ineffective or unsafe on each host."""
 
     format_version: Format = FORMAT_VERSION
     kind: Literal["doctor"] = "doctor"
