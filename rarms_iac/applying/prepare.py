@@ -230,10 +230,19 @@ def unknown_targets(addresses: Sequence[str], targets: Sequence[str]) -> tuple[D
     return tuple(
         NO_SUCH_TARGET.at(
             None,
-            f"`--target {target}`: no change has this address or lies below it.{suggestion(target, addresses)}",
-            "Give an address as `rarms plan` shows it, such as partition/vision, or leave the option out.",
+            f"`--target {target}`: no change has this address or lies below it.{_suggestion(target, addresses)}",
+            "Give an address such as partition/vision (`rarms plan --verbose` lists them), or leave the option out.",
             address=target,
         )
         for target in targets
         if not any(is_below(address, [target]) for address in addresses)
     )
+
+
+def _suggestion(target: str, addresses: Sequence[str]) -> str:
+    """As `suggestion`; a name alone is looked for among partitions and task classes, too."""
+    words = [target, f"partition/{target}", f"task/{target}"]
+    for word in words:
+        if word in addresses:
+            return f' Did you mean "{word}"?'
+    return next((message for word in words if (message := suggestion(word, addresses))), "")

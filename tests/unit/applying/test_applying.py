@@ -319,6 +319,14 @@ def test_what_cannot_be_meant_is_told(lab: Lab, asked: dict[str, object], code: 
     assert codes(prepared.findings) == [code]
 
 
+@pytest.mark.parametrize("target", ["partition/visoin", "vision", "visoin"])
+def test_a_target_that_is_spelt_wrong_gets_the_address_that_is_meant(lab: Lab, target: str) -> None:
+    (finding,) = lab.prepare(targets=(target,)).findings
+
+    assert 'Did you mean "partition/vision"?' in finding.detail
+    assert "`rarms plan --verbose` lists them" in finding.advice
+
+
 def test_a_machine_that_is_ours_already_is_not_imported(lab: Lab) -> None:
     lab.apply(lab.plan())
     machine = lab.observe()["onboard"].partitions[0].id
