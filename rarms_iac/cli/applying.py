@@ -40,7 +40,8 @@ def write_plan_file(session: Session, path: str, plan: Plan) -> None:
         UseCaseError: it cannot be written.
     """
     write_file(path, write_plan(plan))
-    session.terminal.talk(f"Wrote the plan to {path}. Apply it with: rarms apply {path}")
+    advice = f" Apply it with: rarms apply {path}" if plan.has_changes else ""
+    session.terminal.talk(f"Wrote the plan to {path}.{advice}")
 
 
 def finish_first(session: Session, live: tuple[LiveHost, ...], how: RunOptions) -> RunReport | None:
