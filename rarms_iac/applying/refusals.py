@@ -7,7 +7,9 @@ from rarms_iac.model.journal import Journal, RunKind, RunStarted, ScriptRun, Scr
 from rarms_iac.model.plan import Readings, Step
 from rarms_iac.providers.interface import EventKind, HostDamaged, HostError, HostLocked, RunEvent
 
-USED = Finding(code="RARMS181", severity=Severity.ERROR, summary="The plan was used already")
+USED = Finding(
+    code="RARMS181", severity=Severity.ERROR, summary="The plan was used, or another run came after it was made"
+)
 MOVED = Finding(code="RARMS182", severity=Severity.ERROR, summary="The host has moved since the plan was made")
 UNFINISHED = Finding(code="RARMS183", severity=Severity.ERROR, summary="Another run is unfinished on the host")
 LOCKED = Finding(code="RARMS184", severity=Severity.ERROR, summary="The host is held by another run")
