@@ -51,7 +51,11 @@ def _partitions(proof: LayoutProof) -> Mapping[str, str]:
 
 def _sentence(proof: LayoutProof, against: str) -> str:
     counts = Counter(verdict_of(tried.verdict) for tried in proof.not_met)
-    message = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items())) or "all thresholds met"
+    shortfalls = [
+        f"{count} {'without a steady state' if verdict == 'no steady state' else verdict}"
+        for verdict, count in sorted(counts.items())
+    ]
+    message = ", ".join(shortfalls) or "all thresholds met"
     layout = proof.layout
     components = counted(len(layout.components), "component")
     amount = f"{show_processors(layout.reserved)} of {show_processors(layout.host_processors)}"

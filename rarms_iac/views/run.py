@@ -96,7 +96,7 @@ class RunProgress:
             status = Column(no_wrap=True, overflow="crop", ratio=1)
             self._live = Progress(
                 TextColumn("  {task.description}", markup=False, table_column=Column(no_wrap=True)),
-                TextColumn("{task.completed} steps", markup=False, table_column=Column(no_wrap=True)),
+                TextColumn("{task.fields[steps]}", markup=False, table_column=Column(no_wrap=True)),
                 TextColumn("{task.fields[status]}", markup=False, table_column=status),
                 TimeElapsedColumn(),
                 expand=True,
@@ -118,8 +118,9 @@ class RunProgress:
         partition.since = self._clock()
         if self._live is not None:
             if partition.row is None:
-                partition.row = self._live.add_task(visible(partition.name, keep=""), total=None, status="")
-            self._live.update(partition.row, status=visible(step.title, keep=""), refresh=True)
+                partition.row = self._live.add_task(visible(partition.name, keep=""), total=None, status="", steps="")
+            steps = counted(partition.done, "step")
+            self._live.update(partition.row, status=visible(step.title, keep=""), steps=steps, refresh=True)
 
     def step_ended(
         self,
@@ -135,7 +136,7 @@ class RunProgress:
         partition.done += 1
         partition.changed += status is not StepStatus.UNCHANGED
         if self._live is not None and partition.row is not None:
-            self._live.update(partition.row, advance=1, refresh=True)
+            self._live.update(partition.row, steps=counted(partition.done, "step"), refresh=True)
         if partition.done == partition.total:
             self._end(partition)
 

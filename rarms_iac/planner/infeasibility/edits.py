@@ -63,11 +63,15 @@ def edited(variant: Variant, edits: Iterable[Edit]) -> Variant:
     return reduce(lambda before, edit: edit.apply(before), edits, variant)
 
 
+TOGETHER = "all of these:"
+"""What stands above changes that are needed together."""
+
+
 def describe(edits: Sequence[Edit]) -> str:
     """One change as it is, several as a list."""
     if len(edits) == 1:
         return edits[0].message
-    return "\n  - ".join(["all of these:", *(edit.message for edit in edits)])
+    return "\n  - ".join([TOGETHER, *(edit.message for edit in edits)])
 
 
 def component_reserves(component: Component, before: CpuAmount, amount: CpuAmount) -> Edit:

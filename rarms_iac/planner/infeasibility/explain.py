@@ -11,7 +11,7 @@ from rarms_iac.model.where import partition_place
 from rarms_iac.model.wording import in_a_row, number
 from rarms_iac.planner import findings
 from rarms_iac.planner.infeasibility.conflict import Conflict, conflicts
-from rarms_iac.planner.infeasibility.edits import Trial
+from rarms_iac.planner.infeasibility.edits import TOGETHER, Trial
 from rarms_iac.planner.infeasibility.ways_out import ways_out
 from rarms_iac.planner.packing.values import Bin, cost, free_in, least_cost, least_memory
 from rarms_iac.planner.problem import Problem
@@ -145,10 +145,16 @@ def _advice(cause: Cause, ways: Sequence[Relaxation]) -> str:
     if not ways:
         return "No change that was tried makes it fit: remove a component, or add a host."
     sure = [way.says for way in ways if not way.may]
-    lines = [f"This would fit: {sure[0]}."] if len(sure) == 1 else []
+    lines = [_only_way(sure[0])] if len(sure) == 1 else []
     if len(sure) > 1:
         lines = ["\n- ".join(["Each of these alone would fit:", *sure])]
     return "\n".join([*lines, *(f"{way.says[0].upper()}{way.says[1:]}." for way in ways if way.may)])
+
+
+def _only_way(way: str) -> str:
+    """As in: This would fit: 1 GiB more memory on onboard. Several changes stand in a list."""
+    several = way.removeprefix(f"{TOGETHER}\n")
+    return f"This would fit: {way}." if several == way else f"All of these together would fit:\n{several}."
 
 
 def _place(cause: Cause, problem: Problem, places: Places) -> Place:

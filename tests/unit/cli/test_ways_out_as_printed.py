@@ -96,6 +96,7 @@ def advice_of(folder: Path) -> str | None:
 def ways_in(advice: str) -> Iterator[list[str]]:
     """The proposals, each as its changes."""
     now: list[str] = []
+    advice = advice.replace("All of these together would fit:", "- all of these:")
     for line in re.sub(r"^This would fit: ", "- ", advice, flags=re.MULTILINE).splitlines():
         if line.startswith("  - "):
             now.append(line.removeprefix("  - ").rstrip("."))

@@ -133,7 +133,7 @@ def test_a_terminal_updates_a_line_a_partition_in_place() -> None:
 
     last = stream.getvalue().split("\x1b[2K")[-1].splitlines()
     assert last[0].split()[:4] == ["vision", "2", "steps", "done"]
-    assert last[1].split()[:4] == ["speech", "1", "steps", "done"]
+    assert last[1].split()[:4] == ["speech", "1", "step", "done"]
     assert "\x1b[2J" not in stream.getvalue()
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from rarms_iac.model.layout import Cause, Infeasible
+from rarms_iac.model.layout import Cause, Infeasible, Relaxation
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner import findings
 from rarms_iac.planner.infeasibility.explain import diagnostics
@@ -68,6 +68,21 @@ def test_the_sum_of_those_that_must_be_on_one_host_is_told() -> None:
     assert planning.answer.conflict == ("a", "b")
     assert [(finding.code, finding.address) for finding in planning.findings] == [("RARMS014", "host/right")]
     assert planning.findings[0].detail == "a 60 % and b 60 % need 120 % of the two logical processors."
+
+
+@pytest.mark.parametrize(
+    ("way", "advice"),
+    [
+        ("arm reserves 20 % instead of 30 %", "This would fit: arm reserves 20 % instead of 30 %."),
+        ("all of these:\n  - one\n  - two", "All of these together would fit:\n  - one\n  - two."),
+    ],
+)
+def test_the_only_way_out_is_a_sentence_or_a_list(way: str, advice: str) -> None:
+    cause = Cause(what="application", says="Nothing fits.", code=findings.PLACEMENT.code)
+    answer = Infeasible(proven=True, conflict=(), causes=(cause,), relaxations=(Relaxation(says=way),))
+    problem = problem_of(five_of_two(), FixedReservations(), {}, may_move=True)
+
+    assert [finding.advice for finding in diagnostics(answer, problem, PLACES)] == [advice]
 
 
 @pytest.mark.parametrize(
