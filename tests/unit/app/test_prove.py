@@ -127,6 +127,7 @@ def test_a_series_without_a_steady_state_gets_no_verdict_however_good_its_mean(h
     entry = read_entries(configuration_path(here, "onboard", "vision"))[-1]
     assert isinstance(entry, Proven)
     assert [(index.met, index.verdict, index.value) for index in entry.indexes] == [(False, "no steady state", None)]
+    assert "1 without a steady state" in rarms("prove", "--interference", "busy-loop", "--samples", "200").out
 
 
 def test_a_threshold_that_is_missed_is_told_with_its_error(here: Path) -> None:

@@ -53,7 +53,9 @@ def test_a_plan_that_another_run_overtook_is_refused(lab: Lab) -> None:
     lab.apply(with_reserve(lab, "20 %").plan())
     lab.undo()
 
-    assert codes(lab.apply(old).diagnostics) == ["RARMS181"]
+    (refusal,) = lab.apply(old).diagnostics
+    assert refusal.code == "RARMS181"
+    assert refusal.summary == "The plan was used, or another run came after it was made"
 
 
 def test_a_host_that_moved_is_refused_and_the_parts_are_named(lab: Lab) -> None:
