@@ -53,7 +53,8 @@ Terminal.flush = lambda self: signal.raise_signal(signal.SIGINT)
 
 @pytest.mark.parametrize("interrupt", [INTERRUPTED_IN_AN_IMPORT, INTERRUPTED_IN_THE_LAST_FLUSH])
 def test_an_interrupt_outside_the_command_is_one_line(interrupt: str) -> None:
-    script = f"{interrupt}\nimport sys; from rarms_iac.cli.main import main; sys.exit(main(['version']))"
+    heard = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"  # also where a runner ignores it
+    script = f"{heard}\n{interrupt}\nimport sys; from rarms_iac.cli.main import main; sys.exit(main(['version']))"
 
     ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
 
