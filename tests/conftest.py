@@ -20,6 +20,8 @@ settings.register_profile(
 )
 settings.load_profile("rarms")
 
+# What a shell or a test runner says of its own terminal is nothing to the commands that tests start.
+os.environ.pop("COLUMNS", None)
 NO_SKIPS = os.environ.get("RARMS_NO_SKIPS") == "1"
 
 
