@@ -75,12 +75,15 @@ def read_file(path: Path | str, limit: int) -> bytes:
 
     Raises:
         NotRegular: it is no regular file.
-        TooLarge: it has more bytes than the limit; no more than one of them was read beyond it.
+        TooLarge: it has more bytes than the limit.
         OSError: as `open_regular`.
         ValueError: as `open_regular`.
     """
     with open_regular(path) as file:
-        data = file.read(limit + 1)
+        # NOTE: not `read(limit + 1)`, which takes as much memory as the limit, however small the file is.
+        if os.fstat(file.fileno()).st_size > limit:
+            raise TooLarge(path, limit)
+        data = file.read()
     if len(data) > limit:
         raise TooLarge(path, limit)
     return data
