@@ -4,21 +4,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from rarms_iac.model.changes import Address, Change, Create, Delete, Reason, Resource, Update
+from rarms_iac.model.claims import Claim
 from rarms_iac.model.diagnostics import Diagnostic, Place, Severity
 from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.operations import Operation, SetCpu
-from rarms_iac.model.plan import (
-    Claim,
-    HeldBack,
-    HostPlan,
-    Plan,
-    Purpose,
-    Readings,
-    Step,
-    Totals,
-    Undo,
-    UndoLevel,
-)
+from rarms_iac.model.plan import HeldBack, HostPlan, Plan, Purpose, Readings, Step, Totals, Undo, UndoLevel
 from rarms_iac.model.state import (
     Checkpoints,
     HostFacts,

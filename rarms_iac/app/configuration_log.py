@@ -9,10 +9,11 @@ from rarms_iac.app.data_logs import Measurements, measured_reservations, path_of
 from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors, now
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.indexes import find_index, show_threshold
+from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.system import Component, Host
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.reservations import names_of, rests_on_a_log
-from rarms_iac.planner.sizes import Sized, size
+from rarms_iac.planner.sizes import size
 from rarms_iac.storage.datalog.configuration import Chosen, append_entry, last_chosen, read_entries
 from rarms_iac.storage.datalog.files import configuration_path, read_log
 
@@ -51,8 +52,8 @@ def _choices(measurements: Measurements, components: Iterable[str]) -> tuple[Pat
         for host in platforms.values():
             sized = size(group, host, reservations)
             least = reservations.least(group.members, host)
-            if isinstance(sized, Sized) and least is not None:
-                entries = _entries(measurements, group, host, sized.placed.reserve, interpolated=least.interpolated)
+            if isinstance(sized, PlacedPartition) and least is not None:
+                entries = _entries(measurements, group, host, sized.reserve, interpolated=least.interpolated)
                 written += [path for entry in entries if (path := _record(measurements.folder, host.platform, entry))]
     return tuple(written)
 

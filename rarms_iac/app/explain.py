@@ -15,7 +15,8 @@ from rarms_iac.app.manifests import Manifest
 from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.tuning_log import NOT_LOOKED_FOR, previous_tuning, rejected_compounds, why_together
 from rarms_iac.measuring.setup import interference_of
-from rarms_iac.model.capacity import capacity_of, load_of
+from rarms_iac.model.capacity import capacity_of
+from rarms_iac.model.claims import load_of
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.layout import Cause, Layout, PlacedPartition
 from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime, in_processors, show_processors
@@ -37,7 +38,7 @@ from rarms_iac.planner.reservations import (
     names_of,
     rests_on_a_log,
 )
-from rarms_iac.planner.sizes import Sized, size
+from rarms_iac.planner.sizes import size
 from rarms_iac.statistics.curves import LeastReserve
 from rarms_iac.storage.datalog.files import read_log
 from rarms_iac.storage.datalog.log import DataLog
@@ -230,12 +231,12 @@ def _placement_of(known: _KnownOfPartition) -> _Placement:
     ]
     answers = [(host, size(group, host, known.reservations)) for host in allowed]
     for host, answer in answers:
-        if isinstance(answer, Sized):
-            return _Placement(host=host, placed=answer.placed)
+        if isinstance(answer, PlacedPartition):
+            return _Placement(host=host, placed=answer)
     for host, answer in answers:
         shape = size(_without_reserve(group), host, FixedReservations())
-        if isinstance(shape, Sized) and isinstance(answer, Cause):
-            return _Placement(host=host, placed=shape.placed, no_host_because=answer.says.rstrip("."))
+        if isinstance(shape, PlacedPartition) and isinstance(answer, Cause):
+            return _Placement(host=host, placed=shape, no_host_because=answer.says.rstrip("."))
     raise UseCaseError(Outcome.NEGATIVE, known.planning.findings, known.hosts.manifest.sources)
 
 
@@ -309,7 +310,7 @@ def _apart(known: _KnownOfPartition, placement: _Placement) -> str:
         for part in groups_of(alone.system)
         if names & set(names_of(part.members))
     ]
-    placed = [size.placed for size in sizes if isinstance(size, Sized)]
+    placed = [answer for answer in sizes if isinstance(answer, PlacedPartition)]
     if len(placed) < len(sizes) or len(sizes) == 1:
         return ""
     places = known.hosts.manifest.places
@@ -386,7 +387,7 @@ def _saving(
 ) -> tuple[int, str] | None:
     """With what it saves, below 0, in per cent of one logical processor; None: nothing, or nothing says so."""
     sizes = [size(part, host, reservations) for part in (group, other)]
-    claims = [size.claim for size in sizes if isinstance(size, Sized)]
+    claims = [answer.claim for answer in sizes if isinstance(answer, PlacedPartition)]
     if len(claims) < len(sizes):
         return None
     costs, processors = [cost(claim) for claim in claims], max(claim.processors for claim in claims)

@@ -10,12 +10,13 @@ from rarms_iac.app.errors import Outcome, RequestError, UseCaseError
 from rarms_iac.app.explain import find_component
 from rarms_iac.app.manifests import Manifest
 from rarms_iac.model.indexes import find_index
+from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.quantities import Unit
 from rarms_iac.model.system import Command, Component, Host, RunsOn
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, names_of, rests_on_a_log
-from rarms_iac.planner.sizes import Sized, size
+from rarms_iac.planner.sizes import size
 from rarms_iac.planner.task_classes import ClassValues, classes_of, registry_values
 
 
@@ -60,13 +61,13 @@ def guide_facts(manifest: Manifest, name: str) -> GuideFacts:
     reservations = measured_reservations(measurements_of(manifest), {})
     group = next(group for group in groups_of(system) if name in names_of(group.members))
     for _, host in sorted(system.hosts.items()):
-        sized = size(group, host, reservations)
-        if isinstance(sized, Sized) and all(
+        placed = size(group, host, reservations)
+        if isinstance(placed, PlacedPartition) and all(
             member.hosts is None or host.name in member.hosts for member in group.members
         ):
-            facts = _facts(group, host, sized, reservations, system.components[name])
+            facts = _facts(group, host, placed, reservations, system.components[name])
             classes = classes_of(
-                group.members, system.tasks, group.name, manifest.places, processors=sized.placed.processors
+                group.members, system.tasks, group.name, manifest.places, processors=placed.processors
             ).classes
             return replace(facts, task_values=_task_values(facts.task, classes))
     planning = plan_layout(system, reservations, {}, manifest.places)
@@ -84,9 +85,8 @@ def _task_values(task: str | None, classes: Iterable[ClassValues]) -> tuple[str,
 
 
 def _facts(
-    group: Group, host: Host, sized: Sized, reservations: MeasuredReservations, component: Component
+    group: Group, host: Host, placed: PlacedPartition, reservations: MeasuredReservations, component: Component
 ) -> GuideFacts:
-    placed = sized.placed
     log = reservations.log(group.members, host)
     measured = rests_on_a_log(group) and isinstance(log, MeasuredTogether)
     return GuideFacts(

@@ -13,7 +13,7 @@ from rarms_iac.app.manifests import Manifest
 from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.indexes import PerformanceIndex, find_index, show_value, threshold_of
-from rarms_iac.model.layout import Layout
+from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.quantities import UNITS, NotAQuantity, Unit, plain
 from rarms_iac.model.system import Component, Host, System, Threshold
 from rarms_iac.model.wording import suggestion
@@ -21,7 +21,7 @@ from rarms_iac.planner.findings import NOT_MET
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
 from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, NotMeasured, names_of, rests_on_a_log
-from rarms_iac.planner.sizes import Sized, size
+from rarms_iac.planner.sizes import size
 from rarms_iac.statistics.curves import Curve
 
 
@@ -280,18 +280,18 @@ def _levels(
             continue
         sized = size(group, host, reservations)
         log = reservations.log(group.members, host)
-        if not isinstance(sized, Sized) or isinstance(log, NotMeasured):
+        if not isinstance(sized, PlacedPartition) or isinstance(log, NotMeasured):
             continue
         least = reservations.least(group.members, host)
         levels[host.platform] = SelectedLevel(
             platform=host.platform,
             partition=group.name,
-            reserve=sized.placed.reserve,
-            processors=sized.placed.processors,
+            reserve=sized.reserve,
+            processors=sized.processors,
             host=host.name,
             host_processors=host.logical_processors,
             interpolated=least is not None and least.interpolated,
-            expected=_expected(log, choice, sized.placed.reserve),
+            expected=_expected(log, choice, sized.reserve),
         )
     return tuple(levels.values())
 

@@ -14,10 +14,10 @@ from rarms_iac.measuring.findings import CANNOT_MEASURE
 from rarms_iac.measuring.partitions import highest_reserve, host_budget
 from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
 from rarms_iac.measuring.strategies import Answering, apts_of
+from rarms_iac.model.claims import Claim
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import SettingFailed, Stopped, TooManyFailures
-from rarms_iac.model.plan import Claim
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Host, System
 from rarms_iac.planner import findings

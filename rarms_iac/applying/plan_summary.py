@@ -3,8 +3,9 @@
 from collections.abc import Iterator, Mapping, Sequence
 
 from rarms_iac.diff.claims import NO_CLAIM, claim_of
-from rarms_iac.model.capacity import claim_of_settings, foreign_claims, load_of
+from rarms_iac.model.capacity import foreign_claims
 from rarms_iac.model.changes import Adopt, Change, Release
+from rarms_iac.model.claims import load_of
 from rarms_iac.model.plan import Step, ThreadClass, Totals
 from rarms_iac.model.state import Partition, State
 from rarms_iac.model.system import System
@@ -35,13 +36,13 @@ def totals_of(
     for change in changes:
         match change:
             case Adopt(before=Partition(claims_resources=True, settings=settings)):
-                others.remove(claim_of_settings(settings))
+                others.remove(settings.claim)
             case Release(before=Partition() as before):
                 claims.pop(change.address.partition, None)
-                others += [claim_of_settings(before.settings)] if before.claims_resources else []
+                others += [before.settings.claim] if before.claims_resources else []
             case _:
                 pass
-    layout = {partition.settings.name: claim_of_settings(partition.settings) for partition in desired.partitions}
+    layout = {partition.settings.name: partition.settings.claim for partition in desired.partitions}
     idle = load_of(layout[name] for name, claim in claims.items() if claim == NO_CLAIM and name in layout)
     own, foreign = load_of(claims.values()), load_of(others)
     return Totals(

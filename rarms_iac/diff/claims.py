@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from rarms_iac.model.capacity import Capacity, claim_of_settings, fits
-from rarms_iac.model.plan import Claim
+from rarms_iac.model.capacity import Capacity, fits
+from rarms_iac.model.claims import Claim
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.state import Partition, RunState, State
 from rarms_iac.model.system import Disruption
@@ -28,7 +28,7 @@ def claim_of(partition: Partition | None) -> Claim:
     """
     if partition is None or not (partition.settings.running or partition.state in _ACTIVE):
         return NO_CLAIM
-    return claim_of_settings(partition.settings)
+    return partition.settings.claim
 
 
 def within(claim: Claim, limit: Claim) -> bool:

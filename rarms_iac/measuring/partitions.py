@@ -9,7 +9,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from rarms_iac.model.capacity import WHOLE, Capacity, capacity_of, claim_of_settings, fits
+from rarms_iac.model.capacity import Capacity, capacity_of, fits
+from rarms_iac.model.claims import WHOLE, Claim
 from rarms_iac.model.measurement import P1, P2, TEST_PARTITIONS, EnvironmentSetup
 from rarms_iac.model.operations import (
     CreatePartition,
@@ -23,7 +24,7 @@ from rarms_iac.model.operations import (
     WriteMark,
     WriteTaskClass,
 )
-from rarms_iac.model.plan import Claim, Scope
+from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import Checkpoints, Partition, RegistryValue, RunState, StartAction, State, StopAction
 from rarms_iac.model.system import Host
 from rarms_iac.providers.interface import StepwiseHost
@@ -66,9 +67,7 @@ def host_budget(host: Host, state: State, application: str) -> MeasuringBudget:
     """Add up what this host has to give: partitions of the application count while they run, all claims as always."""
     return MeasuringBudget(
         capacity=capacity_of(host, state.facts),
-        claims=tuple(
-            claim_of_settings(partition.settings) for partition in state.partitions if _counts(partition, application)
-        ),
+        claims=tuple(partition.settings.claim for partition in state.partitions if _counts(partition, application)),
     )
 
 

@@ -5,13 +5,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import accumulate
 
-from rarms_iac.model.plan import Claim
+from rarms_iac.model.claims import WHOLE, Claim, load_of
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, in_processors
-from rarms_iac.model.state import HostFacts, PartitionSettings, State
+from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Host
-
-WHOLE = 100
-"""What a logical processor has to give, in per cent of itself."""
 
 SEARCH_NODES = 5_000
 """How far the exact packing looks before it says no: a count, not a time, so that equal inputs have equal answers."""
@@ -29,28 +26,10 @@ class Capacity:
     memory: Bytes  # that may be promised
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Load:
-    """The sum of claims."""
-
-    percent: int = 0  # of one logical processor
-    memory: int = 0  # bytes
-
-    @property
-    def processors(self) -> LogicalProcessors:
-        """The same promise in logical processors."""
-        return LogicalProcessors(Fraction(self.percent, WHOLE))
-
-
-def claim_of_settings(settings: PartitionSettings) -> Claim:
-    """What is promised to a machine while it counts."""
-    return Claim(processors=settings.processors, reserve=settings.reserve, memory=settings.memory)
-
-
 def foreign_claims(state: State, application: str) -> tuple[Claim, ...]:
     """What the machines that are not this application's are promised: those that run, start, or start by themselves."""
     return tuple(
-        claim_of_settings(partition.settings)
+        partition.settings.claim
         for partition in state.partitions
         if partition.claims_resources and (partition.mark is None or partition.mark.application != application)
     )
@@ -67,15 +46,6 @@ def capacity_of(host: Host, facts: HostFacts | None) -> Capacity:
         processors=LogicalProcessors(max(Fraction(0), processors - kept)),
         memory=Bytes(max(0, memory - host.keep_for_host.memory)),
     )
-
-
-def load_of(claims: Iterable[Claim]) -> Load:
-    """What the claims add up to."""
-    percent = memory = 0
-    for claim in claims:
-        percent += claim.processors * claim.reserve
-        memory += claim.memory
-    return Load(percent=percent, memory=memory)
 
 
 def fits(capacity: Capacity, claims: Iterable[Claim]) -> bool:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Literal
 
+from rarms_iac.model.claims import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.model.system import StartMode
 
@@ -36,6 +37,11 @@ class PlacedPartition:
     making: Making = Making()
     why_limit: str = ""
     why_weight: str = ""
+
+    @property
+    def claim(self) -> Claim:
+        """What it is promised on its host while it runs."""
+        return Claim(processors=self.processors, reserve=self.reserve, memory=self.memory)
 
     @property
     def reserved(self) -> LogicalProcessors:

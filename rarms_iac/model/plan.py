@@ -6,6 +6,7 @@ from enum import StrEnum
 from typing import Literal
 
 from rarms_iac.model.changes import Address, Change
+from rarms_iac.model.claims import Claim
 from rarms_iac.model.diagnostics import Diagnostic, Place
 from rarms_iac.model.layout import Placement
 from rarms_iac.model.operations import Operation
@@ -47,23 +48,6 @@ class Undo:
     level: UndoLevel
     operation: Operation | None  # None where nothing can be done
     says: str = ""  # what it cannot bring back
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Claim:
-    """What a partition has promised to it while it counts: virtual processors of so many per cent, and bytes."""
-
-    processors: int = 0
-    reserve: int = 0  # whole per cent of each
-    memory: int = 0  # bytes
-
-    def is_less_than(self, after: "Claim") -> bool:
-        """Whether `after` promises more processor time or memory than this."""
-        return (
-            after.processors * after.reserve > self.processors * self.reserve
-            or after.memory > self.memory
-            or (after.reserve > self.reserve and after.processors > 0)
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
+from rarms_iac.model.claims import Claim
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.system import ProviderKind, SchedulerType
 
@@ -100,6 +101,11 @@ class PartitionSettings:
     stop_action: StopAction
     checkpoints: Checkpoints
     running: bool
+
+    @property
+    def claim(self) -> Claim:
+        """What the partition is promised while it runs; `running` does not matter here."""
+        return Claim(processors=self.processors, reserve=self.reserve, memory=self.memory)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

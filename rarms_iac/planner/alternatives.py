@@ -1,12 +1,11 @@
 """What else could have been: the hosts that a partition is not on, each with the reason."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from rarms_iac.model.capacity import capacity_of, fits
 from rarms_iac.model.layout import Cause, Layout, PlacedPartition
-from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.system import Host, System
 from rarms_iac.planner.groups import Group
@@ -65,7 +64,7 @@ def _elsewhere(group: Group, chosen: ChosenPlace, host: Host, reservations: Rese
     answer = size(group, host, reservations)
     if isinstance(answer, Cause):
         return Elsewhere(host=host.name, reserved=None, says=answer.says.rstrip("."))
-    there = replace(answer.placed, host=host.name)
+    there = replace(answer, host=host.name)
     layout = chosen.layout
     says = _without_layout(chosen, there) if layout is None else "; ".join(_compared(chosen, layout, there, host))
     return Elsewhere(host=host.name, reserved=there.reserved, says=says)
@@ -86,7 +85,7 @@ def _compared(chosen: ChosenPlace, layout: Layout, there: PlacedPartition, host:
         yield f"it would reserve only {amount}"
     else:
         yield f"it would reserve {amount} there too"
-    if fits(capacity_of(host, view.facts), (*view.claims, *claims_of([*beside, there]))):
+    if fits(capacity_of(host, view.facts), (*view.claims, *(partition.claim for partition in (*beside, there)))):
         if chosen.stays:
             yield f"there is room, and {chosen.stays}"
         elif there.reserved == placed.reserved:
@@ -96,18 +95,3 @@ def _compared(chosen: ChosenPlace, layout: Layout, there: PlacedPartition, host:
     else:
         names = [partition.name for partition in beside] + (["machines that are not ours"] if view.claims else [])
         yield f"it does not fit beside {', '.join(names)}" if names else "it does not fit"
-
-
-def claims_of(partitions: Iterable[PlacedPartition]) -> tuple[Claim, ...]:
-    """List what these partitions are promised.
-
-    Args:
-        partitions: placed partitions, in any order.
-
-    Returns:
-        A claim for each, in the same order: virtual processors, reserve (per cent of each) and memory (bytes).
-    """
-    return tuple(
-        Claim(processors=partition.processors, reserve=partition.reserve, memory=partition.memory)
-        for partition in partitions
-    )

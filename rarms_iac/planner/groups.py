@@ -1,12 +1,19 @@
 """Which components share a partition, before anything is searched: what `partitions` and `together` say."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from rarms_iac.model.layout import Cause
 from rarms_iac.model.system import Component, Headroom, PartitionRequest, RunsOn, System
 from rarms_iac.planner import findings
-from rarms_iac.planner.headroom import PartitionShare, Rank, ranks_of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rank:
+    """Where a criticality stands among all those of the manifest: 1 is the least."""
+
+    place: int = 1
+    of: int = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,9 +32,23 @@ class Group:
         return max((member.criticality for member in self.members), default=0)
 
     @property
-    def asking(self) -> PartitionShare:
-        """What the decision on limit and weight depends on."""
-        return PartitionShare(members=self.members, request=self.request, headroom=self.headroom, rank=self.rank)
+    def has_apt(self) -> bool:
+        """Whether a member has an APT, so that neither a cap nor a low weight may falsify what was measured."""
+        return any(member.apt for member in self.members)
+
+
+def ranks_of(components: Iterable[Component]) -> Mapping[int, Rank]:
+    """Rank the criticalities of the manifest.
+
+    Args:
+        components: all that run in partitions, whatever partitions these are: combining some must not move another's
+            weight.
+
+    Returns:
+        A rank for each criticality; 1 is the least critical.
+    """
+    values = sorted({component.criticality for component in components})
+    return {value: Rank(place=at, of=len(values)) for at, value in enumerate(values, 1)}
 
 
 def groups_of(system: System) -> tuple[Group, ...]:

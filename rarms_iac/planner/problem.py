@@ -4,8 +4,8 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Seq
 from dataclasses import dataclass
 
 from rarms_iac.model.capacity import capacity_of, foreign_claims
+from rarms_iac.model.claims import Claim
 from rarms_iac.model.layout import Cause, Infeasible, Layout, PlacedPartition, Placement
-from rarms_iac.model.plan import Claim
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Host, RunsOn, System
 from rarms_iac.planner import findings
@@ -13,7 +13,7 @@ from rarms_iac.planner.groups import Group, company, groups_of
 from rarms_iac.planner.packing.pack import pack, packs
 from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing
 from rarms_iac.planner.reservations import ReservationSource, rests_on_a_log
-from rarms_iac.planner.sizes import Sized, size
+from rarms_iac.planner.sizes import size
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,8 +210,8 @@ def _placed(problem: Problem, packing: Packing) -> tuple[PlacedPartition, ...]:
     placed = []
     for name, host in packing.hosts.items():
         answer = size(groups[name], problem.system.hosts[host], problem.reservations)
-        assert isinstance(answer, Sized), "a partition is only placed where it can be"
-        placed.append(answer.placed)
+        assert isinstance(answer, PlacedPartition), "a partition is only placed where it can be"
+        placed.append(answer)
     return tuple(sorted(placed, key=lambda partition: (partition.host, partition.name)))
 
 

@@ -1,10 +1,8 @@
 """What a partition gets on a host, in the provider's grain: rounded up, so that what fits on paper fits there."""
 
-from dataclasses import dataclass
 from fractions import Fraction
 
 from rarms_iac.model.layout import Cause, Making, PlacedPartition
-from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import (
     Bytes,
     CpuAmount,
@@ -18,24 +16,11 @@ from rarms_iac.model.quantities import (
 from rarms_iac.model.system import Host, HypervHost, Measured
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import Group
-from rarms_iac.planner.headroom import share_of
+from rarms_iac.planner.headroom import limit_of, weight_of
 from rarms_iac.planner.reservations import NotMeasured, ReservationSource
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sized:
-    """A partition as it would be on one host."""
-
-    placed: PlacedPartition
-
-    @property
-    def claim(self) -> Claim:
-        """What the partition would be promised on that host."""
-        placed = self.placed
-        return Claim(processors=placed.processors, reserve=placed.reserve, memory=placed.memory)
-
-
-def size(group: Group, host: Host, reservations: ReservationSource) -> Sized | Cause:
+def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPartition | Cause:
     """Work out a partition's settings on one host.
 
     Args:
@@ -65,26 +50,25 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> Sized | C
     if reserve and processors > host.logical_processors:
         says = f"The {_count(processors)} of {group.name} are more than the {host.logical_processors} of {host.name}."
         return Cause(what=f"partition/{group.name}", says=says, code=findings.TOO_WIDE.code)
-    share = share_of(group.asking, host, processors, reserve)
+    limit, why_limit = limit_of(group, host, processors, reserve)
+    weight, why_weight = weight_of(group)
     memory = sum(member.memory for member in group.members) if group.request.memory is None else group.request.memory
-    return Sized(
-        placed=PlacedPartition(
-            name=group.name,
-            host=host.name,
-            components=tuple(member.name for member in group.members),
-            criticality=group.criticality,
-            processors=processors,
-            reserve=reserve,
-            limit=share.limit,
-            weight=share.weight,
-            why_limit=share.why_limit,
-            why_weight=share.why_weight,
-            memory=Bytes(memory),
-            start=group.request.start,
-            generation=_generation(group, host),
-            reason=_reason(group, host, wanted, reserve, processors),
-            making=_making(group, host),
-        )
+    return PlacedPartition(
+        name=group.name,
+        host=host.name,
+        components=tuple(member.name for member in group.members),
+        criticality=group.criticality,
+        processors=processors,
+        reserve=reserve,
+        limit=limit,
+        weight=weight,
+        why_limit=why_limit,
+        why_weight=why_weight,
+        memory=Bytes(memory),
+        start=group.request.start,
+        generation=_generation(group, host),
+        reason=_reason(group, host, wanted, reserve, processors),
+        making=_making(group, host),
     )
 
 

@@ -8,9 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rarms_iac.model.changes import Address
+from rarms_iac.model.claims import Claim
 from rarms_iac.model.diagnostics import Place
 from rarms_iac.model.operations import WriteTaskClass
-from rarms_iac.model.plan import Claim, Reading, Step, Undo, UndoLevel
+from rarms_iac.model.plan import Reading, Step, Undo, UndoLevel
 from rarms_iac.model.state import RegistryValue
 from rarms_iac.model.system import Disruption
 from rarms_iac.powershell.calls import VALUE, ScriptPiece, call, task_value_calls

@@ -1,9 +1,10 @@
 """A run of three steps, for what a journal must keep."""
 
 from rarms_iac.model.changes import Address
+from rarms_iac.model.claims import Claim
 from rarms_iac.model.journal import RunKind, RunStarted
 from rarms_iac.model.operations import SetCpu, StopPartition
-from rarms_iac.model.plan import Claim, HostPlan, Step, Undo, UndoLevel
+from rarms_iac.model.plan import HostPlan, Step, Undo, UndoLevel
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Disruption
 from tests import builders

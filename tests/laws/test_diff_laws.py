@@ -9,7 +9,8 @@ from rarms_iac.diff.claims import StepBudget, claim_of
 from rarms_iac.diff.compare import compare
 from rarms_iac.diff.drift import DriftKind, drift
 from rarms_iac.diff.order import OrderedSteps
-from rarms_iac.model.capacity import foreign_claims, load_of, packs
+from rarms_iac.model.capacity import foreign_claims, packs
+from rarms_iac.model.claims import load_of
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.plan import Step, UndoLevel

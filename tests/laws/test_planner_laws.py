@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from rarms_iac.manifest.checks.tasks import ORDER_NOT_EXPRESSED, order_not_expressed
 from rarms_iac.model.capacity import Capacity, fits
+from rarms_iac.model.claims import Claim
 from rarms_iac.model.layout import Infeasible, Layout
-from rarms_iac.model.plan import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.model.system import TaskCategory, TaskRequest
 from rarms_iac.planner.layout import plan_layout

@@ -15,7 +15,7 @@ from rarms_iac.model.system import Disruption
 from rarms_iac.model.where import partition_place
 from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.groups import groups_of
-from rarms_iac.planner.headroom import said_limit
+from rarms_iac.planner.headroom import limit_in_manifest
 
 RESTART = Finding(code="RARMS041", severity=Severity.WARNING, summary="A change restarts or stops a partition")
 MEMORY_SHRINKS = Finding(code="RARMS220", severity=Severity.WARNING, summary="A change takes memory from a partition")
@@ -124,7 +124,7 @@ def review_raised_limits(part: ReviewedPlan) -> Iterator[Diagnostic]:
     ]
     groups = {group.name: group for group in groups_of(part.system)} if raised else {}
     for partition in raised:
-        limit = said_limit(groups[partition.name].asking, part.plan.host, partition.processors)
+        limit = limit_in_manifest(groups[partition.name], part.plan.host, partition.processors)
         if limit is not None and limit < partition.reserve:
             yield LIMIT_RAISED.at(
                 partition_place(part.system, part.places, partition.name),

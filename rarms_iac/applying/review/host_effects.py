@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 
 from rarms_iac.applying.review.reviewed_plan import ReviewedPlan
-from rarms_iac.model.capacity import claim_of_settings, foreign_claims, packs_by_size
+from rarms_iac.model.capacity import foreign_claims, packs_by_size
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.mmcss import thread_priority
 from rarms_iac.model.plan import Purpose
@@ -27,7 +27,7 @@ def review_script_placement(part: ReviewedPlan) -> Iterator[Diagnostic]:
     """
     if part.plan.host.provider is not ProviderKind.HYPERV or not part.plan.changes:
         return
-    managed = [claim_of_settings(settings) for settings in part.settings_after() if settings.running]
+    managed = [settings.claim for settings in part.settings_after() if settings.running]
     claims = (*foreign_claims(part.observed, part.application), *managed)
     if managed and not packs_by_size(claims, part.observed.facts.logical_processors):
         yield NO_SCRIPT_PLACEMENT.at(

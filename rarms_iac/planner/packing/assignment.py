@@ -8,8 +8,8 @@ processors, and a set that satisfies them all and still cannot be laid is forbid
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import gcd, inf
 
-from rarms_iac.model.capacity import WHOLE, holds
-from rarms_iac.model.plan import Claim
+from rarms_iac.model.capacity import holds
+from rarms_iac.model.claims import WHOLE, Claim
 from rarms_iac.planner.packing.highs import Row
 from rarms_iac.planner.packing.values import Bin, Item, cost, free_in, least_cost
 

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import product
 from random import Random
 
-from rarms_iac.model.capacity import Load, packs_by_size
-from rarms_iac.model.plan import Claim
+from rarms_iac.model.capacity import packs_by_size
+from rarms_iac.model.claims import Claim, Load
 from rarms_iac.planner.packing.values import Bin, Item, cost, free_in, least_cost, least_memory, value_of
 
 SHAKEN = 12

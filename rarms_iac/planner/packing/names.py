@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from rarms_iac.model.capacity import Effort, holds
-from rarms_iac.model.plan import Claim
+from rarms_iac.model.claims import Claim
 from rarms_iac.planner.packing.values import Bin, Item, cost, least_cost
 
 TRIED = 4_000

@@ -6,7 +6,7 @@ from fractions import Fraction
 from random import Random
 
 from rarms_iac.model.capacity import Capacity
-from rarms_iac.model.plan import Claim
+from rarms_iac.model.claims import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.planner.packing.assignment import Assignment
 from rarms_iac.planner.packing.first_fit import first_fit_of_some

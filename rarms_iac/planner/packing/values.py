@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from rarms_iac.model.capacity import WHOLE, Capacity, Load, holds, load_of
-from rarms_iac.model.plan import Claim
+from rarms_iac.model.capacity import Capacity, holds
+from rarms_iac.model.claims import WHOLE, Claim, Load, load_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,7 +2,8 @@ from dataclasses import replace
 
 from rarms_iac.applying.plan_summary import totals_of
 from rarms_iac.model.changes import Address
-from rarms_iac.model.plan import Claim, Purpose, Step, Totals
+from rarms_iac.model.claims import Claim
+from rarms_iac.model.plan import Purpose, Step, Totals
 from rarms_iac.model.state import State
 from rarms_iac.model.system import StartMode
 from rarms_iac.views.console import UNLIMITED, render

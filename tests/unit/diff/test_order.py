@@ -7,8 +7,9 @@ from rarms_iac.diff.order import Cycle, OrderedSteps, order
 from rarms_iac.diff.steps import PlannedChange
 from rarms_iac.model.capacity import Capacity
 from rarms_iac.model.changes import Address, Reason, Update
+from rarms_iac.model.claims import Claim
 from rarms_iac.model.operations import SetCpu, SetMemory, StartPartition, StopPartition
-from rarms_iac.model.plan import Claim, Step, Undo, UndoLevel
+from rarms_iac.model.plan import Step, Undo, UndoLevel
 from rarms_iac.model.quantities import Bytes, LogicalProcessors, Percent, ShareOfHost
 from rarms_iac.model.state import Partition, RunState, State
 from rarms_iac.model.system import CpuRequest, Disruption, System

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rarms_iac.model.capacity import Capacity, capacity_of, fits, packs
-from rarms_iac.model.plan import Claim
+from rarms_iac.model.claims import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from tests.builders import a_host
 from tests.strategies import facts_for

@@ -5,7 +5,8 @@ from hypothesis import strategies as st
 
 from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.system import Headroom, System
-from rarms_iac.planner.headroom import MAX_WEIGHT, WEIGHT, ranks_of, weight_of_rank
+from rarms_iac.planner.groups import ranks_of
+from rarms_iac.planner.headroom import MAX_WEIGHT, WEIGHT, weight_of_rank
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.reservations import FixedReservations
 from tests.builders import a_component, a_system, at_most

@@ -8,7 +8,7 @@ from random import Random
 import pytest
 
 from rarms_iac.model.capacity import Capacity, fits
-from rarms_iac.model.plan import Claim
+from rarms_iac.model.claims import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.planner.infeasibility.conflict import conflicts
 from rarms_iac.planner.packing.pack import pack

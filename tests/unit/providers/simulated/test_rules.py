@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rarms_iac.model.capacity import packs as planned_packs
-from rarms_iac.model.plan import Claim
+from rarms_iac.model.claims import Claim
 from rarms_iac.providers.simulated.rules import CAPACITY, packs
 
 
