@@ -108,9 +108,8 @@ def not_written(path: str, error: OSError) -> Diagnostic:
         path: the file, as people know it.
         error: why.
     """
-    return NOT_WRITTEN.at(
-        None, f"{path}: {error.strerror or error}.", "Name a file in a folder that exists and that you may write to."
-    )
+    advice = "Name a regular file, no link, in a folder that exists and that you may write to."
+    return NOT_WRITTEN.at(None, f"{path}: {error.strerror or error}.", advice)
 
 
 def not_read(path: str, message: str, advice: str) -> Diagnostic:

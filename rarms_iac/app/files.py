@@ -43,13 +43,15 @@ def read_file(path: str, limit: int, origin: str) -> bytes:
 
 
 def write_file(path: str, data: bytes) -> None:
-    """Replace what a file holds, whole or not at all; its rights stay, and a link goes on pointing to it.
+    """Replace what a file holds, whole or not at all; its rights stay.
+
+    Nothing is written through a link, whoever made it; what leads to a device or a pipe (`/dev/stdout`) is written to.
 
     Raises:
-        UseCaseError: the system does not let us; what was there before still is.
+        UseCaseError: the name is that of a link, or the system does not let us; what was there before still is.
     """
     try:
-        target = Path(path).resolve()
+        target = Path(path)
         before = target.stat() if target.exists() else None
         if before is not None and not stat.S_ISREG(before.st_mode):
             target.write_bytes(data)  # NOTE: a device or pipe must never be replaced by a file; a folder says no

@@ -25,6 +25,10 @@ P2 = "rarms-p2"
 TEST_PARTITIONS = (P1, P2)
 
 
+LARGEST_SAMPLE = 1e12
+"""The largest time (in milliseconds: thirty years) or count of a sample; sums and squares of many stay finite."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sample:
     """What one job of a component showed."""

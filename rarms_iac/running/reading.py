@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from rarms_iac.model.measurement import LARGEST_SAMPLE
 from rarms_iac.model.system import Call, Field, Run, Samples
 
 SHOWN = 60
@@ -72,6 +73,8 @@ def read_values(samples: Samples, values: Mapping[str, Any], line: str) -> Readi
         if not there or (value is not None and response is None):
             return _wrong(samples.response_time, "a time", value, line, there=there)
         response = None if response is None else response * float(samples.response_time.factor)
+        if response is not None and response > LARGEST_SAMPLE:
+            return _wrong(samples.response_time, f"at most {LARGEST_SAMPLE:.0e} ms", value, line, there=True)
     successful: bool | None = samples.response_time is None or response is not None
     if samples.success is not None:
         there, value = look_up(values, samples.success)
@@ -81,7 +84,7 @@ def read_values(samples: Samples, values: Mapping[str, Any], line: str) -> Readi
     if samples.count is not None:
         there, value = look_up(values, samples.count)
         count = number(value)
-        if count is None:
+        if count is None or count > LARGEST_SAMPLE:
             return _wrong(samples.count, "a number", value, line, there=there)
     return Reading(response_ms=response, successful=bool(successful), count=1.0 if count is None else count)
 

@@ -63,6 +63,17 @@ def decode_union(hint: object, data: object) -> Any:
     return _decoder(hint)(data, "")
 
 
+def in_64_bits(number: int, path: str) -> int:
+    """Give the number back where 64 bits, with or without a sign, hold it: whatever is computed from it stays finite.
+
+    Raises:
+        NotDecodable: it is larger.
+    """
+    if not -(2**63) <= number < 2**64:
+        raise NotDecodable(path, "it is a whole number of more than 64 bits")
+    return number
+
+
 @_once
 def _encoder(hint: Any) -> Encode:
     hint = _bare(hint)
@@ -259,7 +270,7 @@ def _exactly(cls: Any) -> Decode:
     def read(data: Any, path: str) -> Any:
         if type(data) is not cls:  # so that true is no number
             raise NotDecodable(path, f"{_told(data)} is no {_NAMES[cls]}")
-        return data
+        return in_64_bits(data, path) if cls is int else data
 
     return read
 
@@ -279,7 +290,7 @@ def _one_of(members: dict[Any, Any]) -> Decode:
 def _decode_float(data: Any, path: str) -> float:
     if type(data) not in (int, float):
         raise NotDecodable(path, f"{_told(data)} is no number")
-    return float(data)
+    return float(in_64_bits(data, path) if type(data) is int else data)
 
 
 def _decode_fraction(data: Any, path: str) -> Fraction:

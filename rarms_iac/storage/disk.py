@@ -6,6 +6,7 @@ counts the effects and ends the process at the n-th shows what a crash leaves be
 """
 
 import os
+import stat
 import sys
 import time
 from collections.abc import Iterator
@@ -63,20 +64,22 @@ class RealFileEffects:
 
     def write(self, path: Path, data: bytes) -> None:
         """Make the file new, or empty it, and write this."""
-        path.write_bytes(data)
+        with os.fdopen(open_to_write(path, os.O_CREAT | os.O_TRUNC), "wb") as file:
+            file.write(data)
 
     def append(self, path: Path, data: bytes) -> None:
         """Write at the end of a file that exists."""
-        with path.open("ab") as file:
+        with os.fdopen(open_to_write(path, os.O_APPEND), "ab") as file:
             file.write(data)
 
     def cut(self, path: Path, size: int) -> None:
         """Drop everything of the file behind so many bytes."""
-        os.truncate(path, size)
+        with os.fdopen(open_to_write(path), "r+b") as file:
+            file.truncate(size)
 
     def flush(self, path: Path) -> None:
         """Return when the file's content is on the disk itself."""
-        with path.open("r+b") as file:  # Windows flushes only what is open for writing
+        with os.fdopen(open_to_write(path), "r+b") as file:  # Windows flushes only what is open for writing
             os.fsync(file.fileno())
 
     def rename(self, source: Path, target: Path) -> None:
@@ -105,6 +108,51 @@ class RealFileEffects:
     def remove(self, path: Path) -> None:
         """Remove the file; it may be gone."""
         path.unlink(missing_ok=True)
+
+
+class NotOurFile(OSError):
+    """What has the name is a symbolic link, or no regular file: rarms writes to neither."""
+
+    def __init__(self, path: Path, kind: str) -> None:
+        super().__init__(0, f"it is {kind}: rarms writes to regular files only, and through no link", str(path))
+
+
+def open_to_write(path: Path, flags: int = 0) -> int:
+    """Open a regular file for reading and writing, without blocking and without following a link.
+
+    A link among the folders above is followed: they are where the user chose to keep things.
+
+    Args:
+        path: the file.
+        flags: more flags of `os.open`; `O_CREAT` makes the file where there is none.
+
+    Raises:
+        NotOurFile: the name is that of a link, a folder, a pipe or a device.
+        OSError: the system refuses.
+    """
+    check_target(path)
+    safe = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    handle = os.open(path, os.O_RDWR | safe | flags, 0o666)
+    if not stat.S_ISREG(os.fstat(handle).st_mode):  # it came between the check and the opening
+        os.close(handle)
+        raise NotOurFile(path, "not a regular file")
+    return handle
+
+
+def check_target(path: Path) -> None:
+    """Refuse a name that is there and is not a regular file's.
+
+    Raises:
+        NotOurFile: the name is that of a link, a folder, a pipe or a device.
+    """
+    try:
+        mode = path.lstat().st_mode
+    except FileNotFoundError:
+        return
+    if stat.S_ISLNK(mode):
+        raise NotOurFile(path, "a symbolic link")
+    if not stat.S_ISREG(mode):
+        raise NotOurFile(path, "not a regular file")
 
 
 _in_use: list[FileEffects] = [RealFileEffects()]

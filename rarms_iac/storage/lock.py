@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from rarms_iac.storage.disk import open_to_write
 from rarms_iac.storage.reading import open_regular
 
 POLL_SECONDS = 0.02
@@ -34,8 +35,9 @@ def hold(path: Path, owner: str, timeout_ms: int = 0) -> Iterator[None]:
 
     Raises:
         Locked: somebody else holds it, after waiting so long.
+        OSError: what has the name is no regular file, or the system refuses.
     """
-    descriptor = _open(path)
+    descriptor = open_to_write(path, os.O_CREAT)
     try:
         _wait(descriptor, path, timeout_ms)
         try:
@@ -55,10 +57,6 @@ def read_owner(path: Path) -> str:
             return file.read(OWNER_BYTES).decode("utf-8", "replace").strip()
     except OSError:
         return ""
-
-
-def _open(path: Path) -> int:
-    return os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
 
 
 def _wait(descriptor: int, path: Path, timeout_ms: int) -> None:

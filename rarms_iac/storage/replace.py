@@ -14,8 +14,10 @@ def replace(path: Path, data: bytes) -> None:
     The file's folder must exist.
 
     Raises:
+        NotOurFile: the name is that of a link, a folder, a pipe or a device.
         OSError: it cannot be written; the old content is still there.
     """
+    disk.check_target(path)
     effects = disk.current()
     temporary = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}.new")
     try:

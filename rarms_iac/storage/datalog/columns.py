@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import cast
 
-from rarms_iac.model.measurement import Sample, Series, Setting
-from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
+from rarms_iac.model.measurement import LARGEST_SAMPLE, Sample, Series, Setting
+from rarms_iac.storage.codec import Json, NotDecodable, decode, encode, in_64_bits
 from rarms_iac.storage.datalog.log import Provenance, Recorded
 
 DIGITS = 4
@@ -109,8 +109,10 @@ def _series(data: Json, path: str) -> Series:
     missed = set(_indexes(data.get("unsuccessful", []), len(began), f"{path}.unsuccessful"))
     failures = _failures(data.get("failures", {}), len(began), f"{path}.failures")
     name, elapsed, cpu = data["component"], data["elapsed_ms"], data["cpu_ms"]
-    if type(name) is not str or type(elapsed) not in _NUMBER or type(cpu) not in _ANSWER:
-        raise NotDecodable(path, "its component, elapsed_ms or cpu_ms is of a wrong type")
+    if type(name) is not str:
+        raise NotDecodable(f"{path}.component", "it is no text")
+    _check_numbers([elapsed], _NUMBER, f"{path}.elapsed_ms")
+    _check_numbers([cpu], _ANSWER, f"{path}.cpu_ms")
     samples = tuple(
         Sample(
             began_ms=start,
@@ -136,15 +138,24 @@ def _whole(data: Mapping[str, Json], name: str) -> int:
     value = data[name]
     if type(value) is not int:
         raise NotDecodable(name, "it is no whole number")
-    return value
+    return in_64_bits(value, name)
 
 
 def _column(data: Mapping[str, Json], name: str, types: frozenset[type], path: str) -> Sequence[float]:
-    """NOTE: checked as a whole, because a log holds many thousand numbers."""
     column = data[name]
-    if not isinstance(column, list) or not set(map(type, column)) <= types:
-        raise NotDecodable(f"{path}.{name}", "it is no array of numbers")
+    if not isinstance(column, list):
+        raise NotDecodable(f"{path}.{name}", "it is no array")
+    _check_numbers(column, types, f"{path}.{name}")
     return cast("Sequence[float]", column)
+
+
+def _check_numbers(values: Sequence[Json], types: frozenset[type], path: str) -> None:
+    """NOTE: checked as a whole, because a log holds many thousand numbers."""
+    if not set(map(type, values)) <= types:
+        raise NotDecodable(path, "it is or holds what is no number")
+    numbers = cast("Sequence[float]", [value for value in values if value is not None])
+    if numbers and not (min(numbers) >= 0 and max(numbers) <= LARGEST_SAMPLE):
+        raise NotDecodable(path, f"a number is below 0 or above {LARGEST_SAMPLE:.0e}")
 
 
 def _indexes(data: Json, length: int, path: str) -> Sequence[int]:

@@ -190,16 +190,26 @@ def test_fmt_of_what_is_no_manifest_changes_nothing_and_says_why(here: Path) -> 
 
 
 @pytest.mark.needs("posix")
-@pytest.mark.needs("posix")
-def test_fmt_keeps_a_files_rights_and_a_link(here: Path) -> None:
-    file, link = here / "rarms.yaml", here / "link.yaml"
+def test_fmt_keeps_a_files_rights(here: Path) -> None:
+    file = here / "rarms.yaml"
     file.write_bytes(file.read_bytes() + b"\n\n")
     file.chmod(0o600)
+
+    assert rarms("fmt", str(file)).code == 0
+    assert file.stat().st_mode & 0o777 == 0o600
+
+
+@pytest.mark.needs("posix")
+def test_fmt_writes_through_no_link(here: Path) -> None:
+    file, link = here / "rarms.yaml", here / "link.yaml"
+    file.write_bytes(untidy := file.read_bytes() + b"\n\n")
     link.symlink_to(file)
 
-    assert rarms("fmt", str(link)).code == 0
-    assert link.is_symlink()
-    assert file.stat().st_mode & 0o777 == 0o600
+    answer = rarms("fmt", str(link))
+
+    assert answer.code == 1
+    assert "a symbolic link" in answer.err
+    assert file.read_bytes() == untidy
 
 
 def test_fmt_for_programs(here: Path) -> None:

@@ -122,8 +122,8 @@ def test_what_is_no_setting_says_why(tmp_path: Path, before: str, after: Any, me
     ("column", "value", "message"),
     [
         ("response_ms", [1.0], "different lengths"),
-        ("response_ms", ["1", 2], "no array of numbers"),
-        ("began_ms", [None, 2], "no array of numbers"),
+        ("response_ms", ["1", 2], "no number"),
+        ("began_ms", [None, 2], "no number"),
         ("unsuccessful", [2], "not there"),
         ("failures", {"x": "died"}, "no numbers of samples"),
         ("failures", {"1": 4}, "no object of texts"),

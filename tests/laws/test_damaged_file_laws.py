@@ -1,0 +1,196 @@
+"""Whatever a file that rarms reads holds, and whatever stands in its place: a finding, never a bug of ours.
+
+Documents are changed in one place and sealed again, so that no checksum stands in the way of what is tested.
+"""
+
+import copy
+import hashlib
+import json
+import os
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import chdir, contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rarms_iac.storage.digest import digest
+from tests.effort import examples
+from tests.files import copy_files
+from tests.measured_cell import HOST, PLAN, READERS, make_cell
+from tests.unit.cli.running import Ran, rarms
+
+SECONDS = 30  # what hangs does so for ever: this need not be near what a command takes
+LINES, TOP = ("length", "checksum"), {PLAN: "seal", HOST: "checksum"}
+JSON_FILES = sorted(file for file in READERS if file.endswith((".json", ".jsonl")))
+REMOVE = object()
+ODD_VALUES: list[Any] = [
+    *(REMOVE, None, True, 0, -1, -0.0, 1.5, 1e308, -1e308, 1e-320, 10**30, 10**400, 2**63),
+    *("", "x" * 3000, "1/3", "0/1", "-1/3", "9" * 40, "NaN", "2026-99-99", "../../x", "\x00", "\ud800"),
+    *("é\u202e\x1b[31m\n::error::x", [], {}, [[[[]]]]),
+]
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_cell(tmp_path_factory.mktemp("cell") / "files")
+
+
+def paths_in(value: Any) -> Iterator[tuple[Any, ...]]:
+    """The way to every value of a document; of a long array to its first."""
+    if isinstance(value, dict | list):
+        for key in list(value) if isinstance(value, dict) else range(min(len(value), 6)):
+            yield (key,)
+            yield from ((key, *rest) for rest in paths_in(value[key]))
+
+
+def changed(document: Any, path: tuple[Any, ...], new: Any) -> Any:
+    """The document with one value replaced, or removed."""
+    document = copy.copy(document)
+    if len(path) > 1:
+        document[path[0]] = changed(document[path[0]], path[1:], new)
+    elif new is REMOVE:
+        del document[path[0]]
+    else:
+        document[path[0]] = new
+    return document
+
+
+def damage_line(file: Path, number: int, draw: Callable[[list[tuple[Any, ...]]], tuple[Any, ...]], new: Any) -> None:
+    """Change a record and give it the checksum of its new text."""
+    lines = file.read_bytes().splitlines(keepends=True)
+    at = number % len(lines)
+    record = {key: value for key, value in json.loads(lines[at]).items() if key not in LINES}
+    text = json.dumps(changed(record, draw(list(paths_in(record))), new), separators=(",", ":")).encode()
+    checksum = hashlib.sha256(text).hexdigest().encode()
+    lines[at] = b'%s,"length":%d,"checksum":"%s"}\n' % (text[:-1], len(text), checksum)
+    file.write_bytes(b"".join(lines))
+
+
+def damage_document(file: Path, draw: Callable[[list[tuple[Any, ...]]], tuple[Any, ...]], new: Any, seal: str) -> None:
+    """Change a document and seal it again."""
+    document = json.loads(file.read_bytes())
+    document = changed(document, draw(list(paths_in(document))), new)
+    if seal == "seal":
+        rest = {key: value for key, value in document.items() if key != seal}
+        document[seal] = digest(rest)
+    elif seal:
+        document[seal] = digest(document.get("content"))
+    file.write_text(json.dumps(document), encoding="utf-8")
+
+
+@contextmanager
+def in_time() -> Iterator[None]:
+    """Fail what hangs, where the system has alarms."""
+
+    def fail(*_: object) -> None:
+        raise AssertionError(f"it did not end within {SECONDS} s")
+
+    if not hasattr(signal, "SIGALRM"):
+        yield
+        return
+    before = signal.signal(signal.SIGALRM, fail)
+    signal.alarm(SECONDS)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def check(answer: Ran) -> None:
+    """It is no bug of ours, and nothing that was read reaches the terminal as it is."""
+    text = answer.out + answer.err
+    assert "RARMS199" not in text
+    assert "Traceback" not in text
+    assert "\x1b" not in text
+    assert "\u202e" not in text
+    assert "\n::error" not in text
+
+
+@settings(max_examples=examples(60))
+@given(data=st.data(), file=st.sampled_from(JSON_FILES), new=st.sampled_from(ODD_VALUES))
+def test_a_value_that_nobody_wrote_is_a_finding(
+    cell: Path, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject, file: str, new: Any
+) -> None:
+    folder = tmp_path_factory.mktemp("damaged") / "files"
+    copy_files(cell, folder)
+
+    def draw(paths: list[tuple[Any, ...]]) -> tuple[Any, ...]:
+        return data.draw(st.sampled_from(paths))
+
+    try:
+        if file.endswith(".jsonl"):
+            damage_line(folder / file, data.draw(st.integers(0, 20)), draw, new)
+        else:
+            damage_document(folder / file, draw, new, TOP.get(file, ""))
+    except (ValueError, TypeError):  # no seal can be made of it: the reader need not get further than we did
+        return
+    words = data.draw(st.sampled_from(READERS[file]))
+    with chdir(folder), in_time():
+        check(rarms(*words))
+
+
+def make_pipe(path: Path) -> None:
+    os.mkfifo(path)
+
+
+def make_folder(path: Path) -> None:
+    path.mkdir()
+
+
+def link_to_an_endless_device(path: Path) -> None:
+    path.symlink_to("/dev/zero")
+
+
+def link_to_itself(path: Path) -> None:
+    path.symlink_to(path.name)
+
+
+def link_to_a_pipe(path: Path) -> None:
+    make_pipe(path.with_name("pipe"))
+    path.symlink_to("pipe")
+
+
+def empty_file(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+PLACED = [make_pipe, make_folder, link_to_an_endless_device, link_to_itself, link_to_a_pipe, empty_file]
+LOCKS = {
+    ".rarms/hosts/onboard.lock": [["apply", "--auto-approve"], ["plan"]],
+    ".rarms/locks/configuration.lock": [["prove"]],
+    ".rarms/locks/onboard/vision/busy-loop.jsonl.lock": [["measure", "vision", "--samples", "70"]],
+    ".rarms/.gitignore": [["measure", "vision", "--samples", "70"]],
+}
+
+
+@pytest.mark.needs("posix")
+@pytest.mark.parametrize("file", sorted(READERS | LOCKS))
+def test_what_is_no_regular_file_is_a_finding(cell: Path, tmp_path: Path, file: str) -> None:
+    commands = (READERS | LOCKS)[file]
+    for number, place in enumerate(PLACED):
+        folder = tmp_path / str(number)
+        copy_files(cell, folder)
+        (folder / file).unlink(missing_ok=True)
+        place(folder / file)
+        with chdir(folder), in_time():
+            check(rarms(*commands[number % len(commands)]))
+
+
+@pytest.mark.needs("posix")
+@pytest.mark.parametrize("file", sorted(READERS | LOCKS))
+def test_nothing_is_written_through_a_link(cell: Path, tmp_path: Path, file: str) -> None:
+    for number, words in enumerate((READERS | LOCKS)[file]):
+        folder, victim = tmp_path / str(number), tmp_path / f"victim-{number}"
+        copy_files(cell, folder)
+        content = (folder / file).read_bytes()
+        victim.write_bytes(content)
+        (folder / file).unlink(missing_ok=True)
+        (folder / file).symlink_to(victim)
+        with chdir(folder), in_time():
+            check(rarms(*words))
+        assert victim.read_bytes() == content, words

@@ -1,0 +1,101 @@
+"""A small cell with one file of every kind that rarms reads: measured, tuned, planned, applied, proven."""
+
+from contextlib import chdir
+from pathlib import Path
+
+from tests.unit.cli.running import rarms
+
+MANIFEST = """\
+schema: rarms/v1
+
+application: { name: cell }
+
+hosts:
+  onboard: { logical_processors: 2, memory: 4 GiB }
+
+components:
+  vision:
+    criticality: 30
+    apt: { mean_response_time: { at_most: 25 ms } }
+    memory: 512 MiB
+    cpu: { reserve: measured }
+    simulation: { work: 20 ms, varies: 2 % }
+
+  paths:
+    criticality: 20
+    apt: { mean_response_time: { at_most: 65 ms } }
+    memory: 512 MiB
+    cpu: { reserve: measured }
+    simulation: { work: 20 ms, varies: 2 % }
+
+  video:
+    criticality: 10
+    apt: { mean_response_time: { at_most: 75 ms } }
+    memory: 512 MiB
+    cpu: { reserve: measured }
+    simulation: { work: 20 ms, varies: 2 % }
+"""
+OVERLAY = "components: { vision: { criticality: 31 } }\n"
+
+MEASURED = "measurements/onboard"
+HOST = ".rarms/hosts/onboard.json"
+JOURNAL = ".rarms/hosts/onboard.journal.jsonl"
+DATA_LOG = f"{MEASURED}/paths/busy-loop.jsonl"
+COMPOUND_LOG = f"{MEASURED}/paths+video/busy-loop.jsonl"
+CONFIGURATION_LOG = f"{MEASURED}/paths.configuration.jsonl"
+TUNING_LOG = f"{MEASURED}/tuning.jsonl"
+PLAN, SNAPSHOT = "plan.json", "snapshot.json"
+
+READERS: dict[str, list[list[str]]] = {
+    "rarms.yaml": [["validate"], ["plan"], ["fmt"], ["measure"]],
+    "overlay.yaml": [["validate", "--overlay", "overlay.yaml"], ["plan", "--overlay", "overlay.yaml"]],
+    HOST: [
+        ["plan"],
+        ["apply", PLAN],
+        ["drift"],
+        ["undo", "--auto-approve"],
+        ["snapshot", "--out", "new.json"],
+        ["prove"],
+        ["measure", "vision"],
+        ["doctor"],
+        ["destroy", "--auto-approve"],
+    ],
+    JOURNAL: [["plan"], ["apply", "--auto-approve"], ["apply", PLAN], ["drift"], ["undo", "--auto-approve"]],
+    DATA_LOG: [
+        ["plan"],
+        ["explain", "paths"],
+        ["report", "--out", "report.html"],
+        ["export", "--out", "table.csv"],
+        ["export", "--samples", "--out", "samples.csv"],
+        ["measure"],
+        ["select", "paths", "--at", "70 ms"],
+        ["tune"],
+        ["apply", "--auto-approve"],
+        ["graph", "--candidates"],
+    ],
+    COMPOUND_LOG: [["plan"], ["explain", "paths"], ["report", "--out", "report.html"], ["tune"], ["prove"]],
+    CONFIGURATION_LOG: [["plan"], ["explain", "paths"], ["prove"], ["report", "--out", "report.html"]],
+    TUNING_LOG: [["tune"], ["report", "--out", "report.html"], ["explain", "paths"]],
+    PLAN: [["show", PLAN], ["show", PLAN, "--script"], ["apply", PLAN], ["show", PLAN, "--json"]],
+    SNAPSHOT: [["plan", "--snapshot", f"onboard={SNAPSHOT}"], ["plan", "--snapshot", SNAPSHOT, "--json"]],
+}
+"""The commands that read each file."""
+
+
+def make_cell(folder: Path) -> Path:
+    """Make the files of `READERS` in a new folder."""
+    folder.mkdir()
+    (folder / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
+    (folder / "overlay.yaml").write_text(OVERLAY, encoding="utf-8", newline="\n")
+    with chdir(folder):
+        for words in (
+            ["measure", "--samples", "60"],
+            ["tune", "--samples", "60"],
+            ["plan", "--out", PLAN],
+            ["apply", PLAN],
+            ["prove"],
+            ["snapshot", "--out", SNAPSHOT],
+        ):
+            rarms(*words)
+    assert not [file for file in READERS if not (folder / file).is_file()]
+    return folder
