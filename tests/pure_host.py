@@ -186,8 +186,10 @@ def _changed(old: Partition, operation: Operation) -> Partition:
     match operation:
         case RenamePartition(name=name):
             return replace(old, settings=replace(settings, name=name))
-        case WriteMark(application=application, name=name, set=written):
-            return replace(old, mark=Mark(application=application, name=name, machine=old.id[:8], set=written))
+        case WriteMark(application=application, name=name, set=written, stopped_by=stopped_by):
+            machine = old.id[:8]
+            mark = Mark(application=application, name=name, machine=machine, set=written, stopped_by=stopped_by)
+            return replace(old, mark=mark)
         case EraseMark():
             return replace(old, mark=None)
         case SetProcessors(processors=processors):

@@ -11,12 +11,14 @@ from rarms_iac.applying.doctor.examine import DOCTOR_ONLY_CODES
 from rarms_iac.applying.goals import FIXED
 from rarms_iac.applying.preconditions import NO_RIGHTS
 from rarms_iac.applying.prepare import Judge, Request, prepare
+from rarms_iac.applying.stopping import EVERY_PARTITION, StopScope
 from rarms_iac.diff.compare_partitions import NOT_AT_REST
 from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.manifest.checks import CODES
 from rarms_iac.model.diagnostics import Diagnostic, Severity, in_order
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.state import State
+from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.reservations import ReservationSource
 from rarms_iac.storage.finding_pages import known_codes
 
@@ -33,6 +35,7 @@ class PlanRequest:
     partition: str = ""  # to import or release
     machine: str = ""  # the id of what is imported
     remove_disks: bool = False
+    stop_scope: StopScope = EVERY_PARTITION  # of a stop or start
 
 
 ANY_CHANGE = PlanRequest()
@@ -106,6 +109,30 @@ def hosts_with_partition(hosts: Hosts, partition: str) -> Hosts:
     return replace(hosts, selection=HostSelection(hosts=tuple(names))) if names else hosts
 
 
+def refuse_unknown_partitions(hosts: Hosts, names: Sequence[str]) -> None:
+    """Refuse names of partitions that no chosen host has with the application's mark.
+
+    Args:
+        hosts: They are looked at, where there are names.
+        names: As they were given.
+
+    Raises:
+        RequestError: One is on none of them; the message offers the nearest.
+        UseCaseError: A host cannot be read (failed).
+    """
+    if not names:
+        return
+    states, application = observe_hosts(hosts), hosts.system.application.name
+    marks = [vm.mark for name in hosts.chosen for vm in states[name].of(application).partitions]
+    present = sorted({mark.name for mark in marks if mark is not None})
+    for name in names:
+        if name not in present:
+            raise RequestError(
+                f"{application} has no partition {name!r} on {', '.join(hosts.chosen)}.{suggestion(name, present)} "
+                f"It has: {', '.join(present) or 'none'}."
+            )
+
+
 def planner_request(hosts: Hosts, request: PlanRequest, states: Mapping[str, State]) -> Request:
     """Make the request that `applying.prepare` takes.
 
@@ -127,6 +154,7 @@ def planner_request(hosts: Hosts, request: PlanRequest, states: Mapping[str, Sta
         partition=request.partition,
         machine=request.machine,
         remove_disks=request.remove_disks,
+        stop_scope=request.stop_scope,
         state_paths={name: hosts.state_path(name) for name in hosts.system.hosts},
         judge=_judge(hosts, request),
         reservations=_reservations(hosts, request, states),

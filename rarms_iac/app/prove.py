@@ -27,7 +27,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.measurement import Series
 from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, Verdict, WithinNoise
 from rarms_iac.model.quantities import guaranteed
-from rarms_iac.model.state import State
+from rarms_iac.model.state import State, StoppedBy
 from rarms_iac.model.system import Component, Disruption, RunsOn
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.providers.measuring import MeasuringHost
@@ -188,6 +188,17 @@ def applied_layouts(
         if partition.mark and partition.settings.running
     }
     groups = groups_of(system)
+    stopped = sorted(
+        partition.mark.name
+        for state in everywhere.values()
+        for partition in state.of(application).partitions
+        if partition.mark and partition.mark.stopped_by is not StoppedBy.NOBODY and not partition.settings.running
+    )
+    if stopped:
+        message = f"These partitions were stopped by rarms: {', '.join(stopped)}."
+        advice = f"Start them, and prove again: `rarms start {' '.join(stopped)}`."
+        finding = findings.NOT_APPLIED.at(None, message, advice, address=f"partition/{stopped[0]}")
+        raise UseCaseError(Outcome.REFUSED, [finding])
     if absent := [group.name for group in groups if group.name not in running]:
         message = f"These partitions are on no host, or do not run: {', '.join(absent)}."
         raise UseCaseError(Outcome.REFUSED, [_not_applied(message, f"partition/{absent[0]}")])

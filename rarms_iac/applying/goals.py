@@ -106,7 +106,7 @@ def goals_of_removal(
     """Every observed host without anything of this application: the goal of `rarms destroy`.
 
     With `remove_disks` also without the disks that rarms made for it. Import and release take it too: they use its
-    observed state, rules and budget, and bring their one change themselves.
+    observed state, rules and budget, and bring their one change themselves; so do stop and start.
     """
     if hidden := tuple(unproven_rights(observed.values(), places)):
         return Goals(layout=None, hosts={}, findings=hidden)

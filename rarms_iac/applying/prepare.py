@@ -14,6 +14,7 @@ from rarms_iac.applying.plan_summary import totals_of
 from rarms_iac.applying.review.review_plan import review_plan
 from rarms_iac.applying.review.reviewed_plan import ReviewedPlan
 from rarms_iac.applying.scripts import guest_scripts_by_hand, guest_task, of_the_host_itself, with_scripts
+from rarms_iac.applying.stopping import EVERY_PARTITION, StopScope, start_changes, stop_changes
 from rarms_iac.diff.compare import Difference, compare
 from rarms_iac.diff.digests import part_digests
 from rarms_iac.diff.hold_back import hold_back
@@ -23,7 +24,7 @@ from rarms_iac.model.changes import Address, Adopt, Change, Release
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity, has_errors, in_order
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import HostPlan, Plan, Purpose
-from rarms_iac.model.state import State
+from rarms_iac.model.state import State, StoppedBy
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.reservations import ReservationSource
@@ -54,6 +55,7 @@ class Request:
     targets: tuple[str, ...] = ()  # addresses; empty: everything
     partition: str = ""  # of an import or release
     machine: str = ""  # id of the machine to import
+    stop_scope: StopScope = EVERY_PARTITION  # of a stop or start
     remove_disks: bool = False  # of a destroy: also the disks that rarms made
     state_paths: Mapping[str, str] = field(default_factory=dict)  # host -> where a simulated one's file lies
     judge: Judge = accept_nothing
@@ -61,9 +63,11 @@ class Request:
 
     @property
     def limit(self) -> Disruption:
-        """What may be disturbed at most. Who destroys means removal."""
+        """What may be disturbed at most. Who destroys means removal, and who stops a stop."""
         if self.purpose is Purpose.DESTROY:
             return Disruption.REMOVAL
+        if self.purpose in {Purpose.STOP, Purpose.START}:
+            return Disruption.PARTITION_STOP
         return self.max_disruption or self.system.policy.max_disruption
 
 
@@ -103,7 +107,7 @@ def _goals(request: Request, observed: Mapping[str, State]) -> Goals:
             return goals_of(request.system, observed, request.places, request.limit, request.reservations)
         case Purpose.DESTROY:
             return goals_of_removal(request.system, observed, request.places, remove_disks=request.remove_disks)
-        case Purpose.IMPORT | Purpose.RELEASE:
+        case Purpose.IMPORT | Purpose.RELEASE | Purpose.STOP | Purpose.START:
             return goals_of_removal(request.system, observed, request.places)
 
 
@@ -160,13 +164,14 @@ def _host_part(request: Request, goal: HostGoal, layout: Layout | None) -> _Host
         unused=difference.unused,
         unchanged=difference.unchanged,
         scripts={},
-        totals=totals_of(goal.observed, goal.desired, application, held.kept, steps),
+        totals=totals_of(goal.observed, _wanted_of(request, goal), application, held.kept, steps),
         threads=goal.threads,
         components={
             partition.name: partition.components
             for partition in (() if layout is None else layout.partitions)
             if partition.host == goal.name
         },
+        stopped=_staying_stopped(request, goal),
     )
     locate = goal.rules.locate
     tasks = (guest_task(task, application, goal.rules.replaceable, locate) for task in goal.by_hand)
@@ -192,6 +197,20 @@ def _host_part(request: Request, goal: HostGoal, layout: Layout | None) -> _Host
     )
 
 
+def _wanted_of(request: Request, goal: HostGoal) -> State:
+    """What the host is to have in the end; who stops or starts partitions wants all of them to stay."""
+    keeps = request.purpose in {Purpose.STOP, Purpose.START}
+    return goal.observed.of(request.system.application.name) if keeps else goal.desired
+
+
+def _staying_stopped(request: Request, goal: HostGoal) -> tuple[str, ...]:
+    """The partitions of the manifest that `rarms stop` stopped, where the plan asks for all of the manifest."""
+    if request.purpose is not Purpose.APPLY:
+        return ()
+    wanted = (partition.mark for partition in goal.desired.partitions if partition.mark)
+    return tuple(sorted(mark.name for mark in wanted if mark.stopped_by is StoppedBy.USER))
+
+
 def _difference(request: Request, goal: HostGoal) -> Difference:
     """What has to change on the host, for this purpose."""
     application = request.system.application.name
@@ -204,6 +223,14 @@ def _difference(request: Request, goal: HostGoal) -> Difference:
         case Purpose.RELEASE:
             place = goal.rules.locate(Address(partition=request.partition))
             return _single_change(releasing(goal.observed, application, request.partition, place))
+        case Purpose.STOP:
+            return _some_changes(*stop_changes(goal.observed, application, request.stop_scope, goal.rules.locate))
+        case Purpose.START:
+            return _some_changes(*start_changes(goal.observed, application, request.stop_scope, goal.rules.locate))
+
+
+def _some_changes(changes: tuple[Change, ...], findings: tuple[Diagnostic, ...]) -> Difference:
+    return Difference(changes=changes, unchanged=0, unused=(), findings=findings)
 
 
 def _single_change(change: Adopt | Release | Diagnostic) -> Difference:

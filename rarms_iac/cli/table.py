@@ -17,6 +17,8 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "apply": "Do what a plan says, or plan, ask and do it.",
         "undo": "Take the last apply back.",
         "prove": "Run all components in the applied layout, beside their thresholds.",
+        "stop": "Stop partitions until they are started again.",
+        "start": "Start partitions that were stopped.",
         "destroy": "Remove what rarms made for this application.",
         "drift": "Tell what changed on the hosts, and what is not applied yet.",
         "import": "Take over a partition that rarms did not make.",

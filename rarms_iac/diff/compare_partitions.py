@@ -7,7 +7,7 @@ from rarms_iac.diff.comparison import ManagedMachines, ManifestRules, PartialDif
 from rarms_iac.diff.disruption import HostContext, can_change_now, changed_facets, disruption_of_update, stops
 from rarms_iac.model.changes import Address, Create, Delete, Reason, Update
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
-from rarms_iac.model.state import Facet, Partition, RunState, State
+from rarms_iac.model.state import Facet, Partition, RunState, State, StoppedBy
 from rarms_iac.model.system import Disruption
 
 FOREIGN_AT_NAME = Finding(
@@ -85,7 +85,7 @@ def _delete(difference: PartialDifference, address: Address, before: Partition, 
     if address.partition in rules.protected:
         difference.findings.append(_protected(address.partition, "it would be removed", place))
     elif before.state in {RunState.BUSY, RunState.CRITICAL}:
-        difference.findings.append(_not_at_rest(address, before.state, place))
+        difference.findings.append(not_at_rest(address, before.state, place))
     else:
         reason = Reason(says="it is not wanted on this host", place=place)
         difference.changes.append(Delete(address=address, before=before, reason=reason, disruption=Disruption.REMOVAL))
@@ -105,7 +105,7 @@ def _update(
         difference.findings.append(_protected(name, "another generation means to make it again", place))
         return
     if not can_change_now(before, after.settings, context):
-        difference.findings.append(_not_at_rest(address, before.state, place))
+        difference.findings.append(not_at_rest(address, before.state, place))
         return
     unused = name in rules.unused
     why = "the manifest no longer wants it" if unused else _describe_difference(before, after, context)
@@ -124,11 +124,16 @@ def _is_unchanged(before: Partition, after: Partition) -> bool:
     """Whether nothing has to be written: settings and mark; what runs by hand may run."""
     if before.settings != after.settings or before.mark is None or after.mark is None:
         return False
-    return (before.mark.name, before.mark.set) == (after.mark.name, after.mark.set)
+    return (before.mark.name, before.mark.written) == (after.mark.name, after.mark.written)
 
 
 def _describe_difference(before: Partition, after: Partition, context: HostContext) -> str:
     changed = changed_facets(before.settings, after.settings)
+    stopped_by = before.mark.stopped_by if before.mark else StoppedBy.NOBODY
+    if stopped_by is not StoppedBy.NOBODY and before.settings.running:
+        return "it was stopped by rarms, and somebody started it"
+    if stopped_by is StoppedBy.MEASUREMENT and after.settings.running:
+        return "`rarms measure` stopped it and ended before it started it again"
     differing = [_FACET_WORDS[facet] for facet in Facet if facet in changed]
     if before.settings.running != after.settings.running:
         differing.append("whether it runs")
@@ -204,7 +209,14 @@ def _protected(name: str, why: str, place: Place | None) -> Diagnostic:
     )
 
 
-def _not_at_rest(address: Address, state: RunState, place: Place | None) -> Diagnostic:
+def not_at_rest(address: Address, state: RunState, place: Place | None) -> Diagnostic:
+    """The finding about a partition that is neither off nor running.
+
+    Args:
+        address: the partition.
+        state: what it is doing.
+        place: the manifest line that asks for it.
+    """
     advice = {
         RunState.SAVED: "Start it, or discard its saved state, and plan again.",
         RunState.PAUSED: "Resume it or turn it off, and plan again.",

@@ -6,7 +6,7 @@ from enum import StrEnum
 
 from rarms_iac.model.changes import RESPONSIVENESS, Address, Adopt, Create, Delete, Release
 from rarms_iac.model.journal import Closing, Journal, RunKind, ScriptRun
-from rarms_iac.model.state import Partition, Responsiveness, StartAction, State, TaskClass
+from rarms_iac.model.state import Partition, Responsiveness, StartAction, State, StoppedBy, TaskClass
 from rarms_iac.storage.digest import set_of_settings, set_of_values
 
 
@@ -72,6 +72,9 @@ def _partitions(
         kind = _kind(wanted.get(name), there.get(name), is_unused=name in unused)
         if kind is DriftKind.MISSING and last_run is not None:
             yield _removed(address) if name in last_run else _never_applied(address)
+        elif kind is DriftKind.NOT_APPLIED and name in there and _is_left_by_measurement(there[name]):
+            message = "`rarms measure` stopped it and ended before it started it again: `rarms start` does"
+            yield ResourceDrift(address=address, kind=kind, message=message)
         elif kind is not None:
             yield ResourceDrift(address=address, kind=kind, message=_describe(kind))
 
@@ -90,8 +93,9 @@ def _kind(wanted: Partition | None, there: Partition | None, *, is_unused: bool)
         return DriftKind.MISSING
     if wanted is None or wanted.mark is None:
         return DriftKind.NOT_APPLIED
-    host = _digest_now(there, by_hand=_runs_by_hand(wanted) and not is_unused) != there.mark.set
-    manifest = wanted.mark.set != there.mark.set
+    is_started = there.mark.stopped_by is not StoppedBy.NOBODY and there.settings.running
+    host = is_started or _digest_now(there, by_hand=_runs_by_hand(wanted) and not is_unused) != there.mark.set
+    manifest = wanted.mark.set != there.mark.set or _is_left_by_measurement(there)
     if not host and not manifest and is_unused:
         return DriftKind.UNUSED
     return _combine(host=host, manifest=manifest)
@@ -101,9 +105,20 @@ def _runs_by_hand(wanted: Partition) -> bool:
     return wanted.settings.start_action is StartAction.NOTHING
 
 
+def _is_left_by_measurement(there: Partition) -> bool:
+    """Whether a measurement stopped it and has not started it again: it is wanted running."""
+    return there.mark is not None and there.mark.stopped_by is StoppedBy.MEASUREMENT and not there.settings.running
+
+
 def _digest_now(there: Partition, *, by_hand: bool) -> str:
-    """The digest of what is there. Whether a partition that is started by hand runs counts for nothing."""
+    """The digest of what is there.
+
+    Whether a partition that is started by hand runs counts for nothing, nor that rarms itself stopped one.
+    """
     settings = there.settings
+    if there.mark is not None and there.mark.stopped_by is not StoppedBy.NOBODY:
+        settings = replace(settings, running=True)
+        by_hand = by_hand or settings.start_action is StartAction.NOTHING
     if settings.start_action is StartAction.NOTHING and settings.running and not by_hand:
         return "running"  # no digest: it was written as stopped
     return set_of_settings(replace(settings, running=False) if by_hand else settings)

@@ -133,7 +133,7 @@ def update_partition(
     if Facet.NAME in changed:
         yield rename_step(machine, before.settings.name, after.settings.name)
     old = machine.now.mark
-    if after.mark is not None and (old is None or old.set != after.mark.set):
+    if after.mark is not None and (old is None or old.written != after.mark.written):
         yield mark_step(machine, after.mark, old, "the mark says what was last written")
     if after.settings.running and not machine.now.settings.running:
         yield start_step(machine)
@@ -269,6 +269,7 @@ def release_partition(address: Address, before: Partition, reason: Reason) -> It
             application=mark.application,
             name=mark.name,
             set=mark.set,
+            stopped_by=mark.stopped_by,
             machine=address.machine,
         ),
         replace(before, mark=None),

@@ -3,7 +3,8 @@
 `diff` makes both from states with `readings`, a host answers with the same function over what it observes now; so a
 step's guard compares like with like. For a partition: `exists`, `machine` (id), `name`, `generation`, `processors`,
 `reserve`, `limit`, `weight`, `memory` (bytes), `dynamic_memory`, `start_action`, `stop_action`, `checkpoints`,
-`running`, `state` (a paused machine is neither running nor off), `mark` (`<application>/<partition>` or empty), `set`,
+`running`, `state` (a paused machine is neither running nor off), `mark` (`<application>/<partition>` or empty), `set`
+(the digest, with the word of who stopped it),
 `snapshots` (how many checkpoints were taken). For a disk: `exists`, `parent`, `used` (a machine has it, or a disk that
 grows out of it). For a task class: `exists`, `values` (their names), `value:<name>` as `<kind>:<data>`, `record`
 (`<application>` or empty), `set`. The names stand in lower case in `values`, as Windows does not tell their case apart.
@@ -133,7 +134,7 @@ def partition_readings(partition: Partition) -> Readings:
         "running": settings.running,
         "state": partition.state.value,
         "mark": f"{mark.application}/{mark.name}" if mark else "",
-        "set": mark.set if mark else "",
+        "set": mark.written if mark else "",
         "snapshots": partition.checkpoints,
     }
 

@@ -121,11 +121,12 @@ def mark_step(machine: StepBuilder, new: Mark, old: Mark | None, why: str) -> St
             application=mark.application,
             name=mark.name,
             set=mark.set,
+            stopped_by=mark.stopped_by,
             machine=address.machine,
         )
 
     undo = write(old) if old else EraseMark(partition=address.partition, machine=address.machine)
-    title = f"mark it as {new.application}/{new.name}, set {new.set}"
+    title = f"mark it as {new.application}/{new.name}, set {new.written}"
     return machine.step(write(new), undo, marked, ("mark", "set"), title, why)
 
 

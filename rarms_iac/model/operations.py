@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from rarms_iac.model.state import Checkpoints, RegistryValue, StartAction, StopAction, TaskRecord
+from rarms_iac.model.state import Checkpoints, RegistryValue, StartAction, StopAction, StoppedBy, TaskRecord
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,6 +67,7 @@ class WriteMark:
     application: str
     name: str
     set: str
+    stopped_by: StoppedBy = StoppedBy.NOBODY
     machine: str = ""
     kind: Literal["write_mark"] = "write_mark"
 

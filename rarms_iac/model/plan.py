@@ -132,15 +132,18 @@ class HostPlan:
     components: Mapping[str, tuple[str, ...]] = field(
         default_factory=dict
     )  # by partition of the layout; for the reader
+    stopped: tuple[str, ...] = ()  # partitions that `rarms stop` stopped and that stay so; for the reader
 
 
 class Purpose(StrEnum):
-    """What a plan is for: what the manifest requests, removing everything, or taking one partition in or out."""
+    """What a plan is for: the whole manifest, removing everything, taking a partition in or out, stopping some."""
 
     APPLY = "apply"
     DESTROY = "destroy"
     IMPORT = "import"
     RELEASE = "release"
+    STOP = "stop"
+    START = "start"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

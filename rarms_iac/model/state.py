@@ -108,6 +108,14 @@ class PartitionSettings:
         return Claim(processors=self.processors, reserve=self.reserve, memory=self.memory)
 
 
+class StoppedBy(StrEnum):
+    """Who stopped a partition that is wanted running, as its mark says it; a value is the word in the mark."""
+
+    NOBODY = ""
+    USER = "stopped"  # `rarms stop`: it stays so until `rarms start`
+    MEASUREMENT = "measuring"  # `rarms measure`, which starts it again; after a kill the next run does
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mark:
     """Whose a thing on a host is, and what rarms last wrote there: one line in its notes."""
@@ -116,6 +124,12 @@ class Mark:
     name: str  # the partition's, as the manifest calls it
     machine: str  # first 8 characters of the machine's id
     set: str  # 12 hex digits: digest of the settings last written
+    stopped_by: StoppedBy = StoppedBy.NOBODY
+
+    @property
+    def written(self) -> str:
+        """What stands behind `set=`: the digest, and who stopped the partition, where somebody did."""
+        return f"{self.set} {self.stopped_by.value}".rstrip()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

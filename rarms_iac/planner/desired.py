@@ -18,6 +18,7 @@ from rarms_iac.model.state import (
     StartAction,
     State,
     StopAction,
+    StoppedBy,
     TaskClass,
     TaskRecord,
     ValueKind,
@@ -109,7 +110,9 @@ def _current_names(there: Collection[str], here: Collection[str], moved: Mapping
 
 def _wanted(partition: PlacedPartition, there: Partition | None, application: str) -> Partition:
     by_hand = partition.start is StartMode.MANUAL
-    running = (there is not None and there.settings.running) if by_hand else True
+    stopped_by = there.mark.stopped_by if there is not None and there.mark else StoppedBy.NOBODY
+    runs_or_is_wanted_again = there is not None and (there.settings.running or stopped_by is StoppedBy.MEASUREMENT)
+    running = runs_or_is_wanted_again if by_hand else True
     settings = PartitionSettings(
         name=partition.name,
         generation=partition.generation,
@@ -124,7 +127,20 @@ def _wanted(partition: PlacedPartition, there: Partition | None, application: st
         checkpoints=Checkpoints.DISABLED,
         running=running,
     )
-    return _marked(settings, application, partition.name, there.id if there else "")
+    wanted = _marked(settings, application, partition.name, there.id if there else "")
+    stays_stopped = stopped_by is StoppedBy.USER and there is not None and not there.settings.running
+    return _stopped(wanted) if stays_stopped else wanted
+
+
+def _stopped(wanted: Partition) -> Partition:
+    """A partition that `rarms stop` stopped: all that it is to be, but for running. Its digest does not tell that."""
+    assert wanted.mark is not None
+    return replace(
+        wanted,
+        settings=replace(wanted.settings, running=False),
+        state=RunState.OFF,
+        mark=replace(wanted.mark, stopped_by=StoppedBy.USER),
+    )
 
 
 def _kept(there: Partition) -> Partition:

@@ -147,7 +147,8 @@ def _partition_calls(operation: PartitionOperation) -> tuple[str, ...]:
     if not isinstance(operation, CreatePartition):
         whose |= _machine(operation.machine)
     match operation:
-        case WriteMark(application=application, name=name, set=written):
+        case WriteMark(application=application, name=name):
+            written = f"{operation.set} {operation.stopped_by.value}".rstrip()
             own = {"Application": literal(application), "Partition": literal(name), "Digest": literal(written)}
             return (call("Write-Mark", **whose, **own),)
         case EraseMark():

@@ -1,5 +1,7 @@
 """Our mark in a machine's notes: one line, `rarms/1 robot/vision vm=0a1b2c3d set=0123456789ab` (DESIGN section 4).
 
+A partition that rarms stopped has a word more at the end: `stopped` or `measuring` (`StoppedBy`).
+
 The other lines are the user's and stay as they are. A mark counts only where it names the machine that it stands on,
 and no other machine carries a mark of the same partition; a machine whose mark does not count is unmanaged.
 """
@@ -12,16 +14,17 @@ from functools import lru_cache
 
 from rarms_iac.model.moves import BETWEEN
 from rarms_iac.model.names import NAME_PATTERN
-from rarms_iac.model.state import Mark
+from rarms_iac.model.state import Mark, StoppedBy
 
 ID_DIGITS = 8
 """How much of a machine's id its mark repeats."""
 
 _NAME = NAME_PATTERN.removeprefix("^").removesuffix("$")
 _BETWEEN = re.escape(BETWEEN)
+_STOPPED = "|".join(word.value for word in StoppedBy if word.value)
 _LINE = re.compile(
     rf"rarms/1 (?P<application>{_NAME})/(?P<name>{_NAME}(?:{_BETWEEN})?) "
-    rf"vm=(?P<machine>[0-9a-f]{{8}}) set=(?P<set>[0-9a-f]{{12}})"
+    rf"vm=(?P<machine>[0-9a-f]{{8}}) set=(?P<set>[0-9a-f]{{12}})(?P<stopped_by>(?: (?:{_STOPPED}))?)"
 )
 _LOOKS_LIKE_ONE = re.compile(r"\s*rarms/[0-9]")
 
@@ -35,14 +38,17 @@ class MarkReading:
     other_notes: str
 
 
-def mark_for(machine: str, application: str, name: str, settings_digest: str) -> Mark:
+def mark_for(
+    machine: str, application: str, name: str, settings_digest: str, stopped_by: StoppedBy = StoppedBy.NOBODY
+) -> Mark:
     """The mark that makes the machine of this id the application's partition."""
-    return Mark(application=application, name=name, machine=machine[:ID_DIGITS].lower(), set=settings_digest)
+    short = machine[:ID_DIGITS].lower()
+    return Mark(application=application, name=name, machine=short, set=settings_digest, stopped_by=stopped_by)
 
 
 def write_mark(notes: str, mark: Mark) -> str:
     """The notes with this mark, in place of any other; the user's lines stay."""
-    line = f"rarms/1 {mark.application}/{mark.name} vm={mark.machine} set={mark.set}"
+    line = f"rarms/1 {mark.application}/{mark.name} vm={mark.machine} set={mark.written}"
     others = erase_mark(notes)
     return f"{others}\n{line}" if others else line
 
@@ -102,5 +108,15 @@ def _why_foreign(notes: str) -> str:
 def _split_notes(notes: str) -> tuple[tuple[Mark, ...], str]:
     """The marks in the notes, and the other lines."""
     lines = [(line, _LINE.fullmatch(line.rstrip("\r"))) for line in notes.split("\n")]
-    marks = tuple(Mark(**found.groupdict()) for _, found in lines if found)
+    marks = tuple(_mark_of(found) for _, found in lines if found)
     return marks, "\n".join(line for line, found in lines if not found)
+
+
+def _mark_of(line: re.Match[str]) -> Mark:
+    return Mark(
+        application=line["application"],
+        name=line["name"],
+        machine=line["machine"],
+        set=line["set"],
+        stopped_by=StoppedBy(line["stopped_by"].strip()),
+    )

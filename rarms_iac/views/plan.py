@@ -20,7 +20,7 @@ from rarms_iac.model.quantities import (
     show_percent,
     show_processors,
 )
-from rarms_iac.model.state import Partition
+from rarms_iac.model.state import Mark, Partition, StoppedBy
 from rarms_iac.views.changes import Attribute, attributes_of, count, describe_disruption, symbol
 from rarms_iac.views.console import (
     BAD,
@@ -48,6 +48,8 @@ TITLES = {
     Purpose.DESTROY: "Removing what rarms made",
     Purpose.IMPORT: "Taking over",
     Purpose.RELEASE: "Letting go",
+    Purpose.STOP: "Stopping",
+    Purpose.START: "Starting",
 }
 
 
@@ -59,7 +61,9 @@ def plan_text(plan: Plan, *, sources: Sources | None = None, verbose: bool = Fal
         sources: texts of the files that findings point into.
         verbose: show every attribute, reason and manifest line, the thread priorities and the order of the steps, too.
     """
-    changed = [part for part in plan.hosts if part.changes or part.steps or part.held_back or part.unused]
+    changed = [
+        part for part in plan.hosts if part.changes or part.steps or part.held_back or part.unused or part.stopped
+    ]
     parts: list[RenderableType] = []
     if changed:
         manifest = visible(plan.manifest, keep="")
@@ -105,6 +109,10 @@ def _nothing(plan: Plan) -> str:
             return f"No changes. {hosts} {are} as the manifest wants {them}."
         case Purpose.DESTROY:
             return f"No changes. Nothing on {hosts.lower()} is of this application."
+        case Purpose.STOP:
+            return "No changes. None of these partitions is wanted running."
+        case Purpose.START:
+            return "No changes. None of these partitions was stopped by rarms."
         case Purpose.IMPORT | Purpose.RELEASE:
             return "No changes."
         case _:
@@ -129,6 +137,10 @@ def _host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[RenderableT
             f"partition/{name} is unused and stopped: the manifest no longer wants it. "
             f"Remove it with `rarms destroy --target partition/{name}`.",
             indent=2,
+        )
+    for name in part.stopped:
+        yield paragraph(
+            f"partition/{name} stays stopped: `rarms stop` stopped it. `rarms start {name}` starts it.", indent=2
         )
     yield from _not_undone(part)
     if verbose:
@@ -215,7 +227,16 @@ def _note(change: Change, part: HostPlan) -> str:
             start = ", then for its start" if again else ""
             made_again = "made again; " if symbol(change) == "-/+" else ""
             return f"{made_again}stopped for up to {show_milliseconds(operation.grace_ms)} to shut down{start}"
-    return describe_disruption(change)
+    return describe_disruption(change) or _left_stopped(change)
+
+
+def _left_stopped(change: Change) -> str:
+    """Why a partition starts that nobody named."""
+    match change:
+        case Update(before=Partition(mark=Mark(stopped_by=StoppedBy.MEASUREMENT))):
+            return "a measurement stopped it and did not start it again"
+        case _:
+            return ""
 
 
 def is_part_of(step: Step, change: Change) -> bool:

@@ -84,6 +84,7 @@ def _host(part: HostPlan) -> HostOutput:
             HeldBackOutput(change=change_output(held.change, part), why=held.why) for held in part.held_back
         ),
         unused=part.unused,
+        stopped=part.stopped,
         unchanged=part.unchanged,
         totals=None if part.totals is None else _totals(part.totals, part),
         threads=tuple(map(_threads, part.threads)),

@@ -16,6 +16,7 @@ from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
 from rarms_iac.applying.prepare import Request, prepare
+from rarms_iac.applying.stopping import StopScope
 from rarms_iac.manifest.load import load
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.providers.hyperv.parse import to_state
@@ -72,7 +73,7 @@ def _by_command(words: list[str]) -> tuple[Plan | None, dict[str, str]]:
 
 
 def _by_library(words: list[str]) -> tuple[Plan | None, dict[str, str]]:
-    """`destroy`, `import` and `release` want the host itself, not what it looked like: the same without a command."""
+    """The other commands want the host itself, not what it looked like: the same without a command."""
     loaded = load("rarms.yaml", today=TODAY)
     assert loaded.system is not None
     (name,) = loaded.system.hosts
@@ -88,6 +89,7 @@ def _by_library(words: list[str]) -> tuple[Plan | None, dict[str, str]]:
         partition=words[1] if words[0] in ("import", "release") else "",
         machine=options.get("--id", ""),
         remove_disks="--remove-disks" in words,
+        stop_scope=StopScope(partitions=tuple(words[1:])),
     )
     prepared = prepare(request, {name: to_state(read_observation(Path("host.json").read_bytes()), name)})
     shown = render(plan_text(prepared.plan, sources=loaded.sources)) if prepared.plan else ""

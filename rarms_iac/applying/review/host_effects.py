@@ -46,8 +46,8 @@ def review_unmanaged_machines(part: ReviewedPlan) -> Iterator[Diagnostic]:
     (FACTS 1.1). A larger reserve or weight of ours leaves less for the others. While the host has idle time nobody
     loses.
     """
-    if part.purpose in {Purpose.IMPORT, Purpose.RELEASE}:
-        return  # a mark is written or erased, and nobody's share changes
+    if part.purpose in {Purpose.IMPORT, Purpose.RELEASE, Purpose.STOP, Purpose.START}:
+        return  # a mark is written or erased, and nobody's share changes; what starts again had it before
     unmanaged = [
         machine for machine in part.observed.partitions if machine.settings.running and not part.is_managed(machine)
     ]

@@ -120,8 +120,8 @@ def change_machine(content: Content, machine: SimulatedMachine, operation: Parti
             return content.without_machine(machine.id)
         case RenamePartition(name=name):
             changed = replace(machine, settings=replace(settings, name=name))
-        case WriteMark(application=application, name=name, set=settings_digest):
-            mark = mark_for(machine.id, application, name, settings_digest)
+        case WriteMark(application=application, name=name, set=settings_digest, stopped_by=stopped_by):
+            mark = mark_for(machine.id, application, name, settings_digest, stopped_by)
             changed = replace(machine, notes=write_mark(machine.notes, mark))
         case EraseMark():
             changed = replace(machine, notes=erase_mark(machine.notes))

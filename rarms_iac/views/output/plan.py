@@ -1,4 +1,4 @@
-"""What a plan does (`rarms plan`, `show`, `import`, `release`, `destroy`), and its scripts (`rarms show --script`)."""
+"""What a plan does (`rarms plan`, `show`, `import`, `release`, `destroy`, `stop`, `start`), and its scripts (`rarms show --script`)."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -102,6 +102,7 @@ class HostOutput:
     steps: tuple[StepOutput, ...]
     held_back: tuple[HeldBackOutput, ...]
     unused: tuple[str, ...]
+    stopped: tuple[str, ...]  # partitions that `rarms stop` stopped, and that stay so
     unchanged: int
     totals: TotalsOutput | None
     threads: tuple[ThreadsOutput, ...]
@@ -132,13 +133,13 @@ class PlacementOutput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanOutput:
-    """`rarms plan`, `show`, `import`, `release`, `destroy`: a plan."""
+    """`rarms plan`, `show`, `import`, `release`, `destroy`, `stop`, `start`: a plan."""
 
     format_version: Format = FORMAT_VERSION
     kind: Literal["plan"] = "plan"
     plan: str
     application: str
-    purpose: Literal["apply", "destroy", "import", "release"]
+    purpose: Literal["apply", "destroy", "import", "release", "stop", "start"]
     manifest: str
     today: str
     max_disruption: str

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         e7a8e072c248, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         52059f92ef5e, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -450,7 +450,7 @@ function Get-SchedulerType {
 # How virtual machines are found, read and marked: never by their names alone.
 
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12})\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {
@@ -576,12 +576,12 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'e7a8e072c248'
+        Plan = '52059f92ef5e'
         Application = 'robot'
         Serial = 0
         Total = 1
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'ff275b9c2b7ea1d74d35f6a27041c392317a54d7a1bc14d28195f2014aeff687'
+        UndoDigest = '9639b380d0dd9313ed30ca156b72d21917bb59dd6287197dc0682a49e7590503'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         883f4eb0ab14, manifest df17c0ec8df0, rarms 0.1.0
+# Plan         304768b99eea, manifest df17c0ec8df0, rarms 0.1.0
 # Steps        8
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -450,7 +450,7 @@ function Get-SchedulerType {
 # How virtual machines are found, read and marked: never by their names alone.
 
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12})\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '883f4eb0ab14'
+        Plan = '304768b99eea'
         Application = 'robot'
         Serial = 0
         Total = 8
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '616dccf7ba9dcbed9f6e424039f6473d3f99552e916cff25a91d1dd707243455'
+        UndoDigest = '28aaf2b761f4c27f883a2c0a04622980832aef72d02ee999eb313cd7ad593926'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -648,7 +648,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 1; 'memory' = 536870912 }
         Set = {
-            Hyper-V\New-VM -Name 'speech.rarms-883f4eb0ab14' -Generation 1 -MemoryStartupBytes 536870912 -NoVHD -SwitchName 'lab'
+            Hyper-V\New-VM -Name 'speech.rarms-304768b99eea' -Generation 1 -MemoryStartupBytes 536870912 -NoVHD -SwitchName 'lab'
         }
     }
 

@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         883f4eb0ab14, manifest df17c0ec8df0, rarms 0.1.0
+# Plan         304768b99eea, manifest df17c0ec8df0, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines, stop: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -450,7 +450,7 @@ function Get-SchedulerType {
 # How virtual machines are found, read and marked: never by their names alone.
 
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12})\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {
@@ -593,7 +593,7 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '883f4eb0ab14'
+        Plan = '304768b99eea'
         Application = 'robot'
         Serial = 0
         Total = 2

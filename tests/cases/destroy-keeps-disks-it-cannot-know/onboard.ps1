@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         c57fb37dd657, manifest d692ce1616c2, rarms 0.1.0
+# Plan         303d0922e849, manifest d692ce1616c2, rarms 0.1.0
 # Steps        6
 # Parts        lock, journal, host, machines, stop, tasks: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -452,7 +452,7 @@ function Get-SchedulerType {
 # How virtual machines are found, read and marked: never by their names alone.
 
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12})\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {
@@ -703,12 +703,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'c57fb37dd657'
+        Plan = '303d0922e849'
         Application = 'robot'
         Serial = 1
         Total = 6
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '5c993ec827945e18107250b6b6ae695665cc06b3f402d037521d9d4213713e6b'
+        UndoDigest = '59c18367e094d90224966bc20bbaff320d5f72ea05a14dc335f100651941f7dc'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

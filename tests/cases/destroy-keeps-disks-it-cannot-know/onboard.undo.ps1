@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         c57fb37dd657, manifest d692ce1616c2, rarms 0.1.0
+# Plan         303d0922e849, manifest d692ce1616c2, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, machines, capacity, tasks: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -451,7 +451,7 @@ function Get-SchedulerType {
 # How virtual machines are found, read and marked: never by their names alone.
 
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12})\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {
@@ -729,7 +729,7 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = 'c57fb37dd657'
+        Plan = '303d0922e849'
         Application = 'robot'
         Serial = 1
         Total = 4

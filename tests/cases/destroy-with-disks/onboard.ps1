@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         25e7c5339ac3, manifest d692ce1616c2, rarms 0.1.0
+# Plan         180a5304a514, manifest d692ce1616c2, rarms 0.1.0
 # Steps        7
 # Parts        lock, journal, host, machines, stop, disks, tasks: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -454,7 +454,7 @@ function Get-SchedulerType {
 # How virtual machines are found, read and marked: never by their names alone.
 
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12})\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {
@@ -757,12 +757,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '25e7c5339ac3'
+        Plan = '180a5304a514'
         Application = 'robot'
         Serial = 1
         Total = 7
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'b7f92f60466126e7c8af9aab0994b9e39184a4bd2c5d2da40d17769821436147'
+        UndoDigest = 'c6099bc1bcda7ad74ac525e1f8d1f2b0261a3baea5155ba52d9d0090a370399c'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

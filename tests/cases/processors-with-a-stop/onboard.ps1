@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         c03957f01cd0, manifest e002180b1f5c, rarms 0.1.0
+# Plan         47f9e5cb70d1, manifest e002180b1f5c, rarms 0.1.0
 # Steps        5
 # Parts        lock, journal, host, machines, capacity, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -451,7 +451,7 @@ function Get-SchedulerType {
 # How virtual machines are found, read and marked: never by their names alone.
 
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12})\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {
@@ -638,12 +638,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'c03957f01cd0'
+        Plan = '47f9e5cb70d1'
         Application = 'robot'
         Serial = 1
         Total = 5
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '73874944ddb494a4292450ebfd03495509d2301654d34d2f29203c7c522b8379'
+        UndoDigest = '5903cbb0a9e29905332a4768c5e2f0f6cdf1d80bb5cbd2e85402924025a9192c'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         38da7b7c3296, manifest bbb4806d4bbf, rarms 0.1.0
+# Plan         7d3579cbe44e, manifest bbb4806d4bbf, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -450,7 +450,7 @@ function Get-SchedulerType {
 # How virtual machines are found, read and marked: never by their names alone.
 
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12})\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {
@@ -576,12 +576,12 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '38da7b7c3296'
+        Plan = '7d3579cbe44e'
         Application = 'robot'
         Serial = 1
         Total = 1
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '4b9b5cbae7d3dd47ef30c798d38b124c22489055ef4d6a221804908d321d3a48'
+        UndoDigest = 'f2edb5c2cd9399a1d19dbb98ac16bb50db40f0e75a42b7f62e8b5a2e8675e1bb'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

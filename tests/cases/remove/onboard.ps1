@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         761daab3ef3a, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         25117f70602d, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -452,7 +452,7 @@ function Get-SchedulerType {
 # How virtual machines are found, read and marked: never by their names alone.
 
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12})\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {
@@ -595,12 +595,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '761daab3ef3a'
+        Plan = '25117f70602d'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '46bf7e5ea9640dcff9075691efb14f984647bd33fed178299b4727267e016317'
+        UndoDigest = '549afa4be74ff473d723c0abf6e0979d6637d6309722e0dcabbbe42d86de9218'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         3f27e166a596, manifest b1bd658d1c20, rarms 0.1.0
+# Plan         fd5b87e49e60, manifest b1bd658d1c20, rarms 0.1.0
 # Steps        27
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -450,7 +450,7 @@ function Get-SchedulerType {
 # How virtual machines are found, read and marked: never by their names alone.
 
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12})\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '3f27e166a596'
+        Plan = 'fd5b87e49e60'
         Application = 'robot'
         Serial = 0
         Total = 27
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'eff57869743184bda79a399829bac6ecd72efc98c742001a4ce4a10ca85b7489'
+        UndoDigest = '40b5e4630086d8296a0b3dc799e03c1d4ccc305d30871192421e5ce00a1229f5'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -648,7 +648,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 268435456 }
         Set = {
-            Hyper-V\New-VM -Name 'door.rarms-3f27e166a596' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD
+            Hyper-V\New-VM -Name 'door.rarms-fd5b87e49e60' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD
         }
     }
 
@@ -787,7 +787,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 536870912 }
         Set = {
-            Hyper-V\New-VM -Name 'speech.rarms-3f27e166a596' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
+            Hyper-V\New-VM -Name 'speech.rarms-fd5b87e49e60' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
         }
     }
 
@@ -926,7 +926,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-3f27e166a596' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-fd5b87e49e60' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

@@ -3,7 +3,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the guest of partition vision
-# Plan         57b14f551e18, manifest 7785495c2f80, rarms 0.1.0
+# Plan         318e0b4c2845, manifest 7785495c2f80, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, guest, tasks, unseen: what the runtime and these steps call
 # Not undone   what an earlier plan of rarms wrote into the class: it goes back to what was there before rarms
@@ -581,12 +581,12 @@ function Restore-TaskClass {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '57b14f551e18'
+        Plan = '318e0b4c2845'
         Application = 'robot'
         Serial = 0
         Total = 1
         Undo = 'onboard.guest.vision.undo.ps1'
-        UndoDigest = '443d62d06d23a03fac86b2c27a0491b6ce5fc114c493f1c02b8151043cb36670'
+        UndoDigest = 'a858a9d4e5b0ffa7c4931dc675cef067f8c53609a23932e91236a6695bcaa65d'
         Guest = $true
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         f256ba9b4833, manifest 1dcdbb02daa5, rarms 0.1.0
+# Plan         f780adc48916, manifest 1dcdbb02daa5, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -557,12 +557,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'f256ba9b4833'
+        Plan = 'f780adc48916'
         Application = 'robot'
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '7c34f0b3517d3e5f570c6b9ed3aba4e2a97e909aa382174d2f6e6fc30000112a'
+        UndoDigest = 'e6cff73dcb420db76c192630d6c2262a1704c5b9d94ecb4bfedf751450e7df2d'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         8eb672c48c07, manifest a9326d298f28, rarms 0.1.0
+# Plan         e662db642791, manifest a9326d298f28, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -557,12 +557,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '8eb672c48c07'
+        Plan = 'e662db642791'
         Application = 'robot'
         Serial = 0
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'de90240b7f00fffa4933e72ee2cfa20cfcc2d390a5b695c368b84a9fb7b35f6d'
+        UndoDigest = 'be4380ca631c884ffb3a2855a3baf464d61718e374c706a1d2b7b41181533352'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

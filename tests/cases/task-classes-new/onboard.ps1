@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         242754848ece, manifest 1dcdbb02daa5, rarms 0.1.0
+# Plan         0461c2885c94, manifest 1dcdbb02daa5, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -557,12 +557,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '242754848ece'
+        Plan = '0461c2885c94'
         Application = 'robot'
         Serial = 0
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '101bef228ac9280b32649758d5829b70cf1f67cd7ae36da38b10f39514dec007'
+        UndoDigest = '4d1296a4d7d3332ca5498cc2d5184bb992f2faddf8fc138e66c2fa37cb13592b'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         ccbf6723a7c1, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         73fbe15f882b, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        3
 # Parts        lock, journal, host, machines, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -451,7 +451,7 @@ function Get-SchedulerType {
 # How virtual machines are found, read and marked: never by their names alone.
 
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12})\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {
@@ -594,12 +594,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'ccbf6723a7c1'
+        Plan = '73fbe15f882b'
         Application = 'robot'
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'b1373fa27eefb3ab93178437e3a620081adba54afa1b4bf666f568be8e93e545'
+        UndoDigest = '8c000cb271f6ed3db67af814bcbde4d2197536ffa2658c792eb104e838d0c358'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

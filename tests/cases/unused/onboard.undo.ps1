@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         ccbf6723a7c1, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         73fbe15f882b, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        3
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -451,7 +451,7 @@ function Get-SchedulerType {
 # How virtual machines are found, read and marked: never by their names alone.
 
 $name = '[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?'
-$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12})\r*$'
+$form = '^rarms/1 (?<app>NAME)/(?<name>NAME(?:\.moving)?) vm=(?<vm>[0-9a-f]{8}) set=(?<set>[0-9a-f]{12}(?: stopped| measuring)?)\r*$'
 $script:MarkForm = $form.Replace('NAME', $name)
 
 function Read-Partition {
@@ -621,7 +621,7 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = 'ccbf6723a7c1'
+        Plan = '73fbe15f882b'
         Application = 'robot'
         Serial = 1
         Total = 3

@@ -1,0 +1,125 @@
+"""`rarms stop` and `rarms start`: partitions stop and start, and all that they are stays (DESIGN section 9).
+
+A partition that was stopped says so in its mark, so that it is no drift and no plan starts it; `rarms start` does.
+"""
+
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass, replace
+
+from rarms_iac.diff.compare_partitions import not_at_rest
+from rarms_iac.model.changes import Address, Reason, Update
+from rarms_iac.model.diagnostics import Diagnostic, Place
+from rarms_iac.model.state import Partition, RunState, StartAction, State, StoppedBy
+from rarms_iac.model.system import Disruption
+
+Locator = Callable[[Address], Place | None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StopScope:
+    """Which partitions are stopped or started."""
+
+    partitions: tuple[str, ...] = ()  # names; empty: every one that it applies to
+    stopped_by: StoppedBy = StoppedBy.USER  # who stops them; a measurement starts only what a measurement stopped
+
+
+EVERY_PARTITION = StopScope()
+
+
+def stop_changes(
+    state: State, application: str, scope: StopScope, locate: Locator
+) -> tuple[tuple[Update, ...], tuple[Diagnostic, ...]]:
+    """Find what has to change so that partitions of an application do not run, and no plan starts them.
+
+    Args:
+        state: the host as observed.
+        application: whose partitions.
+        scope: which of them, and who stops them. One that does not run is only marked, where it is wanted running.
+        locate: the manifest line of a partition.
+
+    Returns:
+        The changes by address, and a finding for each partition that is neither off nor running.
+    """
+    changes: list[Update] = []
+    findings: list[Diagnostic] = []
+    for address, before in _partitions(state, application, scope.partitions):
+        after = _stopped(before, scope.stopped_by)
+        if before.state in {RunState.PAUSED, RunState.BUSY, RunState.CRITICAL}:
+            findings.append(not_at_rest(address, before.state, locate(address)))
+        elif before.mark != after.mark and _is_wanted_running(before):
+            changes.append(_update(address, before, after, "rarms stop", locate))
+    return tuple(changes), tuple(findings)
+
+
+def start_changes(
+    state: State, application: str, scope: StopScope, locate: Locator
+) -> tuple[tuple[Update, ...], tuple[Diagnostic, ...]]:
+    """Find what has to change so that partitions run that rarms stopped.
+
+    Args:
+        state: the host as observed.
+        application: whose partitions.
+        scope: which of them; those that are named start also where nobody stopped them.
+        locate: the manifest line of a partition.
+
+    Returns:
+        As `stop_changes`.
+    """
+    changes: list[Update] = []
+    findings: list[Diagnostic] = []
+    for address, before in _partitions(state, application, scope.partitions):
+        assert before.mark is not None
+        stopped_by = before.mark.stopped_by
+        if scope.stopped_by is StoppedBy.MEASUREMENT:
+            is_meant = stopped_by is StoppedBy.MEASUREMENT
+        else:
+            is_meant = stopped_by is not StoppedBy.NOBODY or (bool(scope.partitions) and not before.settings.running)
+        if not is_meant:
+            continue
+        if before.state in {RunState.BUSY, RunState.CRITICAL, RunState.PAUSED}:
+            findings.append(not_at_rest(address, before.state, locate(address)))
+        else:
+            changes.append(_update(address, before, _started(before), "rarms start", locate))
+    return tuple(changes), tuple(findings)
+
+
+def _partitions(state: State, application: str, names: Collection[str]) -> Iterator[tuple[Address, Partition]]:
+    managed = {partition.mark.name: partition for partition in state.of(application).partitions if partition.mark}
+    for name, partition in sorted(managed.items()):
+        if not names or name in names:
+            yield Address(partition=name, machine=partition.id), partition
+
+
+def _is_wanted_running(partition: Partition) -> bool:
+    return partition.settings.running or partition.settings.start_action is not StartAction.NOTHING
+
+
+def _update(address: Address, before: Partition, after: Partition, why: str, locate: Locator) -> Update:
+    stops = before.settings.running and not after.settings.running
+    return Update(
+        address=address,
+        before=before,
+        after=after,
+        reason=Reason(says=why, place=locate(address)),
+        disruption=Disruption.PARTITION_STOP if stops else Disruption.LIVE,
+    )
+
+
+def _stopped(partition: Partition, stopped_by: StoppedBy) -> Partition:
+    assert partition.mark is not None
+    return replace(
+        partition,
+        settings=replace(partition.settings, running=False),
+        state=RunState.OFF,
+        mark=replace(partition.mark, stopped_by=stopped_by),
+    )
+
+
+def _started(partition: Partition) -> Partition:
+    assert partition.mark is not None
+    return replace(
+        partition,
+        settings=replace(partition.settings, running=True),
+        state=RunState.RUNNING,
+        mark=replace(partition.mark, stopped_by=StoppedBy.NOBODY),
+    )

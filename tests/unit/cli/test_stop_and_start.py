@@ -1,0 +1,125 @@
+"""`rarms stop` and `rarms start` on a simulated host: what they leave, what plan and drift say of it, and undo."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.model.state import Partition
+from rarms_iac.storage.snapshot_file import read_snapshot
+from tests.unit.cli.running import rarms
+
+MANIFEST = """schema: rarms/v1
+application: { name: robot }
+hosts:
+  onboard: { provider: simulated, logical_processors: 2, memory: 4 GiB, keep_for_host: { processor: 0 %, memory: 0 B } }
+components:
+  vision: { criticality: 9, memory: 512 MiB, cpu: { reserve: 40 % } }
+  speech: { criticality: 5, memory: 512 MiB, cpu: { reserve: 20 % } }
+  logger: { criticality: 1, memory: 512 MiB, cpu: { reserve: 5 % } }
+partitions:
+  logger: { start: manual }
+"""
+
+
+@pytest.fixture(autouse=True)
+def _an_applied_host(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("rarms.yaml").write_text(MANIFEST, encoding="utf-8")
+    assert rarms("apply", "--auto-approve").code == 0
+
+
+def partitions() -> dict[str, Partition]:
+    """What is on the host, by name."""
+    assert rarms("snapshot", "--out", "seen.json").code == 0
+    return {
+        partition.settings.name: partition for partition in read_snapshot(Path("seen.json").read_bytes()).partitions
+    }
+
+
+def running() -> list[str]:
+    return [name for name, partition in partitions().items() if partition.settings.running]
+
+
+def test_what_was_stopped_is_off_without_drift_until_it_is_started() -> None:
+    assert running() == ["speech", "vision"]
+
+    assert rarms("stop", "vision", "--auto-approve").code == 0
+
+    assert running() == ["speech"]
+    planned, drifted = rarms("plan"), rarms("drift")
+    assert (planned.code, drifted.code) == (0, 0)
+    assert "partition/vision stays stopped: `rarms stop` stopped it. `rarms start vision` starts it." in planned.out
+    assert json.loads(rarms("plan", "--json").out)["hosts"][0]["stopped"] == ["vision"]
+
+    assert rarms("start", "--auto-approve").code == 0
+
+    assert running() == ["speech", "vision"]
+    assert "stays stopped" not in rarms("plan").out
+    assert rarms("drift").code == 0
+
+
+def test_a_stopped_partition_takes_a_change_of_the_manifest_and_stays_stopped() -> None:
+    assert rarms("stop", "--auto-approve").code == 0
+    Path("rarms.yaml").write_text(MANIFEST.replace("40 %", "30 %"), encoding="utf-8")
+    assert rarms("drift").code == 5
+
+    assert rarms("apply", "--auto-approve").code == 0
+
+    assert running() == []
+    assert partitions()["vision"].settings.reserve == 30
+    assert rarms("plan").code == 0
+    assert rarms("start", "--auto-approve").code == 0
+    assert running() == ["speech", "vision"]
+    assert rarms("drift").code == 0
+
+
+def test_undo_takes_a_stop_back() -> None:
+    before = partitions()
+    assert rarms("stop", "--auto-approve").code == 0
+
+    assert rarms("undo", "--auto-approve").code == 0
+
+    assert partitions() == before
+
+
+def test_stopping_what_is_stopped_and_starting_what_runs_change_nothing() -> None:
+    assert rarms("start", "--auto-approve").out == "No changes. None of these partitions was stopped by rarms.\n"
+    assert rarms("stop", "--auto-approve").code == 0
+    assert rarms("stop", "--auto-approve").out == "No changes. None of these partitions is wanted running.\n"
+
+
+def test_a_partition_that_is_started_by_hand_is_started_where_it_is_named() -> None:
+    assert rarms("start", "logger", "--auto-approve").code == 0
+
+    assert running() == ["logger", "speech", "vision"]
+    assert rarms("plan").code == 0
+    assert rarms("stop", "--auto-approve").code == 0
+    assert running() == []
+    assert (rarms("plan").code, rarms("drift").code) == (0, 0)
+
+
+def test_a_stop_in_a_plan_file_is_applied_like_any_other() -> None:
+    assert rarms("stop", "speech", "--out", "stop.plan").code == 2
+    assert running() == ["speech", "vision"]
+
+    assert rarms("apply", "stop.plan").code == 0
+
+    assert running() == ["vision"]
+
+
+def test_a_name_that_no_host_has_is_refused() -> None:
+    refused = rarms("stop", "visoin", "--auto-approve")
+
+    assert refused.code == 64
+    assert "robot has no partition 'visoin' on onboard. Did you mean \"vision\"?" in refused.err
+    assert running() == ["speech", "vision"]
+
+
+def test_prove_says_how_stopped_partitions_come_back() -> None:
+    assert rarms("stop", "vision", "--auto-approve").code == 0
+
+    refused = rarms("prove")
+
+    assert refused.code == 3
+    assert "`rarms start vision`" in refused.err
