@@ -1,4 +1,4 @@
-"""What a plan does (`rarms plan`, `show`, `import`, `release`, `destroy`, `stop`, `start`), and its scripts (`rarms show --script`)."""
+"""What a plan does (`rarms plan`, `show`, `import`, `destroy`, `stop` and others), and its scripts (`show --script`)."""
 
 from dataclasses import dataclass
 from typing import Literal
