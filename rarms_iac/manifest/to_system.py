@@ -1,7 +1,8 @@
 """ManifestDocument -> System: defaults filled in, nothing judged (that is what the checks are for)."""
 
 from collections.abc import Callable, Mapping
-from typing import TypeVar, assert_never
+from dataclasses import fields
+from typing import TYPE_CHECKING, TypeVar, assert_never
 
 from rarms_iac.manifest.document.components import (
     ComponentBlock,
@@ -11,11 +12,10 @@ from rarms_iac.manifest.document.components import (
     FromEnvironmentBlock,
     RunBlock,
     SamplesBlock,
-    SimulationBlock,
-    StopBlock,
     TimeFieldBlock,
     UntilBlock,
 )
+from rarms_iac.manifest.document.fields import Block
 from rarms_iac.manifest.document.hosts import (
     ConnectBlock,
     FaultBlock,
@@ -79,6 +79,13 @@ from rarms_iac.model.system import (
     TaskRequest,
 )
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+B = TypeVar("B")
+V = TypeVar("V")
+D = TypeVar("D", bound="DataclassInstance")
+
 
 def to_host(name: str, block: HostBlock) -> Host:
     """A host with its defaults; its platform is its own name by default."""
@@ -88,7 +95,7 @@ def to_host(name: str, block: HostBlock) -> Host:
         provider=block.provider,
         logical_processors=block.logical_processors,
         memory=block.memory,
-        keep_for_host=KeepForHost(processor=keep.processor, memory=keep.memory),
+        keep_for_host=_from_block(KeepForHost, keep),
         platform=block.platform or name,
         connect=to_connect(block.connect) if block.connect else None,
         settings=_settings(block),
@@ -98,39 +105,34 @@ def to_host(name: str, block: HostBlock) -> Host:
 
 def to_connect(block: ConnectBlock) -> Connect:
     """How a remote system is reached."""
-    return Connect(ssh=block.ssh, shell=block.shell)
+    return _from_block(Connect, block)
+
+
+def _from_block(cls: type[D], block: Block, **different: object) -> D:
+    """The value of the model with the same fields as its block; `different` has those that are not taken as they are.
+
+    Raises:
+        AttributeError: the block lacks a field, which tests show.
+    """
+    taken = {field.name: getattr(block, field.name) for field in fields(cls) if field.name not in different}
+    return cls(**taken, **different)
 
 
 def _settings(block: HostBlock) -> HostSettings:
     match block.provider:
         case ProviderKind.SIMULATED:
-            return _simulated(block.simulated or SimulatedBlock())
+            simulated = block.simulated or SimulatedBlock()
+            return _from_block(SimulatedHost, simulated, faults=_named(simulated.faults, _fault))
         case ProviderKind.HYPERV:
-            hyperv = block.hyperv or HypervHostBlock()
-            return HypervHost(
-                switch=hyperv.switch, image=hyperv.image, vm_path=hyperv.vm_path, generation=hyperv.generation
-            )
+            return _from_block(HypervHost, block.hyperv or HypervHostBlock())
         case ProviderKind.LINUX:
-            linux = block.linux or LinuxBlock()
-            return LinuxHost(slice=linux.slice, control_groups=linux.control_groups)
+            return _from_block(LinuxHost, block.linux or LinuxBlock())
         case _:
             assert_never(block.provider)
 
 
-def _simulated(block: SimulatedBlock) -> SimulatedHost:
-    return SimulatedHost(
-        windows_build=block.windows_build,
-        guest_windows_build=block.guest_windows_build,
-        client=block.client,
-        scheduler=block.scheduler,
-        smt=block.smt,
-        administrator=block.administrator,
-        faults={name: _fault(fault) for name, fault in (block.faults or {}).items()},
-    )
-
-
-def _fault(block: FaultBlock) -> Fault:
-    return Fault(operation=block.operation, at=block.at, effect=block.effect, delay=block.delay, times=block.times)
+def _fault(_name: str, block: FaultBlock) -> Fault:
+    return _from_block(Fault, block)
 
 
 _CLOSED = Closed()
@@ -152,7 +154,7 @@ def to_run(block: RunBlock) -> Run:
         folder=block.folder,
         until=_until(block.until) if block.until else _UNTIL,
         timeout=block.timeout,
-        stop=_stop(block.stop) if block.stop else _STOP,
+        stop=_from_block(Stop, block.stop) if block.stop else _STOP,
         arrival=arrival,
         samples=_samples(block.samples) if block.samples else _PER_RUN,
         deadline=deadline,
@@ -177,10 +179,6 @@ def _until(block: UntilBlock) -> SampleCount | Elapsed:
     return _UNTIL if block.samples is None else SampleCount(samples=block.samples)
 
 
-def _stop(block: StopBlock) -> Stop:
-    return Stop(signal=block.signal, grace=block.grace)
-
-
 def _arrival(value: str | EveryBlock | None) -> Closed | Periodic:
     return Periodic(period=value.every) if isinstance(value, EveryBlock) else _CLOSED
 
@@ -203,9 +201,6 @@ def _field(block: FieldBlock | None) -> Field | None:
     return None if block is None else Field(name=block.field)
 
 
-B = TypeVar("B")
-V = TypeVar("V")
-
 _NOTHING_FIXED = CpuRequest()
 _BUILT_IN: Mapping[str, Interference] = {"busy-loop": BusyLoop()}
 
@@ -213,7 +208,7 @@ _BUILT_IN: Mapping[str, Interference] = {"busy-loop": BusyLoop()}
 def to_system(document: ManifestDocument) -> System:
     """Turn a document into a `System` with every default filled in; names are not resolved yet."""
     return System(
-        application=Application(name=document.application.name, description=document.application.description),
+        application=_from_block(Application, document.application),
         hosts=_named(document.hosts, to_host),
         components=_named(document.components, _component),
         partitions=_named(document.partitions, _partition),
@@ -229,22 +224,17 @@ def _named(blocks: Mapping[str, B] | None, make: Callable[[str, B], V]) -> dict[
 
 
 def _component(name: str, block: ComponentBlock) -> Component:
-    return Component(
+    return _from_block(
+        Component,
+        block,
         name=name,
-        criticality=block.criticality,
         apt=block.apt or {},
         run=to_run(block.run) if block.run else None,
-        memory=block.memory,
-        processors=block.processors,
         cpu=_component_cpu(block),
         together=tuple(block.together or ()),
         apart=tuple(block.apart or ()),
-        dedicated=block.dedicated,
-        task=block.task,
         hosts=None if block.hosts is None else tuple(block.hosts),
-        runs_on=block.runs_on,
-        interference=block.interference,
-        simulation=_simulation(block.simulation) if block.simulation else None,
+        simulation=_from_block(Simulation, block.simulation) if block.simulation else None,
     )
 
 
@@ -257,22 +247,11 @@ def _component_cpu(block: ComponentBlock) -> CpuRequest:
 
 
 def _cpu(block: CpuBlock | None) -> CpuRequest:
-    return (
-        _NOTHING_FIXED if block is None else CpuRequest(reserve=block.reserve, limit=block.limit, weight=block.weight)
-    )
-
-
-def _simulation(block: SimulationBlock) -> Simulation:
-    return Simulation(
-        work=block.work,
-        blocked=block.blocked,
-        varies=block.varies,
-        threads=block.threads,
-        success_within=block.success_within,
-    )
+    return _NOTHING_FIXED if block is None else _from_block(CpuRequest, block)
 
 
 def _partition(name: str, block: PartitionBlock) -> PartitionRequest:
+    guest = block.guest or GuestBlock()
     return PartitionRequest(
         name=name,
         components=(name,) if block.components is None else tuple(block.components),
@@ -282,50 +261,30 @@ def _partition(name: str, block: PartitionBlock) -> PartitionRequest:
         protect=block.protect,
         start=block.start,
         grace=(block.stop or PartitionStopBlock()).grace,
-        hyperv=_hyperv(block.hyperv or HypervPartitionBlock()),
-        guest=_guest(block.guest or GuestBlock()),
+        hyperv=_from_block(HypervPartition, block.hyperv or HypervPartitionBlock()),
+        guest=_from_block(Guest, guest, connect=to_connect(guest.connect) if guest.connect else None),
     )
-
-
-def _hyperv(block: HypervPartitionBlock) -> HypervPartition:
-    return HypervPartition(generation=block.generation, switch=block.switch, image=block.image, vm_path=block.vm_path)
-
-
-def _guest(block: GuestBlock) -> Guest:
-    return Guest(connect=to_connect(block.connect) if block.connect else None, credential=block.credential)
 
 
 def _interference(_name: str, block: BusyLoopBlock | BrowserBlock | CommandLoadBlock) -> Interference:
     match block:
         case BusyLoopBlock():
-            return BusyLoop(threads=block.threads)
+            return _from_block(BusyLoop, block)
         case BrowserBlock():
-            return Browser(instances=block.instances)
+            return _from_block(Browser, block)
         case CommandLoadBlock():
-            return CommandLoad(command=tuple(block.command), instances=block.instances)
+            return _from_block(CommandLoad, block, command=tuple(block.command))
         case _:
             assert_never(block)
 
 
 def _task(name: str, block: TaskBlock) -> TaskRequest:
-    return TaskRequest(
-        name=name,
-        category=block.category,
-        priority=block.priority,
-        background_priority=block.background_priority,
-        replace_shipped=block.replace_shipped,
-    )
+    return _from_block(TaskRequest, block, name=name)
 
 
 def _policy(block: PolicyBlock) -> Policy:
-    return Policy(
-        interference=block.interference,
-        minimise=block.minimise,
-        headroom=block.headroom,
-        max_disruption=block.max_disruption,
-        accept=_named(block.accept, _acceptance),
-    )
+    return _from_block(Policy, block, accept=_named(block.accept, _acceptance))
 
 
 def _acceptance(code: str, block: AcceptanceBlock) -> Acceptance:
-    return Acceptance(code=code, at=tuple(block.at), reason=block.reason, until=block.until)
+    return _from_block(Acceptance, block, code=code, at=tuple(block.at))
