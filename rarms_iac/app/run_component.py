@@ -18,6 +18,7 @@ from rarms_iac.model.measurement import Sample, Series
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.quantities import Milliseconds
 from rarms_iac.model.system import AtLeast, AtMost, Component, Elapsed, Run, SampleCount, System, Threshold
+from rarms_iac.model.wording import counted
 from rarms_iac.running.component import ComponentRun, run_in_parallel
 from rarms_iac.running.loads import InterferingLoad, LoadEnded
 from rarms_iac.running.samples import SamplingEnd
@@ -187,7 +188,7 @@ def _findings(result: ComponentRunResult, manifest: Manifest) -> Iterator[Diagno
     address = f"component/{name}"
     if result.ending is SamplingEnd.FAILURES:
         reasons = list(dict.fromkeys(sample.failure for sample in result.series.samples if sample.failure))
-        count = f"{result.failed} failed sample{'' if result.failed == 1 else 's'}"
+        count = counted(result.failed, "failed sample")
         yield TOO_MANY_FAILURES.at(
             places.key("components", name, "run"),
             f'"{name}" had {count} and may have {result.run.failures}: '

@@ -16,7 +16,7 @@ from rarms_iac.app.select import SelectOutcome
 from rarms_iac.cli.messages import tell
 from rarms_iac.cli.session import Session
 from rarms_iac.model.quantities import show_processors
-from rarms_iac.model.wording import in_a_row
+from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.combining.oracle import Members
 
 
@@ -101,8 +101,7 @@ class TerminalConsent:
 
         self._terminal.flush()
         saves = show_processors(Fraction(gain, 100))
-        takes = "one setting" if settings == 1 else f"{settings} settings"
-        text = f"Try {in_a_row(members)}? About {takes}, or fewer; saves at most {saves}. [y/N] "
+        text = f"Try {in_a_row(members)}? About {counted(settings, 'setting')}, or fewer; saves at most {saves}. [y/N] "
         question = render(paragraph(text), self._terminal.width).removesuffix("\n") + " "
         self._terminal.status(question)
         while (answer := sys.stdin.readline().strip().lower()) not in {"", "y", "yes", "n", "no"}:

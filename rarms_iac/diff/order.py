@@ -50,7 +50,7 @@ def order(planned: Sequence[PlannedChange], budget: StepBudget) -> OrderedSteps 
         Every step once, or the cycle where `max_disruption` forbids the stop that would break it.
     """
     moves, rest = mark_moves(planned)
-    on_host = [change for change in rest if not _is_in_guest(change.change)]
+    on_host = [change for change in rest if not change.change.address.is_in_guest]
     walk = _Walk(budget=budget, queue=[list(change.steps) for change in on_host], plans=on_host)
     walk.done = list(moves)
     walk.run_releasing_steps()
@@ -58,12 +58,8 @@ def order(planned: Sequence[PlannedChange], budget: StepBudget) -> OrderedSteps 
     if isinstance(result, Cycle):
         return result
     # A guest's classes are written where it runs already: a real one cannot be reached before.
-    in_guests = sorted((change for change in rest if _is_in_guest(change.change)), key=_by_address)
+    in_guests = sorted((change for change in rest if change.change.address.is_in_guest), key=_by_address)
     return replace(result, steps=(*result.steps, *(step for change in in_guests for step in change.steps)))
-
-
-def _is_in_guest(change: Change) -> bool:
-    return bool(change.address.partition and change.address.task)
 
 
 def _by_address(planned: PlannedChange) -> tuple[str, str]:

@@ -27,6 +27,11 @@ class Address:
     machine: str = field(default="", compare=False)  # id, where the mark does not say it: import and release
     responsiveness: bool = False  # SystemResponsiveness of the host itself; then there is no partition and no task
 
+    @property
+    def is_in_guest(self) -> bool:
+        """Whether it is a task class inside a partition."""
+        return bool(self.partition and self.task)
+
     def __str__(self) -> str:
         """As findings, plans and `--target` write it."""
         if self.responsiveness:

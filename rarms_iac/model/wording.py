@@ -16,6 +16,11 @@ def number(many: int) -> str:
     return _NUMBERS[many] if many < len(_NUMBERS) else str(many)
 
 
+def counted(many: int, noun: str) -> str:
+    """`1 error`, `2 errors`."""
+    return f"{many} {noun}" if many == 1 else f"{many} {noun}s"
+
+
 MOST_CANDIDATES = 400
 """Names that are compared: more would make a file full of wrong names slow to refuse."""
 

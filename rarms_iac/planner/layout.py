@@ -12,6 +12,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Places
 from rarms_iac.model.layout import Infeasible, Layout
 from rarms_iac.model.quantities import show_bytes, show_processors
 from rarms_iac.model.system import Disruption, Measured, System
+from rarms_iac.model.wording import counted
 from rarms_iac.planner import findings
 from rarms_iac.planner.packing.values import cost
 from rarms_iac.planner.problem import HostView, Problem, by_name, problem_of, solve
@@ -113,13 +114,9 @@ def _placement(answer: Layout, places: Places) -> Iterator[Diagnostic]:
     gap = show_processors(Fraction(placement.reserved - placement.reserved_bound, 100))
     detail = (
         f"The layout reserves {show_processors(Fraction(placement.reserved, 100))}, at most {gap} more than needed, "
-        f"and moves {_partitions(placement.moves)}, of which at least {placement.moves_bound} must move."
+        f"and moves {counted(placement.moves, 'partition')}, of which at least {placement.moves_bound} must move."
     )
     yield findings.NOT_PROVEN.at(places.key("application"), detail, "It fits and may be applied.")
-
-
-def _partitions(number: int) -> str:
-    return "1 partition" if number == 1 else f"{number} partitions"
 
 
 def _moves(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:

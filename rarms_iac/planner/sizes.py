@@ -14,6 +14,7 @@ from rarms_iac.model.quantities import (
     show_processors,
 )
 from rarms_iac.model.system import Host, HypervHost, Measured
+from rarms_iac.model.wording import counted
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.headroom import limit_of, weight_of
@@ -40,15 +41,15 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
         what = f"component/{wanted.components[0]}"
         return Cause(what=what, says=wanted.says or says, code=wanted.code, advice=wanted.advice)
     processors = _processors(group, host)
-    reserve = per_virtual_processor(wanted, processors)
+    reserve, width = per_virtual_processor(wanted, processors), counted(processors, "virtual processor")
     if reserve > 100:
         says = (
-            f"{group.name} reserves {show_processors(wanted)}, and {_count(processors)} cannot use that: "
+            f"{group.name} reserves {show_processors(wanted)}, and {width} cannot use that: "
             f"it needs at least {-(-wanted.numerator // wanted.denominator)}."
         )
         return Cause(what=f"partition/{group.name}", says=says, code=findings.PARALLELISM.code)
     if reserve and processors > host.logical_processors:
-        says = f"The {_count(processors)} of {group.name} are more than the {host.logical_processors} of {host.name}."
+        says = f"The {width} of {group.name} are more than the {host.logical_processors} of {host.name}."
         return Cause(what=f"partition/{group.name}", says=says, code=findings.TOO_WIDE.code)
     limit, why_limit = limit_of(group, host, processors, reserve)
     weight, why_weight = weight_of(group)
@@ -114,7 +115,3 @@ def _reason(group: Group, host: Host, wanted: LogicalProcessors, reserve: int, p
     lost = guaranteed(reserve, processors) - wanted
     rounding = f", rounded up by {show_processors(lost)}" if lost else ""
     return f"{share} of {host.name} for {names}: {reserve} % of {each}{rounding}"
-
-
-def _count(processors: int) -> str:
-    return "one virtual processor" if processors == 1 else f"{processors} virtual processors"

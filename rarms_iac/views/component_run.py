@@ -9,9 +9,10 @@ from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Sample
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
+from rarms_iac.model.wording import counted
 from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.console import counted, paragraph, stack, table, visible
+from rarms_iac.views.console import paragraph, stack, table, visible
 from rarms_iac.views.measure import index_unit, show_bound, show_estimate
 from rarms_iac.views.output.hosts import ComponentRunOutput, RanComponentOutput, RanIndexOutput, SampleOutput
 

@@ -60,11 +60,6 @@ def visible(text: str, keep: str = "\n") -> str:
     )
 
 
-def counted(number: int, noun: str) -> str:
-    """`1 error`, `2 errors`."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
-
-
 def show_seconds(time: float) -> str:
     """`0.1 s`, `75 s`: no more digits than a person reads."""
     return f"{time:.1f} s" if time < 10 else f"{time:.0f} s"

@@ -8,6 +8,7 @@ from rarms_iac.app.explanation import DataLogSummary, Explanation, HostExplanati
 from rarms_iac.model.indexes import find_index, show_threshold, show_value
 from rarms_iac.model.quantities import guaranteed, in_processors, show_bytes, show_percent, show_processors
 from rarms_iac.model.system import AtMost, Component, Threshold
+from rarms_iac.model.wording import counted
 from rarms_iac.statistics.curves import Point, holds
 from rarms_iac.statistics.verdicts import describe_error
 from rarms_iac.views.plan import describe_placement
@@ -228,7 +229,7 @@ def _data_log(explanation: Explanation) -> Iterator[str]:
 
 def _log(log: DataLogSummary) -> Iterator[str]:
     when = log.first if log.first == log.last else f"{log.first} to {log.last}"
-    yield f"{log.path}, {_settings(len(log.reserves))}, measured {when}"
+    yield f"{log.path}, {counted(len(log.reserves), 'setting')}, measured {when}"
     smt = "with SMT" if log.smt else "without SMT"
     build = f", build {log.os_build}" if log.os_build else ""
     yield (
@@ -238,19 +239,16 @@ def _log(log: DataLogSummary) -> Iterator[str]:
     )
 
 
-def _settings(number: int) -> str:
-    return "one setting" if number == 1 else f"{number} settings"
-
-
 def _reservation(explanation: Explanation) -> Iterator[str]:
     whole = explanation.host.logical_processors
     if explanation.wanted is None:
         yield f"not known: {_what_is_missing(explanation)}"
         return
     if explanation.least is not None and explanation.measured is not None:
+        processors = counted(explanation.measured.processors, "virtual processor")
         yield (
-            f"CR {explanation.least.reserve} %: the least whole per cent of P1's "
-            f"{_virtual(explanation.measured.processors)} at which every APT of the partition is seen to hold"
+            f"CR {explanation.least.reserve} %: the least whole per cent of P1's {processors} at which every APT of "
+            "the partition is seen to hold"
         )
     elif not explanation.wanted:
         yield "none: nothing asks for one"
@@ -276,16 +274,11 @@ def _rounding(explanation: Explanation) -> Iterator[str]:
         yield "none: nothing is reserved"
         return
     lost = guaranteed(placed.reserve, placed.processors) - explanation.wanted
-    grain = f"{placed.reserve} % of each of its {_virtual(placed.processors)} (whole per cent are the provider's grain)"
-    if placed.processors == 1:
-        grain = f"{placed.reserve} % of its virtual processor (whole per cent are the provider's grain)"
+    each = "its virtual processor" if placed.processors == 1 else f"each of its {placed.processors} virtual processors"
+    grain = f"{placed.reserve} % of {each} (whole per cent are the provider's grain)"
     yield f"{grain}: {show_processors(placed.reserved)}, " + (
         f"rounded up by {show_processors(lost)}" if lost else "nothing is lost"
     )
-
-
-def _virtual(processors: int) -> str:
-    return "one virtual processor" if processors == 1 else f"{processors} virtual processors"
 
 
 def _partition(explanation: Explanation) -> Iterator[str]:
@@ -296,7 +289,8 @@ def _partition(explanation: Explanation) -> Iterator[str]:
         names = ", ".join(f"{other.name} (criticality {other.criticality})" for other in others)
         yield f"{explanation.placed.name}: {explanation.component.name} is combined with {names}"
         yield from explanation.why_together
-    yield f"memory {show_bytes(explanation.placed.memory)}, {_virtual(explanation.placed.processors)}"
+    processors = counted(explanation.placed.processors, "virtual processor")
+    yield f"memory {show_bytes(explanation.placed.memory)}, {processors}"
 
 
 def _host(explanation: Explanation) -> Iterator[str]:

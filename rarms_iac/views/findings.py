@@ -9,19 +9,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rarms_iac.model.diagnostics import Diagnostic, Place, Severity, Sources
-from rarms_iac.views.console import (
-    DIM,
-    ERROR,
-    NOTE,
-    STRONG,
-    WARNING,
-    columns,
-    counted,
-    paragraph,
-    stack,
-    styled,
-    visible,
-)
+from rarms_iac.model.wording import counted
+from rarms_iac.views.console import DIM, ERROR, NOTE, STRONG, WARNING, columns, paragraph, stack, styled, visible
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

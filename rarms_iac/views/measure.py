@@ -24,10 +24,10 @@ from rarms_iac.model.outcomes import (
 )
 from rarms_iac.model.quantities import guaranteed, plain, show_processors
 from rarms_iac.model.system import AtLeast, AtMost, Elapsed, SampleCount, Threshold
-from rarms_iac.model.wording import in_a_row
+from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.verdicts import show_error
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.console import LiveTable, counted, paragraph, show_seconds, stack, table
+from rarms_iac.views.console import LiveTable, paragraph, show_seconds, stack, table
 from rarms_iac.views.output.measuring import ExperimentOutput, IndexOutput, MeasureOutput, SettingOutput
 from rarms_iac.views.reports.scale import UNIT_TEXT
 

@@ -21,21 +21,9 @@ from rarms_iac.model.quantities import (
     show_processors,
 )
 from rarms_iac.model.state import Mark, Partition, StoppedBy
+from rarms_iac.model.wording import counted
 from rarms_iac.views.changes import Attribute, attributes_of, count, describe_disruption, symbol
-from rarms_iac.views.console import (
-    BAD,
-    CHANGED,
-    DIM,
-    GOOD,
-    NOTE,
-    STRONG,
-    counted,
-    paragraph,
-    stack,
-    styled,
-    table,
-    visible,
-)
+from rarms_iac.views.console import BAD, CHANGED, DIM, GOOD, NOTE, STRONG, paragraph, stack, styled, table, visible
 from rarms_iac.views.findings import findings_text
 
 if TYPE_CHECKING:
@@ -152,8 +140,11 @@ def _host(part: HostPlan, plan: Plan, *, verbose: bool) -> "Iterator[RenderableT
 
 def _in_short(part: HostPlan) -> "Iterator[RenderableType]":
     """A table of the partitions that come and go, then a line for every other change."""
-    whole = [change for change in part.changes if isinstance(change, Create | Delete) and not _is_inside(change)]
-    machines = [change for change in whole if isinstance(_resource(change), Partition)]
+    machines = [
+        change
+        for change in part.changes
+        if isinstance(change, Create | Delete) and isinstance(_resource(change), Partition)
+    ]
     created = {change.address.partition for change in machines if isinstance(change, Create)}
     classes: dict[str, list[str]] = {}
     for change in part.changes:
@@ -162,12 +153,8 @@ def _in_short(part: HostPlan) -> "Iterator[RenderableType]":
     if machines:
         yield table([_row(change, part, classes) for change in machines], right=(1, 2, 3), wrap=(4,), indent=2)
     for change in part.changes:
-        if change not in machines and not (_is_inside(change) and change.address.partition in created):
+        if change not in machines and not (change.address.is_in_guest and change.address.partition in created):
             yield _line(change, part)
-
-
-def _is_inside(change: Change) -> bool:
-    return bool(change.address.partition and change.address.task)
 
 
 def _resource(change: Create | Delete) -> object:

@@ -11,9 +11,10 @@ from rarms_iac.measuring.prove import IndexVerdict, LayoutProof
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.measurement import Series
 from rarms_iac.model.quantities import show_processors
+from rarms_iac.model.wording import counted
 from rarms_iac.statistics.verdicts import show_error
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.console import counted, paragraph, stack, table
+from rarms_iac.views.console import paragraph, stack, table
 from rarms_iac.views.measure import index_outputs, show_bound
 from rarms_iac.views.output.measuring import ProvenHostOutput, ProvenIndexOutput, ProveOutput
 

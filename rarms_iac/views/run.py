@@ -13,9 +13,10 @@ from rarms_iac.applying.run_report import HostReport, ReportedStep, RunEnding, R
 from rarms_iac.applying.run_script import UndoneStep
 from rarms_iac.model.journal import RunKind, RunStarted, ScriptStarted, StepStatus
 from rarms_iac.model.plan import UndoLevel
+from rarms_iac.model.wording import counted
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.changes import count
-from rarms_iac.views.console import counted, paragraph, show_seconds, stack, visible
+from rarms_iac.views.console import paragraph, show_seconds, stack, visible
 from rarms_iac.views.output.hosts import HostRunOutput, RunOutput
 
 if TYPE_CHECKING:

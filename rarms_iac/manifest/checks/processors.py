@@ -24,6 +24,7 @@ from rarms_iac.model.quantities import (
     show_processors,
 )
 from rarms_iac.model.system import Component, Host, Measured, RunsOn, System
+from rarms_iac.model.wording import counted
 
 RESERVE_OVER_LIMIT = Finding(code="RARMS060", severity=Severity.ERROR, summary="The reserve is above the limit")
 RESERVE_OVER_HOST = Finding(
@@ -123,7 +124,7 @@ def reserve_beyond_parallelism(system: System) -> Iterator[Violation]:
             yield Violation(
                 path=("components", component.name, "cpu", "reserve"),
                 detail=f'"{component.name}" reserves {show_processors(min(reserves))}, but '
-                f"{_count(threads, 'thread')} can use at most {show_processors(threads)}. Nobody can use the rest.",
+                f"{counted(threads, 'thread')} can use at most {show_processors(threads)}. Nobody can use the rest.",
                 advice=f"Write `processors: {threads}`, with a reserve of at most {show_processors(threads)}.",
             )
 
@@ -140,13 +141,9 @@ def reserve_over_processors(system: System) -> Iterator[Violation]:
             yield Violation(
                 path=(section, name, "cpu", "reserve"),
                 detail=f'"{name}" reserves {show_processors(reserve)}, but '
-                f"{_count(count, 'virtual processor')} can use at most {show_processors(count)}.",
+                f"{counted(count, 'virtual processor')} can use at most {show_processors(count)}.",
                 advice=f"Write `processors: {ceil(reserve)}`, or reserve at most {show_processors(count)}.",
             )
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'s' if number != 1 else ''}"
 
 
 def more_processors_than_host(system: System) -> Iterator[Violation]:

@@ -9,7 +9,14 @@ from pydantic import AfterValidator, GetCoreSchemaHandler, GetJsonSchemaHandler,
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, ValidationError, core_schema
 
-from rarms_iac.model.indexes import INDEXES, PERCENTILE_PATTERN, PerformanceIndex, find_index, percentile_index
+from rarms_iac.model.indexes import (
+    INDEXES,
+    PERCENTILE_PATTERN,
+    PerformanceIndex,
+    find_index,
+    percentile_index,
+    threshold_of,
+)
 from rarms_iac.model.quantities import (
     Bytes,
     CpuAmount,
@@ -23,7 +30,7 @@ from rarms_iac.model.quantities import (
     parse_quantity,
     units_of,
 )
-from rarms_iac.model.system import AtLeast, AtMost, Measured, Threshold
+from rarms_iac.model.system import Measured, Threshold
 
 _EXAMPLES = {
     Unit.TIME: "88 ms",
@@ -141,15 +148,8 @@ Wait = Annotated[Time, AfterValidator(_at_most_one_hour)]
 _DIRECTIONS = ("at_most", "at_least")
 
 
-@lru_cache(maxsize=4096)
-def _index(name: str) -> PerformanceIndex | None:
-    return find_index(name)
-
-
-@lru_cache(maxsize=4096)
-def _threshold(index: PerformanceIndex, text: str) -> Threshold:
-    _, value = parse_quantity(text, index.unit)
-    return AtMost(value=value) if index.smaller_is_better else AtLeast(value=value)
+_index = lru_cache(maxsize=4096)(find_index)
+_threshold = lru_cache(maxsize=4096)(threshold_of)
 
 
 def read_thresholds(value: Any) -> dict[str, Threshold]:

@@ -5,13 +5,13 @@ JSON Lines like a data log, one per platform and component; the last `Chosen` is
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
 from rarms_iac.model.measurement import Bench, EnvironmentSetup
-from rarms_iac.storage.append import Damaged, append, read_records
-from rarms_iac.storage.codec import NotDecodable, decode_union, encode
-from rarms_iac.storage.datalog.files import LogUnreadable
+from rarms_iac.storage.codec import decode_union
+from rarms_iac.storage.datalog.files import append_to_log, decoded_records
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,10 +71,7 @@ def append_entry(path: Path, entry: Entry) -> None:
     Raises:
         OSError: it cannot be written.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    record = encode(entry)
-    assert isinstance(record, dict)
-    append(path, record)
+    append_to_log(path, entry)
 
 
 def read_entries(path: Path) -> tuple[Entry, ...]:
@@ -84,17 +81,7 @@ def read_entries(path: Path) -> tuple[Entry, ...]:
         LogUnreadable: the log is damaged, or holds something else.
         OSError: it cannot be read.
     """
-    try:
-        records = read_records(path)
-    except Damaged as damage:
-        raise LogUnreadable(path, damage.line, damage.message) from None
-    entries: list[Entry] = []
-    for line, record in enumerate(records, start=1):
-        try:
-            entries.append(decode_union(Entry, record))
-        except NotDecodable as problem:
-            raise LogUnreadable(path, line, str(problem)) from None
-    return tuple(entries)
+    return decoded_records(path, partial(decode_union, Entry))
 
 
 def last_chosen(entries: tuple[Entry, ...]) -> Chosen | None:

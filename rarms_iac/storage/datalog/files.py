@@ -1,7 +1,8 @@
 """Data logs as files: read whole, begun anew, or a setting longer."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import TypeVar
 
 from rarms_iac.storage.append import Damaged, append, read_records
 from rarms_iac.storage.append import line_of as sealed_line
@@ -9,6 +10,8 @@ from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.datalog.columns import line_of, setting_in
 from rarms_iac.storage.datalog.log import FORMAT, DataLog, Header, Recorded, Remeasurement
 from rarms_iac.storage.replace import replace
+
+T = TypeVar("T")
 
 REMEASUREMENT_FIELD = "pass"
 """The one field of a pass's record; of several records of a pass the last holds."""
@@ -54,6 +57,49 @@ def append_setting(path: Path, recorded: Recorded) -> None:
     append(path, line_of(recorded))
 
 
+def append_to_log(path: Path, value: object) -> None:
+    """Add a value as a record; the log and its folder are made. It is on the disk on return.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    record = encode(value)
+    assert isinstance(record, dict)
+    append(path, record)
+
+
+def whole_records(path: Path) -> tuple[dict[str, Json], ...]:
+    """The records of a log, without a last one that a crash tore; none where there is no file.
+
+    Raises:
+        LogUnreadable: the log is damaged, or no log.
+        OSError: it cannot be read.
+    """
+    try:
+        return read_records(path)
+    except Damaged as damage:
+        raise LogUnreadable(path, damage.line, damage.message) from None
+    except NotDecodable as problem:
+        raise LogUnreadable(path, 1, str(problem)) from None
+
+
+def decoded_records(path: Path, decode_record: Callable[[dict[str, Json]], T]) -> tuple[T, ...]:
+    """The values of a log's records, oldest first; none where there is no file.
+
+    Raises:
+        LogUnreadable: the log is damaged, or holds something else.
+        OSError: it cannot be read.
+    """
+    values: list[T] = []
+    for line, record in enumerate(whole_records(path), start=1):
+        try:
+            values.append(decode_record(record))
+        except NotDecodable as problem:
+            raise LogUnreadable(path, line, str(problem)) from None
+    return tuple(values)
+
+
 def read_log(path: Path) -> DataLog | None:
     """The log, without a last line that a crash tore; None where there is no file, or one without a whole header.
 
@@ -61,12 +107,7 @@ def read_log(path: Path) -> DataLog | None:
         LogUnreadable: it is damaged, of another version, or no data log.
         OSError: it cannot be read.
     """
-    try:
-        records = read_records(path)
-    except Damaged as damage:
-        raise LogUnreadable(path, damage.line, damage.message) from None
-    except NotDecodable as problem:
-        raise LogUnreadable(path, 1, str(problem)) from None
+    records = whole_records(path)
     if not records:
         return None
     first, *rest = records

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from rarms_iac.storage.append import Damaged, append, read_records
-from rarms_iac.storage.codec import NotDecodable, decode, encode
-from rarms_iac.storage.datalog.files import FOLDER, LogUnreadable
+from rarms_iac.storage.codec import Json, decode
+from rarms_iac.storage.datalog.files import FOLDER, append_to_log, decoded_records
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,10 +83,7 @@ def append_run(path: Path, run: TuningRun) -> None:
     last = read_runs(path)[-1:]
     if last and replace(last[0], when=run.when, rarms_version=run.rarms_version) == run:
         return
-    path.parent.mkdir(parents=True, exist_ok=True)
-    record = encode(run)
-    assert isinstance(record, dict)
-    append(path, record)
+    append_to_log(path, run)
 
 
 _NO_LONGER_WRITTEN = "probability"
@@ -101,15 +97,8 @@ def read_runs(path: Path) -> tuple[TuningRun, ...]:
         LogUnreadable: the log is damaged, or holds something else.
         OSError: it cannot be read.
     """
-    try:
-        records = read_records(path)
-    except Damaged as damage:
-        raise LogUnreadable(path, damage.line, damage.message) from None
-    runs: list[TuningRun] = []
-    for line, record in enumerate(records, start=1):
-        try:
-            known = {name: value for name, value in record.items() if name != _NO_LONGER_WRITTEN}
-            runs.append(decode(TuningRun, known))
-        except NotDecodable as problem:
-            raise LogUnreadable(path, line, str(problem)) from None
-    return tuple(runs)
+    return decoded_records(path, _run_in)
+
+
+def _run_in(record: dict[str, Json]) -> TuningRun:
+    return decode(TuningRun, {name: value for name, value in record.items() if name != _NO_LONGER_WRITTEN})
