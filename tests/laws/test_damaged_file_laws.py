@@ -23,7 +23,7 @@ from tests.files import copy_files
 from tests.measured_cell import HOST, PLAN, READERS, make_cell
 from tests.unit.cli.running import Ran, rarms
 
-SECONDS = 30  # what hangs does so for ever: this need not be near what a command takes
+SECONDS = 600  # what hangs does so for ever: this need not be near what a command takes
 LINES, TOP = ("length", "checksum"), {PLAN: "seal", HOST: "checksum"}
 JSON_FILES = sorted(file for file in READERS if file.endswith((".json", ".jsonl")))
 REMOVE = object()
@@ -132,6 +132,43 @@ def test_a_value_that_nobody_wrote_is_a_finding(
     words = data.draw(st.sampled_from(READERS[file]))
     with chdir(folder), in_time():
         check(rarms(*words))
+
+
+HOSTILE_TEXT = "é\u202e\x1b[31m\n::error::x"
+
+
+def text_fields(file: Path) -> dict[tuple[Any, ...], tuple[int, tuple[Any, ...]]]:
+    """Every field of a document that is text, once: its shape, with the record and the way to it."""
+    texts = file.read_text(encoding="utf-8")
+    documents = [json.loads(line) for line in texts.splitlines()] if file.suffix == ".jsonl" else [json.loads(texts)]
+    found: dict[tuple[Any, ...], tuple[int, tuple[Any, ...]]] = {}
+    for number, document in enumerate(documents):
+        for path in paths_in(document):
+            value = document
+            for key in path:
+                value = value[key]
+            if isinstance(value, str) and path[-1] not in LINES:
+                shape = (document.get("kind"), *("each" if isinstance(key, int) else key for key in path))
+                found.setdefault(shape, (number, path))
+    return found
+
+
+@pytest.mark.parametrize("file", JSON_FILES)
+def test_no_text_of_a_document_reaches_a_reader_raw(cell: Path, tmp_path: Path, file: str) -> None:
+    fields = text_fields(cell / file)
+    for number, (record, path) in enumerate(fields.values()):
+        folder = tmp_path / str(number)
+        copy_files(cell, folder)
+        if file.endswith(".jsonl"):
+            damage_line(folder / file, record, lambda _, path=path: path, HOSTILE_TEXT)  # type: ignore[misc]
+        else:
+            damage_document(folder / file, lambda _, path=path: path, HOSTILE_TEXT, TOP.get(file, ""))  # type: ignore[misc]
+        words = READERS[file][number % len(READERS[file])]
+        with chdir(folder), in_time():
+            check(rarms(*words))
+        page = folder / "report.html"
+        assert not page.exists() or not set("\x1b\u202e") & set(page.read_text(encoding="utf-8"))
+    assert len(fields) >= 5
 
 
 def make_pipe(path: Path) -> None:

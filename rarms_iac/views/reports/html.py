@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.report_model import Report
 from rarms_iac.statistics.verdicts import ERRORS_EXPLAINED
 from rarms_iac.storage.shipped import shipped, shipped_text
+from rarms_iac.views.console import visible
 from rarms_iac.views.reports.page import RESERVES, Card, cards_of, data_of
 from rarms_iac.views.reports.summary import (
     PlatformFit,
@@ -96,8 +97,22 @@ def _digest(text: str) -> str:
 
 def _inert(data: object) -> str:
     """JSON that can end no element: every sign that HTML reads is written as an escape."""
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    text = json.dumps(_visible_in(data), separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _visible_in(data: object) -> object:
+    """The same data with every text as `visible` shows it."""
+    if isinstance(data, str):
+        return visible(data)
+    if isinstance(data, dict):
+        return {_visible_in(key): _visible_in(value) for key, value in data.items()}
+    return [_visible_in(item) for item in data] if isinstance(data, list | tuple) else data
+
+
+def _shown(value: object) -> object:
+    """What a template prints: text of ours as it is, any other spelt out; jinja2 escapes it afterwards."""
+    return visible(value) if type(value) is str else value
 
 
 def _placed(cards: tuple[Card, ...]) -> str:
@@ -112,6 +127,7 @@ def _environment() -> "Environment":
     return Environment(
         loader=FileSystemLoader(str(shipped(FOLDER)), encoding="utf-8"),
         autoescape=True,
+        finalize=_shown,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
