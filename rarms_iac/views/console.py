@@ -35,6 +35,8 @@ ERROR, WARNING, NOTE, DIM, STRONG = "bold red", "bold yellow", "bold cyan", "dim
 GOOD, CHANGED, BAD = "green", "yellow", "red"
 
 _HARMLESS = re.compile(r"[\x20-\x7e]*")
+_COMMAND = re.compile(r"(?:^|(?<=\s)):(?=:)|#(?=#\[)", re.MULTILINE)
+"""What begins a command in the log of a GitHub workflow, `::error` or `##[error]`; a line may be broken before it."""
 _UNIT = re.compile(r"(?<=[0-9]) (?=(?:%|LP|us|ms|s|min|h|B|[KMGT]iB|/s|/min|/h)(?![\w/]))")
 _ITEM = re.compile(r" *- ")
 _ACTING = {"Cc", "Cf", "Cs", "Zl", "Zp"}
@@ -42,14 +44,17 @@ _GLUE = "\ue000"  # stands for a space that no line is broken at; rich would bre
 
 
 def visible(text: str, keep: str = "\n") -> str:
-    """Spell out everything that could act on a terminal, or has no encoding: `<U+202E>`.
+    """Spell out everything that could act on a terminal or on the runner of a workflow, or has no encoding: `<U+202E>`.
 
-    Control characters, bidirectional and other invisible formatting, line separators and lone surrogates.
+    Control characters, bidirectional and other invisible formatting, line separators, lone surrogates, and the
+    beginning of a workflow's command.
 
     Args:
         text: from anywhere, also from an attacker.
         keep: characters that stay as they are.
     """
+    if _COMMAND.search(text):
+        text = _COMMAND.sub(lambda sign: f"<U+{ord(sign[0]):04X}>", text)
     if _HARMLESS.fullmatch(text):
         return text
     return "".join(

@@ -7,6 +7,7 @@ import copy
 import hashlib
 import json
 import os
+import re
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import chdir, contextmanager
@@ -108,7 +109,7 @@ def check(answer: Ran) -> None:
     assert "Traceback" not in text
     assert "\x1b" not in text
     assert "\u202e" not in text
-    assert "\n::error" not in text
+    assert not re.search(r"^\s*::error", text, re.MULTILINE)
 
 
 @settings(max_examples=examples(60))

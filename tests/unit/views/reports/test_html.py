@@ -102,7 +102,7 @@ def test_text_of_a_manifest_never_becomes_markup_or_code() -> None:
     assert "{{ 7 * 7 }}" in page
     cards = data_in(page)["cards"]
     assert isinstance(cards, list)
-    assert {card["platform"] for card in cards} == {nasty}
+    assert {card["platform"] for card in cards} == {nasty.replace("\u2028", "<U+2028>")}
 
 
 def test_lone_surrogates_do_not_stop_the_page() -> None:
