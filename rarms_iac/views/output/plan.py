@@ -1,4 +1,4 @@
-"""What a plan does (`rarms plan`, `show`, `import`, `destroy`, `stop` and others), and its scripts (`show --script`)."""
+"""What a plan does (`rarms plan`, `show`, `import`, `destroy`, `stop`), and its scripts (`show --script`)."""
 
 from dataclasses import dataclass
 from typing import Literal
