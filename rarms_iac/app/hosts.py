@@ -3,7 +3,7 @@
 import getpass
 import os
 import platform
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import date
@@ -148,8 +148,12 @@ def record_host(host: LiveHost) -> bytes:
         return host.recorded()
 
 
-def refuse_unfinished(hosts: Hosts) -> None:
+def refuse_unfinished(hosts: Hosts, *, unless: Callable[[Journal | ScriptRun], bool] = lambda _run: False) -> None:
     """Refuse hosts with an unfinished run: a plan that is made now could never be applied.
+
+    Args:
+        hosts: The chosen ones are looked at.
+        unless: Runs that the caller finishes.
 
     Raises:
         UseCaseError: a chosen host has an unfinished run (refused).
@@ -158,6 +162,8 @@ def refuse_unfinished(hosts: Hosts) -> None:
         if name in hosts.chosen and snapshot.unfinished is not None:
             raise UseCaseError(Outcome.REFUSED, [refusals.unfinished(name, snapshot.unfinished)])
     for name, journal in unfinished_runs(hosts):
+        if unless(journal):
+            continue
         raise UseCaseError(Outcome.REFUSED, [refusals.unfinished(name, journal)])
 
 

@@ -25,6 +25,15 @@ from rarms_iac.app.hosts import Hosts, host_errors, owner, refuse_unfinished
 from rarms_iac.app.level_prompt import LevelPrompt, ask_levels
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.measurement_files import hold_data_log, log_errors
+from rarms_iac.app.resting import (
+    PartitionRest,
+    StopConsent,
+    at_rest,
+    finish_rest,
+    is_for_measuring,
+    never_consents,
+    starting_again,
+)
 from rarms_iac.app.wiring import open_bench
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.findings import findings_of
@@ -78,6 +87,7 @@ def measure_components(
     reporter: Reporter = SILENT,
     stop: StopSignal = NEVER_STOP,
     prompt: LevelPrompt | None = None,
+    consents: StopConsent = never_consents,
 ) -> MeasureOutcome:
     """Find the least reservations at which components meet their thresholds, by running them.
 
@@ -91,6 +101,8 @@ def measure_components(
         reporter: Hears of every setting, and of what does not keep the work from going on.
         stop: Asked between settings and while samples come.
         prompt: Asks for a level of performance after each experiment; None: nobody is asked.
+        consents: Whether partitions of the application that run there may be stopped meanwhile. They start again
+            afterwards, however it ends; after a kill, with the next `measure`, `start` or `apply`.
 
     Returns:
         A result for each experiment that was begun. One that fails does not end the others.
@@ -100,7 +112,7 @@ def measure_components(
         UseCaseError: No host can be measured on (failed); a host is busy, held or has other reservations (refused);
             there is no threshold, no room or nothing to run, or a log is damaged (negative).
     """
-    outcome, complete = _measure_all(hosts, request, reporter, stop, prompt)
+    outcome, complete = _measure_all(hosts, request, reporter, stop, prompt, consents)
     record_reservations(hosts)
     if not outcome.stopped:
         end_remeasurements(hosts, complete, request)  # last of all: until then the same request goes on
@@ -108,7 +120,12 @@ def measure_components(
 
 
 def _measure_all(
-    hosts: Hosts, request: MeasureRequest, reporter: Reporter, stop: StopSignal, prompt: LevelPrompt | None
+    hosts: Hosts,
+    request: MeasureRequest,
+    reporter: Reporter,
+    stop: StopSignal,
+    prompt: LevelPrompt | None,
+    consents: StopConsent,
 ) -> tuple[MeasureOutcome, Mapping[Path, Remeasurement]]:
     """The outcome, and by data log the remeasurements that nothing is left to do for."""
     experiments = experiments_of_request(hosts, request)
@@ -116,14 +133,18 @@ def _measure_all(
     findings: list[Diagnostic] = []
     complete: dict[Path, Remeasurement] = {}
     names = [experiment.host.name for experiment in experiments]
-    with hold_benches(hosts, names, request.lock_timeout_ms, reporter) as benches:
-        remeasurements = _remeasurements(hosts, experiments, benches, request)
+    rest = PartitionRest(hosts=hosts, reporter=reporter, consents=consents)
+    with (
+        hold_benches(hosts, names, request.lock_timeout_ms, reporter) as benches,
+        starting_again(hosts, benches, reporter, stop),
+    ):
+        remeasurements = _remeasurements(hosts, experiments, benches, request, rest)
         for experiment in experiments:
             path, bench = data_log_path(hosts, experiment), benches[experiment.host.name]
             remeasurement = remeasurements.get(path)
             seeded = replace(request, seed=remeasurement.seed) if remeasurement else request
             with stop.gently():
-                result = run_experiment(hosts, experiment, bench, seeded, reporter=reporter, stop=stop)
+                result = run_experiment(hosts, experiment, bench, seeded, reporter=reporter, stop=stop, rest=rest)
             is_stopped = isinstance(result.conclusion, Stopped)
             if remeasurement and not isinstance(result.conclusion, Stopped | SettingFailed):
                 complete[path] = remeasurement
@@ -138,14 +159,19 @@ def _measure_all(
 
 
 def _remeasurements(
-    hosts: Hosts, experiments: Sequence[Experiment], benches: Mapping[str, MeasuringHost], request: MeasureRequest
+    hosts: Hosts,
+    experiments: Sequence[Experiment],
+    benches: Mapping[str, MeasuringHost],
+    request: MeasureRequest,
+    rest: PartitionRest,
 ) -> Mapping[Path, Remeasurement]:
     """By data log; none where nothing is to be measured once more."""
     if not request.again:
         return {}
 
     def refuse(experiment: Experiment) -> None:
-        _refuse(hosts, experiment, request, _look_at_bench(experiment, benches[experiment.host.name]))
+        bench = benches[experiment.host.name]
+        _make_room(hosts, experiment, bench, request, _look_at_bench(experiment, bench, request), rest)
 
     return remeasurements_for(hosts, experiments, benches, request, refuse)
 
@@ -176,13 +202,14 @@ def hold_benches(
     Raises:
         UseCaseError: One is held by another run, or has an unfinished one (refused).
     """
-    refuse_unfinished(hosts)
+    refuse_unfinished(hosts, unless=is_for_measuring)
     benches: dict[str, MeasuringHost] = {}
     with host_errors(), ExitStack() as locks:
         for name in sorted(set(names)):
             bench = open_bench(hosts.system.hosts[name], hosts.folder, hosts.state_path(name))
             assert bench is not None, "only hosts that can be measured on are chosen"
             locks.enter_context(bench.lock(owner(), timeout_ms))
+            finish_rest(bench, reporter)
             if removed := remove_test_partitions(bench):
                 message = f"{name}: {' and '.join(removed)}. What the earlier run recorded is kept and used."
                 finding = findings.LEFT_BEHIND.at(None, message, "Nothing.", address=f"host/{name}")
@@ -200,6 +227,7 @@ def run_experiment(
     reporter: Reporter = SILENT,
     stop: StopSignal = NEVER_STOP,
     strategy: Strategy | None = None,
+    rest: PartitionRest | None = None,
 ) -> ExperimentResult:
     """Measure an experiment as far as its data log does not say it already.
 
@@ -211,6 +239,7 @@ def run_experiment(
         reporter: Hears of every setting.
         stop: Asked between settings and while samples come.
         strategy: Which settings; None: as the request says.
+        rest: Stops what is in the way, where it may; None: nothing is stopped.
 
     Raises:
         UseCaseError: The host is busy or has other reservations (refused); it has no room, there is nothing to run or
@@ -218,7 +247,7 @@ def run_experiment(
         HostError: The host did not do what was asked.
     """
     with hold_data_log(Path(hosts.folder), data_log_path(hosts, experiment), request.lock_timeout_ms):
-        return _run_held(hosts, experiment, bench, request, reporter, stop, strategy)
+        return _run_held(hosts, experiment, bench, request, reporter, stop, strategy, rest)
 
 
 def _run_held(
@@ -229,15 +258,16 @@ def _run_held(
     reporter: Reporter,
     stop: StopSignal,
     strategy: Strategy | None,
+    rest: PartitionRest | None,
 ) -> ExperimentResult:
-    seen = _look_at_bench(experiment, bench)
+    seen = _look_at_bench(experiment, bench, request)
     log = read_experiment_log(hosts, experiment, bench)
     book = settings_log_of(log, request.seed, seen.running)
     if log.changed:
         reporter.message(_describe_stale(log))
 
     def checked() -> MeasuringBudget:
-        _refuse(hosts, experiment, request, seen)
+        _make_room(hosts, experiment, bench, request, seen, rest or PartitionRest(hosts=hosts, reporter=reporter))
         return seen.budget
 
     around = MeasuringContext(
@@ -266,12 +296,14 @@ class _BenchState:
     """What there is on the host."""
 
     budget: MeasuringBudget
-    running: tuple[Partition, ...]  # what is in the way
+    running: tuple[Partition, ...]  # what is in the way and is not to be stopped
     top: int  # the highest CR that it can give
 
 
-def _look_at_bench(experiment: Experiment, bench: MeasuringHost) -> _BenchState:
-    state = bench.observe()
+def _look_at_bench(experiment: Experiment, bench: MeasuringHost, request: MeasureRequest) -> _BenchState:
+    """Look at the host; partitions of the application rest, unless it is to be measured beside them."""
+    seen = bench.observe()
+    state = seen if request.on_busy_host else at_rest(seen, experiment.application)
     budget = host_budget(experiment.host, state, experiment.application)
     return _BenchState(
         budget=budget, running=other_running_partitions(state), top=highest_reserve(budget, experiment.setup)
@@ -329,6 +361,32 @@ def _refuse_what_has_no_demand(hosts: Hosts, experiment: Experiment) -> None:
             raise UseCaseError(Outcome.NEGATIVE, [finding], hosts.manifest.sources)
 
 
+def _make_room(
+    hosts: Hosts,
+    experiment: Experiment,
+    bench: MeasuringHost,
+    request: MeasureRequest,
+    seen: _BenchState,
+    rest: PartitionRest,
+) -> None:
+    """Refuse what cannot be measured, then stop what is in the way. Asked once something must really be run.
+
+    Raises:
+        UseCaseError: As `_refuse`; partitions of the application run, and may not be stopped (refused).
+    """
+    _refuse(hosts, experiment, request, seen)
+    if request.on_busy_host:
+        return
+    if still_running := rest.stop(bench):
+        message = f"On {bench.name} these run, and would change what is measured: {', '.join(still_running)}."
+        advice = (
+            "Let `rarms measure --stop-partitions` stop them and start them again afterwards, or do it yourself: "
+            "`rarms stop`, later `rarms start`."
+        )
+        address = f"host/{bench.name}"
+        raise UseCaseError(Outcome.REFUSED, [findings.BUSY_HOST.at(None, message, advice, address=address)])
+
+
 def _refuse(hosts: Hosts, experiment: Experiment, request: MeasureRequest, seen: _BenchState) -> None:
     """Asked once something must really be run.
 
@@ -341,10 +399,7 @@ def _refuse(hosts: Hosts, experiment: Experiment, request: MeasureRequest, seen:
     if seen.running and not request.on_busy_host:
         names = ", ".join(partition_name(partition) for partition in seen.running)
         message = f"On {host} these run, and would change what is measured: {names}."
-        advice = (
-            "Stop them: of the application's own, `rarms undo` takes the last apply back, and `rarms destroy` all of "
-            "them. Or give --on-busy-host: the log says so."
-        )
+        advice = "Stop them on the host. Or give --on-busy-host: the log says so."
         raise UseCaseError(Outcome.REFUSED, [findings.BUSY_HOST.at(None, message, advice, address=f"host/{host}")])
     if request.strategy == PAPER and not request.reserves and not seen.budget.unreserved:
         message = f"On {host} a part of the processors is kept for the host or reserved by other machines."

@@ -318,7 +318,7 @@ def _finding_of(verdict: IndexVerdict) -> tuple[Finding, str]:
         case WithinNoise() | TooFewSamples() | TooManyFailures():
             return findings.NOT_RESOLVED, "Allow more samples (`--samples 2000`), or raise its reservation."
         case Met() | Missed():
-            again = f"`rarms undo`, then `rarms measure {verdict.measured.component} --again`"
+            again = f"`rarms measure {verdict.measured.component} --again --stop-partitions`"
             return findings.MISSED, f"Raise its reservation, relax its APT, or measure it again: {again}."
         case _:
             assert_never(verdict.verdict)

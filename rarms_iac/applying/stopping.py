@@ -43,7 +43,7 @@ def stop_changes(
     changes: list[Update] = []
     findings: list[Diagnostic] = []
     for address, before in _partitions(state, application, scope.partitions):
-        after = _stopped(before, scope.stopped_by)
+        after = stopped_partition(before, scope.stopped_by)
         if before.state in {RunState.PAUSED, RunState.BUSY, RunState.CRITICAL}:
             findings.append(not_at_rest(address, before.state, locate(address)))
         elif before.mark != after.mark and _is_wanted_running(before):
@@ -105,7 +105,8 @@ def _update(address: Address, before: Partition, after: Partition, why: str, loc
     )
 
 
-def _stopped(partition: Partition, stopped_by: StoppedBy) -> Partition:
+def stopped_partition(partition: Partition, stopped_by: StoppedBy) -> Partition:
+    """The managed partition once it is stopped, with the mark that says by whom."""
     assert partition.mark is not None
     return replace(
         partition,

@@ -45,6 +45,15 @@ class Interrupts:
             self._gentle = False
 
     @contextmanager
+    def at_prompt(self) -> Iterator[None]:
+        """Inside, nothing is being changed, also where the work around it is gentle: a signal ends the question."""
+        before, self._gentle = self._gentle, False
+        try:
+            yield
+        finally:
+            self._gentle = before
+
+    @contextmanager
     def listening(self) -> Iterator[None]:
         """Take the signals over, and give them back; only a process' main thread can."""
         if threading.current_thread() is not threading.main_thread():

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import click
 
-from rarms_iac.app.errors import RequestError, UseCaseError
+from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, declined
 from rarms_iac.app.experiments import ExperimentResult
 from rarms_iac.app.files import STANDARD_INPUT
 from rarms_iac.app.report_model import Measurement
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.select import SelectOutcome
+from rarms_iac.cli.interrupts import Interrupted
 from rarms_iac.cli.messages import tell
 from rarms_iac.cli.session import Session
 from rarms_iac.model.quantities import show_processors
@@ -83,11 +84,53 @@ class TerminalLevelPrompt:
         self._terminal.talk(f"Written to {Path(outcome.file).as_posix()}.")
 
 
+class TerminalStopConsent:
+    """Asks once for each host whether its partitions may be stopped to measure; called as a `StopConsent`."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._answers: dict[str, bool] = {}
+
+    def __call__(self, host: str, partitions: tuple[str, ...]) -> bool:
+        """Ask.
+
+        Raises:
+            UseCaseError: A signal came instead of an answer.
+        """
+        if host not in self._answers:
+            running = f"{in_a_row(partitions)} {'runs' if len(partitions) == 1 else 'run'}"
+            question = f"On {host} {running}. Stop while it is measured, and start again afterwards?"
+            self._answers[host] = ask_yes_or_no(self._session, question)
+        return self._answers[host]
+
+
+def ask_yes_or_no(session: Session, question: str) -> bool:
+    """Ask at the terminal; an empty answer, or the input's end, is no, and what is neither is asked anew.
+
+    Raises:
+        UseCaseError: A signal came instead of an answer.
+    """
+    from rarms_iac.views.console import paragraph, render
+
+    terminal = session.terminal
+    terminal.flush()
+    text = render(paragraph(f"{question} [y/N]"), terminal.width).removesuffix("\n") + " "
+    terminal.status(text)
+    try:
+        with session.interrupts.at_prompt():
+            while (answer := sys.stdin.readline().strip().lower()) not in {"", "y", "yes", "n", "no"}:
+                terminal.status(f"Say y or n: {text}")
+    except Interrupted:
+        terminal.talk("")
+        raise UseCaseError(Outcome.INTERRUPTED, [declined()]) from None
+    return answer in {"y", "yes"}
+
+
 class TerminalConsent:
     """A `Consent` that asks once for each combination."""
 
     def __init__(self, session: Session) -> None:
-        self._terminal = session.terminal
+        self._session = session
         self._answers: dict[Members, bool] = {}
 
     def allows(self, members: Members, *, settings: int, gain: int) -> bool:
@@ -97,13 +140,6 @@ class TerminalConsent:
         return self._answers[members]
 
     def _ask(self, members: Members, settings: int, gain: int) -> bool:
-        from rarms_iac.views.console import paragraph, render
-
-        self._terminal.flush()
         saves = show_processors(Fraction(gain, 100))
-        text = f"Try {in_a_row(members)}? About {counted(settings, 'setting')}, or fewer; saves at most {saves}. [y/N] "
-        question = render(paragraph(text), self._terminal.width).removesuffix("\n") + " "
-        self._terminal.status(question)
-        while (answer := sys.stdin.readline().strip().lower()) not in {"", "y", "yes", "n", "no"}:
-            self._terminal.status(f"Say y or n: {question}")
-        return answer in {"y", "yes"}
+        question = f"Try {in_a_row(members)}? About {counted(settings, 'setting')}, or fewer; saves at most {saves}."
+        return ask_yes_or_no(self._session, question)

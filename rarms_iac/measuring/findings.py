@@ -41,6 +41,9 @@ NO_ROOM = Finding(code="RARMS117", severity=Severity.ERROR, summary="There is no
 MISSED = Finding(code="RARMS118", severity=Severity.ERROR, summary="A component misses its threshold in the layout")
 NOT_APPLIED = Finding(code="RARMS119", severity=Severity.ERROR, summary="The layout is not on the host")
 LEFT_BEHIND = Finding(code="RARMS261", severity=Severity.NOTE, summary="Test partitions of an earlier run were removed")
+STILL_STOPPED = Finding(
+    code="RARMS269", severity=Severity.WARNING, summary="Partitions that were stopped to measure do not run again"
+)
 CANNOT_MEASURE = Finding(code="RARMS262", severity=Severity.ERROR, summary="This version cannot measure on this host")
 MEASURED_BUSY = Finding(code="RARMS263", severity=Severity.WARNING, summary="Measured while something else ran")
 MEASURED_ELSEWHERE = Finding(code="RARMS265", severity=Severity.ERROR, summary="Another run measures the same")

@@ -7,10 +7,11 @@ from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.measure import measure_components
 from rarms_iac.app.requests import HostSelection, ManifestSource
+from rarms_iac.app.resting import StopConsent, always_consents, never_consents
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, stopped, tell
 from rarms_iac.cli.options import host_options, json_option, lock_timeout_option, manifest_options
-from rarms_iac.cli.prompts import TerminalLevelPrompt, refuse_without_terminal
+from rarms_iac.cli.prompts import TerminalLevelPrompt, TerminalStopConsent, refuse_without_terminal
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
@@ -44,6 +45,11 @@ STRATEGIES = ("default", "bisection", "paper")
 )
 @click.option("--interactive", is_flag=True, help="After each component, ask for the level that is good enough.")
 @click.option("--on-busy-host", is_flag=True, help="Measure although something else runs; the data log says so.")
+@click.option(
+    "--stop-partitions",
+    is_flag=True,
+    help="Stop the application's own partitions meanwhile, and start them again. [default: ask at a terminal]",
+)
 @lock_timeout_option
 @json_option
 def command(
@@ -64,6 +70,7 @@ def command(
     again: bool,
     interactive: bool,
     on_busy_host: bool,
+    stop_partitions: bool,
     lock_timeout: int,
     as_json: bool,
 ) -> ExitCode:
@@ -71,7 +78,12 @@ def command(
 
     It runs in a test partition beside an interfering load, setting by setting; each is recorded below measurements/
     when it is complete. Interrupted or killed, the same command goes on, and runs no recorded setting again.
+
+    Where partitions of the application run, they must rest meanwhile: it asks at a terminal, or give --stop-partitions.
+    They start again afterwards; after a kill, with the next `rarms measure`, `start` or `apply`.
     """
+    if stop_partitions and on_busy_host:
+        raise click.UsageError("Give one of --stop-partitions and --on-busy-host.", click.get_current_context())
     request = MeasureRequest(
         components=components,
         together=together,
@@ -94,6 +106,7 @@ def command(
         reporter=TerminalReporter(session),
         stop=session.interrupts,
         prompt=TerminalLevelPrompt(session) if interactive else None,
+        consents=_consents(session, stop_partitions=stop_partitions, as_json=as_json),
     )
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
     if as_json:
@@ -103,6 +116,12 @@ def command(
     if outcome.stopped:
         return stopped(session)
     return ExitCode.NO if has_errors(outcome.findings) else ExitCode.DONE
+
+
+def _consents(session: Session, *, stop_partitions: bool, as_json: bool) -> StopConsent:
+    if stop_partitions:
+        return always_consents
+    return TerminalStopConsent(session) if session.terminal.answers and not as_json else never_consents
 
 
 def percent(text: str | None) -> int | None:
