@@ -36,8 +36,9 @@ from rarms_iac.app.resting import (
 )
 from rarms_iac.app.wiring import open_bench
 from rarms_iac.measuring import findings
+from rarms_iac.measuring.duration import expected_duration
 from rarms_iac.measuring.findings import findings_of
-from rarms_iac.measuring.loop import MeasuringContext, Strategy, highest_seed, measure
+from rarms_iac.measuring.loop import MeasuringContext, SettingsLog, Strategy, highest_seed, measure
 from rarms_iac.measuring.partitions import (
     MeasuringBudget,
     highest_reserve,
@@ -51,6 +52,7 @@ from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import Agreeing, Searching, Sweeping, Verifying, apts_of, goal_of
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.outcomes import SettingFailed, Stopped
+from rarms_iac.model.quantities import show_duration
 from rarms_iac.model.state import Partition
 from rarms_iac.model.system import ProviderKind
 from rarms_iac.planner.groups import groups_of
@@ -268,6 +270,8 @@ def _run_held(
 
     def checked() -> MeasuringBudget:
         _make_room(hosts, experiment, bench, request, seen, rest or PartitionRest(hosts=hosts, reporter=reporter))
+        if strategy is None:  # who asks for single settings says himself what they are for
+            reporter.message(_describe_duration(experiment, request, seen, book))
         return seen.budget
 
     around = MeasuringContext(
@@ -412,6 +416,26 @@ def _refuse(hosts: Hosts, experiment: Experiment, request: MeasureRequest, seen:
         )
         advice = "Stop other machines, lower keep_for_host, give the component less memory, or ask for lower settings."
         raise UseCaseError(Outcome.NEGATIVE, [findings.NO_ROOM.at(None, message, advice, address=f"host/{host}")])
+
+
+def _describe_duration(experiment: Experiment, request: MeasureRequest, seen: _BenchState, book: SettingsLog) -> str:
+    """Say how long measuring takes, at least and at most."""
+    bounds = expected_duration(
+        experiment,
+        book.settings(),
+        request.reserves,
+        top=seen.top,
+        to_the_letter=request.strategy == PAPER,
+        earlier=replace(book, seed=None).settings(),
+    )
+    most = bounds.most_settings
+    settings = f"{most} {'setting' if most == 1 else 'settings'}"
+    if bounds.least_settings != most:
+        settings = f"{bounds.least_settings} to {settings}"
+    least = f"at least {show_duration(bounds.least_ms)}, " if bounds.least_ms else ""
+    clock = " of its simulated time" if experiment.host.provider is ProviderKind.SIMULATED else ""
+    most_time = f"at most {show_duration(bounds.most_ms)}{clock}, if every job takes its whole `run.timeout`"
+    return f"{experiment.name} on {experiment.host.name}: {settings}, {least}{most_time}."
 
 
 def _going_on(hosts: Hosts, running: Sequence[Partition]) -> Iterator[PartitionWork]:

@@ -157,6 +157,20 @@ def show_milliseconds(value: Fraction | int) -> str:
     return f"{plain(exact)} ms"
 
 
+def show_duration(milliseconds: float) -> str:
+    """How long something takes, for a person: `0.4 s`, `25 s`, `7 min`, `2 h 40 min`; above a second no fractions."""
+    seconds = milliseconds / 1000
+    if seconds < 1:
+        return f"{seconds:.1g} s"
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    hours, rest = divmod(minutes, 60)
+    if not hours:
+        return f"{minutes} min"
+    return f"{hours} h {rest} min" if rest else f"{hours} h"
+
+
 def show_amount(amount: CpuAmount) -> str:
     """The amount as the manifest would write it."""
     match amount:

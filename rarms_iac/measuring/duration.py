@@ -1,0 +1,97 @@
+"""How long measuring will take, at least and at most: from the settings that may be asked for and how each ends.
+
+Begin at `expected_duration`. Times are of the host's own clock; a simulated host runs through them faster.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, log2
+
+from rarms_iac.measuring.setup import Experiment
+from rarms_iac.model.measurement import Setting
+from rarms_iac.model.system import Elapsed, Periodic, Run
+from rarms_iac.statistics.verdicts import FIRST_LOOK
+
+STEPS_OF_PAPER = 10
+"""Settings that CMCPUR asks for at most: 10, 20, ... 100 %."""
+
+ENDS_OF_SEARCH = 2
+"""Settings beside a bisection: the highest one, and the one that a plan reserves, which is measured itself."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DurationBounds:
+    """Between what numbers the settings and the time of an experiment will lie.
+
+    A search whose settings reach no steady state may ask for more settings than `most_settings`.
+    """
+
+    least_settings: int
+    most_settings: int
+    least_ms: float
+    most_ms: float
+
+
+def expected_duration(
+    experiment: Experiment,
+    recorded: Sequence[Setting],
+    reserves: Sequence[int],
+    *,
+    top: int,
+    to_the_letter: bool,
+    earlier: Sequence[Setting] = (),
+) -> DurationBounds:
+    """Work out how long an experiment will take that is begun or goes on.
+
+    Args:
+        experiment: What is measured.
+        recorded: Its settings so far, which are not run again.
+        reserves: The settings of a sweep; empty: the least reserve is searched.
+        top: The highest CR that the host can give, in per cent.
+        to_the_letter: A search takes the paper's steps.
+        earlier: All settings of its data log: how fast jobs were tells how fast they may be.
+
+    Returns:
+        Bounds of what is still to be run. At most, every job takes its `run.timeout`; at least, jobs are as fast as the
+        fastest recorded, and without a record take no time unless they have a period.
+    """
+    known = {setting.reserve for setting in recorded}
+    if reserves:
+        least = most = len(set(reserves) - known)
+    elif to_the_letter:
+        least, most = 1, max(1, min(STEPS_OF_PAPER, ceil(top / STEPS_OF_PAPER)))
+    else:
+        least, most = 1, ceil(log2(max(1, top))) + ENDS_OF_SEARCH
+    # Members run together: a setting ends when each has what it needs.
+    shortest = max(_least_ms(run, name, earlier, early=not reserves) for name, run in experiment.runs.items())
+    longest = max(_most_ms(run) for run in experiment.runs.values())
+    return DurationBounds(least_settings=least, most_settings=most, least_ms=least * shortest, most_ms=most * longest)
+
+
+def _least_ms(run: Run, name: str, earlier: Sequence[Setting], *, early: bool) -> float:
+    """A setting of a search may end as soon as its samples tell, a setting of a sweep goes on to its end."""
+    if isinstance(run.until, Elapsed) and not early:
+        return float(run.until.time)
+    between = float(run.arrival.period) if isinstance(run.arrival, Periodic) else _fastest_ms(name, earlier)
+    if isinstance(run.until, Elapsed):
+        return min(float(run.until.time), FIRST_LOOK * between)
+    return (min(FIRST_LOOK, run.until.samples) if early else run.until.samples) * between
+
+
+def _fastest_ms(name: str, earlier: Sequence[Setting]) -> float:
+    """The time of a job, on the average of the setting where it was least; 0 where nothing is recorded."""
+    paces = [
+        series.elapsed_ms / len(series.samples)
+        for setting in earlier
+        for series in setting.series
+        if series.component == name and series.samples
+    ]
+    return min(paces, default=0.0)
+
+
+def _most_ms(run: Run) -> float:
+    """A job that takes longer than its `timeout` is over; the last one may begin when the time is up."""
+    if isinstance(run.until, Elapsed):
+        return float(run.until.time + run.timeout)
+    between = run.arrival.period if isinstance(run.arrival, Periodic) else 0
+    return run.until.samples * float(max(run.timeout, between))

@@ -1,0 +1,109 @@
+"""Measuring on an applied host: what runs there rests meanwhile, where somebody consents, and runs again afterwards."""
+
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.model.state import StoppedBy
+from rarms_iac.storage.snapshot_file import read_snapshot
+from tests.unit.cli.running import rarms
+
+MANIFEST = """\
+schema: rarms/v1
+application: { name: robot }
+hosts:
+  onboard: { logical_processors: 2, memory: 4 GiB }
+components:
+  vision:
+    criticality: 30
+    apt: { mean_response_time: { at_most: 50 ms } }
+    run: { command: [vision], until: { samples: 20 }, timeout: 2 s, samples: { from: per_run } }
+    cpu: { reserve: 45 % }
+    memory: 512 MiB
+    simulation: { work: 20 ms, varies: 2 % }
+  speech: { criticality: 5, memory: 512 MiB, cpu: { reserve: 20 % } }
+"""
+SWEEP = ("measure", "vision", "--from", "50%", "--to", "60%")
+
+
+@pytest.fixture(autouse=True)
+def _an_applied_host(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("rarms.yaml").write_text(MANIFEST, encoding="utf-8")
+    assert rarms("apply", "--auto-approve").code == 0
+
+
+def machines() -> dict[str, tuple[bool, StoppedBy | None]]:
+    """By name: whether it runs, and who stopped it."""
+    assert rarms("snapshot", "--out", "seen.json").code == 0
+    return {
+        partition.settings.name: (partition.settings.running, partition.mark.stopped_by if partition.mark else None)
+        for partition in read_snapshot(Path("seen.json").read_bytes()).partitions
+    }
+
+
+RUNNING = {"speech": (True, StoppedBy.NOBODY), "vision": (True, StoppedBy.NOBODY)}
+
+
+def test_without_consent_it_is_refused_and_nothing_is_stopped() -> None:
+    refused = rarms(*SWEEP)
+
+    assert refused.code == 3
+    assert "On onboard these run, and would change what is measured: speech, vision." in refused.err
+    assert machines() == RUNNING
+
+
+def test_what_was_stopped_runs_again_and_the_log_is_that_of_a_quiet_host() -> None:
+    ran = rarms(*SWEEP, "--stop-partitions")
+
+    assert ran.code == 0, ran.err
+    assert "onboard: stopped speech and vision to measure. They start again afterwards." in ran.err
+    assert "onboard: started speech and vision again, which a measurement had stopped." in ran.err
+    assert machines() == RUNNING
+    assert '"beside":[]' in Path("measurements/onboard/vision/busy-loop.jsonl").read_text(encoding="utf-8")
+    assert (rarms("plan").code, rarms("drift").code) == (0, 0)
+
+
+def test_what_is_recorded_already_stops_nothing() -> None:
+    assert rarms(*SWEEP, "--stop-partitions").code == 0
+
+    assert "stopped" not in rarms(*SWEEP, "--stop-partitions").err
+
+
+@pytest.mark.parametrize(("answer", "code"), [("y\n", 0), ("what\nyes\n", 0), ("n\n", 3), ("\n", 3), ("", 3)])
+def test_at_a_terminal_it_asks(answer: str, code: int) -> None:
+    ran = rarms(*SWEEP, stdin=answer, at_a_terminal=True)
+
+    assert ran.code == code, ran.err
+    question = "On onboard speech and vision run. Stop while it is measured, and start again afterwards?"
+    assert question in " ".join(ran.err.split())
+    assert machines() == RUNNING
+
+
+def test_a_failed_measurement_starts_them_again() -> None:
+    Path("rarms.yaml").write_text(MANIFEST.replace("timeout: 2 s", "timeout: 1 ms"), encoding="utf-8")
+
+    failed = rarms(*SWEEP, "--stop-partitions")
+
+    assert failed.code == 4, failed.err
+    assert machines() == RUNNING
+
+
+def test_what_the_user_stopped_stays_stopped() -> None:
+    assert rarms("stop", "speech", "--auto-approve").code == 0
+
+    assert rarms(*SWEEP, "--stop-partitions").code == 0
+
+    assert machines() == {"speech": (False, StoppedBy.USER), "vision": (True, StoppedBy.NOBODY)}
+
+
+def test_it_says_how_long_it_takes_before_the_first_setting() -> None:
+    first = rarms(*SWEEP, "--stop-partitions", "--samples", "10")
+    second = rarms(*SWEEP, "--stop-partitions", "--again", "--samples", "100")
+
+    assert "vision on onboard: 2 settings, at most 40 s of its simulated time, if every job takes" in first.err
+    assert "vision on onboard: 2 settings, at least " in second.err
+
+
+def test_stopping_and_measuring_beside_exclude_each_other() -> None:
+    assert rarms(*SWEEP, "--stop-partitions", "--on-busy-host").code == 64

@@ -1,0 +1,85 @@
+"""How long measuring will take: bounds from the settings that may be asked for, and from how each setting ends."""
+
+import pytest
+
+from rarms_iac.measuring.duration import DurationBounds, expected_duration
+from rarms_iac.measuring.setup import Experiment, experiment_of
+from rarms_iac.model.measurement import Setting
+from rarms_iac.model.quantities import show_duration
+from rarms_iac.model.system import Elapsed, Run, SampleCount
+from tests.builders import a_component, a_run, a_simulation, a_system, milliseconds
+from tests.builders_measured import a_series, a_setting
+
+
+def an_experiment(*runs: Run) -> Experiment:
+    components = [
+        a_component(f"member-{number}", run=run, simulation=a_simulation()) for number, run in enumerate(runs)
+    ]
+    system = a_system(components=components)
+    return experiment_of(system, system.hosts["onboard"], tuple(system.components), "busy-loop")
+
+
+def bounds(
+    experiment: Experiment, *recorded: Setting, sweep: tuple[int, ...] = (), paper: bool = False
+) -> DurationBounds:
+    return expected_duration(experiment, recorded, sweep, top=100, to_the_letter=paper, earlier=recorded)
+
+
+def test_a_sweep_of_a_periodic_component_is_known_up_to_late_answers() -> None:
+    run = a_run(every="100 ms", timeout="1 s", until=SampleCount(samples=50))
+
+    found = bounds(an_experiment(run), sweep=(10, 20, 30))
+
+    assert (found.least_settings, found.most_settings) == (3, 3)
+    assert (found.least_ms, found.most_ms) == (15_000, 150_000)
+
+
+def test_what_is_recorded_is_not_run_again() -> None:
+    found = bounds(an_experiment(a_run()), a_setting(20), sweep=(10, 20, 30))
+
+    assert (found.least_settings, found.most_settings) == (2, 2)
+
+
+def test_jobs_one_after_the_other_are_as_fast_as_the_fastest_recorded() -> None:
+    run = a_run(timeout="1 s", until=SampleCount(samples=100))
+    slow, fast = a_series("member-0", [400.0] * 50), a_series("member-0", [80.0] * 50)
+
+    found = bounds(an_experiment(run), a_setting(10, slow), a_setting(90, fast), sweep=(10, 50, 90))
+
+    assert (found.least_ms, found.most_ms) == (8_000, 100_000)
+    assert bounds(an_experiment(run), sweep=(50,)).least_ms == 0, "nothing is known of how fast they are"
+
+
+def test_a_setting_that_lasts_a_time_lasts_that_and_one_job_more() -> None:
+    run = a_run(timeout="2 s", until=Elapsed(time=milliseconds("20 s")))
+
+    found = bounds(an_experiment(run), sweep=(50,))
+
+    assert (found.least_ms, found.most_ms) == (20_000, 22_000)
+
+
+def test_members_that_run_together_end_with_the_slowest() -> None:
+    quick = a_run(every="10 ms", timeout="10 ms", until=SampleCount(samples=50))
+    slow = a_run(every="100 ms", timeout="100 ms", until=SampleCount(samples=50))
+
+    found = bounds(an_experiment(quick, slow), sweep=(50,))
+
+    assert (found.least_ms, found.most_ms) == (5_000, 5_000)
+
+
+@pytest.mark.parametrize(("paper", "most"), [(True, 10), (False, 9)])
+def test_a_search_asks_for_one_setting_at_least(paper: bool, most: int) -> None:
+    run = a_run(every="100 ms", timeout="1 s", until=SampleCount(samples=200))
+
+    found = bounds(an_experiment(run), paper=paper)
+
+    assert (found.least_settings, found.most_settings) == (1, most)
+    assert (found.least_ms, found.most_ms) == (4_000, most * 200_000), "a search may end a setting at its first look"
+
+
+@pytest.mark.parametrize(
+    ("milliseconds_", "text"),
+    [(40, "0.04 s"), (25_000, "25 s"), (420_000, "7 min"), (7_200_000, "2 h"), (9_600_000, "2 h 40 min")],
+)
+def test_a_duration_is_told_in_the_unit_that_fits(milliseconds_: float, text: str) -> None:
+    assert show_duration(milliseconds_) == text
