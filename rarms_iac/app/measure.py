@@ -55,6 +55,7 @@ from rarms_iac.model.outcomes import SettingFailed, Stopped
 from rarms_iac.model.quantities import show_duration
 from rarms_iac.model.state import Partition
 from rarms_iac.model.system import ProviderKind
+from rarms_iac.model.wording import counted
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork
 from rarms_iac.statistics.curves import curves_of, least_reserve
@@ -428,9 +429,8 @@ def _describe_duration(experiment: Experiment, request: MeasureRequest, seen: _B
         to_the_letter=request.strategy == PAPER,
         earlier=replace(book, seed=None).settings(),
     )
-    most = bounds.most_settings
-    settings = f"{most} {'setting' if most == 1 else 'settings'}"
-    if bounds.least_settings != most:
+    settings = counted(bounds.most_settings, "setting")
+    if bounds.least_settings != bounds.most_settings:
         settings = f"{bounds.least_settings} to {settings}"
     least = f"at least {show_duration(bounds.least_ms)}, " if bounds.least_ms else ""
     clock = " of its simulated time" if experiment.host.provider is ProviderKind.SIMULATED else ""
