@@ -3,27 +3,24 @@
 from dataclasses import dataclass, field, replace
 
 from rarms_iac.diff.readings import readings
+from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.operations import (
     CreatePartition,
     EraseMark,
-    EraseResponsiveness,
-    EraseResponsivenessRecord,
     EraseTaskRecord,
     Operation,
     RemoveDisk,
     RemovePartition,
     RemoveTaskClass,
     RenamePartition,
-    ResponsivenessOperation,
     SetActions,
     SetCpu,
     SetMemory,
     SetProcessors,
     StartPartition,
     StopPartition,
+    TaskOperation,
     WriteMark,
-    WriteResponsiveness,
-    WriteResponsivenessRecord,
     WriteTaskClass,
     WriteTaskRecord,
 )
@@ -70,15 +67,11 @@ class PureHost:
             case CreatePartition():
                 self._create(operation)
             case WriteTaskClass() | RemoveTaskClass() | WriteTaskRecord() | EraseTaskRecord():
-                self._task(operation)
-            case (
-                WriteResponsiveness()
-                | EraseResponsiveness()
-                | WriteResponsivenessRecord()
-                | EraseResponsivenessRecord()
-            ):
-                now = self.state.responsiveness or Responsiveness()
-                self.state = replace(self.state, responsiveness=_set(now, operation))
+                if operation.task == SYSTEM_RESPONSIVENESS:
+                    now = self.state.responsiveness or Responsiveness()
+                    self.state = replace(self.state, responsiveness=_set(now, operation))
+                else:
+                    self._task(operation)
             case RemovePartition():
                 gone = self._find(operation.partition, operation.machine)
                 self.state = replace(
@@ -149,7 +142,7 @@ class PureHost:
             ),
         )
 
-    def _task(self, operation: WriteTaskClass | RemoveTaskClass | WriteTaskRecord | EraseTaskRecord) -> None:
+    def _task(self, operation: TaskOperation) -> None:
         machine = self._find(operation.inside, "").id if operation.inside else ""
         key = (machine, operation.task.lower())
         others = tuple(task for task in self.state.tasks if (task.machine, task.name.lower()) != key)
@@ -169,15 +162,15 @@ class PureHost:
         self.state = replace(self.state, tasks=(*others, now) if now.values or now.record else others)
 
 
-def _set(now: Responsiveness, operation: ResponsivenessOperation) -> Responsiveness:
+def _set(now: Responsiveness, operation: TaskOperation) -> Responsiveness:
     match operation:
-        case WriteResponsiveness(value=value):
-            return replace(now, value=value)
-        case EraseResponsiveness():
+        case WriteTaskClass(values=values):
+            return replace(now, value=values[SYSTEM_RESPONSIVENESS])
+        case RemoveTaskClass():
             return replace(now, value=None)
-        case WriteResponsivenessRecord(record=record):
+        case WriteTaskRecord(record=record):
             return replace(now, record=record)
-        case EraseResponsivenessRecord():
+        case EraseTaskRecord():
             return replace(now, record=None)
 
 

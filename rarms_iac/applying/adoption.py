@@ -18,7 +18,7 @@ NOT_OURS = Finding(
 def adoption(state: State, application: str, name: str, machine: str, place: Place | None) -> Adopt | Diagnostic:
     """The change that makes the machine of this id the manifest's partition; its settings stay.
 
-    The mark problem what the machine has now, so that the next plan tells what the manifest wants of it.
+    The mark says what the machine has now, so that the next plan tells what the manifest wants of it.
     """
     address = f"partition/{name}"
     before = next((partition for partition in state.partitions if partition.id.lower() == machine.lower()), None)

@@ -32,7 +32,6 @@ from rarms_iac.model.operations import (
     WriteMark,
 )
 from rarms_iac.model.plan import Step, Undo, UndoLevel
-from rarms_iac.model.quantities import show_bytes
 from rarms_iac.model.state import Disk, Facet, Partition, PartitionSettings, RunState
 from rarms_iac.model.system import Disruption
 
@@ -51,22 +50,21 @@ def create_partition(address: Address, after: Partition, reason: Reason, context
     yield _creation_step(address, wanted, making, reason)
     pending = replace(after, settings=replace(wanted, running=False), state=RunState.OFF)
     grace = grace_ms(context.graces, address.partition)
-    machine = StepBuilder(address=replace(address, machine=""), now=pending, reason=reason, grace_ms=grace, new=True)
+    builder = StepBuilder(address=replace(address, machine=""), now=pending, reason=reason, grace_ms=grace, new=True)
     name = address.partition
     assert after.mark is not None, "what rarms makes, it marks"
-    yield mark_step(machine, after.mark, None, "from now on it is known as ours, whatever happens")
+    yield mark_step(builder, after.mark, None, "from now on it is known as ours, whatever happens")
     for facet in (Facet.PROCESSORS, Facet.CPU, Facet.ACTIONS):
-        yield facet_step(machine, facet, wanted, wanted)
-    yield machine.step(
+        yield facet_step(builder, facet, wanted, wanted)
+    yield builder.step(
         RenamePartition(partition=name, name=wanted.name),
         RenamePartition(partition=name, name=wanted.name),
-        machine.now,
+        builder.now,
         ("name",),
-        f"give it its name {wanted.name}",
         "last, so that a machine of this name is always whole",
     )
     if wanted.running:
-        start = start_step(machine)
+        start = start_step(builder)
         back = Undo(level=UndoLevel.FULL, operation=StopPartition(partition=name, grace_ms=grace))
         # A new machine starts from settings that nobody read, so `start_step` has no full `before`; but it is known to
         # be off, and the undo switches it off.
@@ -75,17 +73,18 @@ def create_partition(address: Address, after: Partition, reason: Reason, context
 
 def _creation_step(address: Address, wanted: PartitionSettings, making: Making, reason: Reason) -> Step:
     lost = f"the disk made from {making.image} stays" if making.image else ""
+    creation = CreatePartition(
+        partition=address.partition,
+        generation=wanted.generation,
+        memory=wanted.memory,
+        image=making.image,
+        switch=making.switch,
+        vm_path=making.vm_path,
+    )
     return Step(
         address=replace(address, machine=""),
-        title=f"make a machine of generation {wanted.generation} with {show_bytes(wanted.memory)}",
-        operation=CreatePartition(
-            partition=address.partition,
-            generation=wanted.generation,
-            memory=wanted.memory,
-            image=making.image,
-            switch=making.switch,
-            vm_path=making.vm_path,
-        ),
+        title=str(creation),
+        operation=creation,
         before=NOTHING,
         after={"exists": True, "generation": wanted.generation, "memory": wanted.memory},
         undo=Undo(
@@ -121,22 +120,22 @@ def update_partition(
         yield from create_partition(replace(address, machine=""), after, reason, context)
         return
     grace = grace_ms(context.graces, address.partition)
-    machine = StepBuilder(address=address, now=before, reason=reason, grace_ms=grace)
+    builder = StepBuilder(address=address, now=before, reason=reason, grace_ms=grace)
     off = needs_off(before.settings, after.settings, context)
     # First, and alone: order.py takes this step out and does all renames of marks before anything else.
-    yield from rename_mark(machine.address, before, reason)
-    machine.now = _with_mark_name(before, address.partition)
+    yield from rename_mark(builder.address, before, reason)
+    builder.now = _with_mark_name(before, address.partition)
     if before.settings.running and (off or not after.settings.running):
-        yield stop_step(machine, "it must be off for what follows" if after.settings.running else "it is not to run")
+        yield stop_step(builder, "it must be off for what follows" if after.settings.running else "it is not to run")
     for facet in sorted(changed & _VALUES, key=lambda facet: (_takes_more(facet, before, after), _ORDER.index(facet))):
-        yield facet_step(machine, facet, before.settings, after.settings)
+        yield facet_step(builder, facet, before.settings, after.settings)
     if Facet.NAME in changed:
-        yield rename_step(machine, before.settings.name, after.settings.name)
-    old = machine.now.mark
+        yield rename_step(builder, before.settings.name, after.settings.name)
+    old = builder.now.mark
     if after.mark is not None and (old is None or old.written != after.mark.written):
-        yield mark_step(machine, after.mark, old, "the mark says what was last written")
-    if after.settings.running and not machine.now.settings.running:
-        yield start_step(machine)
+        yield mark_step(builder, after.mark, old, "the mark says what was last written")
+    if after.settings.running and not builder.now.settings.running:
+        yield start_step(builder)
 
 
 _ORDER = (Facet.PROCESSORS, Facet.CPU, Facet.MEMORY, Facet.ACTIONS)
@@ -169,9 +168,9 @@ def rename_mark(address: Address, before: Partition, reason: Reason, between: st
     mark = before.mark
     if mark is None or mark.name == name:
         return
-    machine = StepBuilder(address=address, now=before, reason=reason)
+    builder = StepBuilder(address=address, now=before, reason=reason)
     why = "two partitions change names: one steps aside" if between else "the manifest calls it so now"
-    yield mark_step(machine, replace(mark, name=name), mark, why)
+    yield mark_step(builder, replace(mark, name=name), mark, why)
 
 
 def _with_mark_name(before: Partition, name: str) -> Partition:
@@ -188,17 +187,18 @@ def remove_partition(address: Address, before: Partition, reason: Reason, contex
         context: the disks that go with the machine.
     """
     grace = grace_ms(context.graces, address.partition)
-    machine = StepBuilder(address=address, now=before, reason=reason, grace_ms=grace)
+    builder = StepBuilder(address=address, now=before, reason=reason, grace_ms=grace)
     if before.state in {RunState.RUNNING, RunState.PAUSED}:
-        yield stop_step(machine, f"a {before.state.value} machine cannot be removed")
+        yield stop_step(builder, f"a {before.state.value} machine cannot be removed")
     going = context.disks.get(before.id, ())
     others = "keep its other disks" if going else "keep its disks"
+    operation = RemovePartition(partition=address.partition, machine=address.machine)
     removal = Step(
         address=address,
-        title=f"remove the machine, {others}",
-        operation=RemovePartition(partition=address.partition, machine=address.machine),
+        title=f"{operation}, {others}",
+        operation=operation,
         # Hyper-V merges checkpoints into the disk after the machine is gone: such a disk must not be deleted.
-        before=some_readings(machine.now, ("machine", "state", *(("snapshots",) if going else ()))),
+        before=some_readings(builder.now, ("machine", "state", *(("snapshots",) if going else ()))),
         after=NOTHING,
         undo=Undo(
             level=UndoLevel.NONE,
@@ -206,7 +206,7 @@ def remove_partition(address: Address, before: Partition, reason: Reason, contex
             says="the machine is not made again" + ("" if going else "; its disks are still there"),
         ),
         disruption=Disruption.REMOVAL,
-        claim_before=claim_of(machine.now),
+        claim_before=claim_of(builder.now),
         claim_after=claim_of(None),
         comment=f"{reason.says}; removed before anything is made, so that there is room",
         place=reason.place,
@@ -217,11 +217,12 @@ def remove_partition(address: Address, before: Partition, reason: Reason, contex
 
 def _disk_step(removal: Step, disk: Disk) -> Step:
     """After its machine, so that nothing has it any more; a run that was killed between the two goes on here."""
+    operation = RemoveDisk(partition=removal.address.partition, path=disk.path, parent=disk.parent)
     return replace(
         removal,
         address=replace(removal.address, disk=disk.path),
-        title=f"delete its disk {disk.path}",
-        operation=RemoveDisk(partition=removal.address.partition, path=disk.path, parent=disk.parent),
+        title=str(operation),
+        operation=operation,
         before={"exists": True, "parent": disk.parent, "used": False},
         undo=Undo(level=UndoLevel.NONE, operation=None, says="what is on the disk is lost"),
         claim_before=NO_CLAIM,
@@ -261,8 +262,8 @@ def release_partition(address: Address, before: Partition, reason: Reason) -> It
     """
     mark = before.mark
     assert mark is not None, "only what is ours is released"
-    machine = StepBuilder(address=address, now=before, reason=reason)
-    yield machine.step(
+    builder = StepBuilder(address=address, now=before, reason=reason)
+    yield builder.step(
         EraseMark(partition=address.partition, machine=address.machine),
         WriteMark(
             partition=address.partition,
@@ -274,6 +275,5 @@ def release_partition(address: Address, before: Partition, reason: Reason) -> It
         ),
         replace(before, mark=None),
         ("mark", "set"),
-        "erase the mark",
         "the machine stays as it is",
     )

@@ -11,13 +11,9 @@ from rarms_iac.diff.readings import record_readings, values_readings
 from rarms_iac.model.changes import Address, Reason
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.operations import (
-    EraseResponsiveness,
-    EraseResponsivenessRecord,
     EraseTaskRecord,
     Operation,
     RemoveTaskClass,
-    WriteResponsiveness,
-    WriteResponsivenessRecord,
     WriteTaskClass,
     WriteTaskRecord,
 )
@@ -70,61 +66,45 @@ def restore_registry(address: Address, before: TaskClass | Responsiveness, reaso
 
 
 def _recorded_name(resource: TaskClass | Responsiveness) -> str:
-    return resource.name if isinstance(resource, TaskClass) else ""
+    return resource.name if isinstance(resource, TaskClass) else SYSTEM_RESPONSIVENESS
 
 
 def _record_step(address: Address, name: str, old: TaskRecord | None, new: TaskRecord | None, reason: Reason) -> Step:
     def operation(record: TaskRecord | None, other: TaskRecord | None) -> Operation:
         if record is not None:
-            if address.responsiveness:
-                return WriteResponsivenessRecord(record=record)
             return WriteTaskRecord(task=name, inside=address.partition, record=record)
         assert other is not None
-        if address.responsiveness:
-            return EraseResponsivenessRecord(application=other.application)
         return EraseTaskRecord(task=name, inside=address.partition, application=other.application)
 
-    if new:
-        title = "record that it is ours, and what was there"
-        why = "first, so that what was there before can be brought back"
-    else:
-        title, why = "forget it: it is no longer ours", "last, after what was there is back"
-    before, after = record_readings(old), record_readings(new)
-    return _registry_step(address, operation(new, old), operation(old, new), before, after, title, reason, why)
+    why = "first, so that what was there before can be brought back" if new else "last, after what was there is back"
+    before, after, forward = record_readings(old), record_readings(new), operation(new, old)
+    return _registry_step(address, forward, operation(old, new), before, after, str(forward), reason, why)
 
 
 def _values_step(address: Address, old: Values, new: Values, reason: Reason) -> Step:
+    name = SYSTEM_RESPONSIVENESS if address.responsiveness else address.task
+
     def operation(values: Values) -> Operation:
-        if address.responsiveness:
-            return WriteResponsiveness(value=values[SYSTEM_RESPONSIVENESS]) if values else EraseResponsiveness()
         if not values:
-            return RemoveTaskClass(task=address.task, inside=address.partition)
-        return WriteTaskClass(task=address.task, inside=address.partition, values=dict(values))
+            return RemoveTaskClass(task=name, inside=address.partition)
+        return WriteTaskClass(task=name, inside=address.partition, values=dict(values))
 
-    title = _responsiveness_title(old, new) if address.responsiveness else _class_title(old, new)
-    why = "MMCSS reads it when the host starts again"
-    if not address.responsiveness:
-        why = "threads see it when their Windows starts again"
-    before, after = values_readings(old), values_readings(new)
-    return _registry_step(address, operation(new), operation(old), before, after, title, reason, why)
+    why = "threads see it when their Windows starts again"
+    if address.responsiveness:
+        why = "MMCSS reads it when the host starts again"
+    before, after, forward = values_readings(old), values_readings(new), operation(new)
+    return _registry_step(address, forward, operation(old), before, after, _title(forward, old, new), reason, why)
 
 
-def _class_title(old: Values, new: Values) -> str:
+def _title(operation: Operation, old: Values, new: Values) -> str:
     if not new:
-        return "remove the class"
+        return str(operation)
     words = [
         f"{name} {old[name].data} -> {new[name].data}" if name in old else f"{name} {new[name].data}"
         for name in sorted(new)
         if old.get(name) != new[name]
     ]
     return f"set {', '.join(words)}" if words else "remove what is not wanted"
-
-
-def _responsiveness_title(old: Values, new: Values) -> str:
-    if not new:
-        return "take the value away: there was none before"
-    after = new[SYSTEM_RESPONSIVENESS].data
-    return f"set {old[SYSTEM_RESPONSIVENESS].data} -> {after}" if old else f"set SystemResponsiveness {after}"
 
 
 def _registry_step(

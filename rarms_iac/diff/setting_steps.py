@@ -21,8 +21,8 @@ from rarms_iac.model.operations import (
     WriteMark,
 )
 from rarms_iac.model.plan import Readings, Step, Undo, UndoLevel
-from rarms_iac.model.quantities import plain, show_bytes, show_percent
-from rarms_iac.model.state import Checkpoints, Facet, Mark, Partition, PartitionSettings, RunState
+from rarms_iac.model.quantities import plain, show_bytes
+from rarms_iac.model.state import Facet, Mark, Partition, PartitionSettings, RunState
 from rarms_iac.model.system import GRACE, Disruption
 
 STARTS_ANEW = "it starts anew: what its programs had in memory is lost"
@@ -54,9 +54,9 @@ class StepBuilder:
         undo: Operation,
         after: Partition,
         names: tuple[str, ...],
-        title: str,
         why: str,
         *,
+        title: str = "",
         disruption: Disruption = Disruption.LIVE,
         lost: str = "",
     ) -> Step:
@@ -67,8 +67,8 @@ class StepBuilder:
             undo: the call that takes it back; not used on a new machine.
             after: the machine once the call is done.
             names: the readings that the step compares before and after.
-            title: the call in a few words.
             why: told after the reason of the change.
+            title: the call in a few words; empty: as the operation says it.
             disruption: how much the call disturbs.
             lost: what the undo cannot bring back; empty: nothing.
         """
@@ -76,7 +76,7 @@ class StepBuilder:
         level = UndoLevel.PARTIAL if lost else UndoLevel.FULL
         return Step(
             address=self.address,
-            title=title,
+            title=title or str(operation),
             operation=operation,
             before=some_readings(before, () if self.new else names),
             after=some_readings(after, names),
@@ -103,17 +103,17 @@ def some_readings(partition: Partition, names: tuple[str, ...]) -> Readings:
     return {name: everything[name] for name in ("exists", *names)}
 
 
-def mark_step(machine: StepBuilder, new: Mark, old: Mark | None, why: str) -> Step:
+def mark_step(builder: StepBuilder, new: Mark, old: Mark | None, why: str) -> Step:
     """Write the mark; the undo writes the old one, or erases the new one where there was none.
 
     Args:
-        machine: the machine as it is at this step; the builder goes on with the new mark.
+        builder: of the machine as it is at this step; it goes on with the new mark.
         new: the mark to write; its machine's id is set here.
         old: the mark that is there now; None: none.
         why: the comment of the step.
     """
-    address = machine.address
-    marked = replace(machine.now, mark=replace(new, machine=machine.now.id[:8]))
+    address = builder.address
+    marked = replace(builder.now, mark=replace(new, machine=builder.now.id[:8]))
 
     def write(mark: Mark) -> WriteMark:
         return WriteMark(
@@ -126,29 +126,30 @@ def mark_step(machine: StepBuilder, new: Mark, old: Mark | None, why: str) -> St
         )
 
     undo = write(old) if old else EraseMark(partition=address.partition, machine=address.machine)
-    title = f"mark it as {new.application}/{new.name}, set {new.written}"
-    return machine.step(write(new), undo, marked, ("mark", "set"), title, why)
+    mark = write(new)
+    return builder.step(mark, undo, marked, ("mark", "set"), why, title=f"{mark}, set {new.written}")
 
 
-def facet_step(machine: StepBuilder, facet: Facet, old: PartitionSettings, new: PartitionSettings) -> Step:
+def facet_step(builder: StepBuilder, facet: Facet, old: PartitionSettings, new: PartitionSettings) -> Step:
     """Give the machine all that `new` has of this facet, in one call; its undo gives it what `old` has.
 
     Args:
-        machine: the machine on its way.
+        builder: of the machine on its way.
         facet: processors, CPU, memory or actions; names and generations have steps of their own.
         old: the settings before the change.
         new: the settings after it.
     """
     fields = _FIELDS[facet]
     settings: dict[str, Any] = {name: getattr(new, name) for name in fields}
-    needs_state = facet is Facet.PROCESSORS or (facet is Facet.MEMORY and machine.now.state is RunState.OFF)
-    return machine.step(
-        _operation(facet, machine.address, new),
-        _operation(facet, machine.address, old),
-        replace(machine.now, settings=replace(machine.now.settings, **settings)),
+    needs_state = facet is Facet.PROCESSORS or (facet is Facet.MEMORY and builder.now.state is RunState.OFF)
+    operation = _operation(facet, builder.address, new)
+    return builder.step(
+        operation,
+        _operation(facet, builder.address, old),
+        replace(builder.now, settings=replace(builder.now.settings, **settings)),
         (*fields, *(("state",) if needs_state else ())),
-        _title(facet, old, new, is_new=machine.new),
-        _why_here(facet, old, new, is_new=machine.new),
+        _why_here(facet, old, new, is_new=builder.new),
+        title=str(operation) if builder.new else _title(facet, old, new),
     )
 
 
@@ -173,31 +174,23 @@ def _operation(facet: Facet, address: Address, to: PartitionSettings) -> Operati
             raise AssertionError("names and generations have steps of their own")
 
 
-def _title(facet: Facet, old: PartitionSettings, to: PartitionSettings, *, is_new: bool) -> str:
-    if facet is Facet.PROCESSORS:
-        return f"processors {to.processors}" if is_new else f"processors {old.processors} -> {to.processors}"
-    if facet is Facet.CPU:
-        return _cpu_title(old, to, is_new=is_new)
-    if facet is Facet.MEMORY:
-        before = "" if is_new else f"{show_bytes(old.memory)} -> "
-        static = "" if old.dynamic_memory == to.dynamic_memory else ", static"
-        return f"memory {before}{show_bytes(to.memory)}{static}"
-    start, stop = to.start_action.value.replace("_", " "), to.stop_action.value.replace("_", " ")
-    checkpoints = "no" if to.checkpoints is Checkpoints.DISABLED else to.checkpoints.value.replace("_", " ")
-    return f"when the host starts: {start}, when it stops: {stop}; {checkpoints} checkpoints"
-
-
-def _cpu_title(old: PartitionSettings, to: PartitionSettings, *, is_new: bool) -> str:
-    words = []
-    for word in ("reserve", "limit"):
-        before, after = getattr(old, word), getattr(to, word)
-        if is_new:
-            words.append(f"{word} {show_percent(after)}")
-        elif before != after:
-            words.append(f"{word} {before} -> {show_percent(after)}")
-    if is_new or old.weight != to.weight:
-        words.append(f"weight {to.weight}" if is_new else f"weight {old.weight} -> {to.weight}")
-    return ", ".join(words)
+def _title(facet: Facet, old: PartitionSettings, to: PartitionSettings) -> str:
+    """From what to what; empty where the operation says all there is to say."""
+    match facet:
+        case Facet.PROCESSORS:
+            return f"processors {old.processors} -> {to.processors}"
+        case Facet.CPU:
+            words = ((word, getattr(old, word), getattr(to, word)) for word in ("reserve", "limit", "weight"))
+            return ", ".join(
+                f"{word} {before} -> {after}{'' if word == 'weight' else ' %'}"
+                for word, before, after in words
+                if before != after
+            )
+        case Facet.MEMORY:
+            static = "" if old.dynamic_memory == to.dynamic_memory else ", static"
+            return f"memory {show_bytes(old.memory)} -> {show_bytes(to.memory)}{static}"
+        case _:
+            return ""
 
 
 def _why_here(facet: Facet, old: PartitionSettings, to: PartitionSettings, *, is_new: bool) -> str:
@@ -213,46 +206,46 @@ def _why_here(facet: Facet, old: PartitionSettings, to: PartitionSettings, *, is
     return "after the others gave back" if after > before else "nothing is taken or given back"
 
 
-def rename_step(machine: StepBuilder, old: str, new: str) -> Step:
+def rename_step(builder: StepBuilder, old: str, new: str) -> Step:
     """Give the machine another name, the one that people see.
 
     Args:
-        machine: the machine as it is at this step; the builder goes on with the new name.
+        builder: of the machine as it is at this step; it goes on with the new name.
         old: its name now, for the undo.
         new: its name after this step.
     """
-    address = machine.address
-    return machine.step(
+    address = builder.address
+    return builder.step(
         RenamePartition(partition=address.partition, name=new, machine=address.machine),
         RenamePartition(partition=address.partition, name=old, machine=address.machine),
-        replace(machine.now, settings=replace(machine.now.settings, name=new)),
+        replace(builder.now, settings=replace(builder.now.settings, name=new)),
         ("name",),
-        f"name {old} -> {new}",
         "its settings stay",
+        title=f"name {old} -> {new}",
     )
 
 
-def stop_step(machine: StepBuilder, why: str) -> Step:
+def stop_step(builder: StepBuilder, why: str) -> Step:
     """Stop the machine.
 
     What is read before must still be what the plan saw: a machine that ran then must run, since a machine that was
     saved or paused by somebody else was not stopped by this plan.
 
     Args:
-        machine: the machine as it is at this step; the builder goes on with a stopped one.
+        builder: of the machine as it is at this step; it goes on with a stopped one.
         why: the comment of the step.
 
     Returns:
         A step that stops the partition; its undo starts it again, where it ran.
     """
-    address, was_running = machine.address, machine.now.settings.running
-    stop = machine.step(
-        StopPartition(partition=address.partition, grace_ms=machine.grace_ms, machine=address.machine),
+    address, was_running = builder.address, builder.now.settings.running
+    stop = builder.step(
+        StopPartition(partition=address.partition, grace_ms=builder.grace_ms, machine=address.machine),
         StartPartition(partition=address.partition, machine=address.machine),
-        replace(machine.now, settings=replace(machine.now.settings, running=False), state=RunState.OFF),
+        replace(builder.now, settings=replace(builder.now.settings, running=False), state=RunState.OFF),
         ("running", "state"),
-        f"stop it ({describe_stop(machine.grace_ms)})" if was_running else "turn it off",
         why,
+        title=f"stop it ({describe_stop(builder.grace_ms)})" if was_running else "turn it off",
         disruption=Disruption.PARTITION_STOP,
         lost=STARTS_ANEW,
     )
@@ -268,22 +261,21 @@ def describe_stop(grace: int) -> str:
     return f"asked; after {plain(Fraction(grace, 1000))} s turned off" if grace else "turned off, not asked"
 
 
-def start_step(machine: StepBuilder) -> Step:
+def start_step(builder: StepBuilder) -> Step:
     """Start the machine, the last of its steps.
 
     Args:
-        machine: the machine as it is at this step; the builder goes on with a running one.
+        builder: of the machine as it is at this step; it goes on with a running one.
 
     Returns:
         The step; its undo stops the machine. A machine that was saved is left off by the undo, not saved again.
     """
-    address, was_off = machine.address, machine.now.state is RunState.OFF
-    start = machine.step(
+    address, was_off = builder.address, builder.now.state is RunState.OFF
+    start = builder.step(
         StartPartition(partition=address.partition, machine=address.machine),
-        StopPartition(partition=address.partition, grace_ms=machine.grace_ms, machine=address.machine),
-        replace(machine.now, settings=replace(machine.now.settings, running=True), state=RunState.RUNNING),
+        StopPartition(partition=address.partition, grace_ms=builder.grace_ms, machine=address.machine),
+        replace(builder.now, settings=replace(builder.now.settings, running=True), state=RunState.RUNNING),
         ("running", "state"),
-        "start it",
         "after all that it is to have is set",
         lost="" if was_off else "it is turned off, not saved again",
     )

@@ -2,13 +2,19 @@
 
 Each operation is one indivisible call on every provider, so that a kill leaves it either undone or done. Partitions
 are named as the manifest names them; the provider resolves the name as `diff.readings.resolve` says: `machine`, the id,
-where the plan knew it (always for one that existed), otherwise our mark or the plan's pending name.
+where the plan knew it (always for one that existed), otherwise our mark or the plan's pending name. As text an
+operation says what it does, for a person, without the address that stands before it.
+
+SystemResponsiveness of the host itself is written, removed and recorded by the operations of task classes: its value
+has the name of the class, and no task class of the manifest may have that name (RARMS229).
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
+from rarms_iac.model.quantities import show_bytes
 from rarms_iac.model.state import Checkpoints, RegistryValue, StartAction, StopAction, StoppedBy, TaskRecord
 
 
@@ -24,6 +30,9 @@ class CreatePartition:
     vm_path: str = ""  # empty: the host's default
     kind: Literal["create_partition"] = "create_partition"
 
+    def __str__(self) -> str:
+        return f"make a machine of generation {self.generation} with {show_bytes(self.memory)}"
+
 
 def disk_file(making: CreatePartition, plan: str) -> str:
     """The name of the disk that the plan of this id makes for a partition: its parent's format, and the plan's id."""
@@ -38,6 +47,9 @@ class RemovePartition:
     machine: str = ""
     kind: Literal["remove_partition"] = "remove_partition"
 
+    def __str__(self) -> str:
+        return "remove the machine"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RemoveDisk:
@@ -48,6 +60,9 @@ class RemoveDisk:
     parent: str
     kind: Literal["remove_disk"] = "remove_disk"
 
+    def __str__(self) -> str:
+        return f"delete its disk {self.path}"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RenamePartition:
@@ -57,6 +72,9 @@ class RenamePartition:
     name: str  # as it is called afterwards
     machine: str = ""
     kind: Literal["rename_partition"] = "rename_partition"
+
+    def __str__(self) -> str:
+        return f"give it its name {self.name}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,6 +89,9 @@ class WriteMark:
     machine: str = ""
     kind: Literal["write_mark"] = "write_mark"
 
+    def __str__(self) -> str:
+        return f"mark it as {self.application}/{self.name}"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EraseMark:
@@ -79,6 +100,9 @@ class EraseMark:
     partition: str
     machine: str = ""
     kind: Literal["erase_mark"] = "erase_mark"
+
+    def __str__(self) -> str:
+        return "erase the mark"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,6 +113,9 @@ class SetProcessors:
     processors: int
     machine: str = ""
     kind: Literal["set_processors"] = "set_processors"
+
+    def __str__(self) -> str:
+        return f"processors {self.processors}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,6 +129,9 @@ class SetCpu:
     machine: str = ""
     kind: Literal["set_cpu"] = "set_cpu"
 
+    def __str__(self) -> str:
+        return f"reserve {self.reserve} %, limit {self.limit} %, weight {self.weight}"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetMemory:
@@ -112,6 +142,9 @@ class SetMemory:
     dynamic: bool = False
     machine: str = ""
     kind: Literal["set_memory"] = "set_memory"
+
+    def __str__(self) -> str:
+        return f"memory {show_bytes(self.memory)}{', dynamic' if self.dynamic else ''}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,6 +158,11 @@ class SetActions:
     machine: str = ""
     kind: Literal["set_actions"] = "set_actions"
 
+    def __str__(self) -> str:
+        start, stop = self.start.value.replace("_", " "), self.stop.value.replace("_", " ")
+        checkpoints = "no" if self.checkpoints is Checkpoints.DISABLED else self.checkpoints.value.replace("_", " ")
+        return f"when the host starts: {start}, when it stops: {stop}; {checkpoints} checkpoints"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartPartition:
@@ -133,6 +171,9 @@ class StartPartition:
     partition: str
     machine: str = ""
     kind: Literal["start_partition"] = "start_partition"
+
+    def __str__(self) -> str:
+        return "start it"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,24 +185,33 @@ class StopPartition:
     machine: str = ""
     kind: Literal["stop_partition"] = "stop_partition"
 
+    def __str__(self) -> str:
+        return "stop it"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WriteTaskClass:
-    """Make the task class exactly these values, with their types."""
+    """Make the task class, or SystemResponsiveness, exactly these values, with their types."""
 
-    task: str
+    task: str  # its name, or `SYSTEM_RESPONSIVENESS`
     inside: str  # partition whose guest it is; empty: the host itself
     values: Mapping[str, RegistryValue]
     kind: Literal["write_task_class"] = "write_task_class"
 
+    def __str__(self) -> str:
+        return "set " + ", ".join(f"{name} {value.data}" for name, value in sorted(self.values.items()))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RemoveTaskClass:
-    """Remove the key of a task class that we made."""
+    """Remove the key of a task class that we made; of SystemResponsiveness only its value."""
 
     task: str
     inside: str
     kind: Literal["remove_task_class"] = "remove_task_class"
+
+    def __str__(self) -> str:
+        return "take the value away" if self.task == SYSTEM_RESPONSIVENESS else "remove the class"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,6 +223,9 @@ class WriteTaskRecord:
     record: TaskRecord
     kind: Literal["write_task_record"] = "write_task_record"
 
+    def __str__(self) -> str:
+        return "record that it is ours, and what was there"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EraseTaskRecord:
@@ -183,41 +236,12 @@ class EraseTaskRecord:
     application: str
     kind: Literal["erase_task_record"] = "erase_task_record"
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WriteResponsiveness:
-    """Set SystemResponsiveness of the host's own Windows, with its type."""
-
-    value: RegistryValue
-    kind: Literal["write_responsiveness"] = "write_responsiveness"
+    def __str__(self) -> str:
+        return "forget it: it is no longer ours"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EraseResponsiveness:
-    """Take the value away: there was none before rarms."""
-
-    kind: Literal["erase_responsiveness"] = "erase_responsiveness"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WriteResponsivenessRecord:
-    """Keep whose SystemResponsiveness is and what was there before, where the records of task classes are."""
-
-    record: TaskRecord
-    kind: Literal["write_responsiveness_record"] = "write_responsiveness_record"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EraseResponsivenessRecord:
-    """Forget it: it is no longer ours."""
-
-    application: str
-    kind: Literal["erase_responsiveness_record"] = "erase_responsiveness_record"
-
-
-PartitionOperation = (
-    CreatePartition
-    | RemovePartition
+MachineOperation = (
+    RemovePartition
     | RenamePartition
     | WriteMark
     | EraseMark
@@ -228,8 +252,7 @@ PartitionOperation = (
     | StartPartition
     | StopPartition
 )
+"""What is done to a machine that exists."""
+
 TaskOperation = WriteTaskClass | RemoveTaskClass | WriteTaskRecord | EraseTaskRecord
-ResponsivenessOperation = (
-    WriteResponsiveness | EraseResponsiveness | WriteResponsivenessRecord | EraseResponsivenessRecord
-)
-Operation = PartitionOperation | RemoveDisk | TaskOperation | ResponsivenessOperation
+Operation = CreatePartition | MachineOperation | RemoveDisk | TaskOperation

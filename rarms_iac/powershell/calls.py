@@ -8,36 +8,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import assert_never
 
+from rarms_iac.model import operations
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
-from rarms_iac.model.operations import (
-    CreatePartition,
-    EraseMark,
-    EraseResponsiveness,
-    EraseResponsivenessRecord,
-    EraseTaskRecord,
-    PartitionOperation,
-    RemoveDisk,
-    RemovePartition,
-    RemoveTaskClass,
-    RenamePartition,
-    ResponsivenessOperation,
-    SetActions,
-    SetCpu,
-    SetMemory,
-    SetProcessors,
-    StartPartition,
-    StopPartition,
-    TaskOperation,
-    WriteMark,
-    WriteResponsiveness,
-    WriteResponsivenessRecord,
-    WriteTaskClass,
-    WriteTaskRecord,
-    disk_file,
-)
 from rarms_iac.model.plan import Reading, Readings, Scope, Step
 from rarms_iac.model.quantities import show_bytes
-from rarms_iac.model.state import RegistryValue, StartAction, StopAction, TaskRecord, ValueKind
+from rarms_iac.model.state import RegistryValue, StartAction, StopAction, ValueKind
 from rarms_iac.powershell.literals import Literal, literal
 from rarms_iac.storage.codec import encode
 from rarms_iac.storage.digest import canonical
@@ -69,15 +44,15 @@ class ScriptPiece:
 def pieces_of(step: Step, scope: Scope) -> tuple[ScriptPiece, ...]:
     """The step as guarded pieces, in their order; one for everything but the making of a machine."""
     match step.operation:
-        case CreatePartition() as making:
-            return _making(step, making, scope)
-        case RemoveDisk() as removal:
-            return (_removal(step, removal),)
+        case operations.CreatePartition() as creation:
+            return _creation_pieces(step, creation, scope)
+        case operations.RemoveDisk() as removal:
+            return (_disk_removal_piece(step, removal),)
         case operation:
-            return (_part(step, operation),)
+            return (_piece(step, operation),)
 
 
-def _removal(step: Step, removal: RemoveDisk) -> ScriptPiece:
+def _disk_removal_piece(step: Step, removal: operations.RemoveDisk) -> ScriptPiece:
     """The file goes only as what the plan knew: the child of that parent, which no machine has."""
     parent = literal(removal.parent)
     return ScriptPiece(
@@ -90,14 +65,19 @@ def _removal(step: Step, removal: RemoveDisk) -> ScriptPiece:
     )
 
 
-def _part(step: Step, operation: PartitionOperation | TaskOperation | ResponsivenessOperation) -> ScriptPiece:
+def _piece(step: Step, operation: operations.MachineOperation | operations.TaskOperation) -> ScriptPiece:
+    names_pending = isinstance(operation, operations.RenamePartition) and not operation.machine
+    if isinstance(operation, operations.TaskOperation):
+        calls = _task_calls(step, operation)
+    else:
+        calls = _machine_calls(operation)
     return ScriptPiece(
         address=str(step.address),
         action=step.title,
         read=_reader(step),
-        before={**step.before, **(_FREE if isinstance(operation, RenamePartition) and not operation.machine else {})},
+        before={**step.before, **(_FREE if names_pending else {})},
         after=step.after,
-        calls=_calls(step, operation),
+        calls=calls,
     )
 
 
@@ -108,10 +88,8 @@ def call(name: str, **parameters: Literal) -> str:
 
 def _reader(step: Step) -> str:
     at = step.address
-    if at.responsiveness:
-        return call("Read-TaskClass", Task=literal(SYSTEM_RESPONSIVENESS))
-    if at.task:
-        return call("Read-TaskClass", Task=literal(at.task))
+    if task := SYSTEM_RESPONSIVENESS if at.responsiveness else at.task:
+        return call("Read-TaskClass", Task=literal(task))
     return call("Read-Partition", Name=literal(at.partition), **_machine(at.machine))
 
 
@@ -132,63 +110,42 @@ def _machine(machine: str) -> dict[str, Literal]:
     return {"Machine": literal(machine.lower())} if machine else {}
 
 
-def _calls(step: Step, operation: PartitionOperation | TaskOperation | ResponsivenessOperation) -> tuple[str, ...]:
+def _machine_calls(operation: operations.MachineOperation) -> tuple[str, ...]:
+    whose = {"Name": literal(operation.partition), **_machine(operation.machine)}
+    vm = {"VM": "$vm"}
     match operation:
-        case WriteTaskClass() | RemoveTaskClass() | WriteTaskRecord() | EraseTaskRecord():
-            return _task_calls(step, operation)
-        case WriteResponsiveness() | EraseResponsiveness() | WriteResponsivenessRecord() | EraseResponsivenessRecord():
-            return (_responsiveness_call(operation),)
-        case _:
-            return _partition_calls(operation)
-
-
-def _partition_calls(operation: PartitionOperation) -> tuple[str, ...]:
-    whose = {"Name": literal(operation.partition)}
-    if not isinstance(operation, CreatePartition):
-        whose |= _machine(operation.machine)
-    match operation:
-        case WriteMark(application=application, name=name):
+        case operations.WriteMark(application=application, name=name):
             written = f"{operation.set} {operation.stopped_by.value}".rstrip()
             own = {"Application": literal(application), "Partition": literal(name), "Digest": literal(written)}
             return (call("Write-Mark", **whose, **own),)
-        case EraseMark():
+        case operations.EraseMark():
             return (call("Clear-Mark", **whose),)
-        case StopPartition(grace_ms=grace):
+        case operations.StopPartition(grace_ms=grace):
             return (call("Invoke-PartitionStop", **whose, GraceMs=literal(grace)),)
-        case CreatePartition():
-            raise AssertionError("a machine is made in parts")
-        case _:
-            return ("$vm = " + call("Get-Machine", **whose), *_machine_calls(operation))
-
-
-def _machine_calls(
-    operation: RemovePartition | RenamePartition | SetProcessors | SetCpu | SetMemory | SetActions | StartPartition,
-) -> tuple[str, ...]:
-    vm = {"VM": "$vm"}
-    match operation:
-        case RemovePartition():
-            return (call("Hyper-V\\Remove-VM", **vm, Force=""),)
-        case RenamePartition(name=name):
-            return (call("Hyper-V\\Rename-VM", **vm, NewName=literal(name)),)
-        case SetProcessors(processors=count):
-            return (call("Hyper-V\\Set-VMProcessor", **vm, Count=literal(count)),)
-        case SetCpu(reserve=reserve, limit=limit, weight=weight):
+        case operations.RemovePartition():
+            change = call("Hyper-V\\Remove-VM", **vm, Force="")
+        case operations.RenamePartition(name=name):
+            change = call("Hyper-V\\Rename-VM", **vm, NewName=literal(name))
+        case operations.SetProcessors(processors=count):
+            change = call("Hyper-V\\Set-VMProcessor", **vm, Count=literal(count))
+        case operations.SetCpu(reserve=reserve, limit=limit, weight=weight):
             values = {"Reserve": literal(reserve), "Maximum": literal(limit), "RelativeWeight": literal(weight)}
-            return (call("Hyper-V\\Set-VMProcessor", **vm, **values),)
-        case SetMemory(memory=memory, dynamic=dynamic):
+            change = call("Hyper-V\\Set-VMProcessor", **vm, **values)
+        case operations.SetMemory(memory=memory, dynamic=dynamic):
             values = {"DynamicMemoryEnabled": literal(dynamic), "StartupBytes": literal(memory)}
-            return (call("Hyper-V\\Set-VMMemory", **vm, **values),)
-        case SetActions(start=start, stop=stop, checkpoints=checkpoints):
+            change = call("Hyper-V\\Set-VMMemory", **vm, **values)
+        case operations.SetActions(start=start, stop=stop, checkpoints=checkpoints):
             values = {
                 "AutomaticStartAction": literal(_START[start]),
                 "AutomaticStopAction": literal(_STOP[stop]),
                 "CheckpointType": literal("".join(word.title() for word in checkpoints.value.split("_"))),
             }
-            return (call("Hyper-V\\Set-VM", **vm, **values),)
-        case StartPartition():
-            return (call("Hyper-V\\Start-VM", **vm),)
+            change = call("Hyper-V\\Set-VM", **vm, **values)
+        case operations.StartPartition():
+            change = call("Hyper-V\\Start-VM", **vm)
         case _:
             assert_never(operation)
+    return ("$vm = " + call("Get-Machine", **whose), change)
 
 
 def task_value_calls(task: str, values: Mapping[str, RegistryValue]) -> tuple[str, ...]:
@@ -205,47 +162,26 @@ def task_value_calls(task: str, values: Mapping[str, RegistryValue]) -> tuple[st
     )
 
 
-def _task_calls(step: Step, operation: TaskOperation) -> tuple[str, ...]:
+def _task_calls(step: Step, operation: operations.TaskOperation) -> tuple[str, ...]:
     task = {"Task": literal(operation.task)}
     match operation:
-        case WriteTaskClass(values=values):
+        case operations.WriteTaskClass(values=values):
             kept = {name.lower() for name in values}
             unwanted = sorted(name.removeprefix(VALUE) for name in step.before if name.startswith(VALUE))
             gone = [
                 call("Clear-TaskValue", **task, Name=literal(name)) for name in unwanted if name.lower() not in kept
             ]
-            written = task_value_calls(operation.task, values)
-            return (*written, *gone)
-        case RemoveTaskClass():
+            return (*task_value_calls(operation.task, values), *gone)
+        case operations.RemoveTaskClass() if operation.task == SYSTEM_RESPONSIVENESS:
+            return (call("Clear-TaskValue", **task, Name=literal(operation.task)),)
+        case operations.RemoveTaskClass():
             return (call("Clear-TaskClass", **task),)
-        case WriteTaskRecord(record=record):
-            return (_record_call(operation.task, record),)
-        case EraseTaskRecord(application=application):
+        case operations.WriteTaskRecord(record=record):
+            before = literal(canonical(_plain(record.before)))
+            own = {"Application": literal(record.application), "Digest": literal(record.set), "Before": before}
+            return (call("Write-TaskRecord", **task, **own),)
+        case operations.EraseTaskRecord(application=application):
             return (call("Clear-TaskRecord", **task, Application=literal(application)),)
-        case _:
-            assert_never(operation)
-
-
-def _record_call(name: str, record: TaskRecord) -> str:
-    before = literal(canonical(_plain(record.before)))
-    own = {"Application": literal(record.application), "Digest": literal(record.set), "Before": before}
-    return call("Write-TaskRecord", Task=literal(name), **own)
-
-
-def _responsiveness_call(operation: ResponsivenessOperation) -> str:
-    """Its record is kept where those of task classes are, under the value's own name."""
-    match operation:
-        case WriteResponsiveness(value=value):
-            (written,) = task_value_calls(SYSTEM_RESPONSIVENESS, {SYSTEM_RESPONSIVENESS: value})
-            return written
-        case EraseResponsiveness():
-            whose = literal(SYSTEM_RESPONSIVENESS)
-            return call("Clear-TaskValue", Task=whose, Name=whose)
-        case WriteResponsivenessRecord(record=record):
-            return _record_call(SYSTEM_RESPONSIVENESS, record)
-        case EraseResponsivenessRecord(application=application):
-            own = {"Task": literal(SYSTEM_RESPONSIVENESS), "Application": literal(application)}
-            return call("Clear-TaskRecord", **own)
         case _:
             assert_never(operation)
 
@@ -254,54 +190,54 @@ def _plain(values: Mapping[str, object] | None) -> object:
     return None if values is None else {name: encode(value) for name, value in values.items()}
 
 
-def _making(step: Step, making: CreatePartition, scope: Scope) -> tuple[ScriptPiece, ...]:
+def _creation_pieces(step: Step, creation: operations.CreatePartition, scope: Scope) -> tuple[ScriptPiece, ...]:
     """The machine, its disk, the disk in its place, and the network adapter that Hyper-V adds by itself gone."""
     address, read = str(step.address), _reader(step)
-    machine = "$vm = " + call("Get-Machine", Name=literal(making.partition))
+    machine = "$vm = " + call("Get-Machine", Name=literal(creation.partition))
 
-    def part(action: str, before: Mapping[str, Reading], after: Mapping[str, Reading], *calls: str) -> ScriptPiece:
+    def piece(action: str, before: Mapping[str, Reading], after: Mapping[str, Reading], *calls: str) -> ScriptPiece:
         return ScriptPiece(address=address, action=action, read=read, before=before, after=after, calls=calls)
 
-    made = [part(step.title, {**step.before, **_FREE}, step.after, _new_machine(making, scope))]
+    made = [piece(step.title, {**step.before, **_FREE}, step.after, _new_machine(creation, scope))]
     # Whether a new machine's memory is static is the host's affair: a client's is dynamic.
-    static = {"DynamicMemoryEnabled": literal(False), "StartupBytes": literal(making.memory)}
+    static = {"DynamicMemoryEnabled": literal(False), "StartupBytes": literal(creation.memory)}
     made.append(
-        part(
-            f"memory static, {show_bytes(making.memory)}",
+        piece(
+            f"memory static, {show_bytes(creation.memory)}",
             {"exists": True},
-            {"exists": True, "dynamic_memory": False, "memory": making.memory},
+            {"exists": True, "dynamic_memory": False, "memory": creation.memory},
             machine,
             call("Hyper-V\\Set-VMMemory", VM="$vm", **static),
         )
     )
-    if not making.switch:
+    if not creation.switch:
         action = "take away the network adapter that every new machine gets"
         remove = call("Hyper-V\\Remove-VMNetworkAdapter", VM="$vm")
-        made.append(part(action, {"exists": True, "adapters": 1}, {"exists": True, "adapters": 0}, machine, remove))
-    if making.image:
-        disk = _disk_path(making, scope)
+        made.append(piece(action, {"exists": True, "adapters": 1}, {"exists": True, "adapters": 0}, machine, remove))
+    if creation.image:
+        disk = _disk_path(creation, scope)
         attach = call("Hyper-V\\Add-VMHardDiskDrive", VM="$vm", Path=disk)
         made += [
-            _new_disk(f"{address}/disk", making.image, disk),
-            part("attach the disk", {"exists": True, "disks": 0}, {"exists": True, "disks": 1}, machine, attach),
+            _new_disk(f"{address}/disk", creation.image, disk),
+            piece("attach the disk", {"exists": True, "disks": 0}, {"exists": True, "disks": 1}, machine, attach),
         ]
     return tuple(made)
 
 
-def _new_machine(making: CreatePartition, scope: Scope) -> str:
+def _new_machine(creation: operations.CreatePartition, scope: Scope) -> str:
     new = {
-        "Name": literal(scope.pending(making.partition)),
-        "Generation": literal(making.generation),
-        "MemoryStartupBytes": literal(making.memory),
+        "Name": literal(scope.pending(creation.partition)),
+        "Generation": literal(creation.generation),
+        "MemoryStartupBytes": literal(creation.memory),
         "NoVHD": "",
     }
-    new |= {"SwitchName": literal(making.switch)} if making.switch else {}
-    new |= {"Path": literal(making.vm_path)} if making.vm_path else {}
+    new |= {"SwitchName": literal(creation.switch)} if creation.switch else {}
+    new |= {"Path": literal(creation.vm_path)} if creation.vm_path else {}
     return call("Hyper-V\\New-VM", **new)
 
 
-def _disk_path(making: CreatePartition, scope: Scope) -> str:
-    path = {"Folder": literal(making.vm_path), "File": literal(disk_file(making, scope.plan))}
+def _disk_path(creation: operations.CreatePartition, scope: Scope) -> str:
+    path = {"Folder": literal(creation.vm_path), "File": literal(operations.disk_file(creation, scope.plan))}
     return "(" + call("Get-DiskPath", **path) + ")"
 
 

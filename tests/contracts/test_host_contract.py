@@ -17,11 +17,10 @@ import pytest
 from rarms_iac.diff.readings import NOTHING, readings
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import Closing, RunClosed, StepRecorded, StepStatus
+from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
 from rarms_iac.model.operations import (
     CreatePartition,
     EraseMark,
-    EraseResponsiveness,
-    EraseResponsivenessRecord,
     EraseTaskRecord,
     Operation,
     RemoveDisk,
@@ -35,8 +34,6 @@ from rarms_iac.model.operations import (
     StartPartition,
     StopPartition,
     WriteMark,
-    WriteResponsiveness,
-    WriteResponsivenessRecord,
     WriteTaskClass,
     WriteTaskRecord,
 )
@@ -331,14 +328,19 @@ def test_a_task_class_is_written_recorded_forgotten_and_removed(room: Room) -> N
     assert host.observe() == before
 
 
+def _responsiveness(percent: int) -> WriteTaskClass:
+    value = RegistryValue(kind=ValueKind.DWORD, data=percent)
+    return WriteTaskClass(task=SYSTEM_RESPONSIVENESS, inside="", values={SYSTEM_RESPONSIVENESS: value})
+
+
 def test_the_responsiveness_is_written_recorded_forgotten_and_taken_away(room: Room) -> None:
     host = room.host()
     before = host.observe()
     address, twenty = Address(responsiveness=True), RegistryValue(kind=ValueKind.DWORD, data=20)
     assert before.responsiveness == Responsiveness(value=twenty)
 
-    do(host, WriteResponsivenessRecord(record=RECORD))
-    do(host, WriteResponsiveness(value=replace(twenty, data=10)))
+    do(host, WriteTaskRecord(task=SYSTEM_RESPONSIVENESS, inside="", record=RECORD))
+    do(host, _responsiveness(10))
     assert host.read(address, SCOPE) == {
         "exists": True,
         "values": "systemresponsiveness",
@@ -347,14 +349,15 @@ def test_the_responsiveness_is_written_recorded_forgotten_and_taken_away(room: R
         "set": "a" * 12,
     }
     with pytest.raises(HostRefused, match="belongs to the application robot"):
-        do(host, EraseResponsivenessRecord(application="kiosk"))
+        do(host, EraseTaskRecord(task=SYSTEM_RESPONSIVENESS, inside="", application="kiosk"))
     with pytest.raises(HostRefused, match="32-bit"):
-        do(host, WriteResponsiveness(value=replace(twenty, data=2**32)))
-    do(host, EraseResponsiveness())
+        do(host, _responsiveness(2**32))
+    removal = RemoveTaskClass(task=SYSTEM_RESPONSIVENESS, inside="")
+    do(host, removal)
     assert host.read(address, SCOPE)["exists"] is False
     with pytest.raises(HostRefused, match="there is no SystemResponsiveness"):
-        do(host, EraseResponsiveness())
-    do(host, WriteResponsiveness(value=twenty), EraseResponsivenessRecord(application="robot"))
+        do(host, removal)
+    do(host, _responsiveness(20), EraseTaskRecord(task=SYSTEM_RESPONSIVENESS, inside="", application="robot"))
 
     assert host.observe() == before
 

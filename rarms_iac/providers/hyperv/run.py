@@ -45,14 +45,14 @@ class LiveHypervHost:
         return self._host.name
 
     def observe(self) -> State:
-        """As the interface message."""
+        """See the interface."""
         try:
             return to_state(self.observation(), self.name)
         except NotDecodable as error:
             raise self._unreadable(str(error)) from None
 
     def examined(self) -> HostLook:
-        """As the interface message."""
+        """See the interface."""
         observation = self.observation()
         try:
             state = to_state(observation, self.name)
@@ -61,7 +61,7 @@ class LiveHypervHost:
         return HostLook(state=state, condition=condition_of(observation), findings=findings_of(observation, self.name))
 
     def journal(self) -> ScriptRun | None:
-        """As the interface message."""
+        """See the interface."""
         observation = self.observation()
         if is_denied(observation.journal):
             raise HostFailed(self.name, f"{JOURNAL} may not be read", "connect as a member of its Administrators")
@@ -78,20 +78,20 @@ class LiveHypervHost:
                 raise HostDamaged(self.name, f"{JOURNAL} is damaged: {message}", advice)
 
     def unfinished(self) -> ScriptRun | None:
-        """As the interface message."""
+        """See the interface."""
         run = self.journal()
         return run if run is not None and run.unfinished else None
 
     def run_script(
         self, script: ScriptBundle, waits: WaitLimits, hearing: RunHearing, *, abandoning: bool = False
     ) -> ScriptExited | ScriptLost:
-        """As the interface message."""
+        """See the interface."""
         arguments = arguments_of(waits, abandoning=abandoning)
         silence_s = (waits.silence_ms + waits.lock_ms + _longest_grace(script)) / 1000
         return self._transport.run(script, arguments, silence_s, _Events(hearing))
 
     def recorded(self) -> bytes:
-        """As the interface message: the very line that `observe.ps1` prints."""
+        """See the interface: the very line that `observe.ps1` prints."""
         document = self._printed()
         self._read(document)
         return f"{document}\n".encode()

@@ -55,7 +55,7 @@ class LocalTransport:
     def run(
         self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
     ) -> ScriptExited | ScriptLost:
-        """As the protocol message; the scripts lie in a folder of this user's own while they run."""
+        """See the protocol; the scripts lie in a folder of this user's own while they run."""
         program = self._program()
         with tempfile.TemporaryDirectory(prefix="rarms-") as folder:
             for name, text in script.files.items():
@@ -74,7 +74,7 @@ class LocalTransport:
         names = " or ".join(bootstrap.program_of(shell) for shell in self._shells)
         raise HostFailed(
             self._host,
-            f"{names} is not on this computer, which the manifest message is the host",
+            f"{names} is not on this computer, which the manifest says is the host",
             "say how the host is reached (`connect: {ssh: user@host}`), or run the scripts there by hand: "
             "`rarms show --script PLAN`",
         )
@@ -90,7 +90,7 @@ class SshTransport:
     def run(
         self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
     ) -> ScriptExited | ScriptLost:
-        """As the protocol message; nothing is sent before the other end message that it is ready."""
+        """See the protocol; nothing is sent before the other end says that it is ready."""
         words = bootstrap.ssh_words(self._connect.ssh, self._connect.shell)
         with _opened(self._host, words) as channel:
             self._await_ready(channel)
@@ -100,7 +100,7 @@ class SshTransport:
             if isinstance(ended, ScriptExited) and ended.code == bootstrap.FAILED_CODE and refusal.reason:
                 raise HostFailed(self._host, f"the scripts did not arrive as sent: {refusal.reason}", "run it again")
             if isinstance(ended, ScriptExited) and ended.code == SSH_FAILED:
-                return ScriptLost(why=f"the connection broke ({_last(ended.last_lines) or 'ssh message no more'})")
+                return ScriptLost(why=f"the connection broke ({_last(ended.last_lines) or 'ssh said no more'})")
             return ended
 
     def _await_ready(self, channel: Channel) -> None:
@@ -111,7 +111,7 @@ class SshTransport:
         except SilenceTimeout:
             raise self._unreached(f"{self._connect.ssh} did not answer within {CONNECT_SECONDS:.0f} s") from None
         code = channel.code()
-        message = _last(channel.error_lines) or "it message nothing"
+        message = _last(channel.error_lines) or "it said nothing"
         if code == SSH_FAILED:
             raise self._unreached(f"ssh does not reach {self._connect.ssh}: {message}")
         program = bootstrap.program_of(self._connect.shell)

@@ -2,38 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import assert_never
+from typing import TypeVar, assert_never
 
 from rarms_iac.diff.readings import disk_readings
-from rarms_iac.model.changes import SLASH, Address
+from rarms_iac.model import operations
+from rarms_iac.model.changes import RESPONSIVENESS, SLASH, Address
 from rarms_iac.model.mmcss import SYSTEM_RESPONSIVENESS
-from rarms_iac.model.operations import (
-    CreatePartition,
-    EraseMark,
-    EraseResponsiveness,
-    EraseResponsivenessRecord,
-    EraseTaskRecord,
-    Operation,
-    PartitionOperation,
-    RemoveDisk,
-    RemovePartition,
-    RemoveTaskClass,
-    RenamePartition,
-    ResponsivenessOperation,
-    SetActions,
-    SetCpu,
-    SetMemory,
-    SetProcessors,
-    StartPartition,
-    StopPartition,
-    TaskOperation,
-    WriteMark,
-    WriteResponsiveness,
-    WriteResponsivenessRecord,
-    WriteTaskClass,
-    WriteTaskRecord,
-    disk_file,
-)
 from rarms_iac.model.plan import Scope
 from rarms_iac.model.state import (
     Checkpoints,
@@ -41,35 +15,39 @@ from rarms_iac.model.state import (
     DiskKind,
     PartitionSettings,
     RegistryValue,
+    Responsiveness,
     RunState,
     StartAction,
     StopAction,
+    TaskRecord,
     ValueKind,
 )
 from rarms_iac.providers.marks import erase_mark, mark_for, write_mark
-from rarms_iac.providers.simulated.content import Content, Registry, SimulatedMachine, next_id
+from rarms_iac.providers.simulated.content import Content, Registry, SimulatedMachine, Values, next_id
 from rarms_iac.providers.simulated.rules import Refusal
+
+T = TypeVar("T")
 
 LONGEST_KEY = 255
 """Characters of a registry key's name (FACTS 6.1)."""
 
 
-def address_of(operation: Operation) -> Address:
-    """What the operation is about, as faults name it."""
+def address_of(operation: operations.Operation) -> Address:
+    """The address of what the operation changes, as faults name it."""
     match operation:
-        case WriteTaskClass() | RemoveTaskClass() | WriteTaskRecord() | EraseTaskRecord():
-            return Address(partition=operation.inside, task=operation.task)
-        case WriteResponsiveness() | EraseResponsiveness() | WriteResponsivenessRecord() | EraseResponsivenessRecord():
-            return Address(responsiveness=True)
-        case CreatePartition():
+        case operations.CreatePartition():
             return Address(partition=operation.partition)
-        case RemoveDisk():
+        case operations.RemoveDisk():
             return Address(partition=operation.partition, disk=operation.path)
+        case _ if isinstance(operation, operations.TaskOperation):
+            if operation.task == SYSTEM_RESPONSIVENESS:
+                return RESPONSIVENESS
+            return Address(partition=operation.inside, task=operation.task)
         case _:
             return Address(partition=operation.partition, machine=operation.machine)
 
 
-def new_settings(operation: CreatePartition, scope: Scope) -> PartitionSettings:
+def new_settings(operation: operations.CreatePartition, scope: Scope) -> PartitionSettings:
     """A new machine, off, without reserve, under its pending name; the rest as Hyper-V makes it."""
     return PartitionSettings(
         name=scope.pending(operation.partition),
@@ -93,14 +71,16 @@ def with_new_machine(content: Content, settings: PartitionSettings) -> Content:
     return replace(content, made=content.made + 1).with_machine(machine)
 
 
-def with_new_disk(content: Content, machine: str, operation: CreatePartition, folder: str, scope: Scope) -> Content:
+def with_new_disk(
+    content: Content, machine: str, operation: operations.CreatePartition, folder: str, scope: Scope
+) -> Content:
     """With the disk of a machine that grows out of an image."""
-    path = f"{(operation.vm_path or folder).rstrip(SLASH)}{SLASH}{disk_file(operation, scope.plan)}"
+    path = f"{(operation.vm_path or folder).rstrip(SLASH)}{SLASH}{operations.disk_file(operation, scope.plan)}"
     disk = Disk(path=path, kind=DiskKind.DIFFERENCING, parent=operation.image, machine=machine)
     return content.with_disk(disk)
 
 
-def refuse_disk_removal(content: Content, operation: RemoveDisk) -> Refusal | None:
+def refuse_disk_removal(content: Content, operation: operations.RemoveDisk) -> Refusal | None:
     """Why this disk cannot be deleted, None where it can."""
     live = disk_readings(content.disks, operation.path)
     if not live["exists"]:
@@ -110,111 +90,91 @@ def refuse_disk_removal(content: Content, operation: RemoveDisk) -> Refusal | No
     return None
 
 
-def change_machine(content: Content, machine: SimulatedMachine, operation: PartitionOperation) -> Content:
+def change_machine(content: Content, machine: SimulatedMachine, operation: operations.MachineOperation) -> Content:
     """The content after the operation on this machine."""
     settings = machine.settings
     match operation:
-        case CreatePartition():
-            raise AssertionError("a machine that exists is not made again")
-        case RemovePartition():
+        case operations.RemovePartition():
             return content.without_machine(machine.id)
-        case RenamePartition(name=name):
+        case operations.RenamePartition(name=name):
             changed = replace(machine, settings=replace(settings, name=name))
-        case WriteMark(application=application, name=name, set=settings_digest, stopped_by=stopped_by):
+        case operations.WriteMark(application=application, name=name, set=settings_digest, stopped_by=stopped_by):
             mark = mark_for(machine.id, application, name, settings_digest, stopped_by)
             changed = replace(machine, notes=write_mark(machine.notes, mark))
-        case EraseMark():
+        case operations.EraseMark():
             changed = replace(machine, notes=erase_mark(machine.notes))
-        case SetProcessors(processors=processors):
+        case operations.SetProcessors(processors=processors):
             changed = replace(machine, settings=replace(settings, processors=processors))
-        case SetCpu(reserve=reserve, limit=limit, weight=weight):
+        case operations.SetCpu(reserve=reserve, limit=limit, weight=weight):
             changed = replace(machine, settings=replace(settings, reserve=reserve, limit=limit, weight=weight))
-        case SetMemory(memory=memory, dynamic=dynamic):
+        case operations.SetMemory(memory=memory, dynamic=dynamic):
             changed = replace(machine, settings=replace(settings, memory=memory, dynamic_memory=dynamic))
-        case SetActions(start=start, stop=stop, checkpoints=checkpoints):
+        case operations.SetActions(start=start, stop=stop, checkpoints=checkpoints):
             actions = replace(settings, start_action=start, stop_action=stop, checkpoints=checkpoints)
             changed = replace(machine, settings=actions)
-        case StartPartition():
+        case operations.StartPartition():
             changed = machine.now(RunState.RUNNING)
-        case StopPartition():
+        case operations.StopPartition():
             changed = machine.now(RunState.OFF)
         case _:
             assert_never(operation)
     return content.with_machine(changed)
 
 
-def refuse_task_change(registry: Registry, operation: TaskOperation) -> Refusal | None:
+def refuse_task_change(registry: Registry, operation: operations.TaskOperation) -> Refusal | None:
     """Why this cannot be done to the registry, None where it can."""
-    key, record = _key(registry, operation.task), registry.records.get(operation.task.lower())
+    task = operation.task
+    values, record = _in_registry(registry, task)
     match operation:
-        case WriteTaskClass(task=task, values=values):
-            problem = _impossible_key(task) or _impossible_values(values)
-            return Refusal(message=f"task class {task!r}: {problem}", advice="correct it") if problem else None
-        case RemoveTaskClass(task=task) if key is None:
-            return Refusal(message=f"there is no task class {task}", advice="look at the host again: rarms plan")
-        case WriteTaskRecord(task=task, record=wanted) if record and record.application != wanted.application:
-            return _belongs_to(task, record.application)
-        case EraseTaskRecord(task=task, application=application) if record and record.application != application:
-            return _belongs_to(task, record.application)
+        case operations.WriteTaskClass(values=wanted):
+            problem = _impossible_key(task) or _impossible_values(wanted)
+            return Refusal(message=f"{_described(task)}: {problem}", advice="correct it") if problem else None
+        case operations.RemoveTaskClass() if values is None:
+            return Refusal(message=f"there is no {_described(task)}", advice="look at the host again: rarms plan")
+        case operations.WriteTaskRecord(record=TaskRecord(application=application)):
+            return _refuse_record_of_others(task, record, application)
+        case operations.EraseTaskRecord(application=application):
+            return _refuse_record_of_others(task, record, application)
         case _:
             return None
 
 
-def change_registry(registry: Registry, operation: TaskOperation) -> Registry:
+def change_registry(registry: Registry, operation: operations.TaskOperation) -> Registry:
     """The registry after the operation. A key that exists keeps the case of its name."""
+    values, record = _in_registry(registry, operation.task)
+    match operation:
+        case operations.WriteTaskClass(values=wanted):
+            values = dict(wanted)
+        case operations.RemoveTaskClass():
+            values = None
+        case operations.WriteTaskRecord(record=wanted):
+            record = wanted
+        case operations.EraseTaskRecord():
+            record = None
+        case _:
+            assert_never(operation)
+    if operation.task == SYSTEM_RESPONSIVENESS:
+        changed = Responsiveness(value=(values or {}).get(SYSTEM_RESPONSIVENESS), record=record)
+        return replace(registry, responsiveness=changed)
     key = _key(registry, operation.task) or operation.task
-    record = operation.task.lower()
-    match operation:
-        case WriteTaskClass(values=values):
-            return replace(registry, tasks={**registry.tasks, key: dict(values)})
-        case RemoveTaskClass():
-            return replace(registry, tasks={name: values for name, values in registry.tasks.items() if name != key})
-        case WriteTaskRecord(record=wanted):
-            return replace(registry, records={**registry.records, record: wanted})
-        case EraseTaskRecord():
-            return replace(
-                registry, records={name: known for name, known in registry.records.items() if name != record}
-            )
-        case _:
-            assert_never(operation)
+    return replace(
+        registry,
+        tasks=_with_entry(registry.tasks, key, values),
+        records=_with_entry(registry.records, operation.task.lower(), record),
+    )
 
 
-def refuse_responsiveness_change(registry: Registry, operation: ResponsivenessOperation) -> Refusal | None:
-    """Why this cannot be done to the registry, None where it can."""
-    there = registry.responsiveness
-    match operation:
-        case WriteResponsiveness(value=value):
-            problem = _impossible_values({SYSTEM_RESPONSIVENESS: value})
-            return Refusal(message=problem, advice="correct it") if problem else None
-        case EraseResponsiveness() if there.value is None:
-            return Refusal(message=f"there is no {SYSTEM_RESPONSIVENESS}", advice="look at the host again: rarms plan")
-        case WriteResponsivenessRecord(record=wanted):
-            asks = wanted.application
-        case EraseResponsivenessRecord(application=application):
-            asks = application
-        case _:
-            return None
-    if there.record is None or there.record.application == asks:
-        return None
-    message = f"{SYSTEM_RESPONSIVENESS} belongs to the application {there.record.application}"
-    return Refusal(message=message, advice="set it in one of the two manifests")
+def _in_registry(registry: Registry, task: str) -> tuple[Values | None, TaskRecord | None]:
+    """The values of a task class or of SystemResponsiveness, None where there is no key, and our record of it."""
+    if task == SYSTEM_RESPONSIVENESS:
+        return registry.responsiveness.values or None, registry.responsiveness.record
+    key = _key(registry, task)
+    return None if key is None else registry.tasks[key], registry.records.get(task.lower())
 
 
-def change_responsiveness(registry: Registry, operation: ResponsivenessOperation) -> Registry:
-    """The registry after the operation."""
-    there = registry.responsiveness
-    match operation:
-        case WriteResponsiveness(value=value):
-            changed = replace(there, value=value)
-        case EraseResponsiveness():
-            changed = replace(there, value=None)
-        case WriteResponsivenessRecord(record=record):
-            changed = replace(there, record=record)
-        case EraseResponsivenessRecord():
-            changed = replace(there, record=None)
-        case _:
-            assert_never(operation)
-    return replace(registry, responsiveness=changed)
+def _with_entry(entries: Mapping[str, T], name: str, entry: T | None) -> Mapping[str, T]:
+    others = {known: value for known, value in entries.items() if known != name}
+    return others if entry is None else {**others, name: entry}
 
 
 def _key(registry: Registry, task: str) -> str | None:
@@ -222,10 +182,16 @@ def _key(registry: Registry, task: str) -> str | None:
     return next((name for name in registry.tasks if name.lower() == wanted), None)
 
 
-def _belongs_to(task: str, application: str) -> Refusal:
+def _described(task: str) -> str:
+    return task if task == SYSTEM_RESPONSIVENESS else f"task class {task}"
+
+
+def _refuse_record_of_others(task: str, record: TaskRecord | None, application: str) -> Refusal | None:
+    if record is None or record.application == application:
+        return None
     return Refusal(
-        message=f"the task class {task} belongs to the application {application}",
-        advice="use another class, or release it there",
+        message=f"{_described(task)} belongs to the application {record.application}",
+        advice="take it out of one of the two manifests",
     )
 
 

@@ -9,22 +9,7 @@ from pathlib import Path
 from rarms_iac.diff.readings import readings, resolve
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import Journal, JournalRecord, RunStarted
-from rarms_iac.model.operations import (
-    CreatePartition,
-    EraseResponsiveness,
-    EraseResponsivenessRecord,
-    EraseTaskRecord,
-    Operation,
-    PartitionOperation,
-    RemoveDisk,
-    RemoveTaskClass,
-    ResponsivenessOperation,
-    TaskOperation,
-    WriteResponsiveness,
-    WriteResponsivenessRecord,
-    WriteTaskClass,
-    WriteTaskRecord,
-)
+from rarms_iac.model.operations import CreatePartition, MachineOperation, Operation, RemoveDisk, TaskOperation
 from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import Fault, FaultEffect, Host
@@ -42,10 +27,8 @@ from rarms_iac.providers.simulated.operations import (
     address_of,
     change_machine,
     change_registry,
-    change_responsiveness,
     new_settings,
     refuse_disk_removal,
-    refuse_responsiveness_change,
     refuse_task_change,
     with_new_disk,
     with_new_machine,
@@ -208,21 +191,16 @@ class SimulatedHostProvider:
         if state.facts.rights is not Rights.PROVEN:
             raise self._refused(refuse_without_rights(state.facts))
         match operation:
-            case WriteTaskClass() | RemoveTaskClass() | WriteTaskRecord() | EraseTaskRecord():
-                return self._after_task(content, state, operation, scope)
-            case (
-                WriteResponsiveness()
-                | EraseResponsiveness()
-                | WriteResponsivenessRecord()
-                | EraseResponsivenessRecord()
-            ):
-                return self._after_responsiveness(content, operation)
+            case CreatePartition():
+                return self._after_creation(content, state, operation, scope)
             case RemoveDisk():
                 if refusal := refuse_disk_removal(content, operation):
                     raise self._refused(refusal)
                 return content.without_disk(operation.path)
+            case _ if isinstance(operation, TaskOperation):
+                return self._after_task(content, state, operation, scope)
             case _:
-                return self._after_partition(content, state, operation, scope)
+                return self._after_machine(content, state, operation, scope)
 
     def _after_task(self, content: Content, state: State, operation: TaskOperation, scope: Scope) -> Content:
         machine = self._only(content, state, address_of(operation), scope).id if operation.inside else ""
@@ -231,15 +209,7 @@ class SimulatedHostProvider:
             raise self._refused(refusal)
         return content.with_registry(machine, change_registry(registry, operation))
 
-    def _after_responsiveness(self, content: Content, operation: ResponsivenessOperation) -> Content:
-        registry = content.registry("")
-        if refusal := refuse_responsiveness_change(registry, operation):
-            raise self._refused(refusal)
-        return content.with_registry("", change_responsiveness(registry, operation))
-
-    def _after_partition(self, content: Content, state: State, operation: PartitionOperation, scope: Scope) -> Content:
-        if isinstance(operation, CreatePartition):
-            return self._after_creation(content, state, operation, scope)
+    def _after_machine(self, content: Content, state: State, operation: MachineOperation, scope: Scope) -> Content:
         machine = self._only(content, state, address_of(operation), scope)
         guest_build = description(self._host).guest_windows_build
         if refusal := refuse_change(operation, machine, content, state.facts, guest_build):

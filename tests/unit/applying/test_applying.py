@@ -210,8 +210,8 @@ def test_an_undo_is_told_by_what_it_does(lab: Lab) -> None:
     assert told(lab) == [
         "partition/speech: stop it",
         "partition/vision: stop it",
-        "partition/vision: remove the machine that was made, with all that was set on it",
-        "partition/speech: remove the machine that was made, with all that was set on it",
+        "partition/vision: remove the machine",
+        "partition/speech: remove the machine",
     ]
 
     lab.apply(with_reserve(lab, "20 %").plan())

@@ -3,7 +3,7 @@ from dataclasses import replace
 from rarms_iac.diff.digests import moved_parts, part_digests
 from rarms_iac.diff.drift import DriftKind, drift
 from rarms_iac.model.changes import Address, Create, Delete, Update
-from rarms_iac.model.operations import EraseResponsiveness, WriteResponsiveness, WriteResponsivenessRecord
+from rarms_iac.model.operations import RemoveTaskClass, WriteTaskClass, WriteTaskRecord
 from rarms_iac.model.state import RegistryValue, Responsiveness, State, TaskRecord, ValueKind
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.views.changes import describe_disruption
@@ -17,6 +17,10 @@ ADDRESS = Address(responsiveness=True)
 
 def dword(data: int) -> RegistryValue:
     return RegistryValue(kind=ValueKind.DWORD, data=data)
+
+
+def writing(percent: int) -> WriteTaskClass:
+    return WriteTaskClass(task="SystemResponsiveness", inside="", values={"SystemResponsiveness": dword(percent)})
 
 
 def wanting(percent: int | None) -> System:
@@ -50,9 +54,9 @@ def test_a_value_of_windows_is_taken_over_with_what_was_there() -> None:
     assert change.reason.place is not None
     assert change.reason.place.path == "hosts.onboard.system_responsiveness"
     steps = [step for step in found.ordered.steps if step.address == ADDRESS]  # type: ignore[union-attr]  # no cycle
-    assert [type(step.operation) for step in steps] == [WriteResponsivenessRecord, WriteResponsiveness]
-    assert steps[1].title == "set 20 -> 10"
-    assert steps[1].undo.operation == WriteResponsiveness(value=dword(20))
+    assert [type(step.operation) for step in steps] == [WriteTaskRecord, WriteTaskClass]
+    assert steps[1].title == "set SystemResponsiveness 20 -> 10"
+    assert steps[1].undo.operation == writing(20)
 
 
 def test_a_value_that_is_not_there_is_created_and_an_undo_takes_it_away() -> None:
@@ -60,7 +64,7 @@ def test_a_value_that_is_not_there_is_created_and_an_undo_takes_it_away() -> Non
 
     assert [type(one) for one in of_it(found)] == [Create]
     steps = [step for step in found.ordered.steps if step.address == ADDRESS]  # type: ignore[union-attr]  # no cycle
-    assert steps[1].undo.operation == EraseResponsiveness()
+    assert steps[1].undo.operation == RemoveTaskClass(task="SystemResponsiveness", inside="")
 
 
 def test_without_the_line_it_goes_back() -> None:

@@ -1,4 +1,4 @@
-"""A line to what it message of a job, without any process."""
+"""A line to what it says of a job, without any process."""
 
 from fractions import Fraction
 
