@@ -11,7 +11,7 @@ from fractions import Fraction
 
 from benchmarks.timing import Figure, interleaved, median_ratio, report, seconds
 from rarms_iac.applying.goals import HostGoal, goals_of
-from rarms_iac.applying.prepare import Prepared, Request, prepare
+from rarms_iac.applying.prepare import PlanningRequest, PlanningResult, prepare
 from rarms_iac.diff.compare import compare
 from rarms_iac.diff.hold_back import hold_back
 from rarms_iac.diff.order import OrderedSteps, order
@@ -167,8 +167,8 @@ def case(components: int, hosts: int) -> Case:
     return Case(requests=requests.hosts, plan=made.plan)
 
 
-def request(wanted_system: System) -> Request:
-    return Request(
+def request(wanted_system: System) -> PlanningRequest:
+    return PlanningRequest(
         system=wanted_system,
         places=NoPlaces(),
         manifest="rarms.yaml",
@@ -196,7 +196,7 @@ def figures() -> Iterator[Figure]:
         raise TypeError("the fleet has a layout")
     yield Figure(name="layout of 1,000 components on 20 hosts", value=1000 * took, unit="ms", at_most=PLANNED_IN_MS)
     observed = applied(fleet)
-    plans: list[Prepared] = []
+    plans: list[PlanningResult] = []
     took = min(seconds(lambda: plans.append(prepare(request(fleet), observed))) for _ in range(ROUNDS))
     if any(plan.plan is None or plan.plan.has_changes for plan in plans):
         raise ValueError("a fleet that was applied has no changes")

@@ -11,7 +11,7 @@ from rarms_iac.manifest.acceptance import apply_acceptances
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic, in_order
 from rarms_iac.model.state import State
-from rarms_iac.providers.interface import ExaminableHost, HostLook
+from rarms_iac.providers.interface import ExaminableHost, ObservedHost
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +60,7 @@ def examine_hosts(hosts: Hosts) -> Examinations:
 
 def _examinations(hosts: Hosts) -> Iterator[Examination]:
     for name in hosts.chosen:
-        looked = _look(hosts, name)
+        looked = _observe(hosts, name)
         yield Examination(
             state=looked.state,
             condition=looked.condition,
@@ -69,14 +69,14 @@ def _examinations(hosts: Hosts) -> Iterator[Examination]:
         )
 
 
-def _look(hosts: Hosts, name: str) -> HostLook:
+def _observe(hosts: Hosts, name: str) -> ObservedHost:
     snapshot = hosts.snapshots.hosts.get(name)
     if snapshot is not None:
         observation = read_script_output(snapshot.data, name)
         condition = observation.condition if observation else HostCondition()
-        return HostLook(state=snapshot.state, condition=condition, findings=snapshot.findings)
+        return ObservedHost(state=snapshot.state, condition=condition, findings=snapshot.findings)
     host = hosts.open(name)
     if isinstance(host, ExaminableHost):
         with host_errors():
             return host.examined()
-    return HostLook(state=observe_host(host), condition=HostCondition(), findings=())
+    return ObservedHost(state=observe_host(host), condition=HostCondition(), findings=())

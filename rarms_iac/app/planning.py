@@ -10,7 +10,7 @@ from rarms_iac.app.requests import HostSelection, PlanLimits
 from rarms_iac.applying.doctor.examine import DOCTOR_ONLY_CODES
 from rarms_iac.applying.goals import FIXED
 from rarms_iac.applying.preconditions import NO_RIGHTS
-from rarms_iac.applying.prepare import Judge, Request, prepare
+from rarms_iac.applying.prepare import Judge, PlanningRequest, prepare
 from rarms_iac.applying.stopping import EVERY_PARTITION, StopScope
 from rarms_iac.diff.compare_partitions import NOT_AT_REST
 from rarms_iac.manifest.acceptance import apply_acceptances
@@ -133,7 +133,7 @@ def refuse_unknown_partitions(hosts: Hosts, names: Sequence[str]) -> None:
             )
 
 
-def planner_request(hosts: Hosts, request: PlanRequest, states: Mapping[str, State]) -> Request:
+def planner_request(hosts: Hosts, request: PlanRequest, states: Mapping[str, State]) -> PlanningRequest:
     """Make the request that `applying.prepare` takes.
 
     Args:
@@ -141,7 +141,7 @@ def planner_request(hosts: Hosts, request: PlanRequest, states: Mapping[str, Sta
         request: what the plan is for.
         states: what the hosts look like, by name; data logs are held against it.
     """
-    return Request(
+    return PlanningRequest(
         system=hosts.system,
         places=hosts.manifest.places,
         manifest=hosts.manifest.source.manifest,

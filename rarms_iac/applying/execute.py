@@ -48,8 +48,8 @@ def _finish(host: LiveHost, reporter: RunReporter, should_stop: ShouldStop, wait
             run = host.unfinished()
             if run is None:
                 return None
-            order = finish_job(host.name, run)
-            return without_rights(host) or run_job(host, order, reporter, should_stop, waits)
+            job = finish_job(host.name, run)
+            return without_rights(host) or run_job(host, job, reporter, should_stop, waits)
         case _:
             assert_never(host)
 

@@ -144,7 +144,7 @@ def _without_place(diagnostic: Diagnostic) -> Diagnostic:
 
 
 def _advise_namesake_first(diagnostic: Diagnostic) -> Diagnostic:
-    """What lacks room: ways out were sought beside the namesake, and taking it over may need none of them."""
+    """Other advice for what lacks room: ways out were sought beside the namesake, and taking it over may need none."""
     if diagnostic.code not in {RESERVATIONS.code, MEMORY.code, PACKING.code}:
         return diagnostic
     advice = f"First settle the machine that has a wanted name ({FOREIGN_AT_NAME.code}): it takes room, too."

@@ -1,4 +1,4 @@
-"""What a host has promised once a plan is done: told to the reader, and nothing is decided by it."""
+"""What a plan promises on a host, and what its threads run at: for the reader, nothing is decided by it."""
 
 from collections.abc import Iterator, Mapping, Sequence
 

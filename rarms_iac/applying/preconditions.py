@@ -1,4 +1,4 @@
-"""What makes looking at a host, or planning for it, worth nothing (DESIGN section 5)."""
+"""Preconditions of planning for a host: rights to see its machines, a scheduler that honours reserves."""
 
 from collections.abc import Iterable, Iterator
 

@@ -41,8 +41,8 @@ def accept_nothing(found: Sequence[Diagnostic]) -> tuple[tuple[Diagnostic, ...],
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Request:
-    """What a plan is asked for."""
+class PlanningRequest:
+    """The manifest, the purpose and the limits that a plan is made for."""
 
     system: System
     places: Places
@@ -63,7 +63,7 @@ class Request:
 
     @property
     def limit(self) -> Disruption:
-        """What may be disturbed at most. Who destroys means removal, and who stops a stop."""
+        """The largest disruption that a change may cause. Who destroys means removal, and who stops a stop."""
         if self.purpose is Purpose.DESTROY:
             return Disruption.REMOVAL
         if self.purpose in {Purpose.STOP, Purpose.START}:
@@ -72,7 +72,7 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Prepared:
+class PlanningResult:
     """A plan, or None where errors forbid one; the findings either way, in order, and those that were accepted."""
 
     plan: Plan | None
@@ -80,7 +80,7 @@ class Prepared:
     accepted: tuple[Diagnostic, ...] = ()
 
 
-def prepare(request: Request, observed: Mapping[str, State]) -> Prepared:
+def prepare(request: PlanningRequest, observed: Mapping[str, State]) -> PlanningResult:
     """The plan that makes the observed hosts what the manifest wants, or why there is none.
 
     Same input, same plan, to the byte.
@@ -95,13 +95,13 @@ def prepare(request: Request, observed: Mapping[str, State]) -> Prepared:
     findings += unknown_targets([address for part in parts for address in part.addresses], request.targets)
     remaining, accepted = request.judge(in_order(findings))
     if has_errors(remaining):
-        return Prepared(plan=None, findings=remaining, accepted=accepted)
+        return PlanningResult(plan=None, findings=remaining, accepted=accepted)
     bare = _plan(request, tuple(part.plan for part in parts), goals.layout, remaining, accepted)
     plan, wrong = with_scripts(bare, {part.plan.host.name: part.guests for part in parts})
-    return Prepared(plan=None if wrong else plan, findings=in_order((*remaining, *wrong)), accepted=accepted)
+    return PlanningResult(plan=None if wrong else plan, findings=in_order((*remaining, *wrong)), accepted=accepted)
 
 
-def _goals(request: Request, observed: Mapping[str, State]) -> Goals:
+def _goals(request: PlanningRequest, observed: Mapping[str, State]) -> Goals:
     match request.purpose:
         case Purpose.APPLY:
             return goals_of(request.system, observed, request.places, request.limit, request.reservations)
@@ -112,7 +112,7 @@ def _goals(request: Request, observed: Mapping[str, State]) -> Goals:
 
 
 def _plan(
-    request: Request,
+    request: PlanningRequest,
     hosts: tuple[HostPlan, ...],
     layout: Layout | None,
     findings: tuple[Diagnostic, ...],
@@ -146,7 +146,7 @@ class _HostPart:
     guests: tuple[GuestTask, ...]  # classes of guests that nobody could look into: only their scripts know
 
 
-def _host_part(request: Request, goal: HostGoal, layout: Layout | None) -> _HostPart:
+def _host_part(request: PlanningRequest, goal: HostGoal, layout: Layout | None) -> _HostPart:
     application = request.system.application.name
     difference = _difference(request, goal)
     held = hold_back(targeted(difference.changes, request.targets), goal.budget)
@@ -197,13 +197,13 @@ def _host_part(request: Request, goal: HostGoal, layout: Layout | None) -> _Host
     )
 
 
-def _wanted_of(request: Request, goal: HostGoal) -> State:
-    """What the host is to have in the end; who stops or starts partitions wants all of them to stay."""
+def _wanted_of(request: PlanningRequest, goal: HostGoal) -> State:
+    """The State that the host is to have in the end; who stops or starts partitions wants all of them to stay."""
     keeps = request.purpose in {Purpose.STOP, Purpose.START}
     return goal.observed.of(request.system.application.name) if keeps else goal.desired
 
 
-def _staying_stopped(request: Request, goal: HostGoal) -> tuple[str, ...]:
+def _staying_stopped(request: PlanningRequest, goal: HostGoal) -> tuple[str, ...]:
     """The partitions of the manifest that `rarms stop` stopped, where the plan asks for all of the manifest."""
     if request.purpose is not Purpose.APPLY:
         return ()
@@ -211,8 +211,8 @@ def _staying_stopped(request: Request, goal: HostGoal) -> tuple[str, ...]:
     return tuple(sorted(mark.name for mark in wanted if mark.stopped_by is StoppedBy.USER))
 
 
-def _difference(request: Request, goal: HostGoal) -> Difference:
-    """What has to change on the host, for this purpose."""
+def _difference(request: PlanningRequest, goal: HostGoal) -> Difference:
+    """The changes of the host for this purpose."""
     application = request.system.application.name
     match request.purpose:
         case Purpose.APPLY | Purpose.DESTROY:

@@ -66,7 +66,7 @@ def unfinished(host: str, journal: Journal | ScriptRun) -> Diagnostic:
     return UNFINISHED.at(
         None,
         f"{_run(started)} on {host} was begun by {started.started_by} and not finished.",
-        f"Wait location that process still works. Otherwise: {GO_ON[:1].lower()}{GO_ON[1:]}",
+        f"Wait while that process still works. Otherwise: {GO_ON[:1].lower()}{GO_ON[1:]}",
         address=f"host/{host}",
     )
 
@@ -82,7 +82,7 @@ def locked(error: HostLocked) -> Diagnostic:
 
 
 def step_moved(host: str, step: Step, live: Readings) -> Diagnostic:
-    """What a step found is neither what the plan saw nor what it wants."""
+    """A step found neither what the plan saw nor what it wants."""
     return STEP_MOVED.at(
         step.place,
         f"{step.address} on {host}, before `{step.title}`: {differences(live, step.before)}.",

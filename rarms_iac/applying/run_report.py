@@ -1,4 +1,4 @@
-"""What became of a run: told host by host, and how the whole of it ended."""
+"""The report of a run, host by host, and how the whole of it ended."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -22,7 +22,7 @@ class RunEnding(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostReport:
-    """What one host's run did."""
+    """The steps that one host's run did, and how it ended."""
 
     host: str
     plan: str
@@ -45,16 +45,16 @@ class RunReport:
 
 
 class ReportedStep(Protocol):
-    """What is told of a step, whether rarms walks it or a script does."""
+    """A step as a reporter is told of it, whether rarms walks it or a script does."""
 
     @property
     def address(self) -> Address | str:
-        """What it is about."""
+        """The resource that it changes."""
         ...
 
     @property
     def title(self) -> str:
-        """What it does, for a person."""
+        """The step in a few words, for a person."""
         ...
 
 

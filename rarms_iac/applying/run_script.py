@@ -31,7 +31,7 @@ REFUSED_CODE = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScriptJob:
-    """What a host is to run, and what is known of that run already."""
+    """A script for a host, and what is known of its run already."""
 
     run: RunKind
     plan: str
@@ -47,7 +47,7 @@ def apply_job(plan: str, part: HostPlan) -> ScriptJob:
 
 
 def finish_job(host: str, journal: ScriptRun) -> ScriptJob:
-    """What the host's journal holds of the unfinished run, whatever plan or manifest there is by now."""
+    """The unfinished run as the host's journal holds it, whatever plan or manifest there is by now."""
     started = journal.started
     earlier = {step.number: step.status for step in journal.steps if step.status is not StepStatus.BEGUN}
     script = _alone(f"{host}{'.undo' if started.run is RunKind.UNDO else ''}.ps1", started.script)
@@ -65,16 +65,16 @@ def _alone(name: str, text: str) -> ScriptBundle:
 
 
 def run_job(
-    host: ScriptedHost, order: ScriptJob, reporter: RunReporter, should_stop: ShouldStop, waits: WaitLimits
+    host: ScriptedHost, job: ScriptJob, reporter: RunReporter, should_stop: ShouldStop, waits: WaitLimits
 ) -> RunReport:
     """Have the host run it and tell how it ended.
 
     Raises:
         HostError: the host could not be reached; nothing was run.
     """
-    following = RunListener(host.name, order, reporter, should_stop)
-    reporter.run_started(host.name, order.run, order.plan, done=len(order.earlier))
-    return following.report(host.run_script(order.script, waits, following))
+    listener = RunListener(host.name, job, reporter, should_stop)
+    reporter.run_started(host.name, job.run, job.plan, done=len(job.earlier))
+    return listener.report(host.run_script(job.script, waits, listener))
 
 
 def abandon_script(host: ScriptedHost, journal: ScriptRun, waits: WaitLimits) -> RunReport:
@@ -83,10 +83,10 @@ def abandon_script(host: ScriptedHost, journal: ScriptRun, waits: WaitLimits) ->
     Raises:
         HostError: the host could not be reached.
     """
-    order = finish_job(host.name, journal)
-    following = RunListener(host.name, order, SilentRunReporter(), lambda: False)
-    ended = host.run_script(order.script, waits, following, abandoning=True)
-    return replace(following.report(ended), hosts=())
+    job = finish_job(host.name, journal)
+    listener = RunListener(host.name, job, SilentRunReporter(), lambda: False)
+    ended = host.run_script(job.script, waits, listener, abandoning=True)
+    return replace(listener.report(ended), hosts=())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +99,7 @@ class UndoneStep:
 
 
 def steps_undone_by_script(journal: ScriptRun) -> tuple[UndoneStep, ...]:
-    """What the stored undo script would take back, in its order; nothing where it cannot be read here."""
+    """List what the stored undo script would take back, in its order; nothing where it cannot be read here."""
     from rarms_iac.powershell.outline import outline
     from rarms_iac.powershell.tree import NotParsed
 
@@ -117,27 +117,27 @@ def steps_undone_by_script(journal: ScriptRun) -> tuple[UndoneStep, ...]:
 
 
 def not_undone(script: str) -> tuple[str, ...]:
-    """What an undo script says in its head that it cannot bring back."""
+    """Read from an undo script's head what it cannot bring back."""
     begin = f"# {NOT_UNDONE}"
     head = script.split("\n# --- runtime", 1)[0].splitlines()
     return tuple(line.removeprefix(begin).strip() for line in head if line.startswith(begin))
 
 
 class RunListener:
-    """A `Hearing` that keeps what a run's report needs, and passes the rest to a `RunReporter`."""
+    """A `EventListener` that keeps what a run's report needs, and passes the rest to a `RunReporter`."""
 
-    def __init__(self, host: str, order: ScriptJob, reporter: RunReporter, should_stop: ShouldStop) -> None:
+    def __init__(self, host: str, job: ScriptJob, reporter: RunReporter, should_stop: ShouldStop) -> None:
         self._host = host
-        self._order = order
+        self._job = job
         self._reporter = reporter
         self.should_stop = should_stop
         self._total = 0
-        self._statuses = dict(order.earlier)
+        self._statuses = dict(job.earlier)
         self._running: RunEvent | None = None
         self._last: RunEvent | None = None  # that ends the run
-        self._noise: list[str] = []
+        self._other_lines: list[str] = []
 
-    def heard(self, event: RunEvent) -> None:
+    def on_event(self, event: RunEvent) -> None:
         """Tell a step; keep what ends the run."""
         self._total = max(self._total, event.total)
         match event.kind:
@@ -148,9 +148,9 @@ class RunListener:
             case EventKind.LOCK | EventKind.REFUSED | EventKind.FAILED | EventKind.RUN:
                 self._last = event
 
-    def noise(self, line: str) -> None:
+    def on_output(self, line: str) -> None:
         """Show it, and keep it for a run that ends without a word."""
-        self._noise = [*self._noise[-2:], line]
+        self._other_lines = [*self._other_lines[-2:], line]
         self._reporter.host_output(self._host, line)
 
     def _step(self, event: RunEvent) -> None:
@@ -167,18 +167,18 @@ class RunListener:
         self._running = None
 
     def report(self, ended: ScriptExited | ScriptLost) -> RunReport:
-        """What the run came to."""
+        """Report how the run ended."""
         ending, *problems = self._ending(ended)
         changed = sum(status is StepStatus.CHANGED for status in self._statuses.values())
         host_report = HostReport(
             host=self._host,
-            plan=self._order.plan,
-            run=self._order.run,
+            plan=self._job.plan,
+            run=self._job.run,
             ending=ending,
             changed=changed,
             unchanged=len(self._statuses) - changed,
             total=max(self._total, len(self._statuses)),
-            resumed=bool(self._order.earlier),
+            resumed=bool(self._job.earlier),
         )
         return RunReport(ending=ending, hosts=(host_report,), diagnostics=tuple(problems))
 
@@ -186,12 +186,12 @@ class RunListener:
         last = self._last
         match ended:
             case ScriptLost(why=why):
-                return RunEnding.FAILED, refusals.unknown(self._host, self._order.plan, why)
+                return RunEnding.FAILED, refusals.unknown(self._host, self._job.plan, why)
             case ScriptExited(code=0) if last is not None and last.status in _GOOD_ENDS:
                 return (RunEnding.DONE,)
             case ScriptExited(code=0):
                 why = "it ended with exit code 0 and without its last event"
-                return RunEnding.FAILED, refusals.unknown(self._host, self._order.plan, why)
+                return RunEnding.FAILED, refusals.unknown(self._host, self._job.plan, why)
             case ScriptExited() if last is not None and last.status is EventStatus.STOPPED:
                 return (RunEnding.INTERRUPTED,)
             case ScriptExited(code=code) if code == REFUSED_CODE and last is not None:
@@ -201,7 +201,7 @@ class RunListener:
 
     def _failed(self, code: int, lines: tuple[str, ...]) -> Diagnostic:
         last = self._last
-        message = last.detail if last is not None else " ".join([*self._noise, *lines[-3:]])
+        message = last.detail if last is not None else " ".join([*self._other_lines, *lines[-3:]])
         at = self._running.address if self._running is not None else ""
         return refusals.script_failed(self._host, at, message, code)
 

@@ -100,7 +100,7 @@ def scripts_of(host_plan: HostPlan, plan: Plan, tasks: Iterable[GuestTask] = ())
 
 
 def inspected(scripts: Mapping[str, bytes]) -> Iterator[Diagnostic]:
-    """What is wrong with these scripts; nothing where they may be shown and run."""
+    """Find what is wrong with these scripts; nothing where they may be shown and run."""
     for name, script in sorted(scripts.items()):
         yield from inspect(script, ScriptKind.UNDO if name.endswith(".undo.ps1") else ScriptKind.APPLY, name)
 

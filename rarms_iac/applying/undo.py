@@ -39,8 +39,8 @@ def undo(
                 run = host.journal()
                 if run is None or not can_be_undone(run):
                     return _nothing_to_undo(host, run)
-                order = finish_job(host.name, run) if run.started.run is RunKind.UNDO else undo_job(host.name, run)
-                report = without_rights(host) or run_job(host, order, reporter, should_stop, waits)
+                job = finish_job(host.name, run) if run.started.run is RunKind.UNDO else undo_job(host.name, run)
+                report = without_rights(host) or run_job(host, job, reporter, should_stop, waits)
                 return replace(report, diagnostics=(*report.diagnostics, *not_undone_findings(host.name, run)))
             case _:
                 assert_never(host)
@@ -91,7 +91,7 @@ def abandon(host: LiveHost, waits: WaitLimits = NO_WAITING) -> RunReport:
 
 
 def steps_undone(journal: Journal | ScriptRun) -> tuple[UndoneStep, ...]:
-    """What an undo would do, in its order, and what it cannot, for a person."""
+    """List what an undo would do, in its order, and what it cannot, for a person."""
     match journal:
         case Journal():
             return tuple(
@@ -104,7 +104,7 @@ def steps_undone(journal: Journal | ScriptRun) -> tuple[UndoneStep, ...]:
 
 
 def _describe_undo(step: Step) -> str:
-    """What the undo does; of a step without one, what stays done."""
+    """The undo in a few words; of a step without one, the step that stays done."""
     return step.title if step.undo.operation is None else str(step.undo.operation)
 
 

@@ -1,4 +1,4 @@
-"""What one step does to a host: one call, with all it needs (DESIGN section 4).
+"""The operations of steps: each is one call to a host, with all it needs (DESIGN section 4).
 
 Each operation is one indivisible call on every provider, so that a kill leaves it either undone or done. Partitions
 are named as the manifest names them; the provider resolves the name as `diff.readings.resolve` says: `machine`, the id,
@@ -149,7 +149,7 @@ class SetMemory:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetActions:
-    """What happens to the machine when the host starts and stops, and its checkpoints."""
+    """Set what happens to the machine when the host starts and stops, and its checkpoints."""
 
     partition: str
     start: StartAction
@@ -252,7 +252,7 @@ MachineOperation = (
     | StartPartition
     | StopPartition
 )
-"""What is done to a machine that exists."""
+"""Operations on a machine that exists."""
 
 TaskOperation = WriteTaskClass | RemoveTaskClass | WriteTaskRecord | EraseTaskRecord
 Operation = CreatePartition | MachineOperation | RemoveDisk | TaskOperation

@@ -1,4 +1,4 @@
-"""What is known of cmdlets: those of Hyper-V's module and of PowerShell itself, in 5.1 and in 7.
+"""Facts about cmdlets: those of Hyper-V's module and of PowerShell itself, in 5.1 and in 7.
 
 The tables are facts, made once by `scripts/make-cmdlet-tables`. A script may use only what both versions have, under
 its whole name.

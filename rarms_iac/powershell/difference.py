@@ -1,4 +1,4 @@
-"""What two scripts do differently, step by step and not line by line. Pure.
+"""The difference between two scripts, step by step and not line by line. Pure.
 
 A step is known again by its address and by what it calls; of several alike the first stands for the first. The ids of
 plans stand in names that scripts give while they make something, so they are taken out before values are compared.
@@ -50,7 +50,7 @@ class ScriptDifference:
 
 
 def difference(old: Outline, new: Outline) -> ScriptDifference:
-    """What the new script does that the old one does not, and the other way round."""
+    """Compare what the new script does with what the old one does."""
     keys_old, keys_new = _keys(old), _keys(new)
     common = [key for key in keys_new if key in keys_old]
     stay = _longest_rising([list(keys_old).index(key) for key in common])

@@ -34,7 +34,7 @@ class GuestTask:
 
     @property
     def step(self) -> Step:
-        """What people are told of it; no state is claimed, so its readings are empty."""
+        """The step that people are shown; no state is claimed, so its readings are empty."""
         return Step(
             address=Address(partition=self.partition, task=self.name),
             title=f"write the class {self.name}, and keep what was there before",

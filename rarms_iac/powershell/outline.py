@@ -1,4 +1,4 @@
-"""What a script does, read out of its tree: the run, its steps, and the calls of each.
+"""The outline of a script, read out of its tree: the run, its steps, and the calls of each.
 
 Nothing but the script is asked, so that what it does not say does not happen. For scripts that passed the inspection.
 """
@@ -59,7 +59,7 @@ class Outline:
 
 
 def outline(script: bytes) -> Outline:
-    """What the script does.
+    """Read what the script does.
 
     Raises:
         NotParsed: it is no PowerShell.

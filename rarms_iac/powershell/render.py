@@ -176,7 +176,7 @@ def _fill(
 
 
 def _run(host_plan: HostPlan, plan: Plan, inside: str) -> dict[str, str]:
-    """What a script and its undo say alike of their run."""
+    """The facts of the run that a script and its undo have in common."""
     host, facts = host_plan.host, host_plan.facts
     reserved = in_processors(host.keep_for_host.processor, host.logical_processors)
     return {
@@ -237,7 +237,7 @@ def _one_line(text: str) -> str:
 
 
 def _needs(address: str) -> tuple[str, ...]:
-    """What a step builds on: what was done to the same thing before, and to the machine that it is inside of."""
+    """The addresses that a step builds on: its own, and that of the machine that it is inside of."""
     parts = address.split("/")
     return tuple("/".join(parts[:length]) for length in range(2, len(parts) + 1) if length != 3 or len(parts) == 3)
 

@@ -70,7 +70,7 @@ def part_end(name: str) -> str:
 
 @cache
 def runtime() -> str:
-    """What is fixed in every script, with LF, from its first to its last line."""
+    """The runtime, which is fixed in every script, with LF, from its first to its last line."""
     return read("runtime.ps1").rstrip("\n")
 
 

@@ -27,7 +27,7 @@ class NotTokens(ValueError):
 
 
 class TokenKind(StrEnum):
-    """What a token is; a word is anything between the others, e.g. a name, a number, an operator."""
+    """Kinds of tokens; a word is anything between the others, e.g. a name, a number, an operator."""
 
     STRING = "string"
     EXPANDABLE = "expandable string"

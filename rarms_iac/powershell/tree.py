@@ -68,7 +68,7 @@ def walk(root: "Node") -> Iterator["Node"]:
 
 
 def text_of(node: "Node") -> str:
-    """What stands in the script there."""
+    """The script's text there."""
     return (node.text or b"").decode("utf-8", "surrogatepass")
 
 

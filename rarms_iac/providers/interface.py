@@ -1,4 +1,4 @@
-"""What a host must offer, whatever enforces its reservations (DESIGN sections 4 and 8)."""
+"""The interface of hosts, whatever enforces their reservations (DESIGN sections 4 and 8)."""
 
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
@@ -34,7 +34,7 @@ class HostFailed(HostError):
 
 
 class HostDamaged(HostError):
-    """What the host keeps for us cannot be read; nothing was changed."""
+    """The host's journal or file cannot be read; nothing was changed."""
 
 
 class HostLocked(HostError):
@@ -141,7 +141,7 @@ class ScriptBundle:
 
 
 class EventKind(StrEnum):
-    """What a script's event is about (docs/scripts.md)."""
+    """The subject of a script's event (docs/scripts.md)."""
 
     STEP = "step"
     LOCK = "lock"
@@ -151,7 +151,7 @@ class EventKind(StrEnum):
 
 
 class EventStatus(StrEnum):
-    """What became of it."""
+    """The outcome of the event's subject."""
 
     BEGUN = "begun"
     CHANGED = "changed"
@@ -205,14 +205,14 @@ NO_WAITING = WaitLimits()
 """The default: a held host is not waited for."""
 
 
-class RunHearing(Protocol):
+class EventListener(Protocol):
     """Follows a running script, and is asked whether it should go on; its methods must not raise."""
 
-    def heard(self, event: RunEvent) -> None:
+    def on_event(self, event: RunEvent) -> None:
         """Take an event of the script, in the order in which the script wrote it."""
         ...
 
-    def noise(self, line: str) -> None:
+    def on_output(self, line: str) -> None:
         """Take a line of the script's output that is no event, without its line end."""
         ...
 
@@ -248,14 +248,14 @@ class ScriptedHost(Protocol):
         ...
 
     def run_script(
-        self, script: ScriptBundle, waits: WaitLimits, hearing: RunHearing, *, abandoning: bool = False
+        self, script: ScriptBundle, waits: WaitLimits, listener: EventListener, *, abandoning: bool = False
     ) -> ScriptExited | ScriptLost:
         """Have the host run these bytes and no others.
 
         Args:
             script: the script that runs, and those that must lie beside it.
             waits: how long to wait for a held host, and for a silent script.
-            hearing: told each event, and asked whether to stop.
+            listener: told each event, and asked whether to stop.
             abandoning: whether the script only closes its unfinished run.
 
         Returns:
@@ -268,7 +268,7 @@ class ScriptedHost(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HostLook:
+class ObservedHost:
     """One observation of a host: its State, its condition, and the findings of its provider."""
 
     state: State
@@ -280,7 +280,7 @@ class HostLook:
 class ExaminableHost(Protocol):
     """A host of which more can be observed than its State."""
 
-    def examined(self) -> HostLook:
+    def examined(self) -> ObservedHost:
         """Observe everything at once.
 
         Raises:

@@ -31,7 +31,7 @@ _LOOKS_LIKE_ONE = re.compile(r"\s*rarms/[0-9]")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MarkReading:
-    """What a machine's notes say: a mark that counts, or why what looks like one does not, and the user's lines."""
+    """A machine's notes as read: a mark that counts, or why what looks like one does not, and the user's lines."""
 
     mark: Mark | None
     foreign: str  # empty: nothing that looks like a mark is left over

@@ -1,4 +1,4 @@
-"""What a host must offer to be measured on: P1 and P2 are made by its ordinary operations; here something runs in them.
+"""The interface of hosts that are measured on: P1 and P2 are ordinary partitions; here something runs in them.
 
 A host that is measured on is also changed (`StepwiseHost`): lock, marks and removal are the same as everywhere.
 """
@@ -15,7 +15,7 @@ from rarms_iac.providers.interface import StepwiseHost
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartitionWork:
-    """What is to run in one running partition of the application, or in the host's own operating system."""
+    """Components and load for one running partition of the application, or the host's own operating system."""
 
     partition: str  # as its mark calls it (P1, P2, vision); empty: the host's own operating system
     components: tuple[Component, ...] = ()

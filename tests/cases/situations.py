@@ -15,7 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
-from rarms_iac.applying.prepare import Request, prepare
+from rarms_iac.applying.prepare import PlanningRequest, prepare
 from rarms_iac.applying.stopping import StopScope
 from rarms_iac.manifest.load import load
 from rarms_iac.model.plan import Plan, Purpose
@@ -78,7 +78,7 @@ def _by_library(words: list[str]) -> tuple[Plan | None, dict[str, str]]:
     assert loaded.system is not None
     (name,) = loaded.system.hosts
     options = dict(pairwise([*words, ""]))
-    request = Request(
+    request = PlanningRequest(
         system=loaded.system,
         places=loaded.places,
         manifest="rarms.yaml",

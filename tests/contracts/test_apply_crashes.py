@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
-from rarms_iac.applying.prepare import Request, prepare
+from rarms_iac.applying.prepare import PlanningRequest, prepare
 from rarms_iac.applying.run_report import RunEnding, RunReport, SilentRunReporter
 from rarms_iac.applying.undo import undo
 from rarms_iac.model.diagnostics import Place
@@ -58,7 +58,7 @@ def a_host(folder: Path) -> SimulatedHostProvider:
 
 
 def a_plan(system: System, host: SimulatedHostProvider) -> Plan:
-    request = Request(
+    request = PlanningRequest(
         system=system, places=Nowhere(), manifest="rarms.yaml", manifest_digest="0" * 12, today=date(2026, 1, 1)
     )
     prepared = prepare(request, {host.name: host.observe()})

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import date
 
-from rarms_iac.applying.prepare import Prepared, Request, prepare
+from rarms_iac.applying.prepare import PlanningRequest, PlanningResult, prepare
 from rarms_iac.model.diagnostics import Places
 from rarms_iac.model.plan import Plan
 from rarms_iac.model.state import State
@@ -36,8 +36,8 @@ class Cell:
     def observe(self) -> State:
         return state_of(self.host, self.name)
 
-    def prepare(self, **asked: object) -> Prepared:
-        request = Request(
+    def prepare(self, **asked: object) -> PlanningResult:
+        request = PlanningRequest(
             system=self.system, places=self.places, manifest="rarms.yaml", manifest_digest="0" * 64, today=TODAY
         )
         state = self.observe()

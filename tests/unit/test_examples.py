@@ -12,7 +12,7 @@ import pytest
 
 from rarms_iac.app.data_logs import Measurements, measured_reservations
 from rarms_iac.applying.execute import apply_plan
-from rarms_iac.applying.prepare import Prepared, Request, prepare
+from rarms_iac.applying.prepare import PlanningRequest, PlanningResult, prepare
 from rarms_iac.applying.run_report import RunEnding, SilentRunReporter
 from rarms_iac.applying.run_steps import hold
 from rarms_iac.manifest.checks import run_checks
@@ -114,11 +114,11 @@ def test_overlays_change_what_they_say_and_nothing_else() -> None:
     assert (one.hosts["onboard"].logical_processors, seven.hosts["onboard"].logical_processors) == (2, 4)
 
 
-def _prepared(result: Loaded, hosts: dict[str, SimulatedHostProvider], folder: Path) -> Prepared:
+def _prepared(result: Loaded, hosts: dict[str, SimulatedHostProvider], folder: Path) -> PlanningResult:
     """A plan that rests on the data logs below the folder."""
     assert result.system is not None
     states = {name: host.observe() for name, host in hosts.items()}
-    request = Request(
+    request = PlanningRequest(
         system=result.system,
         places=result.places,
         manifest="rarms.yaml",

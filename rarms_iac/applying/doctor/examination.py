@@ -1,4 +1,4 @@
-"""What the doctor's checks are given."""
+"""The input of the doctor's checks: a host's State, and its condition beside it."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field

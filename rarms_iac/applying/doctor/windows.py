@@ -78,7 +78,7 @@ def check_responsiveness(host: Examination) -> Iterator[Diagnostic]:
 
 
 def effective_responsiveness(value: RegistryValue) -> int:
-    """What Windows makes of the value, in per cent; of one of another type than DWORD, its default."""
+    """The per cent that Windows takes the value for; its default where the type is not DWORD."""
     if value.kind is not ValueKind.DWORD or not isinstance(value.data, int):
         return USUAL
     return taken_for(value.data)
@@ -123,7 +123,7 @@ def check_power_plan(host: Examination) -> Iterator[Diagnostic]:
 
 
 def check_pending_restart(host: Examination) -> Iterator[Diagnostic]:
-    """What was installed last takes effect when the host starts again, and it may do so at any time."""
+    """An installation takes effect when the host starts again, and it may do so at any time."""
     if host.condition.pending_restart:
         yield host.host_finding(
             PENDING_RESTART,
@@ -203,7 +203,7 @@ def check_minroot(host: Examination) -> Iterator[Diagnostic]:
 
 
 def check_unread_probes(host: Examination) -> Iterator[Diagnostic]:
-    """What could not be read is reported, so that silence means something."""
+    """Report what could not be read, so that silence means something."""
     for subject, why in sorted(host.condition.unread.items()):
         yield host.host_finding(
             UNREAD_PROBE,

@@ -32,7 +32,7 @@ SWITCH = Finding(code="RARMS258", severity=Severity.ERROR, summary="The host has
 
 
 def review_images_and_switches(part: ReviewedPlan) -> Iterator[Diagnostic]:
-    """What Hyper-V would refuse in the middle of making a machine is refused before anything is done."""
+    """Refuse beforehand what Hyper-V would refuse in the middle of making a machine."""
     for step in part.plan.steps:
         if isinstance(step.operation, CreatePartition):
             yield from _review_image(step, step.operation)

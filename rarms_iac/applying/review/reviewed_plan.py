@@ -1,4 +1,4 @@
-"""What the reviews of a plan are given: one host's part of it, and what it rests on."""
+"""The input of the reviews: one host's part of a plan, and what it rests on."""
 
 from dataclasses import dataclass
 from typing import assert_never

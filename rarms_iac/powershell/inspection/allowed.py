@@ -1,11 +1,11 @@
-"""What scripts may be made of. Everything else is a finding, also what nobody thought of."""
+"""Lists of all that scripts may be made of. Everything else is a finding, also what nobody thought of."""
 
 from dataclasses import dataclass, field
 from enum import StrEnum
 
 
 class ScriptKind(StrEnum):
-    """What a script is for; only the first two may change anything. The bootstrap runs the others over ssh."""
+    """Purposes of a script; only the first two may change anything. The bootstrap runs the others over ssh."""
 
     APPLY = "apply"
     UNDO = "undo"
@@ -15,7 +15,7 @@ class ScriptKind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lists:
-    """What one kind of script may use, beside its own functions and variables."""
+    """The lists of one kind of script; its own functions and variables come on top."""
 
     constructs: frozenset[str]
     qualified: frozenset[str]  # cmdlets of Hyper-V, with their module
@@ -192,7 +192,7 @@ BOOTSTRAP = Lists(
 
 
 def lists_of(kind: ScriptKind) -> Lists:
-    """What scripts of this kind may use."""
+    """The lists of this kind of script."""
     match kind:
         case ScriptKind.OBSERVE:
             return READING

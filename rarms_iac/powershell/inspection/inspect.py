@@ -24,9 +24,16 @@ LARGEST = 16 * 1024 * 1024
 def inspect(
     script: bytes, kind: ScriptKind, name: str = "script.ps1", *, trusting: bool = True
 ) -> tuple[Diagnostic, ...]:
-    """What is problems with a script of this kind, in the order of its lines; nothing where it may be run.
+    """Find what is wrong with a script of this kind.
 
-    With `trusting`, parts that are to the byte what rarms ships are not looked at again.
+    Args:
+        script: its bytes.
+        kind: what it may do.
+        name: its file name, for the findings.
+        trusting: whether parts that are to the byte what rarms ships are not looked at again.
+
+    Returns:
+        The findings in the order of the script's lines; none where it may be shown and run.
     """
     problems = tuple(_check_bytes(script, name))
     if problems:

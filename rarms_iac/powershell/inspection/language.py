@@ -106,7 +106,7 @@ def _is_known(script: Script, node: "Node", text: str, own: frozenset[str]) -> b
 
 
 def _own_variables(script: Script) -> frozenset[str]:
-    """What the script assigns, iterates over or takes as a parameter: as written, and in lower case."""
+    """The variables that the script assigns, iterates over or takes as a parameter: as written, and in lower case."""
     assigned = [text_of(node) for node in script.nodes if node.type == "variable" and is_assigned(node)]
     return frozenset([*assigned, *map(str.lower, assigned)])
 

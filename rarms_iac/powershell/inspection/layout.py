@@ -38,7 +38,7 @@ class FixedPiece:
 
     @property
     def title(self) -> str:
-        """What people call it."""
+        """The piece's name for people."""
         return f"the part {self.name}" if self.name else "the runtime"
 
     @property
@@ -54,7 +54,7 @@ class FixedPiece:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScriptParts:
-    """What a script is made of, with LF; `steps_line`: the line before the steps' first one."""
+    """The parts of a script, with LF; `steps_line`: the line before the steps' first one."""
 
     head: str
     fixed: tuple[FixedPiece, ...]  # the runtime comes first; empty where it is missing
@@ -189,7 +189,7 @@ def part_digest(text: str) -> str:
 
 
 def head_problems(head: str) -> tuple[str, ...]:
-    """What is wrong before the runtime."""
+    """Find what is wrong before the runtime."""
     try:
         read_tokens = tokens(head)
     except NotTokens:
@@ -207,10 +207,10 @@ def _head_problems(read_tokens: tuple[Token, ...]) -> Iterator[str]:
 
 
 def _opening() -> str:
-    """What stands before the run's facts in the template."""
+    """The text before the run's facts in the template."""
     return read("script.ps1.j2").partition("{{ text }}\n{% endfor %}\n")[2].partition("{{")[0]
 
 
 def _closing() -> str:
-    """What follows the last step in the template."""
+    """The text behind the last step in the template."""
     return read("script.ps1.j2").rpartition("{% endfor %}\n")[2]

@@ -56,7 +56,7 @@ class Script:
 
     @property
     def lists(self) -> Lists:
-        """What it may be made of."""
+        """The lists of all that it may be made of."""
         return lists_of(self.kind)
 
     def problem(self, finding: Finding, node: "Node", detail: str, advice: str) -> Diagnostic:

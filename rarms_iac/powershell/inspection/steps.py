@@ -49,7 +49,7 @@ class _OtherForm(Exception):
 
 
 def check_steps(script: Script, first_line: int) -> Iterator[Diagnostic]:
-    """What follows the fixed parts, from this line (counted from 1) on."""
+    """Compare what follows the fixed parts, from this line (counted from 1) on, with the template."""
     roots = [node for node in _top(script.root) if node.start_point.row + 1 >= first_line]
     try:
         template = _filled_template(script.root, roots)
@@ -70,7 +70,7 @@ def _difference(script: Script, actual: ShapeNode | None, expected: ShapeNode | 
 
 
 def _top(root: "Node") -> Iterator["Node"]:
-    """What a script is made of: its statements, and whatever else stands beside them, but for remarks."""
+    """The top of a script: its statements, and whatever else stands beside them, but for remarks."""
     for node in root.children:
         if node.type == "statement_list":
             yield from node.children
@@ -243,7 +243,7 @@ def entries(node: "Node") -> Mapping[str, "Node"] | None:
 
 
 def inner(node: "Node") -> "Node":
-    """What a chain of only children ends in: a literal, a table, a block."""
+    """The end of a chain of only children: a literal, a table, a block."""
     while literal_of(node) is None and node.child_count == 1:
         node = node.children[0]
     return node

@@ -1,4 +1,4 @@
-"""What travels to a Hyper-V host over ssh: one fixed command, and scripts on its standard input. Pure.
+"""The way of scripts to a Hyper-V host over ssh: one fixed command, and scripts on its standard input. Pure.
 
 `templates/powershell/bootstrap.ps1` says how the input is read there. The command's words are plain ASCII without
 spaces or quotes, so that it means the same to cmd.exe, PowerShell and every other shell that sshd may start.
@@ -63,7 +63,7 @@ def ssh_words(target: str, shell: str) -> tuple[str, ...]:
 
 
 def arguments_of(waits: WaitLimits, *, abandoning: bool) -> tuple[str, ...]:
-    """What a script that changes something is given."""
+    """The arguments of a script that changes something."""
     lock = ("-LockTimeout", str(min(-(-waits.lock_ms // 1000), 999_999))) if waits.lock_ms > 0 else ()
     return ("-AsJson", *lock, *(("-Abandon",) if abandoning else ()))
 

@@ -1,4 +1,4 @@
-"""What an observation shows beside the State: the condition of a host, and findings about it. Pure."""
+"""The condition of a host, which an observation shows beside the State, and findings about it. Pure."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -90,7 +90,7 @@ _LOOKED_AT = {
     "a pending restart": "pending_restart",
     "the execution policy": "execution_policy",
 }
-"""What a check or a plan rests on; whose absence is told elsewhere (rights, module, scheduler), or is normal
+"""Probes that a check or a plan rests on; whose absence is told elsewhere (rights, module, scheduler), or is normal
 (journal, records), is not here."""
 
 
@@ -114,7 +114,7 @@ THOUSANDTHS = 1000
 
 
 def findings_of(observation: HostObservation, host: str) -> tuple[Diagnostic, ...]:
-    """What is told of the host that the manifest calls so."""
+    """The findings about the host that the manifest calls so."""
     return (*_journal_findings(observation, host), *_reserve_findings(observation))
 
 

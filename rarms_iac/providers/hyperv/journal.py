@@ -40,7 +40,7 @@ LastRun = ScriptRun | JournalDamaged | JournalPlanted | NoJournal
 
 
 def last_run(owner: str, text: str) -> LastRun:
-    """What the journal says, believed only from an owner who may."""
+    """Read the last run from the journal, which is believed only from an owner who may."""
     if owner not in TRUSTED:
         return JournalPlanted(owner=owner)
     try:

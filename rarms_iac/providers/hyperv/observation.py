@@ -1,4 +1,4 @@
-"""What `observe.ps1` prints, as values: every probe is what was read, or why there is nothing. Pure.
+"""The document of `observe.ps1` as values: every probe is what was read, or why there is nothing. Pure.
 
 The format is held strictly: what is unknown, missing or of a wrong type is refused with the path to it. Only a probe
 that is not there at all counts as absent: an older script did not look.
@@ -39,7 +39,7 @@ Probe = ReadProbe[T] | UnreadProbe
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PowerShell:
-    """What ran the script."""
+    """The PowerShell that ran the script."""
 
     version: str
     edition: str  # Desktop or Core
@@ -57,7 +57,7 @@ class Windows:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HypervisorFacts:
-    """What Hyper-V says of the host; processors as the hypervisor counts them (FACTS 2, minroot)."""
+    """Hyper-V's facts of the host; processors as the hypervisor counts them (FACTS 2, minroot)."""
 
     name: str
     logical_processors: int
@@ -160,7 +160,7 @@ class TaskKey:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordKey:
-    """What rarms keeps beside a task class."""
+    """The registry key of rarms' record of a task class."""
 
     application: str
     task: str
@@ -212,7 +212,7 @@ class HostObservation:
 
 
 def or_else(probe: Probe[T], default: T) -> T:
-    """What was read, or this where nothing was."""
+    """The value that was read, or this default where none was."""
     return probe.value if isinstance(probe, ReadProbe) else default
 
 

@@ -86,7 +86,7 @@ def to_state(observation: HostObservation, name: str) -> State:
 
 
 def facts_of(observation: HostObservation, name: str) -> HostFacts:
-    """What decisions about the host rest on."""
+    """The facts of the host that decisions rest on."""
     sockets = or_else(observation.processors, ())
     hypervisor = observation.hypervisor.value if isinstance(observation.hypervisor, ReadProbe) else None
     windows = observation.windows.value if isinstance(observation.windows, ReadProbe) else None
@@ -112,7 +112,7 @@ def is_client(observation: HostObservation) -> bool:
 
 
 def scheduler_of(observation: HostObservation) -> SchedulerType:
-    """What its event says. Where that has left the log, a client has root (FACTS 2); of a server nothing is known."""
+    """The scheduler that its event names. Where the log lost it: root on a client (FACTS 2), else unknown."""
     scheduler = _SCHEDULERS.get(or_else(observation.scheduler, 0))
     return scheduler or (SchedulerType.ROOT if is_client(observation) else SchedulerType.UNKNOWN)
 
@@ -189,7 +189,7 @@ def responsiveness_of(observation: HostObservation) -> Responsiveness | None:
 
 
 def last_run_of(observation: HostObservation) -> LastRun:
-    """What the journal of that operating system says of its last run."""
+    """The last run, as the journal of that operating system tells it."""
     journal = observation.journal
     return last_run(journal.value.owner, journal.value.text) if isinstance(journal, ReadProbe) else NoJournal()
 
@@ -266,7 +266,7 @@ def _records(keys: Iterable[RecordKey]) -> dict[str, tuple[str, TaskRecord]]:
 
 
 def _before(key: RecordKey, values: Mapping[str, str]) -> Mapping[str, RegistryValue] | None:
-    """What was there before rarms, as the record holds it.
+    """The values from before rarms, as the record holds them.
 
     Raises:
         NotDecodable: the record is not as rarms wrote it.

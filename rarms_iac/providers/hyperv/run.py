@@ -14,10 +14,10 @@ from rarms_iac.providers.hyperv.observation import HostObservation, is_denied, o
 from rarms_iac.providers.hyperv.parse import last_run_of, to_state
 from rarms_iac.providers.hyperv.transport import LocalTransport, SshTransport, Transport
 from rarms_iac.providers.interface import (
+    EventListener,
     HostDamaged,
     HostFailed,
-    HostLook,
-    RunHearing,
+    ObservedHost,
     ScriptBundle,
     ScriptExited,
     ScriptLost,
@@ -51,14 +51,16 @@ class LiveHypervHost:
         except NotDecodable as error:
             raise self._unreadable(str(error)) from None
 
-    def examined(self) -> HostLook:
+    def examined(self) -> ObservedHost:
         """See the interface."""
         observation = self.observation()
         try:
             state = to_state(observation, self.name)
         except NotDecodable as error:
             raise self._unreadable(str(error)) from None
-        return HostLook(state=state, condition=condition_of(observation), findings=findings_of(observation, self.name))
+        return ObservedHost(
+            state=state, condition=condition_of(observation), findings=findings_of(observation, self.name)
+        )
 
     def journal(self) -> ScriptRun | None:
         """See the interface."""
@@ -83,12 +85,12 @@ class LiveHypervHost:
         return run if run is not None and run.unfinished else None
 
     def run_script(
-        self, script: ScriptBundle, waits: WaitLimits, hearing: RunHearing, *, abandoning: bool = False
+        self, script: ScriptBundle, waits: WaitLimits, listener: EventListener, *, abandoning: bool = False
     ) -> ScriptExited | ScriptLost:
         """See the interface."""
         arguments = arguments_of(waits, abandoning=abandoning)
         silence_s = (waits.silence_ms + waits.lock_ms + _longest_grace(script)) / 1000
-        return self._transport.run(script, arguments, silence_s, _Events(hearing))
+        return self._transport.run(script, arguments, silence_s, _Events(listener))
 
     def recorded(self) -> bytes:
         """See the interface: the very line that `observe.ps1` prints."""
@@ -97,7 +99,7 @@ class LiveHypervHost:
         return f"{document}\n".encode()
 
     def observation(self) -> HostObservation:
-        """What `observe.ps1` prints there now.
+        """Read what `observe.ps1` prints there now.
 
         Raises:
             HostFailed: the host cannot be reached, or the script printed something else.
@@ -140,18 +142,18 @@ def open_hyperv(host: Host) -> LiveHypervHost:
 class _Events:
     """Lines as events for who listens to a run."""
 
-    def __init__(self, hearing: RunHearing) -> None:
-        self._hearing = hearing
+    def __init__(self, listener: EventListener) -> None:
+        self._listener = listener
 
     def line(self, text: str) -> None:
         event = read_event(text)
         if event is not None:
-            self._hearing.heard(event)
+            self._listener.on_event(event)
         elif text.strip():
-            self._hearing.noise(text)
+            self._listener.on_output(text)
 
     def should_stop(self) -> bool:
-        return self._hearing.should_stop()
+        return self._listener.should_stop()
 
 
 class _Document:

@@ -1,4 +1,4 @@
-"""What lies on a simulated host: its machines and the registries of its operating systems. Frozen values only.
+"""The content of a simulated host: its machines and the registries of its operating systems. Frozen values only.
 
 The machine itself (processors, memory, build, scheduler, rights) is described by the manifest each time; this is what
 was done to it since.
@@ -75,7 +75,7 @@ class SimulatedMachine:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Registry:
-    """What of an operating system's registry concerns us. Key names are compared without case."""
+    """The part of an operating system's registry that concerns rarms. Key names are compared without case."""
 
     tasks: Mapping[str, Values] = field(default_factory=lambda: SHIPPED)
     records: Mapping[str, TaskRecord] = field(default_factory=dict)  # by the class's name in lower case

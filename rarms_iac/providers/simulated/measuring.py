@@ -49,7 +49,7 @@ from rarms_iac.providers.simulated.scheduling.machine import (
 from rarms_iac.storage.replace import remove_leftovers
 
 PROCESSOR = "simulated"
-"""What a simulated host calls its processors."""
+"""A simulated host's name for its processors."""
 
 GUEST = "Windows build {build}"
 MEBIBYTE = 2**20
@@ -178,7 +178,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
         return content.machines[partitions[0].id]
 
     def _idle(self, content: Content, work: Work) -> tuple[VirtualMachine, ...]:
-        """What else runs: it does nothing, and what it reserves is its own."""
+        """The other running machines: they do nothing, and keep what they reserve."""
         names = [work_there.partition for work_there in work.partitions if work_there.partition]
         busy = {self._running(content, name, work.application).id for name in names}
         others = [
@@ -260,7 +260,7 @@ def _sample(job: JobDone, timeout: float) -> Sample:
 
 
 def _priority(task: str | None, content: Content, machine: str) -> int:
-    """What the component's threads run at in that operating system: as its task class says there, else the usual."""
+    """The priority of the component's threads in that operating system: of its task class there, else the usual."""
     if task is None:
         return ORDINARY
     classes = {name.lower(): values for name, values in content.registry(machine).tasks.items()}

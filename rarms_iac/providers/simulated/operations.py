@@ -1,4 +1,4 @@
-"""What an operation makes of a simulated host's content. Pure: what is refused was refused before (rules.py)."""
+"""Operations on a simulated host's content. Pure: what is refused was refused before (rules.py)."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -74,7 +74,7 @@ def read_content(data: bytes) -> Content:
 
 
 def to_state(content: Content, host: Host, serials: Mapping[str, int]) -> State:
-    """What a look at the host shows: without the rights, no machines and no guests (FACTS 5)."""
+    """The State that an observation shows: without the rights, no machines and no guests (FACTS 5)."""
     facts = facts_of(content, host)
     partitions = partitions_of(content) if facts.rights is Rights.PROVEN else ()
     return State(
@@ -106,7 +106,7 @@ def tasks_of(content: Content, partitions: Iterable[Partition]) -> tuple[TaskCla
 
 
 def facts_of(content: Content, host: Host) -> HostFacts:
-    """What decisions about the host rest on, as the manifest describes it now."""
+    """The facts of the host that decisions rest on, as the manifest describes it now."""
     described = description(host)
     return HostFacts(
         name=host.name,

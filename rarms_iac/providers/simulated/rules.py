@@ -1,4 +1,4 @@
-"""What a simulated host refuses: what Hyper-V refuses (FACTS 1.2, 3, 5), with whether reserves fit. Pure."""
+"""The rules by which a simulated host refuses what Hyper-V refuses (FACTS 1.2, 3, 5), reserves included. Pure."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -32,7 +32,7 @@ MOST_PROCESSORS = {1: 64, 2: 240}
 """Virtual processors by generation (FACTS 2)."""
 
 MEBIBYTE = 2**20
-"""What a machine's memory is counted in (FACTS 1.3)."""
+"""The unit of a machine's memory (FACTS 1.3)."""
 
 
 # NOTE: the planner has its own arithmetic (model/capacity.py), and this is written apart from it on purpose: a host
@@ -96,7 +96,7 @@ class Refusal:
 
 
 def out_of_range(settings: PartitionSettings) -> str:
-    """What of the settings no machine can have; empty where all of it is possible (FACTS 1.1, 1.3, 2)."""
+    """Describe what of the settings no machine can have; empty where all is possible (FACTS 1.1, 1.3, 2)."""
     if settings.generation not in MOST_PROCESSORS:
         return f"there is no generation {settings.generation}, only 1 and 2"
     if not 0 < len(settings.name) <= LONGEST_NAME:
@@ -122,7 +122,7 @@ def _cpu_out_of_range(reserve: int, limit: int, weight: int) -> str:
 
 
 def refuse_without_rights(facts: HostFacts) -> Refusal:
-    """What everything is answered with where the rights are missing."""
+    """The answer to everything where the rights are missing."""
     return Refusal(
         message=f"access to {facts.computer_name} is denied",
         advice="run as an administrator of the host (simulated.administrator: true)",

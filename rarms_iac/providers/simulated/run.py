@@ -145,7 +145,7 @@ class SimulatedHostProvider:
             append_record(self._journal_path, record)
 
     def load(self) -> Content:
-        """What is on the host; an empty machine where there is no file.
+        """Read what is on the host; an empty machine where there is no file.
 
         Raises:
             HostDamaged: the file cannot be read, or is not as it was written.

@@ -11,9 +11,9 @@ from rarms_iac.model.journal import RunKind, ScriptRun, ScriptStarted, StepRecor
 from rarms_iac.model.state import State
 from rarms_iac.providers.interface import (
     EventKind,
+    EventListener,
     EventStatus,
     RunEvent,
-    RunHearing,
     ScriptBundle,
     ScriptedHost,
     ScriptExited,
@@ -62,13 +62,13 @@ class Scripted:
         return None
 
     def run_script(
-        self, script: ScriptBundle, waits: WaitLimits, hearing: RunHearing, *, abandoning: bool = False
+        self, script: ScriptBundle, waits: WaitLimits, listener: EventListener, *, abandoning: bool = False
     ) -> ScriptExited | ScriptLost:
         for one in self.message:
             if isinstance(one, str):
-                hearing.noise(one)
+                listener.on_output(one)
             else:
-                hearing.heard(one)
+                listener.on_event(one)
         return self.ends
 
 
