@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Iterator, Mapping
-from typing import TypeVar
 
 from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
@@ -11,14 +10,11 @@ from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted
 from rarms_iac.providers.hyperv.observation import (
     HostObservation,
     ObservedMachine,
-    Probe,
-    ReadProbe,
+    ProcessorSetting,
     UnreadProbe,
     or_else,
 )
 from rarms_iac.providers.hyperv.parse import last_run_of, responsiveness_of
-
-T = TypeVar("T")
 
 NO_GROUP = "00000000-0000-0000-0000-000000000000"
 _INSTANCE = re.compile(r"Microsoft:(?P<id>[0-9a-fA-F-]{36})\\")
@@ -26,10 +22,8 @@ _INSTANCE = re.compile(r"Microsoft:(?P<id>[0-9a-fA-F-]{36})\\")
 
 def condition_of(observation: HostObservation) -> HostCondition:
     """How the host is, as far as it could be looked at."""
-    powershell = observation.powershell.value if isinstance(observation.powershell, ReadProbe) else None
-    windows = observation.windows.value if isinstance(observation.windows, ReadProbe) else None
-    sockets = _value(observation.processors)
-    nodes = _value(observation.numa)
+    powershell, windows = or_else(observation.powershell, None), or_else(observation.windows, None)
+    sockets, nodes = or_else(observation.processors, None), or_else(observation.numa, None)
     groups = _groups(observation)
     return HostCondition(
         powershell=powershell.version if powershell else None,
@@ -39,9 +33,9 @@ def condition_of(observation: HostObservation) -> HostCondition:
             for policy in or_else(observation.execution_policy, ())
             if _is_known_scope(policy.scope)
         },
-        module=_value(observation.module),
-        power_plans=_value(observation.power_plan),
-        pending_restart=_value(observation.pending_restart),
+        module=or_else(observation.module, None),
+        power_plans=or_else(observation.power_plan, None),
+        pending_restart=or_else(observation.pending_restart, None),
         seen_processors=sum(socket.logical for socket in sockets) if sockets else None,
         numa_nodes=len(nodes) if nodes else None,
         machines=tuple(_machine(machine, groups.get(machine.id, "")) for machine in or_else(observation.machines, ())),
@@ -60,14 +54,16 @@ def _machine(machine: ObservedMachine, group: str) -> MachineCondition:
 
 
 def _groups(observation: HostObservation) -> Mapping[str, str]:
-    """By id of a machine: its CPU group, where it is in one. Settings of checkpoints carry other ids."""
-    found = {}
+    """By id of a machine: its CPU group, where it is in one."""
+    groups = ((machine, setting.group.strip("{}").lower()) for machine, setting in _processor_settings(observation))
+    return {machine: group for machine, group in groups if group not in {"", NO_GROUP}}
+
+
+def _processor_settings(observation: HostObservation) -> Iterator[tuple[str, ProcessorSetting]]:
+    """Settings by the id of their machine; those of checkpoints carry ids that no machine has."""
     for setting in or_else(observation.cpu_groups, ()):
-        instance = _INSTANCE.match(setting.instance)
-        group = setting.group.strip("{}").lower()
-        if instance and group and group != NO_GROUP:
-            found[instance["id"].lower()] = group
-    return found
+        if instance := _INSTANCE.match(setting.instance):
+            yield instance["id"].lower(), setting
 
 
 def _responsiveness(observation: HostObservation) -> RegistryValue | None:
@@ -102,10 +98,6 @@ def _unread(observation: HostObservation) -> Iterator[tuple[str, str]]:
             yield what, f"{why} ({probe.error})" if probe.error else why
 
 
-def _value(probe: Probe[T]) -> T | None:
-    return probe.value if isinstance(probe, ReadProbe) else None
-
-
 NOT_WHOLE = Finding(code="RARMS161", severity=Severity.WARNING, summary="A reserve is no whole per cent")
 JOURNAL = Finding(code="RARMS163", severity=Severity.ERROR, summary="The journal of a Hyper-V host cannot be believed")
 
@@ -118,21 +110,10 @@ def findings_of(observation: HostObservation, host: str) -> tuple[Diagnostic, ..
     return (*_journal_findings(observation, host), *_reserve_findings(observation))
 
 
-def fine_reserves(observation: HostObservation) -> Mapping[str, int]:
-    """By id of a machine: its reserve in thousandths of a per cent, as WMI has it. Checkpoints are left out."""
-    ids = {machine.id for machine in or_else(observation.machines, ())}
-    found: dict[str, int] = {}
-    for setting in or_else(observation.cpu_groups, ()):
-        machine = _INSTANCE.match(setting.instance)
-        if machine and machine["id"].lower() in ids:
-            found[machine["id"].lower()] = setting.reservation
-    return found
-
-
 def _reserve_findings(observation: HostObservation) -> Iterator[Diagnostic]:
-    fine = fine_reserves(observation)
+    thousandths = {machine: setting.reservation for machine, setting in _processor_settings(observation)}
     for machine in sorted(or_else(observation.machines, ()), key=lambda machine: (machine.name, machine.id)):
-        reserve = fine.get(machine.id, 0)
+        reserve = thousandths.get(machine.id, 0)
         if reserve % THOUSANDTHS:
             yield _not_whole(machine, reserve)
 

@@ -78,9 +78,7 @@ def to_state(observation: HostObservation, name: str) -> State:
         tasks=tasks_of(observation),
         serials=serials_of(observation),
         responsiveness=responsiveness_of(observation),
-        switches=observation.switches.value
-        if isinstance(observation.switches, ReadProbe) and facts.rights is Rights.PROVEN
-        else None,
+        switches=or_else(observation.switches, None) if facts.rights is Rights.PROVEN else None,
         disks=disks_of(observation) if facts.rights is Rights.PROVEN else (),
     )
 
@@ -88,8 +86,7 @@ def to_state(observation: HostObservation, name: str) -> State:
 def facts_of(observation: HostObservation, name: str) -> HostFacts:
     """The facts of the host that decisions rest on."""
     sockets = or_else(observation.processors, ())
-    hypervisor = observation.hypervisor.value if isinstance(observation.hypervisor, ReadProbe) else None
-    windows = observation.windows.value if isinstance(observation.windows, ReadProbe) else None
+    hypervisor, windows = or_else(observation.hypervisor, None), or_else(observation.windows, None)
     return HostFacts(
         name=name,
         id=or_else(observation.machine_id, ""),
@@ -108,7 +105,8 @@ def facts_of(observation: HostObservation, name: str) -> HostFacts:
 
 def is_client(observation: HostObservation) -> bool:
     """Whether it is a client Windows."""
-    return isinstance(observation.windows, ReadProbe) and observation.windows.value.installation == CLIENT
+    windows = or_else(observation.windows, None)
+    return windows is not None and windows.installation == CLIENT
 
 
 def scheduler_of(observation: HostObservation) -> SchedulerType:
@@ -190,8 +188,8 @@ def responsiveness_of(observation: HostObservation) -> Responsiveness | None:
 
 def last_run_of(observation: HostObservation) -> LastRun:
     """The last run, as the journal of that operating system tells it."""
-    journal = observation.journal
-    return last_run(journal.value.owner, journal.value.text) if isinstance(journal, ReadProbe) else NoJournal()
+    journal = or_else(observation.journal, None)
+    return last_run(journal.owner, journal.text) if journal else NoJournal()
 
 
 def serials_of(observation: HostObservation) -> Mapping[str, int]:

@@ -46,10 +46,7 @@ class LiveHypervHost:
 
     def observe(self) -> State:
         """See the interface."""
-        try:
-            return to_state(self.observation(), self.name)
-        except NotDecodable as error:
-            raise self._unreadable(str(error)) from None
+        return self.examined().state
 
     def examined(self) -> ObservedHost:
         """See the interface."""
