@@ -124,7 +124,7 @@ def not_undone(script: str) -> tuple[str, ...]:
 
 
 class RunListener:
-    """A `EventListener` that keeps what a run's report needs, and passes the rest to a `RunReporter`."""
+    """An `EventListener` that keeps what a run's report needs, and passes the rest to a `RunReporter`."""
 
     def __init__(self, host: str, job: ScriptJob, reporter: RunReporter, should_stop: ShouldStop) -> None:
         self._host = host

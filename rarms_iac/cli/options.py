@@ -76,19 +76,19 @@ def manifest_options(function: F) -> F:
 
 
 def host_options(function: F) -> F:
-    """`--host` as `where: HostSelection`, without snapshots."""
+    """`--host` as `host_selection: HostSelection`, without snapshots."""
 
     def gathered(*args: object, host: tuple[str, ...], **rest: object) -> object:
-        return function(*args, where=HostSelection(hosts=host), **rest)
+        return function(*args, host_selection=HostSelection(hosts=host), **rest)
 
     return _with(function, gathered, _host_option())
 
 
 def host_or_snapshot_options(function: F) -> F:
-    """`--host` and `--snapshot` as one `where: HostSelection`."""
+    """`--host` and `--snapshot` as one `host_selection: HostSelection`."""
 
     def gathered(*args: object, host: tuple[str, ...], snapshot: tuple[SnapshotFile, ...], **rest: object) -> object:
-        return function(*args, where=HostSelection(hosts=host, snapshots=snapshot), **rest)
+        return function(*args, host_selection=HostSelection(hosts=host, snapshots=snapshot), **rest)
 
     return _with(
         function,

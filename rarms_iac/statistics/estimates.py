@@ -73,7 +73,7 @@ def mean_estimate(numbers: Sequence[float], error: float) -> Estimate | NoEstima
     if count < 2:
         return NoEstimate(reason=f"{count} jobs answered; a mean with bounds needs two")
     mean, worth = sum(numbers) / count, effective_samples(numbers)
-    if _alike(numbers):
+    if _are_equal(numbers):
         below = above = abs(mean) * _unseen_share(worth, error)
     else:
         deviation = _deviation(numbers, mean)
@@ -119,7 +119,7 @@ def share_estimate(ones: Sequence[float], error: float) -> Estimate | NoEstimate
     )
 
 
-def _alike(numbers: Sequence[float]) -> bool:
+def _are_equal(numbers: Sequence[float]) -> bool:
     """Whether they show no spread to state an error by (but for what a computed time is rounded by)."""
     least, greatest = min(numbers), max(numbers)
     return greatest - least <= _ROUNDING * max(abs(least), abs(greatest))
@@ -226,7 +226,7 @@ def _jitter(series: Series, _run: Run, error: float) -> Estimate | NoEstimate:
     squares = [(time - mean) ** 2 for time in times]
     variance = sum(squares) / (len(times) - 1)
     worth = min(effective_samples(times), effective_samples(squares))
-    if _alike(times):
+    if _are_equal(times):
         unseen = _unseen_share(worth, error)
         lower, upper = 0.0, mean * sqrt(unseen * (1.0 - unseen)) if unseen < 0.5 else mean / 2
     else:

@@ -33,7 +33,7 @@ def command(
     *,
     plan_file: str | None,
     source: ManifestSource,
-    where: HostSelection,
+    host_selection: HostSelection,
     limits: PlanLimits,
     how: RunOptions,
     proving: bool,
@@ -48,7 +48,7 @@ def command(
     """
     session.answer_follows = proving
     if plan_file is not None:
-        _refuse_beside_a_plan(abandoning or where.hosts or limits.targets or limits.max_disruption)
+        _refuse_beside_a_plan(abandoning or host_selection.hosts or limits.targets or limits.max_disruption)
         plan = read_plan_file(plan_file)
         code = _apply_plan(session, plan, source, how, as_json=as_json)
         if not proving:
@@ -58,18 +58,24 @@ def command(
         return _then_prove(session, named, planned, how, code, as_json=as_json)
     if proving and abandoning:
         raise click.UsageError("--abandon applies nothing that could be proven.", click.get_current_context())
-    hosts = _hosts(source, where)
+    hosts = _hosts(source, host_selection)
     if isinstance(hosts, UseCaseError):
         return _finish_without_manifest(session, hosts, source, how, abandoning=abandoning, as_json=as_json)
     if not abandoning:
         code = plan_ask_apply(session, hosts, PlanRequest(limits=limits), how, as_json=as_json)
-        return _then_prove(session, source, where, how, code, as_json=as_json) if proving else code
+        return _then_prove(session, source, host_selection, how, code, as_json=as_json) if proving else code
     live = tuple(hosts.open(name) for name in hosts.chosen)
     return _abandon(session, live, how, as_json=as_json)
 
 
 def _then_prove(
-    session: Session, source: ManifestSource, where: HostSelection, how: RunOptions, code: ExitCode, *, as_json: bool
+    session: Session,
+    source: ManifestSource,
+    host_selection: HostSelection,
+    how: RunOptions,
+    code: ExitCode,
+    *,
+    as_json: bool,
 ) -> ExitCode:
     """Prove what was applied; refused where the manifest asks for more by now. The answer in JSON is the proof."""
     if code is not ExitCode.DONE:
@@ -77,7 +83,7 @@ def _then_prove(
     from rarms_iac.app.prove import ProveRequest
     from rarms_iac.cli.commands.prove_command import prove_and_show
 
-    hosts = select_hosts(load_manifest(source), where)
+    hosts = select_hosts(load_manifest(source), host_selection)
     return prove_and_show(session, hosts, ProveRequest(lock_timeout_ms=how.lock_timeout_ms), as_json=as_json)
 
 
@@ -89,13 +95,13 @@ def _refuse_beside_a_plan(given: object) -> None:
         )
 
 
-def _hosts(source: ManifestSource, where: HostSelection) -> Hosts | UseCaseError:
+def _hosts(source: ManifestSource, host_selection: HostSelection) -> Hosts | UseCaseError:
     """The hosts of the manifest, or why it does not tell them."""
     try:
         manifest = load_manifest(source)
     except UseCaseError as halted:
         return halted
-    return select_hosts(manifest, where)
+    return select_hosts(manifest, host_selection)
 
 
 def _abandon(session: Session, live: tuple[LiveHost, ...], how: RunOptions, *, as_json: bool) -> ExitCode:

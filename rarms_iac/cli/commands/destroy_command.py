@@ -27,7 +27,7 @@ def command(
     session: Session,
     *,
     source: ManifestSource,
-    where: HostSelection,
+    host_selection: HostSelection,
     target: tuple[str, ...],
     remove_disks: bool,
     how: RunOptions,
@@ -43,6 +43,6 @@ def command(
     them, and no other machine, disk or checkpoint needs them. What was on them is lost.
     """
     manifest = load_manifest(source)
-    hosts = select_hosts(manifest, where)
+    hosts = select_hosts(manifest, host_selection)
     request = PlanRequest(purpose=Purpose.DESTROY, limits=PlanLimits(targets=target), remove_disks=remove_disks)
     return plan_ask_apply(session, hosts, request, how, as_json=as_json, out=out)

@@ -19,14 +19,14 @@ from rarms_iac.views.hosts import doctor_json, doctor_text
 @host_or_snapshot_options
 @output_option
 def command(
-    session: Session, *, source: ManifestSource, where: HostSelection, outputs: tuple[OutputTarget, ...]
+    session: Session, *, source: ManifestSource, host_selection: HostSelection, outputs: tuple[OutputTarget, ...]
 ) -> ExitCode:
     """Look at the hosts and tell what makes a plan ineffective or unsafe there, with what to do. Only reads.
 
     A host is looked at live, or as `rarms snapshot` or the observe script wrote it down (--snapshot). Errors end with
     exit code 2; warnings and notes do not.
     """
-    hosts = select_hosts(load_manifest(source), where)
+    hosts = select_hosts(load_manifest(source), host_selection)
     name, sources = hosts.system.application.name, hosts.manifest.sources
     examined = examine_hosts(hosts)
     for output in outputs:

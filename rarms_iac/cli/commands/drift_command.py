@@ -14,12 +14,12 @@ from rarms_iac.views.hosts import drift_json, drift_text
 @manifest_options
 @host_or_snapshot_options
 @json_option
-def command(session: Session, *, source: ManifestSource, where: HostSelection, as_json: bool) -> ExitCode:
+def command(session: Session, *, source: ManifestSource, host_selection: HostSelection, as_json: bool) -> ExitCode:
     """Tell what somebody changed on the hosts, and what is not applied yet. Only reads.
 
     Exit code 2 where a host was changed, 5 where something is only not applied yet, 0 where there is neither.
     """
-    hosts = select_hosts(load_manifest(source), where)
+    hosts = select_hosts(load_manifest(source), host_selection)
     report = look_for_drift(hosts)
     if as_json:
         session.terminal.data(drift_json(hosts.system.application.name, report.hosts))

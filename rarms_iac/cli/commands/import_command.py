@@ -27,7 +27,7 @@ def command(
     partition: str,
     machine: str,
     source: ManifestSource,
-    where: HostSelection,
+    host_selection: HostSelection,
     how: RunOptions,
     out: str | None,
     as_json: bool,
@@ -37,6 +37,6 @@ def command(
     The next plan then shows what the manifest wants to be different about it.
     """
     manifest = load_manifest(source)
-    hosts = hosts_with_machine(select_hosts(manifest, where), machine)
+    hosts = hosts_with_machine(select_hosts(manifest, host_selection), machine)
     request = PlanRequest(purpose=Purpose.IMPORT, partition=partition, machine=machine)
     return plan_ask_apply(session, hosts, request, how, as_json=as_json, out=out)

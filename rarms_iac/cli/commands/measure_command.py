@@ -57,7 +57,7 @@ def command(
     *,
     components: tuple[str, ...],
     source: ManifestSource,
-    where: HostSelection,
+    host_selection: HostSelection,
     together: bool,
     strategy: str,
     first: int | None,
@@ -99,7 +99,7 @@ def command(
     )
     if interactive:
         refuse_without_terminal(session, source)
-    hosts = select_hosts(load_manifest(source), where)
+    hosts = select_hosts(load_manifest(source), host_selection)
     outcome = measure_components(
         hosts,
         request,

@@ -24,7 +24,7 @@ def command(
     session: Session,
     *,
     source: ManifestSource,
-    where: HostSelection,
+    host_selection: HostSelection,
     limits: PlanLimits,
     out: str | None,
     verbose: bool,
@@ -35,7 +35,7 @@ def command(
     Exit code 2 where there are changes, 0 where the hosts are as the manifest wants them.
     """
     manifest = load_manifest(source)
-    hosts = select_hosts(manifest, where)
+    hosts = select_hosts(manifest, host_selection)
     plan = make_plan(hosts, PlanRequest(limits=limits))
     show_plan(session, plan, manifest.sources, as_json=as_json, verbose=verbose)
     if out is not None:

@@ -25,7 +25,7 @@ def command(
     session: Session,
     *,
     source: ManifestSource,
-    where: HostSelection,
+    host_selection: HostSelection,
     interference: str | None,
     samples: int | None,
     seed: int,
@@ -38,7 +38,7 @@ def command(
     tell; 3 where the manifest asks for something that is not applied yet.
     """
     request = ProveRequest(interference=interference, samples=samples, seed=seed, lock_timeout_ms=lock_timeout)
-    return prove_and_show(session, select_hosts(load_manifest(source), where), request, as_json=as_json)
+    return prove_and_show(session, select_hosts(load_manifest(source), host_selection), request, as_json=as_json)
 
 
 def prove_and_show(session: Session, hosts: Hosts, request: ProveRequest, *, as_json: bool) -> ExitCode:

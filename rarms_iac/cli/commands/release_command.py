@@ -25,13 +25,13 @@ def command(
     *,
     partition: str,
     source: ManifestSource,
-    where: HostSelection,
+    host_selection: HostSelection,
     how: RunOptions,
     out: str | None,
     as_json: bool,
 ) -> ExitCode:
     """Take rarms' mark off PARTITION: the machine stays as it is, and rarms no longer touches it."""
     manifest = load_manifest(source)
-    hosts = hosts_with_partition(select_hosts(manifest, where), partition)
+    hosts = hosts_with_partition(select_hosts(manifest, host_selection), partition)
     request = PlanRequest(purpose=Purpose.RELEASE, partition=partition)
     return plan_ask_apply(session, hosts, request, how, as_json=as_json, out=out)

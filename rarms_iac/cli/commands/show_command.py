@@ -62,7 +62,7 @@ def command(
     check: str | None,
     transport: bool,
     source: ManifestSource,
-    where: HostSelection,
+    host_selection: HostSelection,
     as_json: bool,
 ) -> ExitCode:
     """Show a plan that `rarms plan --out` wrote, or with --script what runs on its hosts.
@@ -77,7 +77,7 @@ def command(
     if transport:
         return _show_transport(session, form)
     if not script:
-        if guest or undo or whole or raw or out or against or where.hosts or where.snapshots:
+        if guest or undo or whole or raw or out or against or host_selection.hosts or host_selection.snapshots:
             raise RequestError("That is asked of scripts: add --script.")
         if plan_file is None:
             raise RequestError("Missing argument '[PLAN]'.")
@@ -86,8 +86,8 @@ def command(
         plan = read_plan_file(plan_file)
         show_plan(session, plan, as_json=as_json, verbose=verbose)
         return ExitCode.DONE
-    selection = ScriptSelection(hosts=where.hosts, guest=guest, undo=undo)
-    return _show_scripts(session, _plan(plan_file, source, where), selection, form)
+    selection = ScriptSelection(hosts=host_selection.hosts, guest=guest, undo=undo)
+    return _show_scripts(session, _plan(plan_file, source, host_selection), selection, form)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,9 +101,9 @@ class ScriptForm:
     as_json: bool
 
 
-def _plan(plan_file: str | None, source: ManifestSource, where: HostSelection) -> Plan:
+def _plan(plan_file: str | None, source: ManifestSource, host_selection: HostSelection) -> Plan:
     if plan_file is not None:
-        if where.snapshots:
+        if host_selection.snapshots:
             raise RequestError("A PLAN takes no --snapshot: it was made already.")
         return read_plan_file(plan_file)
     # Imported here, since a plan file needs none of it: that would take a third of the time of `rarms show --script`.
@@ -113,7 +113,7 @@ def _plan(plan_file: str | None, source: ManifestSource, where: HostSelection) -
     from rarms_iac.app.planning import plan as make_plan
 
     manifest = load_manifest(source)
-    hosts = select_hosts(manifest, where)
+    hosts = select_hosts(manifest, host_selection)
     return make_plan(hosts, PlanRequest())
 
 

@@ -20,7 +20,7 @@ from rarms_iac.cli.session import Session, rarms_command
 @click.option("--out", metavar="PATH", help="A file for one host; a folder, which gets HOST.json, for any number.")
 @click.option("--script", is_flag=True, help="Write the script that looks, to be run on a Hyper-V host or in a guest.")
 def command(
-    session: Session, *, source: ManifestSource, where: HostSelection, out: str | None, script: bool
+    session: Session, *, source: ManifestSource, host_selection: HostSelection, out: str | None, script: bool
 ) -> ExitCode:
     """Write down what the hosts look like, in JSON. Only reads.
 
@@ -30,7 +30,7 @@ def command(
     if script:
         return _script(session, out)
     manifest = load_manifest(source)
-    hosts = select_hosts(manifest, where)
+    hosts = select_hosts(manifest, host_selection)
     several = len(hosts.chosen) != 1
     if several and (out is None or Path(out).is_file()):
         raise click.UsageError(

@@ -26,7 +26,7 @@ def command(
     *,
     partitions: tuple[str, ...],
     source: ManifestSource,
-    where: HostSelection,
+    host_selection: HostSelection,
     how: RunOptions,
     out: str | None,
     as_json: bool,
@@ -35,7 +35,7 @@ def command(
 
     Plan, show, ask, and do it. A PARTITION that is named starts also where somebody else stopped it.
     """
-    hosts = select_hosts(load_manifest(source), where)
+    hosts = select_hosts(load_manifest(source), host_selection)
     refuse_unknown_partitions(hosts, partitions)
     request = PlanRequest(purpose=Purpose.START, stop_scope=StopScope(partitions=partitions))
     return plan_ask_apply(session, hosts, request, how, as_json=as_json, out=out)

@@ -26,7 +26,7 @@ def command(
     *,
     partitions: tuple[str, ...],
     source: ManifestSource,
-    where: HostSelection,
+    host_selection: HostSelection,
     how: RunOptions,
     out: str | None,
     as_json: bool,
@@ -36,7 +36,7 @@ def command(
     Plan, show, ask, and do it. Each one's mark says that it was stopped: it is no drift, and no plan starts it. What is
     set of it stays, and so does what the host promises it.
     """
-    hosts = select_hosts(load_manifest(source), where)
+    hosts = select_hosts(load_manifest(source), host_selection)
     refuse_unknown_partitions(hosts, partitions)
     request = PlanRequest(purpose=Purpose.STOP, stop_scope=StopScope(partitions=partitions))
     return plan_ask_apply(session, hosts, request, how, as_json=as_json, out=out)

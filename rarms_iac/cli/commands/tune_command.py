@@ -43,7 +43,7 @@ def command(
     session: Session,
     *,
     source: ManifestSource,
-    where: HostSelection,
+    host_selection: HostSelection,
     strategy: str,
     repeat: bool,
     interactive: bool,
@@ -66,7 +66,7 @@ def command(
         refuse_standard_input(source)
     if interactive:
         refuse_without_terminal(session, source)
-    hosts = select_hosts(load_manifest(source), where)
+    hosts = select_hosts(load_manifest(source), host_selection)
     request = TuneRequest(
         strategy=cast(Literal["default", "paper"], strategy),
         repeat=repeat,

@@ -21,13 +21,13 @@ from rarms_iac.views.run import undo_text
 @run_options
 @json_option
 def command(
-    session: Session, *, source: ManifestSource, where: HostSelection, how: RunOptions, as_json: bool
+    session: Session, *, source: ManifestSource, host_selection: HostSelection, how: RunOptions, as_json: bool
 ) -> ExitCode:
     """Take the last apply back, finished or not: its steps' undos, the last one first.
 
     Shows what comes back and what cannot, and asks. Where hosts have different last applies, --host says which.
     """
-    applies = last_applies(select_hosts(load_manifest(source), where))
+    applies = last_applies(select_hosts(load_manifest(source), host_selection))
     if not how.auto_approve and any(last.can_be_undone for last in applies):
         _show_and_ask(session, applies)
     with TerminalReporter(session) as reporter:

@@ -130,7 +130,7 @@ def _memory(variant: Variant, name: str, mib: int) -> Edit:
 
 def _more_processors(trial: Trial) -> Iterator[Edits]:
     """As few as help, where nothing that was measured on fewer is believed."""
-    for hosts in _alike(trial.start):
+    for hosts in _hosts_by_platform(trial.start):
         edit = _fewest_processors(hosts, trial, logs_hold=False)
         if edit is not None:
             yield (edit,)
@@ -138,7 +138,7 @@ def _more_processors(trial: Trial) -> Iterator[Edits]:
 
 def _more_processors_to_measure(trial: Trial) -> Iterator[str]:
     """The same where reservations rest on logs, if everybody needs the same CR of as many processors as now."""
-    for hosts in _alike(trial.start):
+    for hosts in _hosts_by_platform(trial.start):
         groups = [group for group in groups_of(trial.start.system) if rests_on_a_log(group)]
         width = hosts[0].logical_processors
         wide = sorted(
@@ -156,7 +156,7 @@ def _more_processors_to_measure(trial: Trial) -> Iterator[str]:
             yield f"{edit.message} may be enough{fixed}: what they then need has to be measured there (`rarms measure`)"
 
 
-def _alike(variant: Variant) -> list[tuple[Host, ...]]:
+def _hosts_by_platform(variant: Variant) -> list[tuple[Host, ...]]:
     """Hosts by platform: they share what was measured, so that more of one is more of each."""
     platforms: dict[str, list[Host]] = {}
     for host in by_name(variant.system.hosts):
