@@ -41,7 +41,7 @@ def test_hosts_and_snapshots() -> None:
 
     _, called, _ = read_by(options.host_or_snapshot_options, words)
 
-    assert called["where"] == HostSelection(
+    assert called["host_selection"] == HostSelection(
         hosts=("b", "a"),
         snapshots=(
             SnapshotFile(host="a", file="x.json"),
