@@ -18,7 +18,8 @@ from rarms_iac.planner.groups import Group, groups_of, may_share
 from rarms_iac.planner.layout import plan_layout
 from rarms_iac.planner.prediction.members import alone_in, predictor_of
 from rarms_iac.planner.problem import by_name, problem_of
-from rarms_iac.planner.reservations import NotMeasured, names_of, rests_on_a_log
+from rarms_iac.planner.reservations import MeasuredTogether, NotMeasured, names_of, rests_on_a_log
+from rarms_iac.statistics.curves import holds
 from rarms_iac.storage.datalog.files import log_path
 
 
@@ -108,7 +109,15 @@ def _answers(measurements: Measurements, host: Host, names: Members, states: Map
         return
     for reserve in log.measured:
         enough = least is not None and reserve >= least.reserve
-        yield Answer(members=names, reserve=reserve, worse=() if enough else names)
+        yield Answer(members=names, reserve=reserve, worse=() if enough else tuple(_worse(group, log, reserve)))
+
+
+def _worse(group: Group, log: MeasuredTogether, reserve: int) -> Iterator[str]:
+    """The members that do not meet all their thresholds at a setting for sure, by name."""
+    for member in sorted(group.members, key=lambda member: member.name):
+        curves = ((log.curves(member.name, index), threshold) for index, threshold in member.apt.items())
+        if not all(holds(curve, threshold, reserve) for curve, threshold in curves):
+            yield member.name
 
 
 def _together(system: System, names: Members) -> System:

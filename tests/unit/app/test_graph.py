@@ -1,10 +1,17 @@
 """`rarms graph --candidates`: what could be combined, as the data logs say."""
 
 import json
+from datetime import date
 from pathlib import Path
 
 import pytest
 
+from rarms_iac.app.data_logs import measurements_of
+from rarms_iac.app.graph import recorded_answers
+from rarms_iac.app.manifests import load_manifest
+from rarms_iac.app.requests import ManifestSource
+from rarms_iac.planner.combining.candidates import candidates_of
+from rarms_iac.planner.combining.oracle import WHOLE, Coi
 from tests.builders_measured import a_setting
 from tests.measuring import leave_log, steady
 from tests.unit.cli.running import rarms
@@ -109,3 +116,22 @@ def test_without_a_data_log_it_says_which_command_makes_it(here: Path) -> None:
 
     assert answer.code == 4
     assert "rarms measure path" in answer.err
+
+
+def test_a_recorded_answer_names_the_members_that_missed(here: Path) -> None:
+    names = ["path", "speech"]
+    below, enough = (
+        a_setting(30, steady("path", 150.0), steady("speech", 90.0)),
+        a_setting(45, steady("path", 90.0), steady("speech", 90.0)),
+    )
+    leave_log(here, names, [below, enough])
+    manifest = load_manifest(ManifestSource(manifest=str(here), today=date(2026, 11, 21)))
+    cois = [
+        Coi(name=name, members=(name,), criticality=reserve, processors=2, reserve=reserve)
+        for name, reserve in {"path": 20, "speech": 30}.items()
+    ]
+    candidates = candidates_of(cois, lambda _names: True, most=WHOLE)
+
+    answers = recorded_answers(measurements_of(manifest), manifest.system.hosts["onboard"], candidates, {})
+
+    assert {answer.reserve: answer.worse for answer in answers} == {30: ("path",), 45: ()}
