@@ -139,7 +139,7 @@ def run(case: Instance, way: Way) -> Result:
         halved=sum(halved(case.needs[names]) for names in (case.needs if case.largest == 2 else possible)),
         fits=best is not None,
         optimal=reached == best,
-        told=bool(found.breaks),
+        told=bool(found.contradictions),
         breaks=case.breaks,
         near=_near(reached, best, len(compounds) * case.processors),
         near_the_truth=_near(reached, truly, len(compounds) * case.processors),

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from rarms_iac.applying.goals import HostGoal, goals_of
 from rarms_iac.diff.compare import Difference, compare
 from rarms_iac.diff.hold_back import HeldChanges, hold_back
-from rarms_iac.diff.order import Cycle, OrderedSteps, order
+from rarms_iac.diff.order import Deadlock, OrderedSteps, order
 from rarms_iac.diff.steps import plan_changes
 from rarms_iac.model.layout import Infeasible, Layout
 from rarms_iac.model.state import State
@@ -25,7 +25,7 @@ class Route:
     request: HostGoal
     difference: Difference
     held: HeldChanges
-    ordered: OrderedSteps | Cycle
+    ordered: OrderedSteps | Deadlock
 
 
 def layout_of(system: System, *states: State) -> Layout | Infeasible:

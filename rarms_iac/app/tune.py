@@ -30,7 +30,7 @@ from rarms_iac.model.layout import Layout
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.system import System
 from rarms_iac.planner import findings
-from rarms_iac.planner.combining.candidates import Break
+from rarms_iac.planner.combining.candidates import Contradiction
 from rarms_iac.planner.combining.oracle import (
     WHOLE,
     Always,
@@ -115,7 +115,7 @@ class TuningEnd:
     cois: tuple[Coi, ...]  # as they are now, most critical first
     trail: tuple[Answer, ...] = ()
     proved: bool = False
-    breaks: tuple[Break, ...] = ()
+    contradictions: tuple[Contradiction, ...] = ()
     unanswered: str = ""  # why a compound could not be measured
 
     @property
@@ -124,12 +124,12 @@ class TuningEnd:
         return tuple(coi for coi in self.cois if coi not in self.subject.cois)
 
     @staticmethod
-    def of(subject: TuningSubject, asking: Inquiry, strategy: str, *, repeat: bool) -> "TuningEnd":
+    def of(subject: TuningSubject, inquiry: Inquiry, strategy: str, *, repeat: bool) -> "TuningEnd":
         """Tune by this strategy, until there is an answer or somebody asks for an end.
 
         Args:
             subject: what is tuned.
-            asking: who answers, who is told, and who may decline a combination.
+            inquiry: who answers, who is told, and who may decline a combination.
             strategy: `paper`, or else the candidate graph.
             repeat: whether the paper's procedure goes on after its first combination.
 
@@ -137,7 +137,7 @@ class TuningEnd:
             How it ended. An oracle without an answer is an ending too, and raises nothing.
         """
         trail: list[Answer] = []
-        heard = replace(asking, reporter=_TrailReporter(asking.reporter, trail))
+        heard = replace(inquiry, reporter=_TrailReporter(inquiry.reporter, trail))
         before = TuningEnd(subject=subject, ending="stopped", cois=ordered(subject.cois))
         try:
             if strategy == "paper":
@@ -210,8 +210,8 @@ def _tune_held(
         oracle = Experiments(
             subject=subject, bench=benches[bench.name], request=measuring, reporter=reporter, stop=stop
         )
-        asking = Inquiry(oracle=oracle, reporter=planner_reporter, consent=consent, may_share=subject.may_share)
-        return TuningEnd.of(subject, asking, request.strategy, repeat=request.repeat)
+        inquiry = Inquiry(oracle=oracle, reporter=planner_reporter, consent=consent, may_share=subject.may_share)
+        return TuningEnd.of(subject, inquiry, request.strategy, repeat=request.repeat)
 
 
 class _TrailReporter:
@@ -235,40 +235,40 @@ class _TrailReporter:
         self._reporter.combined(compound, before)
 
 
-def _by_the_paper(before: TuningEnd, asking: Inquiry, *, repeat: bool) -> TuningEnd:
+def _by_the_paper(before: TuningEnd, inquiry: Inquiry, *, repeat: bool) -> TuningEnd:
     subject = before.subject
-    done = tune_performance_to_use_less_resource(subject.cois, subject.capacity, asking, repeat=repeat)
+    done = tune_performance_to_use_less_resource(subject.cois, subject.capacity, inquiry, repeat=repeat)
     ending: TuningEnding = "nothing_to_do"
     if done.needed:
         ending = "successful" if done.combinations else "unable"
     return replace(before, ending=ending, cois=done.cois, trail=done.trail)
 
 
-def _by_the_graph(before: TuningEnd, asking: Inquiry) -> TuningEnd:
+def _by_the_graph(before: TuningEnd, inquiry: Inquiry) -> TuningEnd:
     subject = before.subject
     most = min((subject.highest(coi.members) for coi in subject.cois), default=WHOLE)
     layout_fit = LayoutFit(subject=subject)
     tuning = replace(
-        tuning_of(subject.cois, subject.objective(layout_fit), asking.may_share, most=most),
+        tuning_of(subject.cois, subject.objective(layout_fit), inquiry.may_share, most=most),
         predictor=subject.predictor,
     )
     measurements = measurements_of(subject.hosts.manifest)
     recorded = recorded_answers(measurements, subject.bench, tuning.candidates, {subject.bench.name: subject.state})
-    best, trail = search(tuning, asking, recorded=recorded)
+    best, trail = search(tuning, inquiry, recorded=recorded)
     if not isinstance(best, Best):
         proved = best.proved and not layout_fit.unsure
-        return replace(before, ending="unable", trail=trail, proved=proved, breaks=best.breaks)
+        return replace(before, ending="unable", trail=trail, proved=proved, contradictions=best.contradictions)
     ending: TuningEnding = "successful" if set(best.cois) != set(subject.cois) else "nothing_to_do"
     for coi in best.cois:
         if coi not in subject.cois:
-            asking.reporter.combined(coi, total(_parts(subject, coi)))
+            inquiry.reporter.combined(coi, total(_parts(subject, coi)))
     return replace(
         before,
         ending=ending,
         cois=best.cois,
         trail=trail,
         proved=best.proved and not layout_fit.unsure,
-        breaks=best.breaks,
+        contradictions=best.contradictions,
     )
 
 
@@ -301,13 +301,13 @@ def findings_of_end(end: TuningEnd, hosts: Hosts) -> Iterator[Diagnostic]:
         yield findings.UNABLE.at(
             places.key("hosts", end.subject.bench.name), message, advice, address=f"host/{end.subject.bench.name}"
         )
-    for broken in end.breaks:
+    for contradiction in end.contradictions:
         yield findings.CONTRADICTION.at(
             None,
-            f"{broken.says}. So nothing is proved: what was found holds, and another layout may be better.",
-            f"Measure the parts again (`rarms measure {' '.join(broken.members)} --again`), or tune with more samples: "
-            "`--samples 2000`, after removing the compound's data log.",
-            address=f"component/{broken.members[0]}",
+            f"{contradiction.message}. So nothing is proved: what was found holds, and another layout may be better.",
+            f"Measure the parts again (`rarms measure {' '.join(contradiction.members)} --again`), or tune with more "
+            "samples: `--samples 2000`, after removing the compound's data log.",
+            address=f"component/{contradiction.members[0]}",
         )
     for compound in end.compounds:
         apart = total(_parts(end.subject, compound))
@@ -350,7 +350,7 @@ def _result_of(end: TuningEnd, strategy: Literal["default", "paper"], system: Sy
         before=total(end.subject.cois),
         after=total(end.cois),
         proved=end.proved,
-        contradictions=tuple(broken.says for broken in end.breaks),
+        contradictions=tuple(contradiction.message for contradiction in end.contradictions),
         partitions=tuple(
             TunedPartition(
                 name=coi.name,

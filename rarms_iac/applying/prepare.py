@@ -18,7 +18,7 @@ from rarms_iac.applying.stopping import EVERY_PARTITION, StopScope, start_change
 from rarms_iac.diff.compare import Difference, compare
 from rarms_iac.diff.digests import part_digests
 from rarms_iac.diff.hold_back import hold_back
-from rarms_iac.diff.order import Cycle, order
+from rarms_iac.diff.order import Deadlock, order
 from rarms_iac.diff.steps import plan_changes
 from rarms_iac.model.changes import Address, Adopt, Change, Release
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity, has_errors, in_order
@@ -151,7 +151,7 @@ def _host_part(request: PlanningRequest, goal: HostGoal, layout: Layout | None) 
     difference = _difference(request, goal)
     held = hold_back(targeted(difference.changes, request.targets), goal.budget)
     ordered = order(plan_changes(held.kept, goal.context), goal.budget)
-    steps, cycle = ((), (ordered.finding,)) if isinstance(ordered, Cycle) else (ordered.steps, ())
+    steps, stuck = ((), (ordered.finding,)) if isinstance(ordered, Deadlock) else (ordered.steps, ())
     plan = HostPlan(
         host=request.system.hosts[goal.name],
         facts=goal.observed.facts,
@@ -192,7 +192,12 @@ def _host_part(request: PlanningRequest, goal: HostGoal, layout: Layout | None) 
     return _HostPart(
         plan=plan,
         addresses=tuple(str(change.address) for change in (*difference.changes, *(guest.step for guest in guests))),
-        findings=(*difference.findings, *cycle, *review_plan(reviewed), *guest_scripts_by_hand(plan, guests, locate)),
+        findings=(
+            *difference.findings,
+            *stuck,
+            *review_plan(reviewed),
+            *guest_scripts_by_hand(plan, guests, locate),
+        ),
         guests=guests,
     )
 

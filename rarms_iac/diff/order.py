@@ -28,14 +28,14 @@ class OrderedSteps:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cycle:
+class Deadlock:
     """Changes that wait for each other: each needs what another holds."""
 
     partitions: tuple[str, ...]
     finding: Diagnostic
 
 
-def order(planned: Sequence[PlannedChange], budget: StepBudget) -> OrderedSteps | Cycle:
+def order(planned: Sequence[PlannedChange], budget: StepBudget) -> OrderedSteps | Deadlock:
     """Put every step in one order; no prefix promises more than the host, or than what is promised already.
 
     First what gives back (removals, stops, smaller values), the least critical first; then what takes, the most
@@ -47,7 +47,7 @@ def order(planned: Sequence[PlannedChange], budget: StepBudget) -> OrderedSteps 
         budget: what the host can promise, what it promises before the first step, and how much may be disturbed.
 
     Returns:
-        Every step once, or the cycle where `max_disruption` forbids the stop that would break it.
+        Every step once, or the deadlock where `max_disruption` forbids the stop that would break it.
     """
     moves, rest = mark_moves(planned)
     on_host = [change for change in rest if not change.change.address.is_in_guest]
@@ -55,7 +55,7 @@ def order(planned: Sequence[PlannedChange], budget: StepBudget) -> OrderedSteps 
     walk.done = list(moves)
     walk.run_releasing_steps()
     result = walk.run_the_rest()
-    if isinstance(result, Cycle):
+    if isinstance(result, Deadlock):
         return result
     # A guest's classes are written where it runs already: a real one cannot be reached before.
     in_guests = sorted((change for change in rest if change.change.address.is_in_guest), key=_by_address)
@@ -94,19 +94,19 @@ class _Walk:
             while steps and not steps[0].claim_before.is_less_than(steps[0].claim_after):
                 self._do(steps.pop(0))
 
-    def run_the_rest(self) -> OrderedSteps | Cycle:
+    def run_the_rest(self) -> OrderedSteps | Deadlock:
         """The other steps, as the budget allows; and a stop where it does not."""
         while True:
             self._run_fitting_steps()
             waiting = [at for at in range(len(self.queue)) if self.queue[at]]
             if not waiting:
                 break
-            if (cycle := self._make_room(waiting)) is not None:
-                return cycle
+            if (deadlock := self._make_room(waiting)) is not None:
+                return deadlock
         for start in sorted(self.restarts, key=lambda step: self._most_critical_first(step.address.partition)):
             if not self._is_allowed(start):
                 names = tuple(sorted(self.stopped))
-                return Cycle(partitions=names, finding=_cycle(names, self.budget.max_disruption, may_stop=False))
+                return _deadlock(names, self.budget.max_disruption, may_stop=False)
             self._do(start)
         return OrderedSteps(steps=tuple(self.done), stopped=tuple(self.stopped))
 
@@ -153,22 +153,21 @@ class _Walk:
         claims = {**self.claims, _key(step): step.claim_after}
         return not self.packed_at_start or packs((*self.budget.foreign, *claims.values()), capacity.logical_processors)
 
-    def _make_room(self, waiting: list[int]) -> Cycle | None:
-        """Stop the least critical running partition that waits; the cycle where there is none, or none may stop."""
+    def _make_room(self, waiting: list[int]) -> Deadlock | None:
+        """Stop the least critical running partition that waits; the deadlock where there is none, or none may stop."""
         running = [at for at in waiting if self.claims.get(_key(self.queue[at][0]), NO_CLAIM) != NO_CLAIM]
         names = tuple(sorted({self.queue[at][0].address.partition for at in waiting}))
         if not running or Disruption.PARTITION_STOP.exceeds(self.budget.max_disruption):
-            finding = _cycle(names, self.budget.max_disruption, may_stop=bool(running))
-            return Cycle(partitions=names, finding=finding)
+            return _deadlock(names, self.budget.max_disruption, may_stop=bool(running))
         at = min(running, key=lambda at: self.budget.rank(self.queue[at][0].address.partition))
         partition = self.queue[at][0].address.partition
         others = [name for name in names if name != partition]
         beside = f" beside {', '.join(others)}" if others else ""
         why = f"no order of the steps{beside} keeps within the host, and it is the least critical of them"
-        pause = pause_steps(self.queue[at], why, grace_ms(self.budget.graces, partition))
-        self._do(pause.stop)
-        self.queue[at] = list(pause.between)
-        self.restarts += [pause.start] if pause.start else []
+        stop_and_start = stop_and_restart(self.queue[at], why, grace_ms(self.budget.graces, partition))
+        self._do(stop_and_start.stop)
+        self.queue[at] = list(stop_and_start.between)
+        self.restarts += [stop_and_start.start] if stop_and_start.start else []
         self.stopped.append(partition)
         return None
 
@@ -207,23 +206,24 @@ def _machine_key(machine: str) -> str:
     return f"id {machine}"
 
 
-def _cycle(names: tuple[str, ...], limit: Disruption, *, may_stop: bool) -> Diagnostic:
+def _deadlock(names: tuple[str, ...], limit: Disruption, *, may_stop: bool) -> Deadlock:
     if may_stop:
         why = f"one of them would have to stop for a while, and `max_disruption` is {limit.value}"
         advice = "Allow `--max-disruption partition_stop`, or stop one of them by hand and plan again."
     else:
         why = "none of them runs, so none can be stopped to make room"
         advice = "Lower what they are to have, or what other machines on the host hold."
-    return NO_ORDER.at(
+    finding = NO_ORDER.at(
         None,
         f"The changes of {', '.join(names)} wait for each other: {why}. Nothing is planned for this host.",
         advice,
         address=f"partition/{names[0]}" if names else "",
     )
+    return Deadlock(partitions=names, finding=finding)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pause:
+class StopAndRestart:
     """The rest of a change with a stop before it; `start` brings the partition back, where it is to run."""
 
     stop: Step
@@ -231,7 +231,7 @@ class Pause:
     start: Step | None
 
 
-def pause_steps(remaining: Sequence[Step], why: str, grace: int) -> Pause:
+def stop_and_restart(remaining: Sequence[Step], why: str, grace: int) -> StopAndRestart:
     """Put a stop before the remaining steps of a running partition, so that they claim nothing while they are done.
 
     Args:
@@ -262,7 +262,7 @@ def pause_steps(remaining: Sequence[Step], why: str, grace: int) -> Pause:
         if not isinstance(step.operation, StopPartition | StartPartition)
     )
     if claim_after == NO_CLAIM:
-        return Pause(stop=stop, between=between, start=None)
+        return StopAndRestart(stop=stop, between=between, start=None)
     start = replace(
         stop,
         title="start it again",
@@ -275,4 +275,4 @@ def pause_steps(remaining: Sequence[Step], why: str, grace: int) -> Pause:
         claim_after=claim_after,
         comment="it was stopped only to make room",
     )
-    return Pause(stop=stop, between=between, start=start)
+    return StopAndRestart(stop=stop, between=between, start=start)

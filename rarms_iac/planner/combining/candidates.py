@@ -65,11 +65,11 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Break:
+class Contradiction:
     """An answer that contradicts the assumption."""
 
     members: Members
-    says: str
+    message: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +78,7 @@ class Candidates:
 
     cois: tuple[Coi, ...]  # the least critical first: bit k is the k-th
     by_mask: Mapping[Mask, Candidate]
-    breaks: tuple[Break, ...] = ()
+    contradictions: tuple[Contradiction, ...] = ()
 
     def members(self, mask: Mask) -> tuple[Coi, ...]:
         """List the CoIs of a set, the least critical first."""
@@ -164,7 +164,7 @@ def informed(candidates: Candidates, answers: Iterable[Answer]) -> Candidates:
     """Narrow the candidates' intervals by these answers.
 
     A failed setting raises the lower end of the compound and of every compound that contains it. Where answers
-    contradict each other or the assumption, the safe side counts, and a `Break` says so.
+    contradict each other or the assumption, the safe side counts, and a `Contradiction` says so.
 
     Args:
         candidates: as `candidates_of` made them, before any answer.
@@ -178,15 +178,15 @@ def informed(candidates: Candidates, answers: Iterable[Answer]) -> Candidates:
         passed, failed = own.setdefault(answer.members, ([], []))
         (passed if answer.passed else failed).append(answer.reserve)
     by_members = {candidate.coi.members: candidate for candidate in candidates.by_mask.values()}
-    told = {
+    answered = {
         by_members[members].mask: _own(by_members[members], passed, failed)
         for members, (passed, failed) in own.items()
         if members in by_members
     }
-    known = {mask: told.get(mask, candidate) for mask, candidate in candidates.by_mask.items()}
-    floors = [(mask, candidate.coi.cost) for mask, candidate in told.items() if candidate.failed is not None]
+    known = {mask: answered.get(mask, candidate) for mask, candidate in candidates.by_mask.items()}
+    floors = [(mask, candidate.coi.cost) for mask, candidate in answered.items() if candidate.failed is not None]
     raised = {mask: _raised(candidate, floors) for mask, candidate in known.items()}
-    return replace(candidates, by_mask=raised, breaks=tuple(_breaks(candidates, own, told, floors)))
+    return replace(candidates, by_mask=raised, contradictions=tuple(_contradictions(candidates, own, answered, floors)))
 
 
 def _own(candidate: Candidate, passed: Sequence[int], failed: Sequence[int]) -> Candidate:
@@ -210,18 +210,18 @@ def _raised(candidate: Candidate, floors: Iterable[tuple[Mask, int]]) -> Candida
     return candidate if low == candidate.low else replace(candidate, coi=replace(candidate.coi, reserve=low))
 
 
-def _breaks(
+def _contradictions(
     candidates: Candidates,
     own: Mapping[Members, tuple[Sequence[int], Sequence[int]]],
-    told: Mapping[Mask, Candidate],
+    answered: Mapping[Mask, Candidate],
     floors: Sequence[tuple[Mask, int]],
-) -> Iterator[Break]:
-    for mask, candidate in sorted(told.items()):
+) -> Iterator[Contradiction]:
+    for mask, candidate in sorted(answered.items()):
         passed, failed = own[candidate.coi.members]
         if passed and failed and min(passed) <= max(failed):
-            yield Break(
+            yield Contradiction(
                 members=candidate.coi.members,
-                says=f"{named(candidate.coi.members)} meets its thresholds at {min(passed)} % "
+                message=f"{named(candidate.coi.members)} meets its thresholds at {min(passed)} % "
                 f"and misses one at {max(failed)} %",
             )
         if not passed:
@@ -229,9 +229,9 @@ def _breaks(
         for part, floor in (*_parts(candidates, mask), *floors):
             if part & mask == part and part != mask and min(passed) < at_least(floor, candidate.coi.processors):
                 needs = named(compound_of(candidates.members(part)).members)
-                yield Break(
+                yield Contradiction(
                     members=candidate.coi.members,
-                    says=f"{named(candidate.coi.members)} meets its thresholds with less than {needs} needs",
+                    message=f"{named(candidate.coi.members)} meets its thresholds with less than {needs} needs",
                 )
                 break
 

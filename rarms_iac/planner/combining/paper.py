@@ -80,7 +80,7 @@ class PaperTuning:
 
 
 def tune_performance_to_use_less_resource(
-    cois: Sequence[Coi], capacity: int, asking: Inquiry, *, repeat: bool = False
+    cois: Sequence[Coi], capacity: int, inquiry: Inquiry, *, repeat: bool = False
 ) -> PaperTuning:
     """TPTULR: combine, unless the total lies below the capacity (per cent of one logical processor).
 
@@ -94,7 +94,7 @@ def tune_performance_to_use_less_resource(
     now = ordered(cois)
     needed = total(now) >= capacity
     while needed and (not made or (repeat and total(now) > capacity)):
-        found = combine_components(now, asking, trail)
+        found = combine_components(now, inquiry, trail)
         if found is None:
             break
         made.append(found)
@@ -114,7 +114,7 @@ def ordered(cois: Sequence[Coi]) -> tuple[Coi, ...]:
     return tuple(sorted(cois, key=lambda coi: (-coi.criticality, coi.name)))
 
 
-def combine_components(cois: Sequence[Coi], asking: Inquiry, trail: list[Answer]) -> Combination | None:
+def combine_components(cois: Sequence[Coi], inquiry: Inquiry, trail: list[Answer]) -> Combination | None:
     """CombineComponents: the least critical one with the next that it can be combined with; None: unsuccessful.
 
     What was asked is added to the trail.
@@ -126,29 +126,29 @@ def combine_components(cois: Sequence[Coi], asking: Inquiry, trail: list[Answer]
     least = others.pop() if others else None
     while least is not None and others:
         next_to_last = others.pop()
-        compound = _tried(least, next_to_last, asking, trail)
+        compound = _tried(least, next_to_last, inquiry, trail)
         if compound is not None:
-            asking.reporter.combined(compound, total((least, next_to_last)))
+            inquiry.reporter.combined(compound, total((least, next_to_last)))
             return Combination(compound=compound, parts=(next_to_last, least))
     return None
 
 
-def _tried(least: Coi, next_to_last: Coi, asking: Inquiry, trail: list[Answer]) -> Coi | None:
+def _tried(least: Coi, next_to_last: Coi, inquiry: Inquiry, trail: list[Answer]) -> Coi | None:
     """One pair: first with the sum of both, then by CMCPUR; None is TryAgain."""
     pair = (next_to_last, least)
     members, processors = union(*pair), max(coi.processors for coi in pair)
     together = min(WHOLE, -(-total(pair) // processors))  # no partition can reserve more than all of it
     gain = total(pair) - max(coi.cost for coi in pair)
-    allowed = asking.may_share(members) and asking.consent.allows(members, settings=1 + WHOLE // STEP, gain=gain)
+    allowed = inquiry.may_share(members) and inquiry.consent.allows(members, settings=1 + WHOLE // STEP, gain=gain)
     if not allowed:
-        asking.reporter.declined(members)
+        inquiry.reporter.declined(members)
         return None
-    first = asking.ask(members, together)  # the sum of both reservations
+    first = inquiry.ask(members, together)  # the sum of both reservations
     trail.append(first)
     if all(set(coi.members) & set(first.worse) for coi in pair):
         return None
     for reserve in range(STEP, WHOLE + 1, STEP):
-        answer = asking.ask(members, reserve)
+        answer = inquiry.ask(members, reserve)
         trail.append(answer)
         if answer.passed:
             return replace(leader(pair), members=members, processors=processors, reserve=reserve, missed=None)

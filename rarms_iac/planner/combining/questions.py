@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from rarms_iac.model.system import Minimise
 from rarms_iac.planner.combining.candidates import (
     EXACT_UP_TO,
-    Break,
     Candidate,
     Candidates,
+    Contradiction,
     Mask,
     candidates_of,
     informed,
@@ -39,29 +39,29 @@ class Best:
 
     cois: tuple[Coi, ...]  # most critical first
     total: int  # in per cent of one logical processor
-    breaks: tuple[Break, ...]  # answers that contradict the assumption: with any, nothing is proved
+    contradictions: tuple[Contradiction, ...]  # answers that contradict the assumption: with any, nothing is proved
     complete: bool  # whether every layout was considered
 
     @property
     def proved(self) -> bool:
         """No other layout is better, under the assumption of `planner.prediction.belief`."""
-        return self.complete and not self.breaks
+        return self.complete and not self.contradictions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NothingFits:
     """No layout fits, whatever the compounds that were not measured need."""
 
-    breaks: tuple[Break, ...]
+    contradictions: tuple[Contradiction, ...]
     complete: bool
 
     @property
     def proved(self) -> bool:
         """Whether no layout fits, under the assumption of `Best.proved`, with every layout considered."""
-        return self.complete and not self.breaks
+        return self.complete and not self.contradictions
 
 
-Step = Ask | Best | NothingFits
+Decision = Ask | Best | NothingFits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +101,7 @@ def tuning_of(
     return Tuning(candidates=candidates, objective=objective, complete=complete, every_size=every_size)
 
 
-def next_step(tuning: Tuning, answers: Sequence[Answer]) -> Step:
+def next_decision(tuning: Tuning, answers: Sequence[Answer]) -> Decision:
     """Say what to ask after these answers, or give the result; a pure function.
 
     Args:
@@ -112,7 +112,7 @@ def next_step(tuning: Tuning, answers: Sequence[Answer]) -> Step:
         `Ask` with the next setting to measure, `Best` with the best layout, or `NothingFits`. For many calls with ever
             more answers, one `QuestionSearch` costs less.
     """
-    return QuestionSearch(tuning=tuning).next_step(answers)
+    return QuestionSearch(tuning=tuning).next_decision(answers)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -126,7 +126,7 @@ class QuestionSearch:
     _layouts: Layouts | None = None
     _seen: "_Holding | None" = None
 
-    def next_step(self, answers: Sequence[Answer]) -> Step:
+    def next_decision(self, answers: Sequence[Answer]) -> Decision:
         """Say what to ask after these answers, or give the result.
 
         Take the layout that would be best if every compound needed as little as is still possible. If all its compounds
@@ -138,13 +138,13 @@ class QuestionSearch:
         layouts = self._looked_at(known)
         best = layouts.best()
         if best is None:
-            return NothingFits(breaks=known.breaks, complete=tuning.complete)
+            return NothingFits(contradictions=known.contradictions, complete=tuning.complete)
         unknown = [candidate for mask in best.blocks if not (candidate := known.by_mask[mask]).is_known]
         if not unknown:
-            return _best(tuning, layouts, best, known.breaks)
+            return _best(tuning, layouts, best, known.contradictions)
         seen, holds = self._holding(layouts)
         if holds is not None and layouts.value(holds) == layouts.value(best):
-            return _best(tuning, seen, holds, known.breaks)
+            return _best(tuning, seen, holds, known.contradictions)
         guide = guide_of(known, tuning.predictor)
         room = _room(tuning, best, holds)
         candidate, reserve = raises_most(guide, unknown, room, holds=holds is not None)
@@ -192,11 +192,11 @@ def _question(guide: Guide, candidate: Candidate, reserve: int) -> Ask:
     )
 
 
-def _best(tuning: Tuning, layouts: Layouts, best: LayoutChoice, breaks: tuple[Break, ...]) -> Best:
+def _best(tuning: Tuning, layouts: Layouts, best: LayoutChoice, contradictions: tuple[Contradiction, ...]) -> Best:
     return Best(
         cois=tuple(sorted(layouts.cois_of(best.blocks), key=lambda coi: (-coi.criticality, coi.name))),
         total=best.total,
-        breaks=breaks,
+        contradictions=contradictions,
         complete=tuning.complete or _is_first(tuning, best),
     )
 
@@ -214,7 +214,7 @@ def _is_first(tuning: Tuning, best: LayoutChoice) -> bool:
 
 
 def search(
-    tuning: Tuning, asking: Inquiry, answers: Sequence[Answer] = (), recorded: Sequence[Answer] = ()
+    tuning: Tuning, inquiry: Inquiry, answers: Sequence[Answer] = (), recorded: Sequence[Answer] = ()
 ) -> tuple[Best | NothingFits, tuple[Answer, ...]]:
     """Ask until the answer is there; what was answered before is not asked again.
 
@@ -223,7 +223,7 @@ def search(
 
     Args:
         tuning: the problem.
-        asking: who answers, who is told, and who may decline a combination.
+        inquiry: who answers, who is told, and who may decline a combination.
         answers: what was answered in an earlier run of this search, in order.
         recorded: what else was measured of compounds. It is used only when the search would otherwise end, and then
             counts as if it had been asked for.
@@ -236,37 +236,37 @@ def search(
     """
     trail = list(answers)
     consented: set[Members] = {answer.members for answer in trail}
-    looking = QuestionSearch(tuning=tuning)
+    question_search = QuestionSearch(tuning=tuning)
     while True:
-        step = looking.next_step(trail)
-        if not isinstance(step, Ask):
-            untold = _untold(recorded, trail)
-            if not untold:
-                return step, tuple(trail)
-            for answer in untold:
-                asking.reporter.setting_answered(answer)
-            trail += untold
+        decision = question_search.next_decision(trail)
+        if not isinstance(decision, Ask):
+            not_counted = _not_counted(recorded, trail)
+            if not not_counted:
+                return decision, tuple(trail)
+            for answer in not_counted:
+                inquiry.reporter.setting_answered(answer)
+            trail += not_counted
             continue
-        if step.members not in consented:
-            if not _consent(tuning, asking, step.members):
-                asking.reporter.declined(step.members)
-                tuning = _without(tuning, step.members)
-                looking = QuestionSearch(tuning=tuning)
+        if decision.members not in consented:
+            if not _consent(tuning, inquiry, decision.members):
+                inquiry.reporter.declined(decision.members)
+                tuning = _without(tuning, decision.members)
+                question_search = QuestionSearch(tuning=tuning)
                 continue
-            consented.add(step.members)
-        trail.append(asking.ask(step.members, step.reserve, step.predicted))
+            consented.add(decision.members)
+        trail.append(inquiry.ask(decision.members, decision.reserve, decision.predicted))
 
 
-def _untold(recorded: Sequence[Answer], trail: Sequence[Answer]) -> list[Answer]:
-    told = {(answer.members, answer.reserve) for answer in trail}
-    return [answer for answer in recorded if (answer.members, answer.reserve) not in told]
+def _not_counted(recorded: Sequence[Answer], trail: Sequence[Answer]) -> list[Answer]:
+    counted = {(answer.members, answer.reserve) for answer in trail}
+    return [answer for answer in recorded if (answer.members, answer.reserve) not in counted]
 
 
-def _consent(tuning: Tuning, asking: Inquiry, members: Members) -> bool:
+def _consent(tuning: Tuning, inquiry: Inquiry, members: Members) -> bool:
     candidate = next(each for each in tuning.candidates.by_mask.values() if each.coi.members == members)
     parts = total(tuning.candidates.members(candidate.mask))
     settings = (candidate.highest - candidate.low + 1).bit_length()
-    return asking.consent.allows(members, settings=settings, gain=parts - candidate.coi.cost)
+    return inquiry.consent.allows(members, settings=settings, gain=parts - candidate.coi.cost)
 
 
 def _without(tuning: Tuning, members: Members) -> Tuning:

@@ -130,7 +130,7 @@ def test_a_setting_that_contradicts_the_assumption_is_told_and_nothing_is_proved
         end = TuningEnd.of(subject, Inquiry(oracle=AsIfBroken(), may_share=subject.may_share), "default", repeat=False)
         told = [finding for finding in findings_of_end(end, subject.hosts) if finding.code == CONTRADICTION.code]
 
-    assert [one.says for one in end.breaks] == [
+    assert [contradiction.message for contradiction in end.contradictions] == [
         "paths+speech+video meets its thresholds with less than paths+video needs"
     ]
     assert not end.proved

@@ -3,7 +3,7 @@ from fractions import Fraction
 
 from rarms_iac.diff.claims import StepBudget
 from rarms_iac.diff.hold_back import hold_back
-from rarms_iac.diff.order import Cycle, OrderedSteps, order
+from rarms_iac.diff.order import Deadlock, OrderedSteps, order
 from rarms_iac.diff.steps import PlannedChange
 from rarms_iac.model.capacity import Capacity
 from rarms_iac.model.changes import Address, Reason, Update
@@ -190,7 +190,7 @@ def test_where_nothing_may_stop_the_cycle_is_named_and_nothing_is_planned() -> N
 
     found = order(taken, replace(budget, max_disruption=Disruption.LIVE))
 
-    assert isinstance(found, Cycle)
+    assert isinstance(found, Deadlock)
     assert found.partitions == ("speech", "vision")
     assert found.finding.code == "RARMS154"
     assert "max_disruption" in found.finding.detail

@@ -159,8 +159,8 @@ def test_the_sum_is_of_processor_time_where_partitions_differ_in_processors() ->
 def test_what_must_be_apart_or_is_declined_is_not_measured() -> None:
     consent = Answers(no=frozenset({("speech", "video")}))
     oracle = Scripted({("video", "vision"): {"vision": 10, "video": 10}})
-    asking = Inquiry(oracle=oracle, consent=consent, may_share=lambda members: "paths" not in members)
-    tune_performance_to_use_less_resource(FOUR, 100, asking)
+    inquiry = Inquiry(oracle=oracle, consent=consent, may_share=lambda members: "paths" not in members)
+    tune_performance_to_use_less_resource(FOUR, 100, inquiry)
 
     assert oracle.asked == [("video+vision", 55), ("video+vision", 10)]
     assert consent.seen == [(("speech", "video"), 11, 15), (("video", "vision"), 11, 15)]

@@ -12,7 +12,7 @@ from rarms_iac.planner.combining.candidates import candidates_of, graph_of, info
 from rarms_iac.planner.combining.layouts import Objective
 from rarms_iac.planner.combining.oracle import Answer, Coi, Members, total
 from rarms_iac.planner.combining.paper import Inquiry
-from rarms_iac.planner.combining.questions import Ask, Best, NothingFits, next_step, search, tuning_of
+from rarms_iac.planner.combining.questions import Ask, Best, NothingFits, next_decision, search, tuning_of
 
 
 @dataclass
@@ -127,7 +127,7 @@ def test_the_answer_is_the_best_of_all_layouts(seed: int, minimise: Minimise) ->
 
 def test_what_fits_already_is_not_asked_for() -> None:
     of = cois(a=40, b=30)
-    assert isinstance(next_step(tuning_of(of, objective(of, 70), anyone), ()), Best)
+    assert isinstance(next_decision(tuning_of(of, objective(of, 70), anyone), ()), Best)
 
 
 def test_a_search_that_is_cut_off_anywhere_goes_on_to_the_same_end() -> None:
@@ -155,8 +155,8 @@ def test_compounds_that_may_not_be_are_never_asked_for() -> None:
 def test_a_combination_that_is_declined_is_left_out() -> None:
     of = cois(a=40, b=30, c=25)
     oracle = Needs({("b", "c"): 30, ("a", "c"): 42, ("a", "b"): 45, ("a", "b", "c"): 50})
-    asking = Inquiry(oracle=oracle, consent=No(frozenset({("b", "c")})))
-    found, _ = search(tuning_of(of, objective(of, 80), anyone), asking)
+    inquiry = Inquiry(oracle=oracle, consent=No(frozenset({("b", "c")})))
+    found, _ = search(tuning_of(of, objective(of, 80), anyone), inquiry)
 
     assert isinstance(found, Best)
     assert [coi.members for coi in found.cois] == [("a", "c"), ("b",)]
@@ -207,14 +207,14 @@ def test_an_answer_that_contradicts_another_voids_the_proof() -> None:
         Answer(members=("a", "b"), reserve=45, worse=()),
         Answer(members=("a", "b"), reserve=50, worse=("a",)),
     ]
-    step = next_step(tuning, answers)
+    step = next_decision(tuning, answers)
 
     assert isinstance(step, Ask)
     assert step.reserve > 50, "the safe side: what failed counts"
-    ended = next_step(tuning, [*answers, Answer(members=("a", "b"), reserve=51, worse=())])
+    ended = next_decision(tuning, [*answers, Answer(members=("a", "b"), reserve=51, worse=())])
     assert isinstance(ended, Best)
     assert not ended.proved
-    assert ended.breaks[0].says == "a+b meets its thresholds at 45 % and misses one at 50 %"
+    assert ended.contradictions[0].message == "a+b meets its thresholds at 45 % and misses one at 50 %"
 
 
 def test_a_compound_that_needs_less_than_a_part_of_it_voids_the_proof() -> None:
@@ -223,14 +223,15 @@ def test_a_compound_that_needs_less_than_a_part_of_it_voids_the_proof() -> None:
         Answer(members=("b", "c"), reserve=60, worse=("b",)),
         Answer(members=("a", "b", "c"), reserve=50, worse=()),
     ]
-    step = next_step(tuning_of(of, objective(of, 61), anyone), answers)
+    step = next_decision(tuning_of(of, objective(of, 61), anyone), answers)
 
     assert isinstance(step, Ask), "50 % was seen to be enough for all three: their least is still asked for"
     assert step.members == ("a", "b", "c")
     done = [*answers, Answer(members=("a", "b", "c"), reserve=49, worse=("a",))]
-    ended = next_step(tuning_of(of, objective(of, 61), anyone), done)
+    ended = next_decision(tuning_of(of, objective(of, 61), anyone), done)
     assert isinstance(ended, Best)
-    assert [one.says for one in ended.breaks] == ["a+b+c meets its thresholds with less than b+c needs"]
+    (contradiction,) = ended.contradictions
+    assert contradiction.message == "a+b+c meets its thresholds with less than b+c needs"
 
 
 def test_on_several_processors_a_compound_may_need_two_points_less_than_a_part() -> None:
@@ -243,7 +244,8 @@ def test_on_several_processors_a_compound_may_need_two_points_less_than_a_part()
 
     below = [Answer(members=("a", "b"), reserve=37, worse=())]
     ended, _ = search(tuning, Inquiry(oracle=Needs({("a", "b"): 37})), below)
-    assert [one.says for one in ended.breaks] == ["a+b meets its thresholds with less than a needs"]
+    (contradiction,) = ended.contradictions
+    assert contradiction.message == "a+b meets its thresholds with less than a needs"
     assert not ended.proved
 
 
@@ -265,7 +267,8 @@ def test_what_else_was_measured_counts_once_there_would_be_an_answer() -> None:
     assert recorded[1] in trail[len(asked) :]
     assert len({(one.members, one.reserve) for one in trail}) == len(trail), "nothing is told twice"
     assert (found.proved, [coi.members for coi in found.cois]) == (False, [("a",), ("b", "c")])
-    assert [one.says for one in found.breaks] == ["b+c meets its thresholds with less than b needs"]
+    (contradiction,) = found.contradictions
+    assert contradiction.message == "b+c meets its thresholds with less than b needs"
 
 
 def test_a_compound_is_looked_for_down_to_what_its_parts_were_shown_to_miss() -> None:
