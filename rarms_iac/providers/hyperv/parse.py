@@ -160,16 +160,14 @@ def _disk(path: str, machine: str, known: VirtualDisk | None) -> Disk:
     return Disk(path=path, kind=kind, parent=known.parent if known else "", machine=machine)
 
 
-def tasks_of(observation: HostObservation, inside: str = "", machine: str = "") -> tuple[TaskClass, ...]:
-    """The task classes of one operating system by name, a record without its key included."""
+def tasks_of(observation: HostObservation) -> tuple[TaskClass, ...]:
+    """The task classes of that operating system by name, a record without its key included."""
     records = _records(or_else(observation.records, ()))
     records.pop(_RESPONSIVENESS, None)
     keys = {key.name.lower(): key for key in or_else(observation.tasks, ())}
     return tuple(
         TaskClass(
             name=keys[lower].name if lower in keys else records[lower][0],
-            inside=inside,
-            machine=machine,
             values=values_of(keys[lower].values) if lower in keys else {},
             record=records[lower][1] if lower in records else None,
         )

@@ -48,9 +48,8 @@ class Transport(Protocol):
 class LocalTransport:
     """The PowerShell of this computer."""
 
-    def __init__(self, host: str, shell: str | None = None) -> None:
+    def __init__(self, host: str) -> None:
         self._host = host
-        self._shells = SHELLS if shell is None else (shell,)
 
     def run(
         self, script: ScriptBundle, arguments: Sequence[str], silence_s: float, listener: Listener
@@ -68,10 +67,10 @@ class LocalTransport:
                 return _follow(channel, silence_s, listener, stop.touch)
 
     def _program(self) -> str:
-        for shell in self._shells:
+        for shell in SHELLS:
             if found := shutil.which(bootstrap.program_of(shell)):
                 return found
-        names = " or ".join(bootstrap.program_of(shell) for shell in self._shells)
+        names = " or ".join(bootstrap.program_of(shell) for shell in SHELLS)
         raise HostFailed(
             self._host,
             f"{names} is not on this computer, which the manifest says is the host",
