@@ -134,7 +134,7 @@ def test_github_annotates_the_span_and_escapes_what_would_end_it() -> None:
 
     assert as_github([one]) == (
         "::error file=manifests/my robot.yaml,line=31,endLine=31,col=5,endColumn=8,"
-        "title=RARMS014 Reservations exceed the platform::120 %25:%0Ano, really%0A::error::x\n"
+        "title=RARMS014 Reservations exceed the platform::120 %25:%0Ano, really%0A<U+003A>:error::x\n"
     )
 
 
