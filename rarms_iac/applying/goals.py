@@ -17,7 +17,6 @@ from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import ThreadClass
 from rarms_iac.model.state import Disk, Partition, State, TaskClass
 from rarms_iac.model.system import Disruption, HypervHost, SimulatedHost, System
-from rarms_iac.model.where import partition_place
 from rarms_iac.planner.desired import desired_state
 from rarms_iac.planner.findings import MEMORY, PACKING, RESERVATIONS
 from rarms_iac.planner.groups import groups_of
@@ -132,7 +131,9 @@ def _namesakes(system: System, observed: Mapping[str, State], places: Places) ->
         for machine in state.partitions:
             is_managed = machine.mark is not None and machine.mark.application == system.application.name
             if not is_managed and machine.settings.name in names:
-                yield machine_in_the_way(machine, partition_place(system, places, machine.settings.name))
+                yield machine_in_the_way(
+                    machine, places.key(system.section_of(machine.settings.name), machine.settings.name)
+                )
 
 
 def _without_place(diagnostic: Diagnostic) -> Diagnostic:
@@ -164,7 +165,7 @@ def _locator(
             return places.value("components", values.user, "task") if values else None
         if address.partition in system.moved:
             return places.key("moved", address.partition)
-        return partition_place(system, places, address.partition)
+        return places.key(system.section_of(address.partition), address.partition)
 
     return locate
 

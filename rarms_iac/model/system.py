@@ -436,3 +436,7 @@ class System:
     tasks: Mapping[str, TaskRequest]
     policy: Policy
     moved: Mapping[str, str]  # old partition name -> new
+
+    def section_of(self, partition: str) -> str:
+        """The section of the manifest that asks for a partition: its own entry, or the component it is called after."""
+        return "partitions" if partition in self.partitions else "components"

@@ -12,7 +12,6 @@ from rarms_iac.model.plan import Purpose, Step, UndoLevel
 from rarms_iac.model.quantities import show_bytes
 from rarms_iac.model.state import Partition
 from rarms_iac.model.system import Disruption
-from rarms_iac.model.where import partition_place
 from rarms_iac.model.wording import suggestion
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.headroom import limit_in_manifest
@@ -127,7 +126,7 @@ def review_raised_limits(part: ReviewedPlan) -> Iterator[Diagnostic]:
         limit = limit_in_manifest(groups[partition.name], part.plan.host, partition.processors)
         if limit is not None and limit < partition.reserve:
             yield LIMIT_RAISED.at(
-                partition_place(part.system, part.places, partition.name),
+                part.places.key(part.system.section_of(partition.name), partition.name),
                 f'"{partition.name}" is limited to {limit} % of each of its virtual processors, and its reserve needs '
                 f"{partition.reserve} %: the plan raises the limit to that, and the partition never gets more.",
                 "Raise the limit, or remove it: what was measured without one holds without one.",

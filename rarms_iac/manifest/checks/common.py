@@ -112,11 +112,6 @@ def partition_names(system: System) -> set[str]:
     return own | set(system.partitions)
 
 
-def section_of_partition(system: System, name: str) -> str:
-    """Where the manifest names this partition: its own entry, or the component that it is called after."""
-    return "partitions" if name in system.partitions else "components"
-
-
 def companions(system: System) -> dict[str, str]:
     """Component -> a name that all have in common that `together` binds, however many steps apart."""
     root = {name: name for name in system.components}

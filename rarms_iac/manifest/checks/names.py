@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterable, Iterator
 
-from rarms_iac.manifest.checks.common import Path, Violation, partition_names, section_of_partition
+from rarms_iac.manifest.checks.common import Path, Violation, partition_names
 from rarms_iac.model.diagnostics import Finding, Severity
 from rarms_iac.model.measurement import TEST_PARTITIONS
 from rarms_iac.model.names import WINDOWS_DEVICES
@@ -122,7 +122,7 @@ def test_partition_name(system: System) -> Iterator[Violation]:
 
 
 def _partition_name_violation(system: System, name: str, detail: str, advice: str) -> Violation:
-    path = (section_of_partition(system, name), name)
+    path = (system.section_of(name), name)
     return Violation(path=path, at_key=True, detail=detail, advice=advice, address=f"partition/{name}")
 
 

@@ -7,7 +7,6 @@ from fractions import Fraction
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Places
 from rarms_iac.model.layout import Cause, Infeasible, Relaxation
 from rarms_iac.model.quantities import show_bytes, show_percent, show_processors
-from rarms_iac.model.where import partition_place
 from rarms_iac.model.wording import in_a_row, number
 from rarms_iac.planner import findings
 from rarms_iac.planner.infeasibility.conflict import Conflict, conflicts
@@ -165,6 +164,6 @@ def _place(cause: Cause, problem: Problem, places: Places) -> Place:
         case "component":
             return places.key("components", name)
         case "partition":
-            return partition_place(problem.system, places, name)
+            return places.key(problem.system.section_of(name), name)
         case _:
             return places.key("application")
