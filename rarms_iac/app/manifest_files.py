@@ -14,6 +14,10 @@ from rarms_iac.manifest.text.characters import BYTE_ORDER_MARK
 from rarms_iac.manifest.text.reading import ParsedText, read
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.names import is_name
+from rarms_iac.storage.reading import read_file
+
+_BLANK_BYTES = 4096
+"""A larger file is not looked into."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +36,7 @@ class FormattedManifest:
 
 
 def write_first_manifest(folder: str, name: str | None = None) -> str:
-    """Write a commented manifest that validates and plans as it is; return its path.
+    """Write a commented manifest that validates and plans as it is; return its path. A blank file gives way.
 
     Args:
         folder: where; it is made where it does not exist.
@@ -45,12 +49,19 @@ def write_first_manifest(folder: str, name: str | None = None) -> str:
     if name is not None and not is_name(name):
         raise RequestError(f"{name!r} cannot be an application's name: small letters, digits and hyphens, 63 at most.")
     path = Path(folder) / DEFAULT_NAME
-    if path.exists() or path.is_symlink():
+    if (path.exists() or path.is_symlink()) and not _is_blank(path):
         raise UseCaseError(Outcome.FAILED, [in_the_way(path.as_posix())])
     text = initial_manifest(name or name_from(path.resolve().parent.name))
     make_folder(path.parent.as_posix())
     write_file(str(path), text.encode())
     return path.as_posix()
+
+
+def _is_blank(path: Path) -> bool:
+    """Whether it is a file of its own with nothing but blanks in it: there is nothing to lose."""
+    if path.is_symlink() or not path.is_file() or path.stat().st_size > _BLANK_BYTES:
+        return False
+    return not read_file(path, _BLANK_BYTES).strip()
 
 
 def format_manifests(paths: Sequence[str]) -> tuple[FormattedManifest, ...]:

@@ -94,7 +94,7 @@ def _to_system(combined: Combined) -> tuple[System | None, list[Diagnostic]]:
 
 
 def _is_empty(text: ParsedText, *, overlay: bool) -> Diagnostic:
-    advice = "Write a manifest, or let `rarms init` write one."
+    advice = "Write a manifest, or move the file away and let `rarms init` write one."
     if overlay:
         advice = "Write the keys that differ from the manifest, or do not use the overlay."
     return EMPTY.at(Place(file=text.source.file, line=1, column=1), "The file has only comments.", advice)

@@ -1,6 +1,6 @@
 """Hosts for a reader: what the doctor found on them, and what drifted; each also as JSON for programs."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.doctor import ExaminedHost
@@ -123,10 +123,17 @@ TITLES = {
 }
 
 
-def drift_text(hosts: Sequence[HostDrift]) -> "RenderableType":
-    """Show of each difference what is there, and what the manifest wants."""
+def drift_text(hosts: Sequence[HostDrift], unfinished: Collection[str] = ()) -> "RenderableType":
+    """Show of each difference what is there, and what the manifest wants.
+
+    Args:
+        hosts: what drifted on each.
+        unfinished: names of hosts with an unfinished run: nothing can be planned there before it is finished.
+    """
     parts = [part for host in hosts if host.drifted for part in _host(host)]
-    if any(drifted.kind is not DriftKind.UNUSED for host in hosts for drifted in host.drifted):
+    if unfinished:
+        parts.append(paragraph(f"A run is unfinished on {', '.join(sorted(unfinished))}: `rarms apply` finishes it."))
+    elif any(drifted.kind is not DriftKind.UNUSED for host in hosts for drifted in host.drifted):
         parts.append(paragraph("`rarms plan` shows what would make it as the manifest wants it."))
     return stack(*parts, paragraph(styled((_summary(hosts), STRONG))))
 

@@ -24,7 +24,7 @@ def command(session: Session, *, source: ManifestSource, host_selection: HostSel
     if as_json:
         session.terminal.data(drift_json(hosts.system.application.name, report.hosts))
     else:
-        session.terminal.show(drift_text(report.hosts))
+        session.terminal.show(drift_text(report.hosts, report.unfinished))
     for host, plan in report.unfinished.items():
         session.terminal.talk(
             f"{host}: a run of plan {plan} is unfinished; what it has yet to do is listed as changed."

@@ -56,7 +56,7 @@ def _no_mapping(parsed: ParsedText) -> list[Diagnostic]:
     if not parsed.readable or isinstance(parsed.value, dict):
         return []
     if parsed.value is None:
-        advice = "Write a manifest, or let `rarms init` write one."
+        advice = "Write a manifest, or move the file away and let `rarms init` write one."
         return [EMPTY.at(place, "The file has only comments.", advice)]
     return [WRONG_KIND.at(place, "A manifest is a map of keys to values.", "Begin with `schema: rarms/v1`.")]
 

@@ -1,0 +1,296 @@
+"""Every command that a message recommends works in the situation that the message is about.
+
+A situation is a folder, made by commands and files, and one command more, whose output recommends something. What
+stands there between backticks and begins with `rarms` is run as it is printed, each in a copy of that folder.
+"""
+
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import chdir
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.cli.codes import ExitCode
+from tests.crashing import KILLED
+from tests.measuring import leave_logs
+from tests.needs import CHECKOUT
+from tests.unit.cli.running import rarms
+
+MANIFEST = """\
+schema: rarms/v1
+application: { name: robot }
+hosts:
+  onboard: { logical_processors: 2, memory: 4 GiB }
+components:
+  vision:
+    criticality: 30
+    apt: { mean_response_time: { at_most: 50 ms } }
+    run: { command: [vision], until: { samples: 60 }, samples: { from: per_run } }
+    cpu: { reserve: 45 % }
+    memory: 512 MiB
+    simulation: { work: 20 ms, varies: 2 % }
+  speech: { criticality: 5, memory: 512 MiB, cpu: { reserve: 20 % }, simulation: { work: 1 ms } }
+"""
+MEASURED = MANIFEST.replace("45 %", "measured")
+ALONE = MANIFEST[: MANIFEST.index("  speech")]
+
+PAIR = f"""{MEASURED[: MEASURED.index("  speech")]}\
+  speech:
+    criticality: 5
+    apt: {{ mean_response_time: {{ at_most: 100 ms }} }}
+    run: {{ command: [speech], until: {{ samples: 60 }}, samples: {{ from: per_run }} }}
+    cpu: {{ reserve: measured }}
+    memory: 512 MiB
+    simulation: {{ work: 1 ms, varies: 2 % }}
+"""
+
+ASKS = {"apply", "undo", "stop", "start", "import", "release", "destroy"}
+"""Commands that ask before they change a host."""
+
+WORKS = {ExitCode.DONE, ExitCode.FOUND, ExitCode.NOT_APPLIED}
+"""Done, or a plan or drift that is not empty."""
+
+
+def write(text: str) -> Callable[[], None]:
+    """What writes the manifest."""
+    return lambda: Path("rarms.yaml").write_text(text, encoding="utf-8", newline="\n") and None
+
+
+def do(*words: str) -> Callable[[], None]:
+    """What runs a command that must work."""
+
+    def run() -> None:
+        ran = rarms(*words)
+        assert ran.code in WORKS, (words, ran.err)
+
+    return run
+
+
+APPLY = do("apply", "--auto-approve")
+
+
+def killed(*words: str, at: int) -> Callable[[], None]:
+    """What runs a command as a process that ends without clean-up at its effect of this number."""
+
+    def run() -> None:
+        folder = str(Path.cwd())
+        command = [sys.executable, "-m", "tests.crashing", str(at), "after", *words, "-f", folder]
+        ended = subprocess.run(command, cwd=CHECKOUT, capture_output=True, encoding="utf-8", timeout=120)
+        assert ended.returncode == KILLED, ended.stderr
+
+    return run
+
+
+def logs(**least: int) -> Callable[[], None]:
+    """What leaves data logs that need so many per cent."""
+    return lambda: leave_logs(Path(), least)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Situation:
+    """How it comes about, the command whose message is read, and what that must recommend at least."""
+
+    steps: tuple[Callable[[], None], ...]
+    words: tuple[str, ...]
+    says: str  # a finding's id, or words of the message
+    recommends: tuple[str, ...]
+    asked: bool = False  # the message comes from a question at a terminal
+
+
+SITUATIONS = {
+    "nothing is measured": Situation(
+        steps=(write(MEASURED),), words=("plan",), says="RARMS100", recommends=("rarms measure vision",)
+    ),
+    "nothing is measured that a page could show": Situation(
+        steps=(write(MEASURED),), words=("report",), says="no data log", recommends=("rarms measure",)
+    ),
+    "partitions run where it is measured": Situation(
+        steps=(write(MANIFEST), APPLY),
+        words=("measure", "vision", "--from", "50%", "--to", "50%"),
+        says="RARMS115",
+        recommends=("rarms measure --stop-partitions", "rarms stop", "rarms start"),
+    ),
+    "a partition was stopped": Situation(
+        steps=(write(MANIFEST), APPLY, do("stop", "vision", "--auto-approve")),
+        words=("plan",),
+        says="stays stopped",
+        recommends=("rarms start vision",),
+    ),
+    "a stopped partition would be proven": Situation(
+        steps=(write(MANIFEST), APPLY, do("stop", "--auto-approve")),
+        words=("prove",),
+        says="stopped by rarms",
+        recommends=("rarms start speech vision",),
+    ),
+    "nothing is applied that could be proven": Situation(
+        steps=(write(MANIFEST),), words=("prove",), says="on no host", recommends=("rarms plan", "rarms apply")
+    ),
+    "an APT is missed in the layout": Situation(
+        steps=(write(ALONE.replace("45 %", "10 %")), APPLY),
+        words=("prove", "--interference", "busy-loop"),
+        says="its threshold is",
+        recommends=("rarms measure vision --again --stop-partitions",),
+    ),
+    "an apply was killed": Situation(
+        steps=(write(MANIFEST), killed("apply", "--auto-approve", at=20)),
+        words=("plan",),
+        says="RARMS183",
+        recommends=("rarms apply", "rarms undo", "rarms apply --abandon"),
+    ),
+    "a measurement was killed that had stopped partitions": Situation(
+        steps=(
+            write(MANIFEST),
+            APPLY,
+            killed("measure", "vision", "--from", "50%", "--to", "50%", "--stop-partitions", at=30),
+        ),
+        words=("drift",),
+        says="A run is unfinished on onboard",
+        recommends=("rarms apply",),
+    ),
+    "a plan was used": Situation(
+        steps=(write(MANIFEST), do("plan", "--out", "a.plan"), APPLY, do("destroy", "--auto-approve")),
+        words=("apply", "a.plan"),
+        says="was applied to onboard, or another",
+        recommends=("rarms plan --out FILE",),
+    ),
+    "a partition is no longer wanted": Situation(
+        steps=(write(MANIFEST), APPLY, write(ALONE), APPLY),
+        words=("plan",),
+        says="is unused and stopped",
+        recommends=("rarms destroy --target partition/speech",),
+    ),
+    "a machine that is not managed has a wanted name": Situation(
+        steps=(write(MANIFEST), APPLY, do("release", "vision", "--auto-approve")),
+        words=("plan",),
+        says="RARMS150",
+        recommends=("rarms import vision --id",),
+    ),
+    "there is no terminal to ask at": Situation(
+        steps=(write(MANIFEST),),
+        words=("apply",),
+        says="no terminal",
+        recommends=("rarms plan --out FILE", "rarms apply FILE"),
+    ),
+    "a question was answered with no": Situation(
+        steps=(write(MANIFEST),), words=("apply",), says="Nothing was changed", recommends=("rarms plan",), asked=True
+    ),
+    "the host is not as the manifest wants it": Situation(
+        steps=(write(MANIFEST), APPLY, write(MANIFEST.replace("45 %", "40 %"))),
+        words=("drift",),
+        says="as the manifest wants",
+        recommends=("rarms plan",),
+    ),
+    "no measured setting is enough": Situation(
+        steps=(write(MEASURED), do("measure", "vision", "--from", "10%", "--to", "20%")),
+        words=("plan",),
+        says="RARMS10",
+        recommends=("rarms measure vision",),
+    ),
+    "a level needs more than was measured": Situation(
+        steps=(write(MEASURED), do("measure", "vision", "--from", "10%", "--to", "20%")),
+        words=("select", "vision", "--at", "60 ms"),
+        says="measure higher settings",
+        recommends=("rarms measure vision --from 21% --to 100%",),
+    ),
+    "reservations exceed the host": Situation(
+        steps=(
+            write(MEASURED.replace("20 %", "30 %")),
+            logs(vision=85),
+        ),
+        words=("plan",),
+        says="RARMS014",
+        recommends=("rarms measure",),
+    ),
+    "a pair would fit": Situation(
+        steps=(write(PAIR), logs(vision=60, speech=60)),
+        words=("plan",),
+        says="RARMS014",
+        recommends=("rarms tune",),
+    ),
+    "a setting has no steady state": Situation(
+        steps=(write(MEASURED.replace("samples: 60", "samples: 40").replace("varies: 2 %", "varies: 0 %")),),
+        words=("measure", "vision"),
+        says="RARMS267",
+        recommends=("rarms measure vision --again --samples 2000",),
+    ),
+    "there is no manifest": Situation(steps=(), words=("validate",), says="RARMS001", recommends=("rarms init",)),
+    "the manifest is empty": Situation(
+        steps=(write("\n  \n"),), words=("validate",), says="The file has no content", recommends=("rarms init",)
+    ),
+    "the manifest begins with a byte order mark": Situation(
+        steps=(write("\ufeff" + MANIFEST),), words=("validate",), says="RARMS006", recommends=("rarms fmt",)
+    ),
+    "an error is accepted that cannot be": Situation(
+        steps=(
+            write(
+                MANIFEST
+                + "policy: { accept: { RARMS014: { at: [component/vision], reason: known, until: 2099-01-01 } } }\n"
+            ),
+        ),
+        words=("plan",),
+        says="acceptance",
+        recommends=("rarms explain RARMS014",),
+    ),
+    "both names of a move are on the host": Situation(
+        steps=(
+            write(MANIFEST),
+            APPLY,
+            write(MANIFEST.replace("  vision:", "  sight: { criticality: 1, cpu: { reserve: 1 % } }\n  vision:")),
+            APPLY,
+            write(MANIFEST.replace("  speech:", "  sight:") + "moved: { speech: sight }\n"),
+        ),
+        words=("plan",),
+        says="RARMS156",
+        recommends=("rarms destroy --target partition/speech",),
+    ),
+}
+
+
+def recommended(text: str) -> tuple[str, ...]:
+    """The commands that a text recommends, as printed; a line's end in one is a blank."""
+    found = (" ".join(match.split()) for match in re.findall(r"`(rarms [a-z][^`]*)`", text))
+    return tuple(dict.fromkeys(command for command in found if "..." not in command))
+
+
+def made(situation: Situation, folder: Path) -> str:
+    """Bring the situation about in this folder; what its command says."""
+    with chdir(folder):
+        for step in situation.steps:
+            step()
+        ran = rarms(*situation.words, stdin="no\n", at_a_terminal=situation.asked)
+    return " ".join(re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", ran.out + ran.err).split())
+
+
+def run_as_printed(command: str, folder: Path) -> None:
+    """Run it; what asks is told not to, and a FILE is one that is there where it is read."""
+    words = [word.replace("FILE", "a.plan") for word in shlex.split(command)[1:]]
+    with chdir(folder):
+        if words[0] == "apply" and "a.plan" in words:
+            do("plan", "--out", "a.plan")()
+        elif words[0] in ASKS and "--abandon" not in words:
+            words.append("--auto-approve")
+        ran = rarms(*words)
+    assert ran.code in WORKS, f"`{command}`: exit {ran.code}\n{ran.out}{ran.err}"
+
+
+@pytest.mark.parametrize("situation", SITUATIONS.values(), ids=SITUATIONS.keys())
+def test_what_is_recommended_works_where_it_is_recommended(situation: Situation, tmp_path: Path) -> None:
+    origin = tmp_path / "origin"
+    origin.mkdir()
+
+    says = made(situation, origin)
+
+    assert situation.says in says
+    commands = recommended(says)
+    for wanted in situation.recommends:
+        assert any(command.startswith(wanted) for command in commands), (wanted, commands, says)
+    for number, command in enumerate(commands):
+        folder = tmp_path / f"copy-{number}"
+        shutil.copytree(origin, folder)
+        run_as_printed(command, folder)
