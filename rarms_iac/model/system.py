@@ -440,3 +440,29 @@ class System:
     def section_of(self, partition: str) -> str:
         """The section of the manifest that asks for a partition: its own entry, or the component it is called after."""
         return "partitions" if partition in self.partitions else "components"
+
+
+def bound_together(components: Mapping[str, Component]) -> dict[str, str]:
+    """Find which components `together` binds, however many steps apart.
+
+    Args:
+        components: by name; what `together` names beside them is left out.
+
+    Returns:
+        For each component the name of one of those that it is bound to, the same for all of them; its own where there
+            is none.
+    """
+    first = {name: name for name in components}
+
+    def find(name: str) -> str:
+        while first[name] != name:
+            first[name] = first[first[name]]
+            name = first[name]
+        return name
+
+    for component in components.values():
+        for other in component.together:
+            if other in first:
+                lower, higher = sorted((find(component.name), find(other)))
+                first[higher] = lower
+    return {name: find(name) for name in components}

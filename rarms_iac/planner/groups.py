@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from rarms_iac.model.layout import Cause
-from rarms_iac.model.system import Component, Headroom, PartitionRequest, RunsOn, System
+from rarms_iac.model.system import Component, Headroom, PartitionRequest, RunsOn, System, bound_together
 from rarms_iac.planner import findings
 
 
@@ -116,24 +116,12 @@ def most_critical_first(components: Iterable[Component]) -> tuple[Component, ...
     return tuple(sorted(components, key=lambda component: (-component.criticality, component.name)))
 
 
-def _together(free: dict[str, Component]) -> Iterator[list[Component]]:
-    """The connected parts of `together`; what it names outside of them is for `company` to tell."""
-    parent = {name: name for name in free}
-
-    def root(name: str) -> str:
-        while parent[name] != name:
-            parent[name] = parent[parent[name]]
-            name = parent[name]
-        return name
-
-    for name, component in free.items():
-        for other in component.together:
-            if other in parent:
-                parent[root(other)] = root(name)
+def _together(free: Mapping[str, Component]) -> Iterable[list[Component]]:
+    """The components that share a partition; what `together` names beside them is for `company` to tell."""
     parts: dict[str, list[Component]] = {}
-    for name, component in free.items():
-        parts.setdefault(root(name), []).append(component)
-    yield from parts.values()
+    for name, first in bound_together(free).items():
+        parts.setdefault(first, []).append(free[name])
+    return parts.values()
 
 
 def company(groups: Iterable[Group], system: System) -> Iterator[Cause]:

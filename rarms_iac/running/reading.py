@@ -13,6 +13,7 @@ SHOWN = 60
 """Characters of an unreadable line that its message shows."""
 
 PATTERN_MEMORY = 2**20
+"""Bytes that a compiled pattern may take."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,13 +125,23 @@ def quoted(line: str) -> str:
     return '"' + "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in short) + '"'
 
 
-def _matcher(pattern: str) -> Callable[[str], Mapping[str, Any] | None]:
+def compile_pattern(pattern: str) -> Any:
+    """Compile a pattern of `run.samples` with RE2, which matches in linear time.
+
+    Raises:
+        re2.error: it is no such pattern, or takes more than `PATTERN_MEMORY` bytes.
+        UnicodeEncodeError: it contains half a character.
+    """
     import re2
 
     options = re2.Options()
     options.max_mem = PATTERN_MEMORY
     options.log_errors = False
-    compiled = re2.compile(pattern, options=options)
+    return re2.compile(pattern, options=options)
+
+
+def _matcher(pattern: str) -> Callable[[str], Mapping[str, Any] | None]:
+    compiled = compile_pattern(pattern)
 
     def match(line: str) -> Mapping[str, Any] | None:
         matched = compiled.search(line)

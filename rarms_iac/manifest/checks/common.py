@@ -16,6 +16,7 @@ from rarms_iac.model.system import (
     RunsOn,
     System,
     TaskRequest,
+    bound_together,
 )
 from rarms_iac.model.wording import in_a_row
 
@@ -112,29 +113,11 @@ def partition_names(system: System) -> set[str]:
     return own | set(system.partitions)
 
 
-def companions(system: System) -> dict[str, str]:
-    """Component -> a name that all have in common that `together` binds, however many steps apart."""
-    root = {name: name for name in system.components}
-
-    def find(name: str) -> str:
-        while root[name] != name:
-            root[name] = root[root[name]]
-            name = root[name]
-        return name
-
-    for component in system.components.values():
-        for other in component.together:
-            if other in root:
-                first, second = sorted((find(component.name), find(other)))
-                root[second] = first
-    return {name: find(name) for name in system.components}
-
-
 def bound_groups(system: System) -> list[list[Component]]:
     """Components without a partition's entry that `together` binds to others, each group sorted by name."""
     listed = partition_of_component(system)
     groups: dict[str, list[Component]] = {}
-    for name, group in sorted(companions(system).items()):
+    for name, group in sorted(bound_together(system.components).items()):
         if name not in listed:
             groups.setdefault(group, []).append(system.components[name])
     return [group for group in groups.values() if len(group) > 1]

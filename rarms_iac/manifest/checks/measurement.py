@@ -24,6 +24,7 @@ from rarms_iac.model.system import (
     System,
 )
 from rarms_iac.model.wording import suggestion
+from rarms_iac.running.reading import compile_pattern
 
 NO_SAMPLE_IN_TIME = Finding(
     code="RARMS068", severity=Severity.ERROR, summary="The measurement is shorter than one period"
@@ -47,9 +48,6 @@ NOTHING_TO_RUN = Finding(code="RARMS079", severity=Severity.ERROR, summary="A me
 MEASURED_WITHOUT_LOG = Finding(
     code="RARMS101", severity=Severity.WARNING, summary="The reserve has not been measured yet"
 )
-
-PATTERN_MEMORY = 2**20
-"""Bytes that a compiled pattern may take."""
 
 
 class DataLogs(Protocol):
@@ -270,11 +268,8 @@ def pattern_groups(pattern: str) -> Mapping[str, int] | str:
     """The named groups of an RE2 pattern with their numbers, or what is wrong with it."""
     import re2
 
-    options = re2.Options()
-    options.max_mem = PATTERN_MEMORY
-    options.log_errors = False
     try:
-        groups: Mapping[str, int] = re2.compile(pattern, options=options).groupindex
+        groups: Mapping[str, int] = compile_pattern(pattern).groupindex
     except re2.error as refused:
         reason = refused.args[0] if refused.args else "it is refused"
         return reason.decode("utf-8", "replace") if isinstance(reason, bytes) else str(reason)

@@ -7,7 +7,6 @@ from rarms_iac.manifest.checks.common import (
     Path,
     Violation,
     bound_groups,
-    companions,
     hosts_for,
     list_names,
     may_run_on,
@@ -15,7 +14,7 @@ from rarms_iac.manifest.checks.common import (
     partition_of_component,
 )
 from rarms_iac.model.diagnostics import Finding, Severity
-from rarms_iac.model.system import Component, RunsOn, System
+from rarms_iac.model.system import Component, RunsOn, System, bound_together
 
 SEVERAL_PARTITIONS = Finding(code="RARMS045", severity=Severity.ERROR, summary="A component is in several partitions")
 HOST_COMPONENT_IN_PARTITION = Finding(
@@ -122,7 +121,7 @@ def partition_of_another_name(system: System) -> Iterator[Violation]:
 
 def together_and_apart(system: System) -> Iterator[Violation]:
     """Components that are apart from one which `together` binds to them, however many steps away."""
-    group = companions(system)
+    group = bound_together(system.components)
     for component in system.components.values():
         for number, other in enumerate(component.apart):
             if other in group and group[other] == group[component.name]:
@@ -144,7 +143,7 @@ def _contradiction(system: System, name: str, other: str, group: Mapping[str, st
 
 def dedicated_shares(system: System) -> Iterator[Violation]:
     """Dedicated components that `together` or a partition's entry puts beside others."""
-    group = companions(system)
+    group = bound_together(system.components)
     sizes = Counter(group.values())
     for component in system.components.values():
         if component.dedicated and sizes[group[component.name]] > 1:
