@@ -1,4 +1,4 @@
-"""What a host has promised to its machines, and what it can promise (DESIGN section 4, Order)."""
+"""The budget of the steps on a host: its capacity, and the claims on it (DESIGN section 4, Order)."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -47,7 +47,7 @@ def within(claim: Claim, limit: Claim) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepBudget:
-    """What the steps on a host have to share, and how much they may disturb."""
+    """The capacity that the steps on a host share, and how much they may disturb."""
 
     capacity: Capacity
     foreign: tuple[Claim, ...] = ()  # of machines that this application does not manage

@@ -13,7 +13,7 @@ from rarms_iac.model.state import State
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Difference:
-    """What has to change on a host, by address, and the findings that stand in the way."""
+    """The changes of a host, by address, and the findings that stand in the way."""
 
     changes: tuple[Change, ...]
     unchanged: int  # resources that are as wanted; unused partitions are not counted

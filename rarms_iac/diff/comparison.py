@@ -1,4 +1,4 @@
-"""What the parts of a comparison share: the manifest's rules, the managed machines, and what one part yields."""
+"""Values that the parts of a comparison share: the manifest's rules, the managed machines, and one part's result."""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
@@ -22,7 +22,7 @@ def no_place(_address: Address) -> Place | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ManifestRules:
-    """What the manifest says beside the desired state."""
+    """The rules of the manifest beside the desired state."""
 
     moved: Mapping[str, str] = field(default_factory=dict)  # old partition name -> new
     protected: frozenset[str] = frozenset()  # partitions that must not be removed

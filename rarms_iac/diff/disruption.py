@@ -1,4 +1,4 @@
-"""What a change does to what runs: from what changes, and from what the host can do live (FACTS 3)."""
+"""Disruption: whether a change stops a partition, by its settings and by what the host can do live (FACTS 3)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

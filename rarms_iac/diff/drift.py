@@ -11,7 +11,7 @@ from rarms_iac.storage.digest import set_of_settings, set_of_values
 
 
 class DriftKind(StrEnum):
-    """What became of a resource since rarms last wrote it."""
+    """How a resource differs from what rarms last wrote, or from the manifest."""
 
     HOST_CHANGED = "host_changed"  # it is not as it was written
     NOT_APPLIED = "not_applied"  # the manifest wants something else than was written

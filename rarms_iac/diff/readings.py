@@ -1,4 +1,4 @@
-"""What can be read at an address: the names that a step's `before` and `after` are written in.
+"""Readings: all that can be read at an address, by the names that a step's `before` and `after` use.
 
 `diff` makes both from states with `readings`, a host answers with the same function over what it observes now; so a
 step's guard compares like with like. For a partition: `exists`, `machine` (id), `name`, `generation`, `processors`,
@@ -18,7 +18,7 @@ from rarms_iac.model.plan import Readings, Scope
 from rarms_iac.model.state import Disk, Partition, RegistryValue, Responsiveness, State, TaskClass, TaskRecord
 
 NOTHING: Readings = {"exists": False}
-"""What is read where nothing is."""
+"""The readings of an address where nothing is."""
 
 VALUE = "value:"
 """Stands before the name of a task class's value."""

@@ -19,7 +19,7 @@ SEARCHED_UP_TO = 500
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Capacity:
-    """What a host can promise: all of it less what is kept for itself."""
+    """The processors and memory that a host can promise: all of it less what is kept for itself."""
 
     logical_processors: int
     processors: LogicalProcessors  # that may be promised; at most the logical ones
@@ -27,7 +27,7 @@ class Capacity:
 
 
 def foreign_claims(state: State, application: str) -> tuple[Claim, ...]:
-    """What the machines that are not this application's are promised: those that run, start, or start by themselves."""
+    """The claims of machines of others: those that run, start, or start by themselves."""
     return tuple(
         partition.settings.claim
         for partition in state.partitions
@@ -36,7 +36,7 @@ def foreign_claims(state: State, application: str) -> tuple[Claim, ...]:
 
 
 def capacity_of(host: Host, facts: HostFacts | None) -> Capacity:
-    """What a host can promise: what the manifest says of it, or what is there where that is less."""
+    """The capacity of a host by the manifest, or by what was observed where that is less."""
     processors, memory = host.logical_processors, int(host.memory)
     if facts is not None:
         processors, memory = min(processors, facts.logical_processors), min(memory, facts.memory)

@@ -1,4 +1,4 @@
-"""What partitions are promised of a host, and what promises add up to."""
+"""Claims: the processors and memory that partitions are promised of a host, and their sums."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -7,12 +7,12 @@ from fractions import Fraction
 from rarms_iac.model.quantities import LogicalProcessors
 
 WHOLE = 100
-"""What a logical processor has to give, in per cent of itself."""
+"""One logical processor, in per cent of itself."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Claim:
-    """What a partition has promised to it while it counts: virtual processors of so many per cent, and bytes."""
+    """The promise of a host to a partition: virtual processors with so many per cent of each, and bytes of memory."""
 
     processors: int = 0
     reserve: int = 0  # whole per cent of each
@@ -41,7 +41,7 @@ class Load:
 
 
 def load_of(claims: Iterable[Claim]) -> Load:
-    """What the claims add up to."""
+    """Add up claims; memory in bytes, processors in per cent of one logical processor."""
     percent = memory = 0
     for claim in claims:
         percent += claim.processors * claim.reserve

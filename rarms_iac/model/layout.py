@@ -11,7 +11,7 @@ from rarms_iac.model.system import StartMode
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Making:
-    """What only the making of a machine needs; empty: the host's own way, or none."""
+    """The settings that only the creation of a machine needs; empty: the host's default, or none."""
 
     image: str = ""  # parent disk of a differencing child
     switch: str = ""
@@ -40,7 +40,7 @@ class PlacedPartition:
 
     @property
     def claim(self) -> Claim:
-        """What it is promised on its host while it runs."""
+        """Its claim on its host while it runs."""
         return Claim(processors=self.processors, reserve=self.reserve, memory=self.memory)
 
     @property

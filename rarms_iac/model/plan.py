@@ -91,7 +91,7 @@ class HeldBack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Totals:
-    """What a host has promised once the plan is done: to this application's partitions, and to all others."""
+    """The sums that a host has promised once the plan is done: to this application's partitions, and to all others."""
 
     percent: int  # of one logical processor: 140 is 1.4 LP
     memory: int  # bytes
@@ -114,7 +114,7 @@ class ThreadClass:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostPlan:
-    """What is to be done on one host."""
+    """The part of a plan for one host: changes, and steps in their order."""
 
     host: Host
     facts: HostFacts

@@ -33,7 +33,7 @@ class Facet(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostFacts:
-    """What decisions about a host rest on."""
+    """The facts of a host that decisions rest on."""
 
     name: str  # as the manifest calls it
     id: str
@@ -104,7 +104,7 @@ class PartitionSettings:
 
     @property
     def claim(self) -> Claim:
-        """What the partition is promised while it runs; `running` does not matter here."""
+        """The partition's claim while it runs, whether or not it runs now."""
         return Claim(processors=self.processors, reserve=self.reserve, memory=self.memory)
 
 
@@ -187,7 +187,7 @@ class RegistryValue:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TaskRecord:
-    """What rarms keeps beside a task class that it wrote, outside the multimedia keys (DESIGN section 4)."""
+    """The record that rarms keeps of a task class that it wrote, outside the multimedia keys (DESIGN section 4)."""
 
     application: str
     set: str  # digest of the values last written

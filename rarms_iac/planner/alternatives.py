@@ -1,4 +1,4 @@
-"""What else could have been: the hosts that a partition is not on, each with the reason."""
+"""Alternatives to a placement: the hosts that a partition is not on, each with the reason."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -33,7 +33,7 @@ class ChosenPlace:
     stays: str = ""  # why it may be nowhere else, whatever there is room for
 
     def view(self, host: Host) -> HostView:
-        """What was known of a host beside the manifest."""
+        """Return what was observed of a host."""
         return self.views.get(host.name, HostView())
 
 

@@ -1,4 +1,4 @@
-"""Who gets what nobody reserved: limit and weight of a partition, with the reasons (DESIGN section 3).
+"""Headroom, the processor time that nobody reserved: limit and weight of a partition, with reasons (DESIGN section 3).
 
 A reservation is what was measured and stays what it is. What is left over is handed out by the hypervisor, to whoever
 asks, by weight: so the policy decides weights, and what one component needs never moves the share of another.
@@ -12,11 +12,11 @@ from rarms_iac.model.system import Headroom, Host
 from rarms_iac.planner.groups import Group, Rank
 
 WEIGHT = 100
-"""What was measured with: a lower weight could falsify it."""
+"""The weight that components are measured with: in service, a lower one could falsify that."""
 
 MAX_WEIGHT = 10_000
 LAST = 1
-"""The weight of who is handed nothing: it has what everybody else leaves."""
+"""The weight of a partition that gets no headroom but what all others leave."""
 
 OPEN = 100
 """A limit that caps nothing."""

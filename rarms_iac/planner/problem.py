@@ -1,4 +1,4 @@
-"""What the search is given, made of manifest and hosts; and its answer, turned into a layout."""
+"""The packing problem, made of manifest and hosts; and its answer, turned into a layout."""
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from rarms_iac.planner.sizes import size
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostView:
-    """What the planner knows of a host beside the manifest; a host that was not observed has an empty one."""
+    """Facts and claims of a host beside the manifest; empty where the host was not observed."""
 
     facts: HostFacts | None = None
     claims: tuple[Claim, ...] = ()  # of machines that are not ours
@@ -44,7 +44,7 @@ def host_view(state: State, application: str) -> HostView:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
-    """What is to be placed, and where it could be."""
+    """The partitions to place, and the hosts that each may run on."""
 
     system: System
     groups: tuple[Group, ...]
@@ -120,7 +120,7 @@ def _kinds(system: System, depends_on: Callable[[Host], Hashable]) -> Mapping[st
 def _claims(
     group: Group, system: System, kinds: Mapping[str, tuple[Host, ...]], reservations: ReservationSource
 ) -> tuple[Mapping[str, Claim], tuple[Cause, ...]]:
-    """What the group would claim on each host that all its members may run on, or why it cannot be there."""
+    """The group's claim on each host that all its members may run on, or why it cannot be there."""
     limits = [member.hosts for member in group.members if member.hosts is not None]
     found: dict[str, Claim] = {}
     causes: list[Cause] = []

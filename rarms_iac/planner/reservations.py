@@ -135,7 +135,7 @@ def _not_told(_component: str) -> float | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredTogether:
-    """What the data log of components in one partition says, on the hosts that it holds for."""
+    """The data log of components in one partition, for the hosts that it holds for."""
 
     path: str  # as messages name it
     processors: int  # of P1: a CR is per cent of these
@@ -151,7 +151,7 @@ Logs = Mapping[tuple[Hashable, Names], MeasuredTogether | NotMeasured]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredReservations:
-    """What data logs say, and what the manifest fixes of components that need none.
+    """Reservations from data logs, and from the manifest for components that need no log.
 
     In a partition of several the log is that of all of them together, and what the manifest fixes of some is the least
     that they get.

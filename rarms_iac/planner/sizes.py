@@ -1,4 +1,4 @@
-"""What a partition gets on a host, in the provider's grain: rounded up, so that what fits on paper fits there."""
+"""Sizes of partitions on a host: processors, reserve, limit, weight and memory, rounded up to its provider's grain."""
 
 from fractions import Fraction
 

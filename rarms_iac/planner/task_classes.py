@@ -24,7 +24,7 @@ GPU_PRIORITY = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClassValues:
-    """What is decided about a class in one operating system."""
+    """The values of a class in one operating system."""
 
     name: str
     category: TaskCategory

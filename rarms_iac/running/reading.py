@@ -18,7 +18,7 @@ PATTERN_MEMORY = 2**20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """What a component said of one job."""
+    """The values of one job, as the component wrote them."""
 
     response_ms: float | None = None
     successful: bool = True

@@ -125,7 +125,7 @@ def earliest(*times: float | None) -> float | None:
 
 @dataclass(slots=True)
 class _Process:
-    """What is known of the process that runs now."""
+    """The process that runs now: its samples, and its output since the last one."""
 
     last: float  # when it began, or its last sample came
     samples: int = 0

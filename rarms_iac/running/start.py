@@ -64,7 +64,7 @@ class StartOrder:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartContext:
-    """What a component finds when it starts: the manifest's folder, rarms' own environment, and the partition."""
+    """The surroundings of a component's start: the manifest's folder, rarms' own environment, and the partition."""
 
     base: Path
     environment: Mapping[str, str] = field(default_factory=lambda: dict(os.environ))

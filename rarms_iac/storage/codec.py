@@ -182,7 +182,7 @@ def _decode_dataclass(cls: type) -> Decode:
 
 
 def _kind_of(cls: Any) -> str | None:
-    """What a dataclass' `kind` field always says, None where it has none."""
+    """The constant value of a dataclass' `kind` field, None where it has none."""
     if not _is_record(cls) or _KIND not in {field.name for field in fields(cls)}:
         return None
     values = get_args(get_type_hints(cls)[_KIND])

@@ -17,7 +17,7 @@ LIKE = 30
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Guide:
-    """What is known and predicted of every compound, after the answers so far."""
+    """Knowledge and predictions of every compound, after the answers so far."""
 
     known: Candidates
     predictor: Predictor

@@ -15,12 +15,12 @@ Fits = Callable[[Sequence[Coi]], bool]
 """Whether hosts can keep these promises at once; less reserve never fits worse."""
 
 Value = tuple[int, int, int]
-"""What layouts are compared on, in order; the smaller, the better."""
+"""The key that layouts are compared by, in order; the smaller, the better."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Objective:
-    """What makes a layout the better one, beside that it fits (DESIGN section 3)."""
+    """The objective: which of two layouts that fit is the better one (DESIGN section 3)."""
 
     capacity: int  # of all hosts, in per cent of one logical processor: what exceeds it need not be tried
     fits: Fits

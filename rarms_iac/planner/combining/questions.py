@@ -66,7 +66,7 @@ Decision = Ask | Best | NothingFits
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tuning:
-    """What is to be combined, and what makes a layout the better one."""
+    """The problem: the compounds that may be, and the objective that layouts are compared by."""
 
     candidates: Candidates  # before anything was asked
     objective: Objective

@@ -49,7 +49,7 @@ class ProvenIndex:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proven:
-    """What the component did in the applied layout, all components together."""
+    """The component's indexes in the applied layout, all components together."""
 
     kind: Literal["proven"] = "proven"
     component: str

@@ -31,7 +31,7 @@ IN_THE_FILES = frozenset({"run.files"})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogSubject:
-    """What is measured: components in one partition against a load, as the manifest has them."""
+    """The subject of a data log: components in one partition against a load, as the manifest has them."""
 
     platform: str
     components: tuple[Component, ...]  # by name

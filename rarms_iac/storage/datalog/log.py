@@ -1,4 +1,4 @@
-"""What a data log says: its header, and a setting a line with where it comes from."""
+"""A data log: its header, and a setting a line with where it comes from."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -73,7 +73,7 @@ class DataLog:
 
     @property
     def counting(self) -> tuple[Recorded, ...]:
-        """What reservations rest on.
+        """The settings that reservations rest on.
 
         A setting that was measured while something else ran gives way to a later one of the same reservation that had
         the host to itself, and to every later pass that was measured so to its end.

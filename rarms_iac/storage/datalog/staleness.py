@@ -13,7 +13,7 @@ ABSENT = "nothing"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchNow:
-    """What is known of a host; None: it was not looked at."""
+    """The bench as far as it is known now; None: it was not looked at."""
 
     provider: ProviderKind
     logical_processors: int
@@ -49,7 +49,7 @@ class Comparison:
 
 
 def compare(header: Header, identity: Identity, bench: BenchNow) -> Comparison:
-    """What differs between a log and what would be measured now."""
+    """Compare a log with what would be measured now."""
     return Comparison(
         changed=(*_parts(header, identity), *_bench(header.bench, bench)),
         warns=(*_interpreters(header.identity, identity), *_build(header.bench, bench)),
