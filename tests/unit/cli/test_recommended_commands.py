@@ -59,7 +59,11 @@ WORKS = {ExitCode.DONE, ExitCode.FOUND, ExitCode.NOT_APPLIED}
 
 def write(text: str) -> Callable[[], None]:
     """What writes the manifest."""
-    return lambda: Path("rarms.yaml").write_text(text, encoding="utf-8", newline="\n") and None
+
+    def write_manifest() -> None:
+        Path("rarms.yaml").write_text(text, encoding="utf-8", newline="\n")
+
+    return write_manifest
 
 
 def do(*words: str) -> Callable[[], None]:
