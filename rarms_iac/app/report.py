@@ -25,11 +25,16 @@ from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.tuning_log import tunings_of
 from rarms_iac.applying.host_drift import drift_of_hosts
 from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
+from rarms_iac.measuring.findings import show_threshold
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity, has_errors
 from rarms_iac.model.indexes import find_index
+from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.system import Host, ProviderKind, System
 from rarms_iac.planner.combining.candidates import Node
+from rarms_iac.planner.groups import groups_of
+from rarms_iac.planner.reservations import ReservationSource, names_of
+from rarms_iac.planner.sizes import size
 from rarms_iac.storage.datalog.configuration import Proven, ProvenIndex, read_entries
 from rarms_iac.storage.datalog.files import FOLDER, configuration_path, read_log
 from rarms_iac.storage.datalog.identity import Files
@@ -65,7 +70,7 @@ def report_of_manifest(manifest: Manifest, components: Sequence[str] = ()) -> Re
     if components:
         logs = tuple(log for log in logs if set(log.log.header.setup.members) & set(components))
     report = replace(
-        report_of(system, logs, tuple(_proofs(system, folder, components)), _statuses(manifest)),
+        report_of(system, logs, tuple(_proofs(manifest, components)), _statuses(manifest)),
         tunings=tuple(tunings_of(system, folder)),
     )
     if not report.measurements:
@@ -125,13 +130,49 @@ def _beside(system: System, folder: Path, path: Path, log: DataLog, host: Host, 
     )
 
 
-def _proofs(system: System, folder: Path, components: Sequence[str]) -> Iterator[ComponentProof]:
+def _proofs(manifest: Manifest, components: Sequence[str]) -> Iterator[ComponentProof]:
     """What each component showed when all ran together last, on every platform where they did."""
+    system, folder = manifest.system, Path(manifest.folder)
+    reservations = measured_reservations(measurements_of(manifest), {})
     for platform in sorted({host.platform for host in system.hosts.values()}):
         for name in sorted(components or system.components):
             for entry in _entries(configuration_path(folder, platform, name))[-1:]:
                 said = f"{entry.when}, on {entry.host} at {entry.reserve} %"
-                yield from (_proof(entry, index, said) for index in entry.indexes)
+                layout = tuple(_layout_since(entry, system, reservations))
+                for index in entry.indexes:
+                    changed = (*_threshold_since(entry, index, system), *layout)
+                    yield replace(_proof(entry, index, said), outdated=changed)
+
+
+def _threshold_since(entry: Proven, proven: ProvenIndex, system: System) -> Iterator[str]:
+    """How the threshold differs from the one that was proven."""
+    now = system.components[entry.component].apt.get(proven.index)
+    if now is None:
+        yield "there is no such threshold any more"
+    elif (text := show_threshold(proven.index, now)) != proven.threshold:
+        yield f"the threshold is {text} now"
+
+
+def _layout_since(entry: Proven, system: System, reservations: ReservationSource) -> Iterator[str]:
+    """How the layout differs from the one in which it was proven."""
+    host = system.hosts.get(entry.host)
+    if host is None:
+        yield f"there is no host {entry.host} any more"
+        return
+    gone = sorted(set(entry.beside) - system.components.keys())
+    new = sorted(system.components.keys() - {*entry.beside, entry.component}) if len(system.hosts) == 1 else []
+    if gone or new:
+        yield " and ".join([f"{name} is gone" for name in gone] + [f"{name} is new" for name in new])
+    group = next((group for group in groups_of(system) if entry.component in names_of(group.members)), None)
+    if group is None or not entry.partition:
+        return
+    if group.name != entry.partition:
+        yield f"its partition is {group.name} now"
+    placed = size(group, host, reservations)
+    if not isinstance(placed, PlacedPartition):
+        yield "nothing that holds says what it reserves"
+    elif placed.reserve != entry.reserve:
+        yield f"its partition reserves {placed.reserve} % now"
 
 
 def _entries(path: Path) -> list[Proven]:

@@ -148,6 +148,7 @@ class ComponentProof:
     verdict: str  # met, missed, within the noise, no steady state, cannot be told
     error: float | None  # that the verdict is wrong; None: there is none
     note: str = ""
+    outdated: tuple[str, ...] = ()  # what is no longer as it was when this was proven
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

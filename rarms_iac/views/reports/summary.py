@@ -156,10 +156,11 @@ def _proven(proof: ComponentProof) -> ProofRow:
         value="cannot be told" if proof.value is None else show_value(proof.value, proof.index.unit),
         shows=_band(proof),
         met=proof.met,
-        verdict=proof.verdict,
+        verdict=proof.verdict + (" (outdated)" if proof.outdated else ""),
         result=proof.verdict
         + ("" if proof.error is None else f" ({describe_error(proof.error)})")
-        + (f": {proof.note}" if proof.note else ""),
+        + (f": {proof.note}" if proof.note else "")
+        + (f"; outdated: {'; '.join(proof.outdated)}" if proof.outdated else ""),
     )
 
 

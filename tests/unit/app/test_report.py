@@ -189,3 +189,20 @@ def test_what_was_proven_last_stands_in_the_report(robot: Path) -> None:
     assert "113 ms" in page
     assert "missed" in page
     assert "98.7 ms" not in page
+
+
+def test_a_proof_says_what_is_no_longer_as_it_was(robot: Path) -> None:
+    seen = ProvenIndex(
+        index="mean_response_time", threshold="at most 120 ms", value=99.0, lower=None, upper=None, met=True
+    )
+    path = configuration_path(robot.parent, "onboard", "vision")
+    append_entry(path, a_proof(seen))
+
+    page, text = (rarms("report", "-f", str(robot), *words).out for words in (["-o", "-"], ["--text"]))
+
+    assert "; outdated: the threshold is at most 100 ms now; speech is gone; its partition reserves " in page
+    assert "met (outdated)" in " ".join(text.split())
+    now = int(page.partition("its partition reserves ")[2].partition(" ")[0])
+    held = replace(seen, threshold="at most 100 ms")
+    append_entry(path, replace(a_proof(held), beside=(), reserve=now))
+    assert "outdated" not in rarms("report", "-f", str(robot), "-o", "-").out
