@@ -87,6 +87,30 @@ def path_of(folder: Path, subject: LogSubject) -> Path:
     return log_path(folder, subject.platform, subject.setup.members, subject.setup.interference)
 
 
+def why_outdated(measurements: Measurements, host: Host, members: Names) -> str:
+    """Tell why what was once measured of these components together does not hold any more.
+
+    Args:
+        measurements: The manifest, and where its logs lie.
+        host: On which they were to be together.
+        members: Names of components, sorted; the manifest may know some no longer.
+
+    Returns:
+        A clause without a full stop; empty: their data log holds as it is.
+    """
+    system, folder = measurements.system, measurements.folder
+    if gone := [name for name in members if name not in system.components]:
+        return f"the manifest has no {', '.join(gone)} any more"
+    subject = subject_of(system, host, members, interference_of(system, members))
+    try:
+        log = read_log(path_of(folder, subject))
+    except LogUnreadable:
+        return "its data log is damaged"
+    if log is None:
+        return "its data log is gone"
+    return "; ".join(map(str, compared(log, subject, Files(folder), bench_now(host), here=is_here(host)).changed))
+
+
 def measured_reservations(measurements: Measurements, states: Mapping[str, State]) -> MeasuredReservations:
     """Read what the data logs say on every host of the manifest.
 

@@ -157,7 +157,7 @@ def _explanation(known: _KnownOfPartition, placement: _Placement, component: Com
     rests = rests_on_a_log(group)
     used = log if rests and isinstance(log, MeasuredTogether) else None
     beside_fixed = None if rests else _log_beside_fixed(known, placement.host)
-    previous = previous_tuning(known.measured.folder, placement.host.platform)
+    previous = previous_tuning(known.measured, placement.host)
     return Explanation(
         component=component,
         group=group,

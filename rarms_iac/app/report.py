@@ -71,7 +71,7 @@ def report_of_manifest(manifest: Manifest, components: Sequence[str] = ()) -> Re
         logs = tuple(log for log in logs if set(log.log.header.setup.members) & set(components))
     report = replace(
         report_of(system, logs, tuple(_proofs(manifest, components)), _statuses(manifest)),
-        tunings=tuple(tunings_of(system, folder)),
+        tunings=tuple(tunings_of(measurements_of(manifest))),
     )
     if not report.measurements:
         raise UseCaseError(Outcome.NEGATIVE, [_nothing(components)])

@@ -4,7 +4,8 @@ Nothing is computed from samples here. Rows come from the curve that the planner
 terminal, spreadsheet and planner cannot differ.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 from rarms_iac.model.indexes import PerformanceIndex
@@ -166,6 +167,9 @@ class PlatformTuning:
 
     platform: str
     run: TuningRun
+    outdated: Mapping[tuple[str, ...], str] = field(
+        default_factory=dict
+    )  # why what it measured of components together (by sorted names) does not hold any more
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,10 +1,11 @@
 """What tuning asked for and found, written down beside the data logs, and read for reports."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
 
+from rarms_iac.app.data_logs import Measurements, why_outdated
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors
 from rarms_iac.app.report_model import PlatformTuning
@@ -34,17 +35,26 @@ def record_tuning(hosts: Hosts, platform: str, run: TuningRun) -> None:
         append_run(tuning_path(Path(hosts.folder), platform), run)
 
 
-def tunings_of(system: System, folder: Path) -> Iterator[PlatformTuning]:
+def tunings_of(measurements: Measurements) -> Iterator[PlatformTuning]:
     """Yield the last run of every platform of the manifest that has one, platforms by name.
 
     Raises:
         UseCaseError: A log is damaged (negative).
     """
-    for platform in sorted({host.platform for host in system.hosts.values()}):
+    hosts = {host.platform: host for _, host in sorted(measurements.system.hosts.items(), reverse=True)}
+    for platform, host in sorted(hosts.items()):
         with log_errors():
-            runs = read_runs(tuning_path(folder, platform))
+            runs = read_runs(tuning_path(measurements.folder, platform))
         if runs:
-            yield PlatformTuning(platform=platform, run=runs[-1])
+            outdated = _outdated_compounds(runs[-1:], measurements, host)
+            yield PlatformTuning(platform=platform, run=runs[-1], outdated=outdated)
+
+
+def _outdated_compounds(runs: Sequence[TuningRun], measurements: Measurements, host: Host) -> Mapping[Names, str]:
+    """Why what was measured of compounds does not hold any more; those that hold are left out."""
+    compounds = {tuple(sorted(setting.components)) for run in runs for setting in run.trail}
+    found = {names: why_outdated(measurements, host, names) for names in sorted(compounds)}
+    return {names: why for names, why in found.items() if why}
 
 
 STRATEGIES = {"default": "the default strategy", "paper": "the paper's procedure"}
@@ -59,6 +69,7 @@ class PreviousTuning:
 
     runs: tuple[TuningRun, ...] = ()
     unreadable: str = ""
+    outdated: Mapping[Names, str] = field(default_factory=dict)  # as of `PlatformTuning`
 
     def combined(self, members: Names) -> str:
         """Say how tuning put just these components together; empty: no run of it wrote that."""
@@ -85,7 +96,8 @@ class PreviousTuning:
                 if set(names) & set(members) and names != members:
                     seen.setdefault(names, {})[setting.reserve] = setting.worse
         for names, settings in seen.items():
-            yield f"{'+'.join(names)}, as `rarms tune` measured it: {'; '.join(_settings(settings))}"
+            why = f"; outdated: {self.outdated[names]}" if names in self.outdated else ""
+            yield f"{'+'.join(names)}, as `rarms tune` measured it: {'; '.join(_settings(settings))}{why}"
 
     def nothing(self, platform: str) -> str:
         """Say why there is nothing to tell; empty: there are runs."""
@@ -94,19 +106,21 @@ class PreviousTuning:
         return "" if self.runs else f"`rarms tune` has measured nothing on {platform}"
 
 
-def previous_tuning(folder: Path, platform: str) -> PreviousTuning:
-    """Read the platform's log of tuning.
+def previous_tuning(measurements: Measurements, host: Host) -> PreviousTuning:
+    """Read the log of tuning of a host's platform.
 
     Args:
-        folder: the manifest's.
-        platform: as the manifest names it.
+        measurements: those beside the manifest; what tuning measured is compared with them.
+        host: of the manifest.
 
     Returns:
         The recorded runs; a log that cannot be read gives a message in `unreadable`, and no error.
     """
-    path = tuning_path(folder, platform)
+    folder = measurements.folder
+    path = tuning_path(folder, host.platform)
     try:
-        return PreviousTuning(runs=read_runs(path))
+        runs = read_runs(path)
+        return PreviousTuning(runs=runs, outdated=_outdated_compounds(runs, measurements, host))
     except LogUnreadable as problem:
         shown = path.relative_to(folder).as_posix()
         return PreviousTuning(

@@ -1,5 +1,6 @@
 """The summary: levels and bandwidths, a row a threshold, and each platform's total against its capacity."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -222,14 +223,15 @@ def tuning_text(tuning: PlatformTuning) -> str:
     broken = f" Nothing is proved: {'; '.join(run.contradictions)}." if run.contradictions else ""
     written = "" if run.written or run.ending != "successful" else " The manifest was left as it is."
     named = (run.message or run.ending.replace("_", " ")).capitalize()
-    return f"{named}: {result} ({run.strategy} strategy, {run.when}).{proof}{broken}{written}"
+    outdated = "".join(f" {'+'.join(names)} is outdated: {why}." for names, why in tuning.outdated.items())
+    return f"{named}: {result} ({run.strategy} strategy, {run.when}).{proof}{broken}{written}{outdated}"
 
 
 def trail_rows(tuning: PlatformTuning) -> tuple[tuple[str, str, str, str], ...]:
     """A row a setting that was asked for, in order: components, CR, what was predicted, answer."""
     return tuple(
         (
-            " + ".join(asked.components),
+            " + ".join(asked.components) + _outdated(tuning, asked.components),
             show_percent(asked.reserve),
             "" if asked.predicted is None else show_percent(asked.predicted),
             f"not met for sure by {', '.join(asked.worse)}" if asked.worse else "all thresholds met",
@@ -238,12 +240,16 @@ def trail_rows(tuning: PlatformTuning) -> tuple[tuple[str, str, str, str], ...]:
     )
 
 
+def _outdated(tuning: PlatformTuning, components: Sequence[str]) -> str:
+    return " (outdated)" if tuple(sorted(components)) in tuning.outdated else ""
+
+
 def tuned_rows(tuning: PlatformTuning) -> tuple[tuple[str, str, str, str, str], ...]:
     """A row a partition as it was left: name, components, CR, what it reserves, what its parts reserved apart."""
     return tuple(
         (
             part.name,
-            ", ".join(part.components),
+            ", ".join(part.components) + _outdated(tuning, part.components),
             show_percent(part.reserve),
             _processors(part.reserved),
             _processors(part.parts),

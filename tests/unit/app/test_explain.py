@@ -272,9 +272,15 @@ def test_what_tuning_combined_and_rejected_is_told(here: Path) -> None:
     ) in tuned["partition"]
     assert (
         "driver+speech, as `rarms tune` measured it: 50 % is enough, and another layout was taken; 40 % is not enough "
-        "for driver for sure"
+        "for driver for sure; outdated: the manifest has no driver any more"
     ) in tuned["rejected"]
     assert "speech+vision, as" not in tuned["rejected"]
+    page = rarms("report", "-f", str(here), "--text").out
+    assert "speech+vision is outdated" not in page
+    edit(here / "rarms.yaml", "work: 9 ms", "work: 10 ms")
+    page = rarms("report", "-f", str(here), "--text").out
+    assert "speech+vision is outdated: " in " ".join(page.split())
+    assert "vision, speech (outdated)" in " ".join(page.split())
 
 
 RUNNING = """\
