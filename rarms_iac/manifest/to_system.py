@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields
-from typing import TYPE_CHECKING, TypeVar, assert_never
+from typing import Any, TypeVar, assert_never, cast
 
 from rarms_iac.manifest.document.components import (
     ComponentBlock,
@@ -79,12 +79,8 @@ from rarms_iac.model.system import (
     TaskRequest,
 )
 
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
-
 B = TypeVar("B")
 V = TypeVar("V")
-D = TypeVar("D", bound="DataclassInstance")
 
 
 def to_host(name: str, block: HostBlock) -> Host:
@@ -108,13 +104,15 @@ def to_connect(block: ConnectBlock) -> Connect:
     return _from_block(Connect, block)
 
 
-def _from_block(cls: type[D], block: Block, **different: object) -> D:
+def _from_block(cls: type[V], block: Block, **different: object) -> V:
     """The value of the model with the same fields as its block; `different` has those that are not taken as they are.
 
     Raises:
         AttributeError: the block lacks a field, which tests show.
     """
-    taken = {field.name: getattr(block, field.name) for field in fields(cls) if field.name not in different}
+    taken = {
+        field.name: getattr(block, field.name) for field in fields(cast("Any", cls)) if field.name not in different
+    }
     return cls(**taken, **different)
 
 
@@ -126,7 +124,8 @@ def _settings(block: HostBlock) -> HostSettings:
         case ProviderKind.HYPERV:
             return _from_block(HypervHost, block.hyperv or HypervHostBlock())
         case ProviderKind.LINUX:
-            return _from_block(LinuxHost, block.linux or LinuxBlock())
+            linux = block.linux or LinuxBlock()
+            return LinuxHost(slice=linux.slice, control_groups=linux.control_groups)
         case _:
             assert_never(block.provider)
 
