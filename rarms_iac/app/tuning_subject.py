@@ -95,7 +95,7 @@ class TuningSubject:
             return next(each for each in self.problem.items if each.name == coi.name)
         memory = sum(self.system.components[name].memory for name in coi.members)
         claim = Claim(processors=coi.processors, reserve=coi.reserve, memory=memory)
-        homes, now = self._homes(coi.members), self.problem.now.get(coi.name)
+        homes, now = self._homes(coi.members), self.problem.current_hosts.get(coi.name)
         # The partition of that name stays where it runs, as the others do.
         return Item(name=coi.name, claims=dict.fromkeys((now,) if now in homes else homes, claim))
 

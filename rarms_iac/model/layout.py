@@ -88,11 +88,15 @@ class Cause:
     advice: str = ""  # what to do; empty: as the finding always says
 
 
+TOGETHER = "all of these:"
+"""What stands above changes that are needed together."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Relaxation:
     """A change of the manifest with which it would fit; each was tried."""
 
-    says: str
+    says: str  # one change, or `TOGETHER` and a list
     may: bool = False  # it was tried with the least that could be needed; a measurement has to tell
 
 

@@ -153,4 +153,5 @@ def company(groups: Iterable[Group], system: System) -> Iterator[Cause]:
 
 
 def _company(name: str, says: str) -> Cause:
-    return Cause(what=f"component/{name}", says=says, code=findings.COMPANY.code)
+    advice = "Change `partitions`, or take the rule out."
+    return Cause(what=f"component/{name}", says=says, code=findings.COMPANY.code, advice=advice)

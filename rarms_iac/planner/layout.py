@@ -4,12 +4,12 @@ A partition counts whether or not it is to start by itself: its reservation is a
 not fail because others took its place.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from rarms_iac.model.diagnostics import Diagnostic, Places
-from rarms_iac.model.layout import Infeasible, Layout
+from rarms_iac.model.diagnostics import Diagnostic, Place, Places
+from rarms_iac.model.layout import TOGETHER, Cause, Infeasible, Layout, Relaxation
 from rarms_iac.model.quantities import show_bytes, show_processors
 from rarms_iac.model.system import Disruption, Measured, System
 from rarms_iac.model.wording import counted
@@ -59,14 +59,63 @@ def plan_layout(
         notes += _remarks(answer, problem, places)
         notes += _placement(answer, places)
     else:
-        from rarms_iac.planner.infeasibility.edits import Trial, Variant
-        from rarms_iac.planner.infeasibility.explain import diagnostics, explained
+        if not answer.causes:
+            from rarms_iac.planner.infeasibility.changes import Variant
+            from rarms_iac.planner.infeasibility.explain import explain
 
-        may_move = limit is Disruption.REMOVAL
-        start = Variant(system=system, views=hosts, reservations=reservations, may_move=may_move)
-        answer = explained(answer, problem, Trial(start=start))
-        notes += diagnostics(answer, problem, places)
+            may_move = limit is Disruption.REMOVAL
+            start = Variant(system=system, views=hosts, reservations=reservations, may_move=may_move)
+            answer = explain(answer, problem, start)
+        notes += causes_as_findings(answer, system, places)
     return Planning(answer=answer, findings=tuple(notes))
+
+
+def causes_as_findings(answer: Infeasible, system: System, places: Places) -> Iterator[Diagnostic]:
+    """Report why there is no layout.
+
+    Args:
+        answer: the causes; one without advice of its own is advised the ways out.
+        system: the manifest.
+        places: lines of the manifest.
+
+    Yields:
+        A finding for each cause.
+    """
+    for cause in answer.causes:
+        unproven = "" if answer.proven else " It is not proven that there is none: the search ended at its limit."
+        yield findings.KINDS[cause.code].at(
+            _place(cause, system, places),
+            f"{cause.says}{unproven}",
+            cause.advice or _advice(answer.relaxations),
+            address=cause.what,
+        )
+
+
+def _advice(ways: Sequence[Relaxation]) -> str:
+    if not ways:
+        return "No change that was tried makes it fit: remove a component, or add a host."
+    sure = [way.says for way in ways if not way.may]
+    lines = [f"- {way}" for way in sure]
+    if len(sure) == 1:
+        together = sure[0].removeprefix(f"{TOGETHER}\n")
+        head = "This would fit: " if together == sure[0] else "All of these together would fit:\n"
+        lines = [f"{head}{together}."]
+    elif sure:
+        lines.insert(0, "Each of these alone would fit:")
+    return "\n".join([*lines, *(f"{way.says[0].upper()}{way.says[1:]}." for way in ways if way.may)])
+
+
+def _place(cause: Cause, system: System, places: Places) -> Place:
+    kind, _, name = cause.what.partition("/")
+    match kind:
+        case "host":
+            return places.value("hosts", name, "memory" if cause.code == findings.MEMORY.code else "logical_processors")
+        case "component":
+            return places.key("components", name)
+        case "partition":
+            return places.key(system.section_of(name), name)
+        case _:
+            return places.key("application")
 
 
 def _smaller(system: System, views: Mapping[str, HostView], places: Places) -> Iterator[Diagnostic]:
@@ -122,7 +171,7 @@ def _placement(answer: Layout, places: Places) -> Iterator[Diagnostic]:
 def _moves(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnostic]:
     """Report each partition that would reserve less on another host and stays because it is where it is."""
     for partition in answer.partitions:
-        if problem.now.get(partition.name) != partition.host:
+        if problem.current_hosts.get(partition.name) != partition.host:
             continue
         best, host = min((cost(claim), host) for host, claim in problem.claims[partition.name].items())
         if best < partition.processors * partition.reserve:

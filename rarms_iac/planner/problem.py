@@ -10,7 +10,7 @@ from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.system import Host, RunsOn, System
 from rarms_iac.planner import findings
 from rarms_iac.planner.groups import Group, company, groups_of
-from rarms_iac.planner.packing.pack import pack, packs
+from rarms_iac.planner.packing.pack import can_pack, pack
 from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing
 from rarms_iac.planner.reservations import ReservationSource, rests_on_a_log
 from rarms_iac.planner.sizes import size
@@ -54,7 +54,7 @@ class Problem:
     contradictions: tuple[Cause, ...]
     items: tuple[Item, ...]
     bins: tuple[Bin, ...]
-    now: Mapping[str, str]  # partition -> host it is on
+    current_hosts: Mapping[str, str]  # by partition; those that are on none are left out
 
 
 def problem_of(
@@ -74,7 +74,7 @@ def problem_of(
         The problem, with the causes that need no search.
     """
     groups = groups_of(system)
-    now = {name: host for host in sorted(views, reverse=True) for name in views[host].present}
+    current_hosts = {name: host for host in sorted(views, reverse=True) for name in views[host].present}
     alike = _kinds(system, lambda host: host.logical_processors)
     alike_in_logs = _kinds(system, lambda host: (host.logical_processors, reservations.depends_on(host)))
     claims: dict[str, Mapping[str, Claim]] = {}
@@ -89,9 +89,11 @@ def problem_of(
         claims=claims,
         blocked=blocked,
         contradictions=tuple(company(groups, system)),
-        items=tuple(_item(group, claims[group.name], now.get(group.name, ""), may_move=may_move) for group in groups),
+        items=tuple(
+            _item(group, claims[group.name], current_hosts.get(group.name, ""), may_move=may_move) for group in groups
+        ),
         bins=tuple(_bin(host, views.get(host.name, HostView())) for host in by_name(system.hosts)),
-        now=now,
+        current_hosts=current_hosts,
     )
 
 
@@ -136,17 +138,17 @@ def _claims(
     return dict(sorted(found.items())), tuple(causes)
 
 
-def _item(group: Group, claims: Mapping[str, Claim], now: str, *, may_move: bool) -> Item:
-    stays = now in claims and not may_move
+def _item(group: Group, claims: Mapping[str, Claim], current_host: str, *, may_move: bool) -> Item:
+    stays = current_host in claims and not may_move
     return Item(
         name=group.name,
-        claims={now: claims[now]} if stays else claims,
-        now=now,
+        claims={current_host: claims[current_host]} if stays else claims,
+        current_host=current_host,
     )
 
 
 def _bin(host: Host, view: HostView) -> Bin:
-    return Bin(name=host.name, capacity=capacity_of(host, view.facts), taken=view.claims)
+    return Bin(name=host.name, capacity=capacity_of(host, view.facts), foreign_claims=view.claims)
 
 
 def solve(problem: Problem) -> Layout | Infeasible:
@@ -189,7 +191,7 @@ def has_layout(problem: Problem, *, by_first_fit: bool) -> bool | None:
     """
     if any(_causes(problem)) or _on_hosts(problem.system)[1]:
         return False
-    return packs(problem.items, problem.bins, by_first_fit=by_first_fit)
+    return can_pack(problem.items, problem.bins, by_first_fit=by_first_fit)
 
 
 def _causes(problem: Problem) -> Iterator[Cause]:
@@ -208,7 +210,7 @@ def _causes(problem: Problem) -> Iterator[Cause]:
 def _placed(problem: Problem, packing: Packing) -> tuple[PlacedPartition, ...]:
     groups = {group.name: group for group in problem.groups}
     placed = []
-    for name, host in packing.hosts.items():
+    for name, host in packing.host_of.items():
         answer = size(groups[name], problem.system.hosts[host], problem.reservations)
         assert isinstance(answer, PlacedPartition), "a partition is only placed where it can be"
         placed.append(answer)

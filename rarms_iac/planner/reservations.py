@@ -23,7 +23,7 @@ class NotMeasured:
     components: Names
     code: str = findings.UNMEASURED.code
     says: str = ""  # empty: that no data log has it
-    advice: str = ""
+    advice: str = "Fix it with `cpu: { reserve: ... }`, or measure it first."
 
 
 class ReservationSource(Protocol):

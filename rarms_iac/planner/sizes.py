@@ -47,10 +47,12 @@ def size(group: Group, host: Host, reservations: ReservationSource) -> PlacedPar
             f"{group.name} reserves {show_processors(wanted)}, and {width} cannot use that: "
             f"it needs at least {-(-wanted.numerator // wanted.denominator)}."
         )
-        return Cause(what=f"partition/{group.name}", says=says, code=findings.PARALLELISM.code)
+        advice = "Give the partition or the component more `processors`, or lower the reserve."
+        return Cause(what=f"partition/{group.name}", says=says, code=findings.PARALLELISM.code, advice=advice)
     if reserve and processors > host.logical_processors:
         says = f"The {width} of {group.name} are more than the {host.logical_processors} of {host.name}."
-        return Cause(what=f"partition/{group.name}", says=says, code=findings.TOO_WIDE.code)
+        advice = "Lower `processors`, or name a larger host."
+        return Cause(what=f"partition/{group.name}", says=says, code=findings.TOO_WIDE.code, advice=advice)
     limit, why_limit = limit_of(group, host, processors, reserve)
     weight, why_weight = weight_of(group)
     memory = sum(member.memory for member in group.members) if group.request.memory is None else group.request.memory

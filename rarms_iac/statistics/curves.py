@@ -7,8 +7,9 @@ The band is made monotone likewise; its safe side is the one away from what is g
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from itertools import accumulate
-from math import inf
+from math import ceil, floor, inf, isfinite
 
 from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import Series, Setting
@@ -161,6 +162,31 @@ def holds(curve: Curve, threshold: Threshold, reserve: int) -> bool:
             return safe <= float(limit)
         case AtLeast(value=limit):
             return safe >= float(limit)
+
+
+DIGITS = 1000
+"""Thresholds are offered with three digits, as a person would write them."""
+
+
+def tightest_threshold(curve: Curve, reserve: int) -> Threshold | None:
+    """Find the tightest threshold of three digits that the safe side of the curve's band meets.
+
+    Args:
+        curve: a performance index over CRs.
+        reserve: the CR, in whole per cent.
+
+    Returns:
+        The threshold in the index's unit; None: the curve says nothing at this CR.
+    """
+    safe = curve.safe_value_at(reserve)
+    if safe is None or not isfinite(safe):
+        return None
+    step = Fraction(1, DIGITS)
+    while abs(safe) >= DIGITS * step:
+        step *= 10
+    if _smaller_is_better(curve.index):
+        return AtMost(value=step * ceil(Fraction(safe) / step))
+    return AtLeast(value=step * floor(Fraction(safe) / step))
 
 
 def highest_missed(apts: Iterable[tuple[Curve, Threshold]]) -> int:

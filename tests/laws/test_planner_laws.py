@@ -37,7 +37,7 @@ def problems(draw: st.DrawFn) -> tuple[tuple[Item, ...], tuple[Bin, ...]]:
                 processors=LogicalProcessors(Fraction(lps)),
                 memory=Bytes(MEMORY),
             ),
-            taken=tuple(draw(st.lists(st.builds(claim, SIZES, st.integers(0, 400)), max_size=1))),
+            foreign_claims=tuple(draw(st.lists(st.builds(claim, SIZES, st.integers(0, 400)), max_size=1))),
         )
         for at, lps in enumerate(draw(st.lists(st.integers(1, 2), min_size=1, max_size=3)))
     )
@@ -45,7 +45,7 @@ def problems(draw: st.DrawFn) -> tuple[tuple[Item, ...], tuple[Bin, ...]]:
     for at in range(draw(st.integers(1, 5))):
         names = draw(st.lists(st.sampled_from([host_bin.name for host_bin in bins]), unique=True, min_size=1))
         claims = {name: claim(draw(SIZES), draw(st.integers(0, 600))) for name in sorted(names)}
-        items.append(Item(name=f"part{at}", claims=claims, now=draw(st.sampled_from(["", bins[0].name]))))
+        items.append(Item(name=f"part{at}", claims=claims, current_host=draw(st.sampled_from(["", bins[0].name]))))
     return tuple(items), bins
 
 
@@ -57,12 +57,14 @@ def possible(items: tuple[Item, ...], bins: tuple[Bin, ...]) -> list[tuple[int, 
     """The value of every placement that fits, by trying all of them."""
     found = []
     for way in product(*(one.claims for one in items)):
-        there = {host_bin.name: list(host_bin.taken) for host_bin in bins}
+        there = {host_bin.name: list(host_bin.foreign_claims) for host_bin in bins}
         for item, host in zip(items, way, strict=True):
             there[host].append(item.claims[host])
         if all(fits(host_bin.capacity, there[host_bin.name]) for host_bin in bins):
             total = sum(cost(item.claims[host]) for item, host in zip(items, way, strict=True))
-            moves = sum(bool(item.now) and item.now != host for item, host in zip(items, way, strict=True))
+            moves = sum(
+                bool(item.current_host) and item.current_host != host for item, host in zip(items, way, strict=True)
+            )
             found.append((total, moves, way))
     return found
 
@@ -80,7 +82,7 @@ def test_the_search_finds_the_best_of_all_placements(problem: tuple[tuple[Item, 
         assert isinstance(found, NoPacking)
     else:
         assert isinstance(found, Packing)
-        assert tuple(found.hosts[item.name] for item in items) == min(every)[2]
+        assert tuple(found.host_of[item.name] for item in items) == min(every)[2]
 
 
 @given(st.lists(st.tuples(st.integers(0, 90), st.integers(1, 20)), min_size=1, max_size=6), st.integers(1, 3))

@@ -1,9 +1,11 @@
 """A smallest set of partitions that cannot share the hosts that they may run on, found by leaving others out."""
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
-from rarms_iac.planner.packing.pack import packs
+from rarms_iac.planner.packing.pack import can_pack
 from rarms_iac.planner.packing.values import Bin, Item, free_in, least_cost, least_memory
 
 ASKED = 80
@@ -17,13 +19,15 @@ UNKNOWN = 5
 class Conflict:
     """Partitions that do not fit together on the hosts that any of them may run on."""
 
-    items: tuple[Item, ...]  # by name
-    bins: tuple[Bin, ...]
-    proven: bool  # otherwise it is only that nothing was found
-    lacking: str  # what is too little in sum: processors or memory; empty: neither, but no way to place them is left
+    items: Sequence[Item]  # by name
+    bins: Sequence[Bin]
+    proven: bool = True  # otherwise it is only that nothing was found
+    lacking: str = (
+        ""  # what is too little in sum: processors or memory; empty: neither, but there is no way to place them
+    )
 
 
-def conflicts(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> tuple[Conflict, ...]:
+def conflicts(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> Sequence[Conflict]:
     """Find who conflicts, by processors and by memory where each of the two is too little.
 
     Args:
@@ -34,32 +38,33 @@ def conflicts(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> tu
     Returns:
         One or two conflicts; of none can a partition be left out, unless `ASKED` ends the search before.
     """
-    by_sums = {
-        "processors": _fewest_beyond(items, bins, least_cost, lambda host: free_in(host).percent),
-        "memory": _fewest_beyond(items, bins, least_memory, lambda host: free_in(host).memory),
-    }
-    found = [_conflict(some, bins, proven=True, lacking=what) for what, some in by_sums.items() if some]
-    return tuple(found) or (_by_packing(items, bins, proven=proven),)
+    processors = _fewest_beyond(items, bins, least_cost, lambda host: free_in(host).percent)
+    memory = _fewest_beyond(items, bins, least_memory, lambda host: free_in(host).memory)
+    found = [
+        Conflict(items=_by_name(fewest), bins=_hosts_of(fewest, bins), lacking=lacking)
+        for lacking, fewest in (("processors", processors), ("memory", memory))
+        if fewest
+    ]
+    return found or [_by_packing(items, bins, proven=proven)]
 
 
-def _conflict(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool, lacking: str) -> Conflict:
-    ordered = tuple(sorted(items, key=lambda item: item.name))
-    return Conflict(items=ordered, bins=_hosts_of(items, bins), proven=proven, lacking=lacking)
+def _by_name(items: Sequence[Item]) -> Sequence[Item]:
+    return sorted(items, key=lambda item: item.name)
 
 
-def _hosts_of(items: Sequence[Item], bins: Sequence[Bin]) -> tuple[Bin, ...]:
+def _hosts_of(items: Sequence[Item], bins: Sequence[Bin]) -> Sequence[Bin]:
     """The hosts that any of the partitions may run on."""
     names = {name for item in items for name in item.claims}
-    return tuple(host for host in bins if host.name in names)
+    return [host for host in bins if host.name in names]
 
 
 def _groups(items: Sequence[Item]) -> Iterator[Sequence[Item]]:
     """Partitions that must find room among few hosts, the fewest hosts first; all of them last."""
     few = sorted({tuple(sorted(item.claims)) for item in items}, key=lambda names: (len(names), names))
     for names in few:
-        some = [item for item in items if item.claims.keys() <= set(names)]
-        if len(some) < len(items):
-            yield some
+        group = [item for item in items if item.claims.keys() <= set(names)]
+        if len(group) < len(items):
+            yield group
     yield items
 
 
@@ -67,34 +72,32 @@ def _fewest_beyond(
     items: Sequence[Item], bins: Sequence[Bin], need: Callable[[Item], int], room: Callable[[Bin], int]
 ) -> Sequence[Item]:
     """The fewest of a group that need more than its hosts have in sum; empty: no group does."""
-    found: list[list[Item]] = []
+    found: list[Sequence[Item]] = []
     for group in _groups(items):
-        whole = sum(max(0, room(host)) for host in _hosts_of(group, bins))
-        total, some = 0, []
-        for item in sorted(group, key=lambda item: (-need(item), item.name)):
-            total += need(item)
-            some.append(item)
-            if total > whole:
-                found.append(some)
-                break
-    return min(found, key=lambda some: (len(some), [item.name for item in some]), default=())
+        ordered = sorted(group, key=lambda item: (-need(item), item.name))
+        fitting = bisect_right(
+            [*accumulate(map(need, ordered))], sum(max(0, room(host)) for host in _hosts_of(group, bins))
+        )
+        if fitting < len(group):
+            found.append(ordered[: fitting + 1])
+    return min(found, key=lambda fewest: (len(fewest), [item.name for item in fewest]), default=())
 
 
 def _by_packing(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> Conflict:
     """Leave out the small ones first, by halves, quarters and so on, as long as those that stay still conflict."""
     asked = 0
 
-    def conflict(some: Sequence[Item]) -> bool:
+    def conflict(remaining: Sequence[Item]) -> bool:
         nonlocal asked
-        if asked >= ASKED or not some:
+        if asked >= ASKED or not remaining:
             return False
-        fits = packs(some, _hosts_of(some, bins))
-        asked += 1 if fits is not None else 1 + sum(len(item.claims) for item in some) // UNKNOWN
+        fits = can_pack(remaining, _hosts_of(remaining, bins))
+        asked += 1 if fits is not None else 1 + sum(len(item.claims) for item in remaining) // UNKNOWN
         return fits is False
 
     start = next((group for group in _groups(items) if len(group) < len(items) and conflict(group)), items)
     if start is items and not proven:
-        return _conflict(items, bins, proven=False, lacking="")
+        return Conflict(items=_by_name(items), bins=_hosts_of(items, bins), proven=False)
     kept = sorted(start, key=lambda item: (least_cost(item), least_memory(item), item.name))
     step = len(kept)
     while step > 1:
@@ -106,4 +109,4 @@ def _by_packing(items: Sequence[Item], bins: Sequence[Bin], *, proven: bool) -> 
                 kept = without
             else:
                 at += step
-    return _conflict(kept, bins, proven=True, lacking="")
+    return Conflict(items=_by_name(kept), bins=_hosts_of(kept, bins))

@@ -3,33 +3,34 @@
 from collections.abc import Iterable, Sequence
 from itertools import accumulate
 
-from rarms_iac.planner.packing.values import Bin, Item, cost, free_in, least_cost, least_memory
+from rarms_iac.planner.packing.values import Bin, Item, Objective, cost, free_in, least_cost, least_memory
 
 
-def too_much(items: Sequence[Item], bins: Sequence[Bin]) -> bool:
+def exceeds_capacity(items: Sequence[Item], bins: Sequence[Bin]) -> bool:
     """Say whether all hosts together are too small for the least that the partitions claim."""
     free = [free_in(host) for host in bins]
     percent, memory = sum(max(0, load.percent) for load in free), sum(max(0, load.memory) for load in free)
     return sum(map(least_cost, items)) > percent or sum(map(least_memory, items)) > memory
 
 
-def simple_bound(items: Sequence[Item], bins: Sequence[Bin]) -> tuple[int, int]:
+def lower_bound(items: Sequence[Item], bins: Sequence[Bin]) -> Objective:
     """Return the reservation with each partition where it reserves least, and the moves that nothing avoids.
 
     A host keeps at most so many of the partitions that are on it as it has room for with the smallest first, in
     processors and in memory; all others that run have to move.
     """
-    running = [item for item in items if item.now]
+    running = [item for item in items if item.current_host]
     moves = len(running)
     for host in bins:
-        claims = [item.claims[host.name] for item in running if item.now == host.name and host.name in item.claims]
+        staying = [item for item in running if item.current_host == host.name and host.name in item.claims]
+        claims = [item.claims[host.name] for item in staying]
         free = free_in(host)
         moves -= min(
-            _most(map(cost, claims), free.percent),
-            _most((claim.memory for claim in claims), free.memory),
+            _number_that_fits(map(cost, claims), free.percent),
+            _number_that_fits((claim.memory for claim in claims), free.memory),
         )
     return sum(map(least_cost, items)), moves
 
 
-def _most(sizes: Iterable[int], room: int) -> int:
+def _number_that_fits(sizes: Iterable[int], room: int) -> int:
     return sum(total <= room for total in accumulate(sorted(sizes)))

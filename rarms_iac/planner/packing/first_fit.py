@@ -10,47 +10,71 @@ from random import Random
 
 from rarms_iac.model.capacity import packs_by_size
 from rarms_iac.model.claims import Claim, Load
-from rarms_iac.planner.packing.values import Bin, Item, cost, free_in, least_cost, least_memory, value_of
+from rarms_iac.planner.packing.values import (
+    Bin,
+    Item,
+    Objective,
+    cost,
+    free_in,
+    is_move,
+    least_cost,
+    least_memory,
+    objective_of,
+)
 
-SHAKEN = 12
+RANDOM_ORDERS = 12
 """Orders by a size that chance made a little larger or smaller."""
 
-_Value = tuple[int, int]
 
-
-def best_first_fit(items: Sequence[Item], bins: Sequence[Bin], bound: _Value | None = None) -> dict[str, str] | None:
+def best_first_fit(items: Sequence[Item], bins: Sequence[Bin], bound: Objective | None = None) -> dict[str, str] | None:
     """Find a host for each partition by first fit.
 
     Args:
         items: The partitions, by name.
         bins: The hosts, by name.
-        bound: Reservation and moves that no packing is below: the first packing that meets it is taken. None: the
-            first packing of all is.
+        bound: What no packing is below: the first packing that meets it is taken. None: the first packing of all is.
 
     Returns:
-        The packing with the least reservation and then the fewest moves, of those that were tried; None: no order of
-        partitions led to one, which does not say that there is none.
+        The host of each partition in the best packing of those that were tried; None: no order of partitions led to
+        one, which does not say that there is none.
     """
-    best: tuple[_Value, dict[str, str]] | None = None
+    best: tuple[Objective, dict[str, str]] | None = None
     for order, preference in product(_orders(items, bins), _PREFERENCES):
-        hosts = _first_fit(order, bins, preference)
-        if hosts is None:
+        host_of = _first_fit(order, bins, preference, skips=False)
+        if len(host_of) < len(items):
             continue
-        value = value_of(items, hosts)
-        if best is None or value < best[0]:
-            best = value, hosts
-        if bound is None or value == bound:
+        objective = objective_of(items, host_of)
+        if best is None or objective < best[0]:
+            best = objective, host_of
+        if bound is None or objective == bound:
             break
     return None if best is None else {name: best[1][name] for name in sorted(best[1])}
 
 
-class _Room:
+def partial_first_fit(items: Sequence[Item], bins: Sequence[Bin]) -> dict[str, str]:
+    """Find a host for the partitions that find room, so that those left over reserve as little as possible.
+
+    Args:
+        items: The partitions, by name.
+        bins: The hosts, by name.
+
+    Returns:
+        The host of each partition that found one.
+    """
+    ways = product(_orders(items, bins), _PREFERENCES)
+    return min(
+        (_first_fit(order, bins, preference, skips=True) for order, preference in ways),
+        key=lambda host_of: sum(least_cost(item) for item in items if item.name not in host_of),
+    )
+
+
+class _RemainingCapacity:
     """What is left of a host while partitions are put onto it."""
 
     def __init__(self, host: Bin) -> None:
         self.free = free_in(host)
         self._logical_processors = host.capacity.logical_processors
-        self._claims = list(host.taken)
+        self._claims = list(host.foreign_claims)
 
     def take(self, claim: Claim) -> bool:
         """Take the claim, where the host has room for it and virtual processors find their places quickly."""
@@ -64,50 +88,38 @@ class _Room:
         return True
 
 
-_Preference = Callable[[Item, str, Mapping[str, _Room]], tuple[int, ...]]
+_Preference = Callable[[Item, str, Mapping[str, _RemainingCapacity]], tuple[int, ...]]
+"""By which a partition sorts its hosts; ties by the host's name."""
 
 
-def _cheapest(item: Item, host: str, rooms: Mapping[str, _Room]) -> tuple[int, ...]:  # noqa: ARG001  # a preference
-    return cost(item.claims[host]), host != item.now
+def _cheapest(item: Item, host: str, remaining: Mapping[str, _RemainingCapacity]) -> tuple[int, ...]:  # noqa: ARG001  # a preference
+    return cost(item.claims[host]), is_move(item, host)
 
 
-def _staying(item: Item, host: str, rooms: Mapping[str, _Room]) -> tuple[int, ...]:  # noqa: ARG001  # a preference
-    return host != item.now, cost(item.claims[host])
+def _current(item: Item, host: str, remaining: Mapping[str, _RemainingCapacity]) -> tuple[int, ...]:  # noqa: ARG001  # a preference
+    return is_move(item, host), cost(item.claims[host])
 
 
-def _fullest(item: Item, host: str, rooms: Mapping[str, _Room]) -> tuple[int, ...]:
-    return cost(item.claims[host]), host != item.now, rooms[host].free.percent
+def _fullest(item: Item, host: str, remaining: Mapping[str, _RemainingCapacity]) -> tuple[int, ...]:
+    return cost(item.claims[host]), is_move(item, host), remaining[host].free.percent
 
 
-_PREFERENCES: tuple[_Preference, ...] = (_cheapest, _fullest, _staying)
-"""Which host a partition tries first; ties by the host's name."""
+_PREFERENCES: tuple[_Preference, ...] = (_cheapest, _fullest, _current)
 
 
-def first_fit_of_some(items: Sequence[Item], bins: Sequence[Bin]) -> dict[str, str]:
-    """Place the partitions that find room, largest first, each on the fullest host that has room."""
-    return _placed(next(_orders(items, bins)), bins, _fullest)
-
-
-def _first_fit(order: Sequence[Item], bins: Sequence[Bin], preference: _Preference) -> dict[str, str] | None:
-    hosts = _placed(order, bins, preference, some=False)
-    return hosts if len(hosts) == len(order) else None
-
-
-def _placed(
-    order: Sequence[Item], bins: Sequence[Bin], preference: _Preference, *, some: bool = True
-) -> dict[str, str]:
-    """Where each finds room; without `some` it ends at the first that finds none."""
-    rooms = {host.name: _Room(host) for host in bins}
-    hosts: dict[str, str] = {}
+def _first_fit(order: Sequence[Item], bins: Sequence[Bin], preference: _Preference, *, skips: bool) -> dict[str, str]:
+    """The host of each partition; one that finds no room is skipped, or is the end."""
+    remaining = {host.name: _RemainingCapacity(host) for host in bins}
+    host_of: dict[str, str] = {}
     for item in order:
-        for name in sorted(item.claims, key=lambda host: (*preference(item, host, rooms), host)):
-            if rooms[name].take(item.claims[name]):
-                hosts[item.name] = name
+        for name in sorted(item.claims, key=lambda host: (*preference(item, host, remaining), host)):
+            if remaining[name].take(item.claims[name]):
+                host_of[item.name] = name
                 break
         else:
-            if not some:
+            if not skips:
                 break
-    return hosts
+    return host_of
 
 
 def _orders(items: Sequence[Item], bins: Sequence[Bin]) -> Iterator[list[Item]]:
@@ -123,7 +135,7 @@ def _orders(items: Sequence[Item], bins: Sequence[Bin]) -> Iterator[list[Item]]:
     )
     orders = [sorted(items, key=measure) for measure in measures]
     random = Random(0)  # noqa: S311  # no secret: the same orders for the same partitions
-    for _ in range(SHAKEN):
+    for _ in range(RANDOM_ORDERS):
         weight, spread = random.random(), random.choice((0.1, 0.3, 0.6))
         shares = {
             item.name: (weight * least_cost(item) / percent + (1 - weight) * least_memory(item) / memory)
@@ -131,8 +143,8 @@ def _orders(items: Sequence[Item], bins: Sequence[Bin]) -> Iterator[list[Item]]:
             for item in items
         }
         orders.append(sorted(items, key=lambda item: -shares[item.name]))
-    if any(item.now for item in items):
-        orders += [sorted(order, key=lambda item: not item.now) for order in orders]
+    if any(item.current_host for item in items):
+        orders += [sorted(order, key=lambda item: not item.current_host) for order in orders]
     seen: list[list[str]] = []
     for order in orders:
         names = [item.name for item in order]

@@ -5,21 +5,37 @@ from dataclasses import dataclass, replace
 
 from rarms_iac.model.capacity import holds
 from rarms_iac.planner.packing.assignment import Assignment
-from rarms_iac.planner.packing.bounds import simple_bound, too_much
+from rarms_iac.planner.packing.bounds import exceeds_capacity, lower_bound
 from rarms_iac.planner.packing.first_fit import best_first_fit
 from rarms_iac.planner.packing.highs import is_installed, minimise
 from rarms_iac.planner.packing.names import first_by_name
-from rarms_iac.planner.packing.repair import repaired
-from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing, all_hold, cost, least_cost, value_of
+from rarms_iac.planner.packing.repair import find_by_repacking
+from rarms_iac.planner.packing.values import (
+    Bin,
+    Item,
+    NoPacking,
+    Objective,
+    Packing,
+    cost,
+    hosts_can_hold,
+    least_cost,
+    objective_of,
+)
 
 NODES = 2_000_000
 """Nodes that the solver looks at for one level of the objective, times the variables of the program."""
 
-MOST = 5_000
+MOST_NODES = 5_000
 """Nodes for a level, however few variables there are."""
 
-SHORT = 500
-"""Nodes of the search for a packing, whatever it is worth; most proofs that there is none take fewer."""
+NODES_FOR_ANY = 200_000
+"""Nodes of the search for a packing, whatever it is worth, times the variables; most proofs of none take fewer."""
+
+MOST_NODES_FOR_ANY = 500
+"""The same, however few variables there are."""
+
+FEW_REPACKINGS, MANY_REPACKINGS = 30, 400
+"""Times that a few hosts are packed anew before that search, since it is often enough, and after it."""
 
 ROUNDS = 40
 """Times that a level is solved anew because virtual processors found no logical ones."""
@@ -39,23 +55,23 @@ def pack(items: Sequence[Item], bins: Sequence[Bin], *, nodes: int = NODES) -> P
         input has the same answer with the same version of the solver. Where the solver is not installed, the best of
         a few first fits.
     """
-    items, bins = _ready(items, bins)
+    items, bins = _prepared(items, bins)
     if _is_too_much(items, bins):
         return NoPacking(proven=True)
-    if (only := _only_way(items)) is not None:
-        held, value = all_hold(items, bins, only), value_of(items, only)
-        return _packing(only, value, value) if held else NoPacking(proven=held is False)
-    bound = simple_bound(items, bins)
-    hosts = best_first_fit(items, bins, bound)
-    if hosts is None or value_of(items, hosts) != bound:
+    if (forced := _forced_hosts(items)) is not None:
+        fits, objective = hosts_can_hold(items, bins, forced), objective_of(items, forced)
+        return _packing(forced, objective, objective) if fits else NoPacking(proven=fits is False)
+    bound = lower_bound(items, bins)
+    host_of = best_first_fit(items, bins, bound)
+    if host_of is None or objective_of(items, host_of) != bound:
         if is_installed():
-            return _solved(items, bins, hosts, bound, nodes)
-        if hosts is None:
+            return _solve(items, bins, host_of, bound, nodes)
+        if host_of is None:
             return NoPacking(proven=False)
-    return _named(_packing(hosts, value_of(items, hosts), bound), items, bins)
+    return _first_of_equals(_packing(host_of, objective_of(items, host_of), bound), items, bins)
 
 
-def packs(items: Sequence[Item], bins: Sequence[Bin], *, by_first_fit: bool = False) -> bool | None:
+def can_pack(items: Sequence[Item], bins: Sequence[Bin], *, by_first_fit: bool = False) -> bool | None:
     """Say whether a short search finds a packing, whatever it is worth.
 
     Args:
@@ -66,131 +82,145 @@ def packs(items: Sequence[Item], bins: Sequence[Bin], *, by_first_fit: bool = Fa
     Returns:
         True: there is one; False: there is none; None: none was found, and there may be one.
     """
-    items, bins = _ready(items, bins)
+    items, bins = _prepared(items, bins)
     if _is_too_much(items, bins):
         return False
-    if (only := _only_way(items)) is not None:
-        return all_hold(items, bins, only)
+    if (forced := _forced_hosts(items)) is not None:
+        return hosts_can_hold(items, bins, forced)
     if best_first_fit(items, bins) is not None:
         return True
     if by_first_fit or not is_installed():
         return None
-    level = _any(items, bins)
-    return level.hosts is not None or (False if level.bound is None else None)
+    found = _find_any(items, bins)
+    return found.host_of is not None or (False if found.bound is None else None)
 
 
-def _ready(items: Sequence[Item], bins: Sequence[Bin]) -> tuple[list[Item], list[Bin]]:
+def _prepared(items: Sequence[Item], bins: Sequence[Bin]) -> tuple[list[Item], list[Bin]]:
     """Both by name, the partitions with the claims that a host can keep while no other is there."""
     bins = sorted(bins, key=lambda host: host.name)
-    return [_where_it_fits(item, bins) for item in sorted(items, key=lambda item: item.name)], bins
+    return [_without_hopeless_claims(item, bins) for item in sorted(items, key=lambda item: item.name)], bins
+
+
+def _without_hopeless_claims(item: Item, bins: Sequence[Bin]) -> Item:
+    claims = {
+        host.name: item.claims[host.name]
+        for host in bins
+        if host.name in item.claims
+        and holds(host.capacity, (*host.foreign_claims, item.claims[host.name])) is not False
+    }
+    return replace(item, claims=claims)
 
 
 def _is_too_much(items: Sequence[Item], bins: Sequence[Bin]) -> bool:
-    return any(not item.claims for item in items) or too_much(items, bins)
+    return any(not item.claims for item in items) or exceeds_capacity(items, bins)
 
 
-def _only_way(items: Sequence[Item]) -> dict[str, str] | None:
+def _forced_hosts(items: Sequence[Item]) -> dict[str, str] | None:
     """Where each partition has to be; None: some have a choice."""
     if any(len(item.claims) > 1 for item in items):
         return None
     return {item.name: next(iter(item.claims)) for item in items}
 
 
-def _where_it_fits(item: Item, bins: Sequence[Bin]) -> Item:
-    """The same with the claims that a host can keep while nothing else that is packed is there."""
-    claims = {
-        host.name: item.claims[host.name]
-        for host in bins
-        if host.name in item.claims and holds(host.capacity, (*host.taken, item.claims[host.name])) is not False
-    }
-    return replace(item, claims=claims)
+def _packing(host_of: Mapping[str, str], objective: Objective, bound: Objective) -> Packing:
+    return Packing(
+        host_of=host_of,
+        reserved=objective[0],
+        reserved_bound=bound[0],
+        moves=objective[1],
+        moves_bound=bound[1],
+    )
 
 
-def _packing(hosts: Mapping[str, str], value: tuple[int, int], bound: tuple[int, int]) -> Packing:
-    return Packing(hosts=hosts, reserved=value[0], reserved_bound=bound[0], moves=value[1], moves_bound=bound[1])
-
-
-def _named(packing: Packing, items: Sequence[Item], bins: Sequence[Bin]) -> Packing:
+def _first_of_equals(packing: Packing, items: Sequence[Item], bins: Sequence[Bin]) -> Packing:
     """Of the packings that are as good the first by name, where that is quickly found."""
     if not packing.proven:
         return packing
-    hosts = first_by_name(items, bins, (packing.reserved, packing.moves))
-    return packing if hosts is None else replace(packing, hosts=hosts)
+    host_of = first_by_name(items, bins, (packing.reserved, packing.moves))
+    return packing if host_of is None else replace(packing, host_of=host_of)
 
 
-def _solved(
+def _solve(
     items: Sequence[Item],
     bins: Sequence[Bin],
     start: Mapping[str, str] | None,
-    bound: tuple[int, int],
+    bound: Objective,
     nodes: int,
 ) -> Packing | NoPacking:
     """Level after level: the least reservation, and with that the fewest moves."""
     program = Assignment(items, bins)
-    nodes = min(MOST, nodes // len(program.pairs))
+    nodes = min(MOST_NODES, nodes // len(program.pairs))
     excesses, unit = program.excesses()
-    least = sum(map(least_cost, items))
-    if any(excesses) and (start is None or value_of(items, start)[0] > least):
-        start = _any_or_repaired([_where_it_costs_least(item) for item in items], bins).hosts or start
+    least = bound[0]
+    if any(excesses) and (start is None or objective_of(items, start)[0] > least):
+        start = _find_any_or_repack([_with_cheapest_claims(item) for item in items], bins).host_of or start
     if start is None:
-        found = _any_or_repaired(items, bins)
-        if found.hosts is None:
+        found = _find_any_or_repack(items, bins)
+        if found.host_of is None:
             return NoPacking(proven=found.bound is None)
-        start = found.hosts
-    reserved = 0
-    if value_of(items, start)[0] > least:
-        level = _settle(program, excesses, start, nodes)
-        start, reserved = level.hosts or start, level.bound or 0
+        start = found.host_of
+    excess = 0
+    if objective_of(items, start)[0] > least:
+        level = _solve_level(program, excesses, start, nodes)
+        start, excess = level.host_of or start, level.bound or 0
     if any(excesses):
-        program.limit(excesses, (value_of(items, start)[0] - least) // unit)
-    hosts, moves = start, bound[1]
-    if value_of(items, start)[1] > moves:
-        level = _settle(program, program.moves(), start, nodes)
-        hosts, moves = level.hosts or start, level.bound or 0
-    value = value_of(items, hosts)
-    assert all_hold(items, bins, hosts), "each host was looked at"
-    if not program.unsure:
-        bound = max(bound[0], least + unit * reserved), max(bound[1], min(value[1], moves))
-    return _named(_packing(hosts, value, bound), items, bins)
+        program.bound_costs(excesses, (objective_of(items, start)[0] - least) // unit)
+    host_of, moves = start, bound[1]
+    if objective_of(items, start)[1] > moves:
+        level = _solve_level(program, program.moves(), start, nodes)
+        host_of, moves = level.host_of or start, level.bound or 0
+    objective = objective_of(items, host_of)
+    assert hosts_can_hold(items, bins, host_of), "each host was looked at"
+    if not program.forbids_unproven:
+        bound = least + unit * excess, max(bound[1], min(objective[1], moves))
+    return _first_of_equals(_packing(host_of, objective, bound), items, bins)
 
 
-def _any(items: Sequence[Item], bins: Sequence[Bin]) -> "_Level":
+def _find_any(items: Sequence[Item], bins: Sequence[Bin]) -> "_LevelResult":
     """A packing, whatever it is worth; without one, whether there is none."""
+    host_of = find_by_repacking(items, bins, rounds=FEW_REPACKINGS)
+    if host_of is not None:
+        return _LevelResult(host_of=host_of, bound=0)
     program = Assignment(items, bins)
-    level = _settle(program, [0] * len(program.pairs), None, SHORT)
-    return replace(level, bound=0) if program.unsure else level
+    variables = len(program.pairs)
+    found = _solve_level(program, [0] * variables, None, min(MOST_NODES_FOR_ANY, NODES_FOR_ANY // variables))
+    return replace(found, bound=0) if program.forbids_unproven else found
 
 
-def _any_or_repaired(items: Sequence[Item], bins: Sequence[Bin]) -> "_Level":
-    """The same; where the search ended at its limit, hosts are packed anew."""
-    level = _any(items, bins)
-    return level if level.hosts is not None or level.bound is None else replace(level, hosts=repaired(items, bins))
+def _find_any_or_repack(items: Sequence[Item], bins: Sequence[Bin]) -> "_LevelResult":
+    """The same with a longer search, where the first one ended at its limit."""
+    found = _find_any(items, bins)
+    if found.host_of is not None or found.bound is None:
+        return found
+    return replace(found, host_of=find_by_repacking(items, bins, rounds=MANY_REPACKINGS))
 
 
-def _where_it_costs_least(item: Item) -> Item:
+def _with_cheapest_claims(item: Item) -> Item:
     claims = {host: claim for host, claim in item.claims.items() if cost(claim) == least_cost(item)}
     return replace(item, claims=claims)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Level:
+class _LevelResult:
     """What came of one level."""
 
-    hosts: Mapping[str, str] | None  # the best packing that is known
+    host_of: Mapping[str, str] | None  # the best packing that is known
     bound: int | None  # what no packing costs less than; None: there is none
 
 
-def _settle(program: Assignment, costs: Sequence[int], start: Mapping[str, str] | None, nodes: int) -> _Level:
+def _solve_level(
+    program: Assignment, costs: Sequence[int], start: Mapping[str, str] | None, nodes: int
+) -> _LevelResult:
     """Solve, and solve again without the sets that do not fit, until each host can keep what is put there."""
     bound = 0
-    chosen = None if start is None else program.chosen(start)
+    known = None if start is None else program.variables_of(start)
     for _ in range(ROUNDS):
-        answer = minimise(costs, program.rows, nodes=nodes, start=chosen)
+        answer = minimise(costs, program.rows, nodes=nodes, start=known)
         if answer.bound is None:
-            return _Level(hosts=start, bound=bound if start is not None else None)
+            return _LevelResult(host_of=start, bound=bound if start is not None else None)
         bound = max(bound, answer.bound)
         if answer.ones is None:
-            return _Level(hosts=start, bound=bound)
+            return _LevelResult(host_of=start, bound=bound)
         if not program.forbid(answer.ones):
-            return _Level(hosts=program.hosts(answer.ones), bound=bound)
-    return _Level(hosts=start, bound=bound)
+            return _LevelResult(host_of=program.host_of(answer.ones), bound=bound)
+    return _LevelResult(host_of=start, bound=bound)

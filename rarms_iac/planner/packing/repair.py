@@ -1,4 +1,4 @@
-"""A packing where first fit found none: a few hosts at a time are packed anew until nobody is left over."""
+"""A packing where first fit found none: a few hosts at a time are packed anew until no partition is left over."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -9,53 +9,50 @@ from rarms_iac.model.capacity import Capacity
 from rarms_iac.model.claims import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.planner.packing.assignment import Assignment
-from rarms_iac.planner.packing.first_fit import first_fit_of_some
+from rarms_iac.planner.packing.first_fit import partial_first_fit
 from rarms_iac.planner.packing.highs import minimise
-from rarms_iac.planner.packing.values import Bin, Item
+from rarms_iac.planner.packing.values import Bin, Item, cost
 
-ROUNDS = 100
-"""Times that some hosts are packed anew."""
-
-HOSTS = (3, 4, 5)
+HOSTS = (2, 3, 4, 5)
 """Hosts that are packed anew together."""
 
-NODES = 100
-"""Nodes of the search in one round."""
+NODES = 20
+"""Nodes of the search in one round: with more, or more hosts, fewer rounds are needed and each takes far longer."""
 
 NOWHERE = ""
 """The host of those that are left over: everything has room there, and nothing should be."""
 
 
-def repaired(items: Sequence[Item], bins: Sequence[Bin]) -> Mapping[str, str] | None:
+def find_by_repacking(items: Sequence[Item], bins: Sequence[Bin], *, rounds: int) -> Mapping[str, str] | None:
     """Find a packing, whatever it is worth.
 
     Args:
         items: The partitions, by name.
         bins: The hosts, by name.
+        rounds: Times that some hosts are packed anew, at most.
 
     Returns:
-        The packing; None: none was found in `ROUNDS` rounds.
+        The host of each partition; None: no packing was found.
     """
     random = Random(0)  # noqa: S311  # no secret: the same rounds for the same partitions
-    hosts = first_fit_of_some(items, bins)
+    host_of = partial_first_fit(items, bins)
     by_name = {item.name: item for item in items}
-    for _ in range(ROUNDS):
-        left = [item for item in items if item.name not in hosts]
-        if not left:
-            return hosts
-        allowed = sorted({name for item in left for name in item.claims})
-        others = [host.name for host in bins]
-        first = random.choice(allowed)
-        chosen = {first, *random.sample(others, min(len(others), random.choice(HOSTS) - 1))}
-        some = [by_name[name] for name, host in hosts.items() if host in chosen]
-        some += [item for item in left if item.claims.keys() & chosen]
-        packed = _packed(some, [host for host in bins if host.name in chosen], hosts)
-        hosts = {name: host for name, host in hosts.items() if host not in chosen} | packed
+    names = [host.name for host in bins]
+    for _ in range(rounds):
+        left_over = [item for item in items if item.name not in host_of]
+        if not left_over:
+            return host_of
+        first = random.choice(sorted({name for item in left_over for name in item.claims}))
+        chosen = {first, *random.sample(names, min(len(names), random.choice(HOSTS) - 1))}
+        packed_anew = [by_name[name] for name, host in host_of.items() if host in chosen]
+        packed_anew += [item for item in left_over if item.claims.keys() & chosen]
+        packed = _pack_as_much_as_possible(packed_anew, [host for host in bins if host.name in chosen], host_of)
+        host_of = {name: host for name, host in host_of.items() if host not in chosen} | packed
     return None
 
 
-def _packed(items: Sequence[Item], bins: Sequence[Bin], hosts: Mapping[str, str]) -> dict[str, str]:
-    """Those of the partitions that find room on these hosts, as much of them as possible."""
+def _pack_as_much_as_possible(items: Sequence[Item], bins: Sequence[Bin], before: Mapping[str, str]) -> dict[str, str]:
+    """The hosts of those partitions that find room on these hosts; who is left over is as little as possible."""
     names = {host.name for host in bins}
     nothing = Claim(processors=0, reserve=0, memory=0)
     items = [
@@ -69,14 +66,12 @@ def _packed(items: Sequence[Item], bins: Sequence[Bin], hosts: Mapping[str, str]
     costs = [0] * len(program.pairs)
     for variable, (number, at) in enumerate(program.pairs):
         if at == 0:
-            claims = [claim for name, claim in items[number].claims.items() if name]
+            claims = [claim for name, claim in items[number].claims.items() if name != NOWHERE]
             costs[variable] = (
-                1
-                + 1000 * max(c.processors * c.reserve for c in claims) // percent
-                + 1000 * max(c.memory for c in claims) // memory
+                1 + 1000 * max(map(cost, claims)) // percent + 1000 * max(claim.memory for claim in claims) // memory
             )
-    start = {item.name: hosts.get(item.name, NOWHERE) for item in items}
-    answer = minimise(costs, program.rows, nodes=NODES, start=program.chosen(start))
-    if answer.ones is None or program.forbid(answer.ones):
-        return {name: host for name, host in start.items() if host}
-    return {name: host for name, host in program.hosts(answer.ones).items() if host}
+    start = {item.name: before.get(item.name, NOWHERE) for item in items}
+    answer = minimise(costs, program.rows, nodes=NODES, start=program.variables_of(start))
+    if answer.ones is not None and not program.forbid(answer.ones):
+        start = program.host_of(answer.ones)
+    return {name: host for name, host in start.items() if host != NOWHERE}

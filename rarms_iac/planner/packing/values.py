@@ -13,7 +13,7 @@ class Item:
 
     name: str
     claims: Mapping[str, Claim]  # what it claims on each host that it may run on, by the host's name
-    now: str = ""  # the host that it is on; empty: none
+    current_host: str = ""  # that it is on; empty: none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,14 +22,14 @@ class Bin:
 
     name: str
     capacity: Capacity
-    taken: tuple[Claim, ...] = ()  # what is promised there to machines that are not packed
+    foreign_claims: tuple[Claim, ...] = ()  # what is promised there to machines that are not packed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Packing:
     """A host for each partition, with what no packing is below."""
 
-    hosts: Mapping[str, str]  # partition -> host, by the partition's name
+    host_of: Mapping[str, str]  # by the partition's name
     reserved: int  # in all, in per cent of one logical processor
     reserved_bound: int  # no packing reserves less
     moves: int
@@ -65,33 +65,48 @@ def least_memory(item: Item) -> int:
 
 def free_in(host: Bin) -> Load:
     """Return what a host has left to promise; negative where others hold more than there is."""
-    taken = load_of(host.taken)
+    foreign = load_of(host.foreign_claims)
     whole = int(WHOLE * host.capacity.processors)
-    return Load(percent=whole - taken.percent, memory=host.capacity.memory - taken.memory)
+    return Load(percent=whole - foreign.percent, memory=host.capacity.memory - foreign.memory)
 
 
-def claims_by_host(items: Iterable[Item], bins: Sequence[Bin], hosts: Mapping[str, str]) -> dict[str, list[Claim]]:
+def claims_by_host(items: Iterable[Item], bins: Sequence[Bin], host_of: Mapping[str, str]) -> dict[str, list[Claim]]:
     """Return all that each host would have to promise, other machines included."""
-    claims = {host.name: list(host.taken) for host in bins}
+    claims = {host.name: list(host.foreign_claims) for host in bins}
     for item in items:
-        claims[hosts[item.name]].append(item.claims[hosts[item.name]])
+        claims[host_of[item.name]].append(item.claims[host_of[item.name]])
     return claims
 
 
-def all_hold(items: Sequence[Item], bins: Sequence[Bin], hosts: Mapping[str, str]) -> bool | None:
-    """Check that every host that is used can keep its promises; None: of some host it is not known."""
-    claims, used = claims_by_host(items, bins, hosts), set(hosts.values())
+def hosts_can_hold(items: Sequence[Item], bins: Sequence[Bin], host_of: Mapping[str, str]) -> bool | None:
+    """Check that every host that is used can keep its promises; None: of some host it is not known.
+
+    Args:
+        items: The partitions.
+        bins: All hosts.
+        host_of: The host of each partition, by names.
+    """
+    claims, used = claims_by_host(items, bins, host_of), set(host_of.values())
     answers = [holds(host.capacity, claims[host.name]) for host in bins if host.name in used]
     if False in answers:
         return False
     return None if None in answers else True
 
 
-def value_of(items: Iterable[Item], hosts: Mapping[str, str]) -> tuple[int, int]:
-    """Return what the packing reserves in all, in per cent of one logical processor, and how many partitions move."""
+Objective = tuple[int, int]
+"""What is made least: the reservation in all, in per cent of one logical processor; then how many partitions move."""
+
+
+def objective_of(items: Iterable[Item], host_of: Mapping[str, str]) -> Objective:
+    """Return what the packing reserves in all and how many partitions it moves."""
     reserved = moves = 0
     for item in items:
-        host = hosts[item.name]
+        host = host_of[item.name]
         reserved += cost(item.claims[host])
-        moves += bool(item.now) and item.now != host
+        moves += is_move(item, host)
     return reserved, moves
+
+
+def is_move(item: Item, host: str) -> bool:
+    """Tell whether the partition would leave the host that it is on."""
+    return item.current_host not in ("", host)

@@ -153,15 +153,14 @@ def _nothing(_manifest: Manifest) -> None:
 COMBINED = r"(c\d+(?:, c\d+)*(?: and c\d+)?)"
 MORE = r"([oO]ne|\d+) more logical processors? on ((?:each of )?h\d(?: and h\d)?)"
 KINDS: dict[str, tuple[str, Callable[..., None]]] = {
-    "list": (r"[aA]ll of these:|No pair is enough; combining all of these may be .*", _nothing),
+    "list": (r"[aA]ll of these:|Combining may be enough, .*: all of these:", _nothing),
     "reserve": (r"(c\d+) reserves (\S+ (?:%|LP)) instead of .*", _reserves),
     "partition": (r"partition (c\d+) reserves (\S+ (?:%|LP)) instead of .*", _partition_reserves),
     "memory": (r"(\d+ [GM]iB) more memory on (h\d)", _memory),
     "processors": (MORE, _processors),
     "apt": (r"(c\d+): mean_response_time at most (\S+ \w+) instead of .*", _apt),
-    "combine": (rf"Combining {COMBINED} in one partition may .* up to (\S+ %) fits .*", _together),
-    "combine several": (rf"{COMBINED}: at least (\S+ %) of .*", _together),
-    "anew": (rf"{MORE} may be enough(?:, with `processors: (\d+)` for (.*) as now)?:.*", _anew),
+    "combine": (rf"(?:Combining may be enough, .*: )?{COMBINED} together need .* up to (\S+ %) fits", _together),
+    "anew": (rf"{MORE}(?:, with `processors: (\d+)` for (.*) as now)?, may be enough:.*", _anew),
     "moving": (r"`--max-disruption removal`, .*", _nothing),
 }
 
@@ -253,7 +252,7 @@ partitions:
   c3: {{ criticality: 4, {MEASURED} }}
 """,
             {"c0": 50, "c1": 50, "c2": 50, "c3": 50},
-            {"list", "apt", "combine several", "anew"},
+            {"list", "apt", "combine", "anew"},
         ),
     ],
 )

@@ -22,7 +22,7 @@ def a_bin(name: str, logical: int = 2, memory: int = 100, taken: tuple[Claim, ..
     capacity = Capacity(
         logical_processors=logical, processors=LogicalProcessors(Fraction(logical)), memory=Bytes(memory)
     )
-    return Bin(name=name, capacity=capacity, taken=taken)
+    return Bin(name=name, capacity=capacity, foreign_claims=taken)
 
 
 def an_item(name: str, share: int, *hosts: str, memory: int = 1, processors: int = 2) -> Item:
@@ -47,7 +47,7 @@ def a_fleet(seed: int) -> tuple[list[Item], list[Bin]]:
 def can_be_placed(items: Sequence[Item], bins: Sequence[Bin]) -> bool:
     """By trying every placement."""
     for hosts in product(*(sorted(item.claims) for item in items)):
-        claims = {host.name: list(host.taken) for host in bins}
+        claims = {host.name: list(host.foreign_claims) for host in bins}
         for item, name in zip(items, hosts, strict=True):
             claims[name].append(item.claims[name])
         if all(fits(host.capacity, claims[host.name]) for host in bins if host.name in hosts):

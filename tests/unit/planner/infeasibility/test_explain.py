@@ -7,9 +7,7 @@ import pytest
 from rarms_iac.model.layout import Cause, Infeasible, Relaxation
 from rarms_iac.model.system import Disruption, System
 from rarms_iac.planner import findings
-from rarms_iac.planner.infeasibility.explain import diagnostics
-from rarms_iac.planner.layout import Planning, plan_layout
-from rarms_iac.planner.problem import problem_of
+from rarms_iac.planner.layout import Planning, causes_as_findings, plan_layout
 from rarms_iac.planner.reservations import FixedReservations
 from tests.builders import a_component, a_host, a_system
 from tests.planning import PLACES
@@ -80,9 +78,8 @@ def test_the_sum_of_those_that_must_be_on_one_host_is_told() -> None:
 def test_the_only_way_out_is_a_sentence_or_a_list(way: str, advice: str) -> None:
     cause = Cause(what="application", says="Nothing fits.", code=findings.PLACEMENT.code)
     answer = Infeasible(proven=True, conflict=(), causes=(cause,), relaxations=(Relaxation(says=way),))
-    problem = problem_of(five_of_two(), FixedReservations(), {}, may_move=True)
 
-    assert [finding.advice for finding in diagnostics(answer, problem, PLACES)] == [advice]
+    assert [finding.advice for finding in causes_as_findings(answer, five_of_two(), PLACES)] == [advice]
 
 
 @pytest.mark.parametrize(
@@ -95,6 +92,5 @@ def test_the_only_way_out_is_a_sentence_or_a_list(way: str, advice: str) -> None
 def test_it_is_said_how_sure_it_is(proven: bool, detail: str) -> None:
     cause = Cause(what="application", says="Nothing fits.", code=findings.PLACEMENT.code)
     answer = Infeasible(proven=proven, conflict=(), causes=(cause,), relaxations=())
-    problem = problem_of(five_of_two(), FixedReservations(), {}, may_move=True)
 
-    assert [finding.detail for finding in diagnostics(answer, problem, PLACES)] == [detail]
+    assert [finding.detail for finding in causes_as_findings(answer, five_of_two(), PLACES)] == [detail]

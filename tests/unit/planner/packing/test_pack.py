@@ -14,8 +14,8 @@ from rarms_iac.model.claims import Claim
 from rarms_iac.model.quantities import Bytes, LogicalProcessors
 from rarms_iac.planner.packing import pack as packing_module
 from rarms_iac.planner.packing.pack import pack
-from rarms_iac.planner.packing.repair import repaired
-from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing, all_hold, value_of
+from rarms_iac.planner.packing.repair import find_by_repacking
+from rarms_iac.planner.packing.values import Bin, Item, NoPacking, Packing, hosts_can_hold, objective_of
 
 Value = tuple[int, int, tuple[str, ...]]
 
@@ -24,7 +24,7 @@ def a_bin(name: str, processors: int, memory: int = 1000, taken: tuple[Claim, ..
     capacity = Capacity(
         logical_processors=processors, processors=LogicalProcessors(Fraction(processors)), memory=Bytes(memory)
     )
-    return Bin(name=name, capacity=capacity, taken=taken)
+    return Bin(name=name, capacity=capacity, foreign_claims=taken)
 
 
 def a_claim(random: Random) -> Claim:
@@ -44,7 +44,7 @@ def a_problem(seed: int) -> tuple[list[Item], list[Bin]]:
         same = a_claim(random)
         allowed = sorted(random.sample(names, random.randint(1, len(names))))
         claims = {name: same if random.random() < 0.7 else a_claim(random) for name in allowed}
-        items.append(Item(name=f"part{at}", claims=claims, now=random.choice(("", "host0", "host1"))))
+        items.append(Item(name=f"part{at}", claims=claims, current_host=random.choice(("", "host0", "host1"))))
     return items, bins
 
 
@@ -52,12 +52,12 @@ def every_packing(items: list[Item], bins: list[Bin]) -> list[Value]:
     """All that there are, by their definition: reservation, moves and hosts."""
     found = []
     for hosts in product(*(item.claims for item in items)):
-        claims = {host.name: list(host.taken) for host in bins}
+        claims = {host.name: list(host.foreign_claims) for host in bins}
         for item, name in zip(items, hosts, strict=True):
             claims[name].append(item.claims[name])
         if all(fits(host.capacity, claims[host.name]) for host in bins if host.name in hosts):
             where = {item.name: name for item, name in zip(items, hosts, strict=True)}
-            found.append((*value_of(items, where), hosts))
+            found.append((*objective_of(items, where), hosts))
     return found
 
 
@@ -76,7 +76,7 @@ def test_small_packings_are_the_best_of_all_and_the_first_by_name() -> None:
             assert not every, seed
         else:
             assert packing.proven
-            assert (packing.reserved, packing.moves, tuple(packing.hosts.values())) == min(every), seed
+            assert (packing.reserved, packing.moves, tuple(packing.host_of.values())) == min(every), seed
     assert 100 < solved < 390, "some have a packing, and some have none"
 
 
@@ -103,7 +103,7 @@ def test_tight_packings_are_found(seed: int) -> None:
 
     assert isinstance(packing, Packing)
     assert packing.proven
-    assert all_hold(items, bins, packing.hosts)
+    assert hosts_can_hold(items, bins, packing.host_of)
     assert packing == pack(items[::-1], bins[::-1]), "order does not matter"
 
 
@@ -112,11 +112,11 @@ def test_a_few_hosts_at_a_time_are_packed_anew_until_nobody_is_left_over() -> No
     items, bins = a_tight_fleet(1, hosts=4)
     items.sort(key=lambda item: item.name)
 
-    hosts = repaired(items, bins)
+    hosts = find_by_repacking(items, bins, rounds=100)
 
     assert hosts is not None
     assert hosts.keys() == {item.name for item in items}
-    assert all_hold(items, bins, hosts)
+    assert hosts_can_hold(items, bins, hosts)
 
 
 def test_without_the_solver_first_fit_is_the_answer_and_nothing_is_proven(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -135,7 +135,7 @@ def test_the_solver_is_not_imported_where_first_fit_meets_the_bound() -> None:
     script = (
         "import sys; from tests.unit.planner.packing.test_pack import a_bin, Item, Claim, pack;"
         "claim = Claim(processors=1, reserve=40, memory=1);"
-        "pack([Item(name=name, claims={'one': claim, 'two': claim}, now='two') for name in 'abc'],"
+        "pack([Item(name=name, claims={'one': claim, 'two': claim}, current_host='two') for name in 'abc'],"
         " [a_bin('one', 1), a_bin('two', 2)]);"
         "print('highspy' in sys.modules)"
     )
@@ -183,8 +183,8 @@ def test_a_large_fleet_is_packed_so_that_every_host_holds() -> None:
     packing = pack(items, cells)
 
     assert isinstance(packing, Packing)
-    assert set(packing.hosts) == {item.name for item in items}
-    assert all_hold(items, cells, packing.hosts)
+    assert set(packing.host_of) == {item.name for item in items}
+    assert hosts_can_hold(items, cells, packing.host_of)
 
 
 TRIPLES = (46, 34, 32, 40, 30, 40, 39, 32, 32, 37, 40, 30, 28, 36, 38, 28, 32, 38, 31, 28, 32, 31, 36, 31, 29, 29, 27)

@@ -1,0 +1,116 @@
+"""Changes of a manifest, as a person would make them, by as little as makes everything fit."""
+
+from bisect import bisect_left
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+from typing import Any
+
+from rarms_iac.model.layout import TOGETHER
+from rarms_iac.model.system import System
+from rarms_iac.planner.problem import HostView, has_layout, problem_of
+from rarms_iac.planner.reservations import ReservationSource
+
+TRIALS = 250
+"""Manifests that are planned in all, before nothing more is offered: a count, never a time."""
+
+READ_UP_TO = 8
+"""Changes that are told together: nobody makes more of them from a list."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variant:
+    """A manifest, what was seen of its hosts, and what data logs say of it."""
+
+    system: System
+    views: Mapping[str, HostView]
+    reservations: ReservationSource
+    may_move: bool  # whether partitions may leave their hosts
+
+    def with_entries(self, field: str, entries: Mapping[str, Any]) -> "Variant":
+        """The same with these entries of `components`, `partitions` or `hosts` instead of those of their names."""
+        changed: dict[str, Any] = {field: {**getattr(self.system, field), **entries}}
+        return replace(self, system=replace(self.system, **changed))
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One change of the manifest."""
+
+    message: str
+    apply: Callable[[Variant], Variant]
+
+
+Changes = tuple[Change, ...]
+"""Changes that are made together."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lever:
+    """One thing that can be changed by more or by less."""
+
+    partitions: tuple[str, ...] = ()  # whose reservation it changes; none: it changes a host
+    levels: Sequence[int]  # the first changes most: if everything fits with one, it fits with each before it
+    changes_at: Callable[[int], Changes]
+    to_be_measured: bool = False  # that it fits rests on what partitions will probably need
+
+
+@dataclass(slots=True, kw_only=True)
+class Trials:
+    """Plans changed manifests, up to `TRIALS` of them; from then on nothing fits."""
+
+    start: Variant
+    made: int = 0
+
+    def fits(self, changes: Iterable[Change], *, by_first_fit: bool = True) -> bool:
+        """Say whether a layout with all of these changes is found, by first fit or also by the solver."""
+        if self.made >= TRIALS:
+            return False
+        self.made += 1
+        after = reduce(lambda before, change: change.apply(before), changes, self.start)
+        problem = problem_of(after.system, after.reservations, after.views, may_move=after.may_move)
+        return has_layout(problem, by_first_fit=by_first_fit) is True
+
+
+def smallest_changes(levers: Sequence[Lever], trials: Trials) -> Changes:
+    """Find changes with which everything fits, none without need, and each as small as can be.
+
+    Args:
+        levers: What may be changed; the first are changed first.
+        trials: Plans what is tried.
+
+    Returns:
+        The changes; none where all levers at their first levels are not enough, or more are needed than are read.
+    """
+    levers = [lever for lever in levers if lever.levels]
+    chosen = [lever.changes_at(lever.levels[0]) for lever in levers]
+    if not levers or not trials.fits(_flat(chosen)):
+        return ()
+    needed = bisect_left(range(len(levers)), True, lo=1, key=lambda number: trials.fits(_flat(chosen[:number])))
+    del chosen[needed:]
+    for at in reversed(range(needed)):
+        others = _flat(chosen[:at] + chosen[at + 1 :])
+        if others and trials.fits(others):
+            chosen[at] = ()
+            continue
+        lever = levers[at]
+        beyond = bisect_left(
+            lever.levels,
+            True,
+            lo=1,
+            key=lambda level: not trials.fits((*others, *lever.changes_at(level))),
+        )
+        chosen[at] = lever.changes_at(lever.levels[beyond - 1])
+    changes = _flat(chosen)
+    return changes if len(changes) <= READ_UP_TO else ()
+
+
+def _flat(chosen: Iterable[Changes]) -> Changes:
+    return tuple(change for changes in chosen for change in changes)
+
+
+def describe(changes: Sequence[Change]) -> str:
+    """One change as it is, several as a list."""
+    if len(changes) == 1:
+        return changes[0].message
+    return "\n  - ".join([TOGETHER, *(change.message for change in changes)])

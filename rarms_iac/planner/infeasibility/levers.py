@@ -1,0 +1,202 @@
+"""What can be changed: reserves, APTs, memory and logical processors of hosts, and who shares a partition."""
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from functools import partial
+from itertools import combinations
+from math import ceil
+
+from rarms_iac.model.indexes import find_index, show_threshold, show_value
+from rarms_iac.model.quantities import (
+    CpuAmount,
+    LogicalProcessors,
+    Percent,
+    ProcessorTime,
+    ShareOfHost,
+    show_amount,
+    show_bytes,
+    show_percent,
+)
+from rarms_iac.model.system import Component, CpuRequest, Host, Measured, PartitionRequest, Threshold
+from rarms_iac.model.wording import in_a_row, number
+from rarms_iac.planner.combining.candidates import compound_of
+from rarms_iac.planner.combining.oracle import coi_as_measured, total
+from rarms_iac.planner.groups import Group, may_share
+from rarms_iac.planner.infeasibility.changes import Change, Changes, Lever, Variant
+from rarms_iac.planner.packing.values import free_in
+from rarms_iac.planner.problem import HostView, Problem, by_name
+from rarms_iac.planner.reservations import MeasuredReservations, MeasuredTogether, rests_on_a_log
+from rarms_iac.statistics.curves import holds, tightest_threshold
+
+MORE_PROCESSORS = 8
+_MIB = 2**20
+
+
+def reserve_levers(group: Group) -> Iterator[Lever]:
+    """The reserves that the manifest fixes for a partition: its own, or its members', the least critical first."""
+    own = group.request.cpu.reserve is not None and group.request.cpu.reserve is not Measured.MEASURED
+    for entry in (group.request,) if own else reversed(group.members):
+        reserve = entry.cpu.reserve
+        if reserve is not None and not isinstance(reserve, Measured):
+            yield _reserve_lever(group, entry, reserve)
+
+
+def _reserve_lever(group: Group, entry: Component | PartitionRequest, before: CpuAmount) -> Lever:
+    """In steps as the amount is written: whole per cent of the host, or hundredths of an LP."""
+    field, title = ("components", "") if isinstance(entry, Component) else ("partitions", "partition ")
+
+    def changes_at(level: int) -> Changes:
+        amount: CpuAmount = ProcessorTime(LogicalProcessors(Fraction(level, 100)))
+        if isinstance(before, ShareOfHost):
+            amount = ShareOfHost(Percent(Fraction(level)))
+        after = replace(entry, cpu=replace(entry.cpu, reserve=amount))
+        message = f"{title}{entry.name} reserves {show_amount(amount)} instead of {show_amount(before)}"
+        return (Change(message, lambda variant: variant.with_entries(field, {entry.name: after})),)
+
+    most = before.percent if isinstance(before, ShareOfHost) else 100 * before.processors
+    return Lever(partitions=(group.name,), levels=range(1, ceil(most)), changes_at=changes_at)
+
+
+def apt_levers(group: Group, problem: Problem) -> Iterator[Lever]:
+    """The APTs of a partition together, down to the lowest CR that was measured; none where its reserve is fixed."""
+    source, claims = problem.reservations, problem.claims[group.name]
+    if not claims or not isinstance(source, MeasuredReservations) or not rests_on_a_log(group):
+        return
+    host = problem.system.hosts[next(iter(claims))]
+    log, least = source.log(group.members, host), source.least(group.members, host)
+    if isinstance(log, MeasuredTogether) and least is not None:
+        changes_at = partial(_relaxed, group, log)
+        levels = [reserve for reserve in range(1, least.reserve) if changes_at(reserve)]
+        yield Lever(partitions=(group.name,), levels=levels, changes_at=changes_at)
+
+
+def _relaxed(group: Group, log: MeasuredTogether, reserve: int) -> Changes:
+    """The APTs that have to change for this CR to do, as little as possible; none where a curve says nothing there."""
+    changes = []
+    for member in group.members:
+        for index, threshold in member.apt.items():
+            curve = log.curves(member.name, index)
+            if holds(curve, threshold, reserve):
+                continue
+            met = tightest_threshold(curve, reserve)
+            if met is None:
+                return ()
+            changes.append(_relaxed_apt(member, index, met))
+    return tuple(changes)
+
+
+def _relaxed_apt(component: Component, name: str, threshold: Threshold) -> Change:
+    """As in: vision: mean_response_time at most 131 ms instead of 100 ms, in the manifest's words."""
+    index = find_index(name)
+    assert index is not None, "an APT names indexes that there are"
+
+    def apply(variant: Variant) -> Variant:
+        before = variant.system.components[component.name]
+        return variant.with_entries("components", {before.name: replace(before, apt={**before.apt, name: threshold})})
+
+    before = show_value(index, component.apt[name].value)
+    return Change(f"{component.name}: {name} {show_threshold(index, threshold)} instead of {before}", apply)
+
+
+def memory_levers(problem: Problem) -> Iterator[Lever]:
+    """More memory of a host, at most as much as all who may run there claim."""
+    for host in problem.bins:
+        claimed = sum(item.claims[host.name].memory for item in problem.items if host.name in item.claims)
+        missing = -(-(claimed - free_in(host).memory) // _MIB)
+        yield Lever(levels=range(missing, 0, -1), changes_at=partial(_more_memory, host.name))
+
+
+def _more_memory(host: str, mib: int) -> Changes:
+    return (Change(f"{show_bytes(mib * _MIB)} more memory on {host}", partial(_grown, [host], "memory", mib * _MIB)),)
+
+
+def processor_levers(problem: Problem) -> Iterator[Lever]:
+    """More logical processors: of all hosts of a platform, since they share what was measured."""
+    platforms: dict[str, list[Host]] = {}
+    for host in by_name(problem.system.hosts):
+        platforms.setdefault(host.platform, []).append(host)
+    for hosts in platforms.values():
+        names = [host.name for host in hosts]
+        there = [group for group in problem.groups if problem.claims[group.name].keys() & set(names)]
+        measured = [group for group in there if rests_on_a_log(group)]
+        members = [member for group in measured if group.request.processors is None for member in group.members]
+        wide = sorted(member.name for member in members if member.processors is None)
+        yield Lever(
+            levels=range(MORE_PROCESSORS, 0, -1),
+            changes_at=partial(_more_processors, names, wide, hosts[0].logical_processors),
+            to_be_measured=bool(measured),
+        )
+
+
+def _more_processors(hosts: Sequence[str], wide: Sequence[str], width: int, more: int) -> Changes:
+    """More of them, while these components stay as wide as they were measured: as their host was."""
+
+    def apply(variant: Variant) -> Variant:
+        components = variant.system.components
+        narrowed = {name: replace(components[name], processors=width) for name in wide}
+        return _grown(hosts, "logical_processors", more, variant.with_entries("components", narrowed))
+
+    where = hosts[0] if len(hosts) == 1 else f"each of {in_a_row(hosts)}"
+    fixed = f", with `processors: {width}` for {in_a_row(wide)} as now" if wide else ""
+    return (Change(f"{number(more)} more logical processor{'' if more == 1 else 's'} on {where}{fixed}", apply),)
+
+
+def _grown(hosts: Sequence[str], field: str, more: int, variant: Variant) -> Variant:
+    """The variant with larger hosts, in the manifest and, where they were observed, in fact."""
+    views, after = dict(variant.views), {}
+    for name in hosts:
+        host, facts = variant.system.hosts[name], variant.views.get(name, HostView()).facts
+        size = more + min(getattr(each, field) for each in (host, facts) if each is not None)
+        after[name] = replace(host, **{field: max(size, getattr(host, field))})
+        if facts is not None:
+            larger = replace(facts, **{field: max(size, getattr(facts, field))})
+            views[name] = replace(views[name], facts=larger)
+    return replace(variant.with_entries("hosts", after), views=views)
+
+
+def pair_levers(problem: Problem, partitions: Collection[str]) -> Iterator[Lever]:
+    """Pairs of these partitions that may share one, the least critical first; only measured ones can need less so.
+
+    The first level is the least that the two can need together, the last is just less than they reserve apart.
+    """
+    groups = [group for group in problem.groups if group.name in partitions and rests_on_a_log(group)]
+    for minor, leader in combinations(sorted(groups, key=lambda group: (group.criticality, group.name)), 2):
+        hosts = [name for name in problem.claims[minor.name] if name in problem.claims[leader.name]]
+        if hosts and may_share(minor, leader):
+            yield _pair_lever(minor, leader, hosts, problem)
+
+
+def _pair_lever(minor: Group, leader: Group, hosts: Sequence[str], problem: Problem) -> Lever:
+    host = problem.system.hosts[hosts[0]]
+    parts = [
+        coi_as_measured(group, problem.claims[group.name][host.name], problem.reservations, host)
+        for group in (minor, leader)
+    ]
+    compound, members = compound_of(parts), (*minor.members, *leader.members)
+    levels = range(compound.reserve, (total(parts) - 1) // compound.processors + 1)
+
+    def share(reserve: int) -> str:
+        return show_percent(Fraction(reserve * compound.processors, host.logical_processors))
+
+    def changes_at(reserve: int) -> Changes:
+        amount = ProcessorTime(LogicalProcessors(Fraction(reserve * compound.processors, 100)))
+        names = tuple(member.name for member in members)
+        shared = replace(leader.request, components=names, cpu=CpuRequest(reserve=amount))
+
+        def apply(variant: Variant) -> Variant:
+            system = variant.system
+            partitions = {name: request for name, request in system.partitions.items() if name != minor.name}
+            combined = replace(variant, system=replace(system, partitions={**partitions, leader.name: shared}))
+            first = replace(system.components[names[0]], hosts=tuple(hosts))
+            return combined.with_entries("components", {first.name: first})
+
+        return (
+            Change(
+                f"{minor.name} and {leader.name} together need {share(levels[0])} to {share(levels[-1])} of "
+                f"{in_a_row(hosts, 'or')}, and up to {share(reserve)} fits",
+                apply,
+            ),
+        )
+
+    return Lever(partitions=(minor.name, leader.name), levels=levels, changes_at=changes_at, to_be_measured=True)
