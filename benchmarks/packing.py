@@ -8,7 +8,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from unittest.mock import patch
@@ -25,13 +24,8 @@ from rarms_iac.storage.snapshot_file import read_snapshot
 FLEETS = 70
 MEDIAN, WORST, NOT_PROVED = 0.3, 30.0, 10.0
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Run:
-    """One fleet, packed."""
-
-    seconds: float
-    found: Packing | NoPacking
+Answer = tuple[float, Packing | NoPacking]
+"""CPU time in seconds, and what was found."""
 
 
 def problem(drawn: Fleet) -> Problem:
@@ -44,40 +38,37 @@ def problem(drawn: Fleet) -> Problem:
     return problem_of(system, FixedReservations(), views, may_move=True)
 
 
-def run(drawn: Problem) -> Run:
+def packed(drawn: Problem) -> Answer:
     begun = time.process_time()
     found = packing.pack(drawn.items, drawn.bins)
-    return Run(seconds=time.process_time() - begun, found=found)
+    return time.process_time() - begun, found
 
 
-def missing(runs: Sequence[Run]) -> float:
-    """Per cent without a packing."""
-    return 100 * sum(isinstance(each.found, NoPacking) for each in runs) / len(runs)
+def figures(name: str, answers: Sequence[Answer]) -> list[Figure]:
+    seconds = [each for each, _ in answers]
+    missing, open_ = (
+        100 * sum(test(found) for _, found in answers) / len(answers)
+        for test in (lambda found: isinstance(found, NoPacking), lambda found: not found.proven)
+    )
+    goals = (MEDIAN, WORST, NOT_PROVED) if name == "solver" else (None, None, None)
+    return [
+        Figure(name=f"{name}: median", value=statistics.median(seconds), unit="s", at_most=goals[0]),
+        Figure(name=f"{name}: worst", value=max(seconds), unit="s", at_most=goals[1]),
+        Figure(name=f"{name}: not proved", value=open_, unit="%", at_most=goals[2]),
+        Figure(name=f"{name}: no packing", value=missing, unit="%"),
+    ]
 
 
 def main(words: Sequence[str]) -> int:
     number, *size = [int(word) for word in words] or [FLEETS]
     partitions, hosts = size or (0, 0)
-    solved, first = [], []
+    solver, first_fit = [], []
     for seed in range(number):
-        drawn = fleet(seed, partitions=partitions, hosts=hosts)
-        given = problem(drawn)
+        given = problem(fleet(seed, partitions=partitions, hosts=hosts))
         with patch.object(packing, "is_installed", return_value=False):
-            first.append(run(given))
-        solved.append(run(given))
-        print(f"{drawn.name:<15}{first[-1].seconds:>8.2f}{solved[-1].seconds:>8.2f} s", flush=True)
-    median = statistics.median(each.seconds for each in solved)
-    not_proved = 100 * sum(not each.found.proven for each in solved) / number
-    return report(
-        [
-            Figure(name="median", value=median, unit="s", at_most=MEDIAN),
-            Figure(name="worst", value=max(each.seconds for each in solved), unit="s", at_most=WORST),
-            Figure(name="median, of first fit's", value=median / statistics.median(each.seconds for each in first)),
-            Figure(name="not proved", value=not_proved, unit="%", at_most=NOT_PROVED),
-            Figure(name="no packing", value=missing(solved), unit="%"),
-            Figure(name="no packing by first fit alone", value=missing(first), unit="%"),
-        ]
-    )
+            first_fit.append(packed(given))
+        solver.append(packed(given))
+    return report([*figures("solver", solver), *figures("first fit alone", first_fit)])
 
 
 if __name__ == "__main__":

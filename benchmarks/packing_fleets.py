@@ -76,7 +76,7 @@ def fleet(seed: int, *, partitions: int = 0, hosts: int = 0) -> Fleet:
 
 def _host(random: Random, at: int, *, unequal: bool) -> _Host:
     processors = random.choice((2, 4, 8)) if unequal else 4
-    memory = (8192 if not unequal else 2048 * processors) + 0
+    memory = 2048 * processors
     return _Host(name=f"host-{at:02}", processors=processors, memory=memory, free_memory=memory)
 
 
@@ -121,11 +121,11 @@ def _narrow(random: Random, host: _Host, pieces: int, memory: int) -> list[_Part
     parts = []
     for each in _pieces(random, memory, pieces):
         processors = random.choice((1, 1, 2))
-        free = sorted(range(host.processors), key=lambda one: -level[one])[:processors]
-        most = min(level[one] for one in free)
+        free = sorted(range(host.processors), key=lambda at: -level[at])[:processors]
+        most = min(level[at] for at in free)
         reserve = random.randint(max(1, most // 3), most) if most > 0 else 0
-        for one in free:
-            level[one] -= reserve
+        for at in free:
+            level[at] -= reserve
         share = reserve * processors // host.processors  # rounded up again by as little as a point
         parts.append(_Part(name="", host=host, share=share, memory=64 * each, processors=processors))
     return parts
@@ -145,7 +145,7 @@ def _snapshot(host: _Host, running: Sequence[_Part], other: Partition | None) ->
         for part in running
     ]
     seen = facts(host.name, logical_processors=host.processors, ram=f"{host.memory} MiB")
-    machines = sorted([*ours, *([other] if other else [])], key=lambda one: one.settings.name)
+    machines = sorted([*ours, *([other] if other else [])], key=lambda machine: machine.settings.name)
     return write_snapshot(State(facts=seen, partitions=tuple(machines)))
 
 

@@ -19,7 +19,7 @@ from rarms_iac.model.quantities import (
     show_percent,
 )
 from rarms_iac.model.system import Component, CpuRequest, Host, Measured, PartitionRequest, Threshold
-from rarms_iac.model.wording import in_a_row, number
+from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.combining.candidates import compound_of
 from rarms_iac.planner.combining.oracle import coi_as_measured, total
 from rarms_iac.planner.groups import Group, may_share
@@ -139,7 +139,8 @@ def _more_processors(hosts: Sequence[str], wide: Sequence[str], width: int, more
 
     where = hosts[0] if len(hosts) == 1 else f"each of {in_a_row(hosts)}"
     fixed = f", with `processors: {width}` for {in_a_row(wide)} as now" if wide else ""
-    return (Change(f"{number(more)} more logical processor{'' if more == 1 else 's'} on {where}{fixed}", apply),)
+    added = "one more logical processor" if more == 1 else f"{more} more logical processors"
+    return (Change(f"{added} on {where}{fixed}", apply),)
 
 
 def _grown(hosts: Sequence[str], field: str, more: int, variant: Variant) -> Variant:
