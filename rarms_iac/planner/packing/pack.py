@@ -178,9 +178,6 @@ def _solve(
 
 def _find_any(items: Sequence[Item], bins: Sequence[Bin]) -> "_LevelResult":
     """A packing, whatever it is worth; without one, whether there is none."""
-    host_of = find_by_repacking(items, bins, rounds=FEW_REPACKINGS)
-    if host_of is not None:
-        return _LevelResult(host_of=host_of, bound=0)
     program = Assignment(items, bins)
     variables = len(program.pairs)
     found = _solve_level(program, [0] * variables, None, min(MOST_NODES_FOR_ANY, NODES_FOR_ANY // variables))
@@ -188,7 +185,10 @@ def _find_any(items: Sequence[Item], bins: Sequence[Bin]) -> "_LevelResult":
 
 
 def _find_any_or_repack(items: Sequence[Item], bins: Sequence[Bin]) -> "_LevelResult":
-    """The same with a longer search, where the first one ended at its limit."""
+    """The same; a few hosts at a time are packed anew before that search, and longer where it ended at its limit."""
+    host_of = find_by_repacking(items, bins, rounds=FEW_REPACKINGS)
+    if host_of is not None:
+        return _LevelResult(host_of=host_of, bound=0)
     found = _find_any(items, bins)
     if found.host_of is not None or found.bound is None:
         return found
