@@ -15,8 +15,8 @@ NOT_OURS = Finding(
 )
 
 
-def adoption(state: State, application: str, name: str, machine: str, place: Place | None) -> Adopt | Diagnostic:
-    """The change that makes the machine of this id the manifest's partition; its settings stay.
+def adoption(state: State, application: str, name: str, machine: str, place: Place | None) -> Adopt | Diagnostic | None:
+    """The change that makes the machine of this id the manifest's partition; its settings stay. None: it is that.
 
     The mark says what the machine has now, so that the next plan tells what the manifest wants of it.
     """
@@ -30,6 +30,8 @@ def adoption(state: State, application: str, name: str, machine: str, place: Pla
         return NO_SUCH_MACHINE.at(
             place, f"{state.facts.name} has no machine {machine}: {known}.", "Give one of these ids.", address=address
         )
+    if before.mark is not None and (before.mark.application, before.mark.name) == (application, name):
+        return None  # also where a run was killed after its last step, and its user gives the command again
     if before.mark is not None:
         problem = f"Machine {machine} is partition {before.mark.name!r} of application {before.mark.application!r}."
         return TAKEN.at(place, problem, "Release it there first: `rarms release`.", address=address)
@@ -49,12 +51,15 @@ def adoption(state: State, application: str, name: str, machine: str, place: Pla
     )
 
 
-def releasing(state: State, application: str, name: str, place: Place | None) -> Release | Diagnostic:
-    """The change that takes our mark off this partition; the machine and its settings stay."""
+def releasing(state: State, application: str, name: str, place: Place | None) -> Release | Diagnostic | None:
+    """The change that takes our mark off this partition; the machine and its settings stay. None: it has no mark."""
     managed: dict[str, Partition] = {
         partition.mark.name: partition for partition in state.of(application).partitions if partition.mark
     }
     before = managed.get(name)
+    unmarked = {partition.settings.name for partition in state.partitions if partition.mark is None}
+    if before is None and name in unmarked:
+        return None  # also where a run was killed after its last step, and its user gives the command again
     if before is None:
         known = ", ".join(sorted(managed)) or "none"
         return NOT_OURS.at(

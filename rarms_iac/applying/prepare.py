@@ -238,7 +238,9 @@ def _some_changes(changes: tuple[Change, ...], findings: tuple[Diagnostic, ...])
     return Difference(changes=changes, unchanged=0, unused=(), findings=findings)
 
 
-def _single_change(change: Adopt | Release | Diagnostic) -> Difference:
+def _single_change(change: Adopt | Release | Diagnostic | None) -> Difference:
+    if change is None:
+        return Difference(changes=(), unchanged=1, unused=(), findings=())
     if isinstance(change, Diagnostic):
         return Difference(changes=(), unchanged=0, unused=(), findings=(change,))
     return Difference(changes=(change,), unchanged=0, unused=(), findings=())

@@ -46,7 +46,6 @@ from rarms_iac.providers.simulated.scheduling.machine import (
     Programs,
     VirtualMachine,
 )
-from rarms_iac.storage.replace import remove_leftovers
 
 PROCESSOR = "simulated"
 """A simulated host's name for its processors."""
@@ -114,13 +113,6 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
     def __init__(self, host: Host, path: Path, simulate: Simulate) -> None:
         super().__init__(host, path)
         self._simulate = simulate
-
-    @contextmanager
-    def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
-        """See the interface; also removes what killed writers left behind."""
-        with super().lock(owner, timeout_ms):
-            remove_leftovers(self._path)
-            yield
 
     def bench(self) -> Bench:
         """See the interface."""

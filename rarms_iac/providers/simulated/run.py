@@ -84,11 +84,13 @@ class SimulatedHostProvider:
 
     @contextmanager
     def lock(self, owner: str, timeout_ms: int = 0) -> Iterator[None]:
-        """See the interface."""
+        """See the interface; also removes what killed writers left behind."""
         with ExitStack() as held:
             with self._report_failure(self._lock_path):
                 make_room(self._lock_path)
                 held.enter_context(hold(self._lock_path, owner, timeout_ms))
+                for path in (self._path, self._journal_path):
+                    remove_leftovers(path)
             yield
 
     def read(self, address: Address, scope: Scope) -> Readings:
@@ -132,11 +134,9 @@ class SimulatedHostProvider:
             return read_unfinished(self._journal_path)
 
     def start_run(self, started: RunStarted) -> None:
-        """See the interface; also removes what killed writers left behind."""
+        """See the interface."""
         with self._report_failure(self._journal_path):
             make_room(self._journal_path)
-            for path in (self._path, self._journal_path):
-                remove_leftovers(path)
             start_journal(self._journal_path, started)
 
     def record(self, record: JournalRecord) -> None:

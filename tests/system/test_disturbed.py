@@ -1,0 +1,129 @@
+"""Every command that changes something, disturbed at its effects on files: repeated, it ends as if undisturbed.
+
+A usual run takes some of the points of each command; `make test-long` takes all of them, more than a thousand.
+"""
+
+import json
+from collections.abc import Callable
+from contextlib import chdir
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from rarms_iac.providers.simulated import run
+from rarms_iac.storage import disk
+from tests.crashing import CrashingDisk
+from tests.disturbing import Disturbance, End, end_after, end_of
+from tests.effort import LONG
+from tests.files import copy_files
+from tests.measured_cell import MANIFEST
+from tests.unit.cli.running import rarms
+
+pytestmark = pytest.mark.needs("posix")
+
+POINTS = 24
+"""Points of a command in a usual run, evenly over its effects; the disturbances take turns."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """A command, and what was run before it in a new folder."""
+
+    words: tuple[str, ...]
+    before: tuple[tuple[str, ...], ...] = ()
+
+
+FIXED = MANIFEST.replace("reserve: measured", "reserve: 30 %")
+APPLY = ("apply", "--auto-approve")
+MEASURE = ("measure", "--samples", "30")
+SCENARIOS = {
+    "apply": Scenario(words=APPLY),
+    "undo": Scenario(words=("undo", "--auto-approve"), before=(APPLY,)),
+    "destroy": Scenario(words=("destroy", "--auto-approve"), before=(APPLY,)),
+    "release": Scenario(words=("release", "vision", "--auto-approve"), before=(APPLY,)),
+    "import": Scenario(
+        words=("import", "vision", "--id", "ID", "--auto-approve"),
+        before=(APPLY, ("release", "vision", "--auto-approve")),
+    ),
+    "measure": Scenario(words=MEASURE),
+    "tune": Scenario(words=("tune", "--samples", "30"), before=(MEASURE,)),
+}
+
+
+def prepare(folder: Path, scenario: Scenario) -> tuple[str, ...]:
+    """Run what comes before; the command's words, with the machine's id where they want it."""
+    folder.mkdir()
+    manifest = MANIFEST if scenario.words[0] in {"measure", "tune"} else FIXED
+    (folder / "rarms.yaml").write_text(manifest, encoding="utf-8", newline="\n")
+    with chdir(folder), disk.use(CrashingDisk(0)):
+        for words in scenario.before:
+            assert rarms(*words).code == 0, words
+    return tuple(id_of(folder, "vision") if word == "ID" else word for word in scenario.words)
+
+
+def id_of(folder: Path, name: str) -> str:
+    """The id of the machine with this name."""
+    content = json.loads((folder / ".rarms" / "hosts" / "onboard.json").read_text(encoding="utf-8"))["content"]
+    return next(str(machine["id"]) for machine in content["machines"].values() if machine["settings"]["name"] == name)
+
+
+def points(effects: int) -> list[tuple[int, Disturbance]]:
+    """Which effects are disturbed, and how."""
+    kinds = list(Disturbance)
+    if LONG:
+        return [(at, kind) for at in range(1, effects + 1) for kind in kinds]
+    chosen = sorted({1 + number * (effects - 1) // (POINTS - 1) for number in range(POINTS)})
+    return [(at, kinds[number % len(kinds)]) for number, at in enumerate(chosen)]
+
+
+def half_way(effects: int) -> list[tuple[int, Disturbance]]:
+    """Every effect, killed half-way through it."""
+    return [(at, Disturbance.KILLED_HALF_WAY) for at in range(1, effects + 1)]
+
+
+def bad_ends(
+    tmp_path: Path, name: str, choose: Callable[[int], list[tuple[int, Disturbance]]] = points
+) -> list[tuple[int, Disturbance, list[str]]]:
+    """The points at which the disturbed command does not end as the undisturbed one."""
+    start, work = tmp_path / "start", tmp_path / "cell"
+    words = prepare(start, SCENARIOS[name])
+    wanted, effects = end_of(copy_files(start, work), words)
+    assert wanted.code == 0
+    assert effects >= 10
+    bad = []
+    for at, kind in choose(effects):
+        clear(work)
+        found = end_after(copy_files(start, work), words, at, kind, wanted)
+        if found != wanted:
+            bad.append((at, kind, differences(found, wanted)))
+    return bad
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_a_disturbed_command_is_repeated_and_ends_as_if_undisturbed(tmp_path: Path, name: str) -> None:
+    assert bad_ends(tmp_path, name) == []
+
+
+def test_a_writer_that_replaces_no_file_whole_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def write_in_place(path: Path, data: bytes) -> None:
+        disk.current().write(path, data)
+
+    monkeypatch.setattr(run, "replace_file", write_in_place)
+
+    assert bad_ends(tmp_path, "apply", half_way)
+
+
+def clear(folder: Path) -> None:
+    for path in sorted(folder.rglob("*"), reverse=True):
+        path.rmdir() if path.is_dir() else path.unlink()
+
+
+def differences(found: End, wanted: End) -> list[str]:
+    """What differs, for the message of a failed test."""
+    names = ["code", "host", "measured", "manifest", "files"]
+    return [
+        f"{name}: {getattr(found, name)} instead of {getattr(wanted, name)}"
+        for name in names
+        if getattr(found, name) != getattr(wanted, name)
+    ]
