@@ -128,7 +128,10 @@ def _host(file: Path) -> Mapping[str, Any]:
     """The machines by name and the task classes, without what tells one run from another."""
     if not file.exists():
         return {}
-    content = json.loads(file.read_text(encoding="utf-8"))["content"]
+    text = file.read_text(encoding="utf-8")
+    if not text.endswith("}\n"):
+        return {"damaged": text}
+    content = json.loads(text)["content"]
     machines = {
         machine["settings"]["name"]: {
             "settings": machine["settings"],
