@@ -18,11 +18,15 @@ from rarms_iac.model.system import Disruption
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostDrift:
-    """What drifted on one host, and the changes that would bring it back, by address."""
+    """What drifted on one host, and the changes that would bring it back, by address.
+
+    `components` has those of each partition of the layout, the most critical first; none where nothing can be planned.
+    """
 
     facts: HostFacts
     drifted: tuple[ResourceDrift, ...]
     changes: Mapping[Address, Change] = field(default_factory=dict)
+    components: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,6 +72,7 @@ def look_for_drift(hosts: Hosts) -> DriftReport:
                 facts=states[name].facts,
                 drifted=drifted,
                 changes={change.address: change for change in parts[name].changes} if name in parts else {},
+                components=parts[name].components if name in parts else {},
             )
             for name, drifted in drifts.items()
             if name in hosts.chosen

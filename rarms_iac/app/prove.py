@@ -20,10 +20,11 @@ from rarms_iac.app.requests import PlanLimits
 from rarms_iac.app.wiring import open_bench
 from rarms_iac.applying.prepare import prepare
 from rarms_iac.measuring import findings
-from rarms_iac.measuring.findings import show_index, show_threshold
+from rarms_iac.measuring.findings import show_index
 from rarms_iac.measuring.partitions import host_budget
 from rarms_iac.measuring.prove import AppliedLayout, IndexVerdict, LayoutProof, has_memory_for_load, prove, with_samples
 from rarms_iac.model.diagnostics import Diagnostic, Finding
+from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.measurement import Series
 from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, Verdict, WithinNoise
 from rarms_iac.model.quantities import guaranteed
@@ -142,7 +143,7 @@ def _proven(verdict: IndexVerdict) -> ProvenIndex:
     seen = verdict.measured.estimate
     return ProvenIndex(
         index=verdict.measured.index,
-        threshold=show_threshold(verdict.measured.index, verdict.measured.threshold),
+        threshold=show_threshold(index_named(verdict.measured.index), verdict.measured.threshold),
         value=seen.value if seen else None,
         lower=seen.lower if seen and isfinite(seen.lower) else None,
         upper=seen.upper if seen and isfinite(seen.upper) else None,
@@ -304,7 +305,7 @@ def _not_met(hosts: Hosts, proofs: list[LayoutProof]) -> Iterator[Diagnostic]:
             yield finding.at(
                 hosts.manifest.places.value("components", name, "apt", index),
                 f"{name} on {proof.host}: {show_index(verdict.measured)}, and its threshold is "
-                f"{show_threshold(index, verdict.measured.threshold)}.",
+                f"{show_threshold(index_named(index), verdict.measured.threshold)}.",
                 advice,
                 address=f"component/{name}",
             )

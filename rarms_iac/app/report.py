@@ -25,10 +25,9 @@ from rarms_iac.app.requests import HostSelection
 from rarms_iac.app.tuning_log import tunings_of
 from rarms_iac.applying.host_drift import drift_of_hosts
 from rarms_iac.diff.drift import DriftKind, partitions_after_last_run
-from rarms_iac.measuring.findings import show_threshold
 from rarms_iac.measuring.setup import interference_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity, has_errors
-from rarms_iac.model.indexes import find_index
+from rarms_iac.model.indexes import index_named, show_threshold
 from rarms_iac.model.layout import PlacedPartition
 from rarms_iac.model.system import Host, ProviderKind, System
 from rarms_iac.planner.combining.candidates import Node
@@ -149,7 +148,7 @@ def _threshold_since(entry: Proven, proven: ProvenIndex, system: System) -> Iter
     now = system.components[entry.component].apt.get(proven.index)
     if now is None:
         yield "there is no such threshold any more"
-    elif (text := show_threshold(proven.index, now)) != proven.threshold:
+    elif (text := show_threshold(index_named(proven.index), now)) != proven.threshold:
         yield f"the threshold is {text} now"
 
 
@@ -181,11 +180,9 @@ def _entries(path: Path) -> list[Proven]:
 
 
 def _proof(entry: Proven, proven: ProvenIndex, note: str) -> ComponentProof:
-    index = find_index(proven.index)
-    assert index is not None, "only indexes that there are were proven"
     return ComponentProof(
         component=entry.component,
-        index=index,
+        index=index_named(proven.index),
         threshold=proven.threshold,
         value=proven.value,
         lower=proven.lower,

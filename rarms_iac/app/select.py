@@ -92,7 +92,7 @@ def _far_from(index: PerformanceIndex, threshold: Threshold, text: str, curves: 
     times = level / easiest if index.smaller_is_better else easiest / level if level else float("inf")
     if times <= FAR:
         return ""
-    lowest, highest = (show_value(index, Fraction(round(10 * value), 10)) for value in (min(values), max(values)))
+    lowest, highest = show_value(index, min(values)), show_value(index, max(values))
     return (
         f"{text} lies far outside of what was measured, where {index.name} goes from {lowest} to {highest}."
         f"{_meant(index, text, values)} If it is meant, write it into the manifest."

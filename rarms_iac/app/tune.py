@@ -359,7 +359,7 @@ def _result_of(end: TuningEnd, strategy: Literal["default", "paper"], system: Sy
                 ),
                 processors=coi.processors,
                 reserve=coi.reserve,
-                parts=total(_parts(end.subject, coi)),
+                parts=total(_parts(end.subject, coi)) if coi in end.compounds else None,
             )
             for coi in end.cois
         ),

@@ -75,7 +75,7 @@ class PreviousTuning:
         """Say how tuning put just these components together; empty: no run of it wrote that."""
         for run in reversed(self.runs):
             for partition in run.partitions:
-                if run.written and tuple(sorted(partition.components)) == members:
+                if run.written and partition.parts is not None and tuple(sorted(partition.components)) == members:
                     claim = f", {run.claim} to be the best" if run.strategy == "default" else ""
                     return (
                         f"`rarms tune` combined them at {run.when}, by {STRATEGIES[run.strategy]}{claim}: CR "

@@ -92,7 +92,7 @@ def apply_plan(
                 case ScriptedHost():
                     report = run_job(host, apply_job(plan.id, part), reporter, should_stop, waits)
                     reports.append(
-                        replace(report, hosts=tuple(replace(entry, changes=part.changes) for entry in report.hosts))
+                        replace(report, hosts=tuple(replace(entry, host_plan=part) for entry in report.hosts))
                     )
                 case _:
                     assert_never(host)

@@ -1,13 +1,15 @@
 """The report of a run, host by host, and how the whole of it ended."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from types import MappingProxyType
 from typing import Protocol
 
-from rarms_iac.model.changes import Address, Change
+from rarms_iac.model.changes import Address
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import RunKind, StepStatus
+from rarms_iac.model.plan import HostPlan
 
 
 class RunEnding(StrEnum):
@@ -32,7 +34,7 @@ class HostReport:
     unchanged: int
     total: int
     resumed: bool = False  # it finished a run that had been begun earlier
-    changes: tuple[Change, ...] = ()  # of an apply: what its plan does to resources
+    host_plan: HostPlan | None = None  # of an apply that rarms walked: what its plan does, and to whom
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,10 +68,22 @@ class TitledStep:
     title: str
 
 
+NO_COMPONENTS: Mapping[str, Sequence[str]] = MappingProxyType({})
+
+
 class RunReporter(Protocol):
     """Told while a run goes on; must not raise."""
 
-    def run_started(self, host: str, run: RunKind, plan: str, *, done: int, addresses: Sequence[str] = ()) -> None:
+    def run_started(
+        self,
+        host: str,
+        run: RunKind,
+        plan: str,
+        *,
+        done: int,
+        addresses: Sequence[str] = (),
+        components: Mapping[str, Sequence[str]] = NO_COMPONENTS,
+    ) -> None:
         """A host's run begins, or goes on after so many steps that were done earlier.
 
         Args:
@@ -78,6 +92,7 @@ class RunReporter(Protocol):
             plan: its id.
             done: how many steps were done earlier.
             addresses: of the steps to come, in order; empty where only the script that runs knows them.
+            components: of each partition of the plan's layout, the most critical first; likewise.
         """
         ...
 
@@ -97,7 +112,16 @@ class RunReporter(Protocol):
 class SilentRunReporter:
     """The default: tells nobody."""
 
-    def run_started(self, host: str, run: RunKind, plan: str, *, done: int, addresses: Sequence[str] = ()) -> None:
+    def run_started(
+        self,
+        host: str,
+        run: RunKind,
+        plan: str,
+        *,
+        done: int,
+        addresses: Sequence[str] = (),
+        components: Mapping[str, Sequence[str]] = NO_COMPONENTS,
+    ) -> None:
         """Nothing."""
 
     def step_started(self, host: str, number: int, total: int, step: ReportedStep) -> None:

@@ -29,7 +29,14 @@ def run_steps(host: StepwiseHost, journal: Journal, reporter: RunReporter, shoul
     }
     begun = journal.touched() - set(done)
     addresses = [str(step.address) for number, step in enumerate(started.steps) if number not in done]
-    reporter.run_started(host.name, started.run, started.plan, done=len(done), addresses=addresses)
+    reporter.run_started(
+        host.name,
+        started.run,
+        started.plan,
+        done=len(done),
+        addresses=addresses,
+        components=started.host_plan.components,
+    )
     resumed = bool(journal.steps)
     scope = Scope(application=started.application, plan=started.plan)
 
@@ -44,7 +51,7 @@ def run_steps(host: StepwiseHost, journal: Journal, reporter: RunReporter, shoul
             unchanged=len(done) - changed,
             total=len(started.steps),
             resumed=resumed,
-            changes=started.host_plan.changes if started.run is RunKind.APPLY else (),
+            host_plan=started.host_plan if started.run is RunKind.APPLY else None,
         )
         return RunReport(ending=ending, hosts=(host_report,), diagnostics=problems)
 

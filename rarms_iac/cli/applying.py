@@ -49,7 +49,7 @@ def finish_first(session: Session, live: tuple[LiveHost, ...], how: RunOptions) 
     with TerminalReporter(session) as reporter:
         report = finish_runs(live, waits=how.waits, reporter=reporter, stop=session.interrupts)
     if report is not None and report.ending is RunEnding.DONE:
-        session.terminal.talk("That finished the run that was begun earlier. Nothing else was done: run again to plan.")
+        session.terminal.tell("That finished the run that was begun earlier. Nothing else was done: run again to plan.")
     return report
 
 

@@ -74,7 +74,7 @@ class TerminalReporter:
 
     def message(self, text: str) -> None:
         """Write whole sentences."""
-        self._terminal.talk(text)
+        self._terminal.tell(text)
 
     def findings(self, diagnostics: Sequence[Diagnostic], sources: Sources | None = None) -> None:
         """Write findings."""
@@ -104,5 +104,5 @@ class ProofProgress:
 
 def stopped(session: Session) -> ExitCode:
     """Say that somebody's end was heard, and how to go on; how the command ends then."""
-    session.terminal.talk("Stopped. What is recorded stays: the same command goes on.")
+    session.terminal.tell("Stopped. What is recorded stays: the same command goes on.")
     return session.interrupts.asked or ExitCode.INTERRUPTED

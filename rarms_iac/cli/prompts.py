@@ -72,7 +72,7 @@ class TerminalLevelPrompt:
     def refused(self, problem: RequestError | UseCaseError) -> None:
         """Say why."""
         if isinstance(problem, RequestError):
-            self._terminal.talk(str(problem))
+            self._terminal.tell(str(problem))
         else:
             tell(self._terminal, problem.diagnostics, problem.sources)
 

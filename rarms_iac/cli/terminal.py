@@ -8,6 +8,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, TextIO
 
 if TYPE_CHECKING:
@@ -78,6 +79,15 @@ class Terminal:
             width = UNLIMITED if self.talk_piped else self.width
             content = render(content, width, colour=self.talk_colour).removesuffix("\n")
         self.err = _write(self.err, content + "\n")
+
+    def tell(self, text: str) -> None:
+        """Write sentences beside it, wrapped between words.
+
+        NOTE: without rich, whose import a command with `--json` would wait for.
+        """
+        if not self.talk_piped:
+            text = fill(text, self.width, break_long_words=False, break_on_hyphens=False)
+        self.talk(text)
 
     def live(self) -> "Console":
         """A console on standard error for what is updated in place; only where `lively`."""

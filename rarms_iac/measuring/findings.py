@@ -6,9 +6,8 @@ from typing import assert_never
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, why_unsteady
 from rarms_iac.measuring.search.default import WIDTH
 from rarms_iac.measuring.setup import Experiment
-from rarms_iac.model import indexes as known_indexes
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity
-from rarms_iac.model.indexes import find_index
+from rarms_iac.model.indexes import index_named, show_range, show_threshold, show_value
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import (
     Conclusion,
@@ -20,8 +19,8 @@ from rarms_iac.model.outcomes import (
     Swept,
     TooManyFailures,
 )
-from rarms_iac.model.quantities import Unit, show_amount
-from rarms_iac.model.system import Measured, Threshold
+from rarms_iac.model.quantities import show_amount
+from rarms_iac.model.system import Measured
 from rarms_iac.model.wording import in_a_row
 
 NOT_ACHIEVABLE = Finding(
@@ -56,8 +55,6 @@ LESS_UNKNOWN = Finding(
 )
 
 
-UNITS = {Unit.TIME: " ms", Unit.SHARE: " %", Unit.RATE: " /s"}
-
 SHOWN_FAILURES = 3
 """How many of the reasons why samples failed a finding lists."""
 
@@ -88,30 +85,15 @@ def findings_of(
             assert_never(conclusion)
 
 
-def show_value(index: str, value: float) -> str:
-    """Write a measured value in the index's own unit, with as many digits as a person reads."""
-    known = find_index(index)
-    unit = UNITS[known.unit] if known else ""
-    digits = 1 if abs(value) >= 10 else 2
-    return f"{value:.{digits}f}".rstrip("0").rstrip(".") + unit
-
-
-def show_threshold(index: str, threshold: Threshold) -> str:
-    """Write a threshold: `at most 100 ms`."""
-    known = find_index(index)
-    assert known is not None, "a manifest names no other index"
-    return known_indexes.show_threshold(known, threshold)
-
-
 def show_index(measured: MeasuredIndex) -> str:
     """Write an index with its bounds: `mean_response_time 94.1 ms (93.5 to 94.8 ms)`."""
     if measured.estimate is None:
         return f"{measured.index} cannot be told: {measured.reason}"
-    value = show_value(measured.index, measured.estimate.value)
+    index = index_named(measured.index)
+    value = show_value(index, measured.estimate.value)
     if measured.estimate.beyond is not None:
         return f"{measured.index} {value}, beyond which up to {measured.estimate.beyond:.2g} % of the jobs may lie"
-    lower = show_value(measured.index, measured.estimate.lower).rpartition(" ")[0]
-    return f"{measured.index} {value} ({lower} to {show_value(measured.index, measured.estimate.upper)})"
+    return f"{measured.index} {value} ({show_range(index, measured.estimate.lower, measured.estimate.upper)})"
 
 
 def _not_achievable(
@@ -129,7 +111,7 @@ def _not_achievable(
             yield NOT_ACHIEVABLE.at(
                 places.value("components", measured.component, "apt", measured.index),
                 f"{measured.component} at {reserve} %: {show_index(measured)}, and its threshold is "
-                f"{show_threshold(measured.index, measured.threshold)}.{most}",
+                f"{show_threshold(index_named(measured.index), measured.threshold)}.{most}",
                 advice,
                 address=f"component/{measured.component}",
             )

@@ -7,12 +7,15 @@ import re
 from dataclasses import dataclass
 from enum import StrEnum
 from fractions import Fraction
+from math import isfinite
 
-from rarms_iac.model.quantities import Unit, parse_quantity, plain, show_milliseconds, show_percent
+from rarms_iac.model.quantities import Unit, parse_quantity, plain, show_number
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 
 PERCENTILE_PATTERN = r"^p([1-9][0-9]?)(\.[0-9]?[1-9])?_response_time$"
 """The family `p50_response_time`, `p99.9_response_time`; one spelling for each: no leading and no trailing zero."""
+
+_SYMBOLS = {Unit.TIME: "ms", Unit.SHARE: "%", Unit.RATE: "/s"}
 
 _PERCENTILE = re.compile(PERCENTILE_PATTERN.removesuffix("$") + r"\Z")
 
@@ -40,6 +43,18 @@ class PerformanceIndex:
         """The word of a threshold that makes sense: `at_most` or `at_least`."""
         return "at_most" if self.smaller_is_better else "at_least"
 
+    @property
+    def symbol(self) -> str:
+        """The unit that its values are measured and computed in: `ms`, `%` or `/s`."""
+        return _SYMBOLS[self.unit]
+
+    @property
+    def is_extreme(self) -> bool:
+        """Whether it is a maximum or minimum, which one more job may change: it is met only so far."""
+        return self.name in _EXTREMES
+
+
+_EXTREMES = ("minimum_response_time", "maximum_response_time")
 
 _NAMED = (
     PerformanceIndex(
@@ -97,6 +112,13 @@ def find_index(name: str) -> PerformanceIndex | None:
     return INDEXES.get(name) or percentile_index(name)
 
 
+def index_named(name: str) -> PerformanceIndex:
+    """The index of this name, which a manifest or a log has that was checked."""
+    index = find_index(name)
+    assert index is not None, f"{name} was checked to be an index"
+    return index
+
+
 def percentile_of(name: str) -> Fraction | None:
     """The per cent in the name, None if it is no percentile's name."""
     return Fraction(name[1 : name.index("_")]) if _PERCENTILE.match(name) else None
@@ -124,15 +146,22 @@ def threshold_of(index: PerformanceIndex, text: str) -> Threshold:
     return AtMost(value=value) if index.smaller_is_better else AtLeast(value=value)
 
 
-def show_value(index: PerformanceIndex, value: Fraction) -> str:
-    """A value of the index with its unit: `97.3 ms`, `95 %`, `24 /s`."""
-    match index.unit:
-        case Unit.TIME:
-            return show_milliseconds(value)
-        case Unit.SHARE:
-            return show_percent(value)
-        case _:
-            return f"{plain(value)} /s"
+def show_value(index: PerformanceIndex, value: Fraction | float) -> str:
+    """A value of the index with its unit.
+
+    Args:
+        index: which index.
+        value: in the index's own unit, which it is shown in, so that values of an index can be compared. A fraction is
+            exact (`100 ms`, `95 %`); a float was measured (`97.3 ms`, `0.0123 /s`), and may be infinite (`no bound`).
+    """
+    if not isinstance(value, float):
+        return f"{plain(value)} {index.symbol}"
+    return f"{show_number(value)} {index.symbol}" if isfinite(value) else show_number(value)
+
+
+def show_range(index: PerformanceIndex, lower: float, upper: float) -> str:
+    """`93.5 to 94.8 ms`, of measured bounds; a side without one says so."""
+    return f"{show_number(lower)} to {show_value(index, upper)}"
 
 
 def show_threshold(index: PerformanceIndex, threshold: Threshold) -> str:

@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass
 from enum import StrEnum
 from fractions import Fraction
-from math import ceil
+from math import ceil, floor, isfinite, log10
 from typing import NewType
 
 Milliseconds = NewType("Milliseconds", Fraction)
@@ -126,6 +126,17 @@ def plain(value: Fraction | int) -> str:
     if exact.denominator == 1:
         return str(exact.numerator)
     return f"{float(exact):.3f}".rstrip("0").rstrip(".")
+
+
+def show_number(value: float) -> str:
+    """A measured number with three digits that count, and tenths at least: `0.0123`, `88.1`, `1234.6`.
+
+    No exponent is ever written, and no infinity: that is `no bound`.
+    """
+    if not isfinite(value):
+        return "no bound"
+    places = max(1, 2 - floor(log10(abs(value)))) if value else 1
+    return f"{value:.{places}f}".rstrip("0").rstrip(".")
 
 
 def show_percent(value: Fraction | int) -> str:

@@ -4,7 +4,7 @@ Everything here is text in the words and units of the manifest; nothing is laid 
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal, assert_never
@@ -64,6 +64,19 @@ def describe_disruption(change: Change) -> str:
             return "made again" if isinstance(change, Update) else "removed, its disks stay"
         case _:
             assert_never(change.disruption)
+
+
+def members_of(partition: str, components: Mapping[str, Sequence[str]]) -> str:
+    """` [hmi, historian]`: what a partition holds, where that is more or other than its name says."""
+    members = tuple(components.get(partition, ()))
+    return f" [{', '.join(members)}]" if members and members != (partition,) else ""
+
+
+def reserved_after(change: Change) -> Fraction | None:
+    """The LPs that a partition is guaranteed once the change is done; None: there is no partition then."""
+    if isinstance(change, Delete) or not isinstance(change.after, Partition):
+        return None
+    return guaranteed(change.after.settings.reserve, change.after.settings.processors)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,14 +6,16 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.run_component import ComponentRunResult, meets, noise
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.indexes import index_named
 from rarms_iac.model.measurement import Sample
 from rarms_iac.model.outcomes import Estimate, NoEstimate
+from rarms_iac.model.quantities import show_number
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.model.wording import counted
 from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import paragraph, stack, table, visible
-from rarms_iac.views.measure import index_unit, show_bound, show_estimate
+from rarms_iac.views.measure import show_bound, show_estimate
 from rarms_iac.views.output.hosts import ComponentRunOutput, RanComponentOutput, RanIndexOutput, SampleOutput
 
 if TYPE_CHECKING:
@@ -28,14 +30,14 @@ ENDINGS = {
 
 
 def sample_text(component: str, number: int, sample: Sample) -> str:
-    """A line: `face-detection 12  at 1.204 s  response 10.64 ms`, and what is special about it."""
+    """A line: `face-detection 12  at 1.204 s  response 10.6 ms`, and what is special about it."""
     parts = [f"{component} {number:>4}", f"at {sample.began_ms / 1000:.3f} s"]
     if sample.failure:
         return "  ".join([*parts, f"failed: {visible(sample.failure, keep='')}"]) + "\n"
     if sample.response_ms is not None:
-        parts.append(f"response {figure(sample.response_ms)} ms")
+        parts.append(f"response {show_number(sample.response_ms)} ms")
     if sample.count != 1.0:
-        parts.append(f"count {figure(sample.count)}")
+        parts.append(f"count {show_number(sample.count)}")
     if not sample.successful:
         parts.append("not successful")
     return "  ".join(parts) + "\n"
@@ -52,9 +54,13 @@ def summary_text(ran: ComponentRunResult) -> "RenderableType":
 
 def _head(ran: ComponentRunResult) -> str:
     series = ran.series
-    cpu = "" if series.cpu_ms is None else f"; {figure(series.cpu_ms / 1000)} s of processor time, its start included"
+    cpu = (
+        ""
+        if series.cpu_ms is None
+        else f"; {show_number(series.cpu_ms / 1000)} s of processor time, its start included"
+    )
     failed = f", {ran.failed} failed" if ran.failed else ""
-    elapsed = figure(series.elapsed_ms / 1000)
+    elapsed = show_number(series.elapsed_ms / 1000)
     samples = counted(len(series.samples), "sample")
     return f"{ran.component.name}: {samples}{failed} in {elapsed} s{ENDINGS[ran.ending]}{cpu}"
 
@@ -71,18 +77,11 @@ def _beside(threshold: Threshold | None, index: str, estimate: Estimate | NoEsti
     """The threshold, and whether it was met on this machine."""
     if threshold is None:
         return "", ""
-    bound = show_bound(index, threshold).removeprefix(f"{index} ")
+    bound = show_bound(index, threshold)
     if isinstance(estimate, NoEstimate):
         return bound, ""
     verdict = "met here" if meets(estimate.value, threshold) else "missed here"
     return bound, verdict + (" within the noise" if noise(estimate, threshold) else "")
-
-
-def figure(value: float) -> str:
-    """Four digits at most, without needless ones: `10.64`, `98`, `1204`."""
-    if not value or not isfinite(value):
-        return f"{value:g}"
-    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.4g}"
 
 
 def ran_json(ran: Sequence[ComponentRunResult], findings: Sequence[Diagnostic]) -> str:
@@ -118,7 +117,7 @@ def _index(index: str, estimate: Estimate | NoEstimate, threshold: Threshold | N
     known = estimate if isinstance(estimate, Estimate) else None
     return RanIndexOutput(
         index=index,
-        unit=index_unit(index),
+        unit=index_named(index).symbol,
         value=known.value if known else None,
         lower=known.lower if known and isfinite(known.lower) else None,
         upper=known.upper if known and isfinite(known.upper) else None,

@@ -36,7 +36,7 @@ def page_text(page: str) -> "RenderableType":
         if line.startswith("```"):
             in_code = not in_code
         elif in_code:
-            parts.append(indented(styled(line), 4) if line else "")
+            parts.append(_code(line))
         elif line.startswith("#"):
             title = line.lstrip("#").strip()
             parts += [styled(title), ("=" if line.startswith("# ") else "-") * columns(title)]
@@ -45,6 +45,13 @@ def page_text(page: str) -> "RenderableType":
         else:
             parts.append("")
     return stack(*parts[:-1])
+
+
+def _code(line: str) -> "RenderableType":
+    """A line of an example, whole however narrow the terminal is: broken anew it would not be what rarms shows."""
+    text = styled(line)
+    text.no_wrap = True
+    return indented(text, 4) if line else ""
 
 
 def explanation_text(explanation: Explanation | HostExplanation) -> "RenderableType":

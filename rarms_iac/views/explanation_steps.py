@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from rarms_iac.app.explanation import DataLogSummary, Explanation, HostExplanation, MemberCurve
-from rarms_iac.model.indexes import find_index, show_threshold, show_value
+from rarms_iac.model.indexes import index_named, show_threshold, show_value
 from rarms_iac.model.quantities import guaranteed, in_processors, show_bytes, show_percent, show_processors
-from rarms_iac.model.system import AtMost, Component, Threshold
+from rarms_iac.model.system import AtMost, Component
 from rarms_iac.model.wording import counted
 from rarms_iac.statistics.curves import Point, holds
 from rarms_iac.statistics.verdicts import describe_error
@@ -67,13 +67,6 @@ def why_not_less(explanation: Explanation, less: int) -> Iterator[str]:
         yield f"{less} %, one less: nothing so low was measured, so nobody knows whether it is enough"
 
 
-def shown(name: str, threshold: Threshold) -> str:
-    """A threshold in words."""
-    index = find_index(name)
-    assert index is not None, "a manifest's APT names indexes that there are"
-    return show_threshold(index, threshold)
-
-
 def _why_not_measured(explanation: Explanation) -> str:
     if explanation.wanted is None:
         return "not measured: there is no data log that holds"
@@ -131,15 +124,11 @@ def _samples(apt: MemberCurve, point: Point) -> str:
 
 
 def _bound(apt: MemberCurve) -> str:
-    return shown(apt.index, apt.threshold)
+    return show_threshold(index_named(apt.index), apt.threshold)
 
 
 def _value(apt: MemberCurve, value: float) -> str:
-    index = find_index(apt.index)
-    assert index is not None, "a curve is of an index that there is"
-    if value in (float("inf"), float("-inf")):
-        return "no bound"
-    return show_value(index, Fraction(str(round(value, 1))))
+    return show_value(index_named(apt.index), value)
 
 
 def _percent(error: float) -> str:
@@ -207,7 +196,7 @@ def _apt(explanation: Explanation) -> Iterator[str]:
 
 def _thresholds(component: Component, whose: str) -> Iterator[str]:
     for name, threshold in component.apt.items():
-        yield f"{whose}{name} {shown(name, threshold)}"
+        yield f"{whose}{name} {show_threshold(index_named(name), threshold)}"
     if not component.apt:
         yield f"{component.name} has none: the manifest does not say how well it must do"
 

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 from rarms_iac.app.doctor import ExaminedHost
 from rarms_iac.app.drift import HostDrift
 from rarms_iac.diff.drift import DriftKind, ResourceDrift
+from rarms_iac.model.changes import Change
 from rarms_iac.model.condition import HostCondition
 from rarms_iac.model.diagnostics import Diagnostic, Sources
 from rarms_iac.model.quantities import show_bytes, show_processors
 from rarms_iac.model.state import HostFacts, State
 from rarms_iac.model.wording import counted
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.changes import attributes_of
+from rarms_iac.views.changes import attributes_of, members_of, reserved_after
 from rarms_iac.views.console import STRONG, paragraph, stack, styled, table
 from rarms_iac.views.finding_forms import count_severities
 from rarms_iac.views.findings import findings_text
@@ -139,7 +140,7 @@ def drift_text(hosts: Sequence[HostDrift], unfinished: Collection[str] = ()) -> 
 
 
 def _host(host: HostDrift) -> "Iterator[RenderableType]":
-    yield styled((f"Host {host.facts.name}", STRONG))
+    yield styled((f"Host {host.facts.name} ({show_processors(host.facts.logical_processors)})", STRONG))
     for drifted in host.drifted:
         change = host.changes.get(drifted.address)
         differing = "; ".join(
@@ -148,9 +149,17 @@ def _host(host: HostDrift) -> "Iterator[RenderableType]":
             if attribute.differs and attribute.before is not None and attribute.after is not None
         )
         name = str(drifted.address).removeprefix("partition/")
-        text = styled((name, STRONG), f": {TITLES[drifted.kind]}; {differing or drifted.message}")
+        beside = "" if drifted.address.task else members_of(drifted.address.partition, host.components)
+        wanted = f"{beside}{_wanted(change)}: {TITLES[drifted.kind]}; {differing or drifted.message}"
+        text = styled((name, STRONG), wanted)
         yield paragraph(text, indent=2, more=4)
     yield ""
+
+
+def _wanted(change: Change | None) -> str:
+    """`, 1.16 LP wanted`, of a partition that is to be there."""
+    reserved = None if change is None else reserved_after(change)
+    return "" if reserved is None else f", {show_processors(reserved)} wanted"
 
 
 def _summary(hosts: Sequence[HostDrift]) -> str:
@@ -177,9 +186,12 @@ def drift_json(application: str, hosts: Sequence[HostDrift]) -> str:
 
 def _drifted(host: HostDrift, drifted: ResourceDrift) -> DriftedOutput:
     change = host.changes.get(drifted.address)
+    reserved = None if change is None else reserved_after(change)
     return DriftedOutput(
         host=host.facts.name,
         address=str(drifted.address),
+        components=() if drifted.address.task else host.components.get(drifted.address.partition, ()),
+        wanted_processors=None if reserved is None else float(reserved),
         drift=drifted.kind.value,
         says=drifted.message,
         attributes=() if change is None else change_output(change).attributes,

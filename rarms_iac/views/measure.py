@@ -6,11 +6,11 @@ from math import isfinite
 from typing import TYPE_CHECKING, Literal, assert_never
 
 from rarms_iac.app.experiments import ExperimentResult
-from rarms_iac.measuring.findings import show_index, show_value
+from rarms_iac.measuring.findings import show_index
 from rarms_iac.measuring.performance import MeasuredIndex, indexes_of_series, measured_indexes, shortfall_at
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.indexes import find_index
+from rarms_iac.model.indexes import index_named, show_range, show_threshold, show_value
 from rarms_iac.model.measurement import Series, Setting
 from rarms_iac.model.outcomes import (
     Conclusion,
@@ -29,7 +29,6 @@ from rarms_iac.statistics.verdicts import show_error
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import LiveTable, paragraph, show_seconds, stack, table
 from rarms_iac.views.output.measuring import ExperimentOutput, IndexOutput, MeasureOutput, SettingOutput
-from rarms_iac.views.reports.scale import UNIT_TEXT
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -55,21 +54,20 @@ def summary_text(results: Sequence[ExperimentResult], waiting: Sequence[Experime
 def _rows(experiment: Experiment, reserve: str, processors: str, remark: str) -> Iterator[Row]:
     for member in experiment.members:
         name = member.name
-        for threshold in [show_bound(*pair) for pair in member.apt.items()] or ["none"]:
+        bounds = [f"{index} {show_bound(index, threshold)}" for index, threshold in member.apt.items()]
+        for threshold in bounds or ["none"]:
             yield name, threshold, reserve, processors, remark
             name = reserve = processors = remark = ""
 
 
 def show_bound(index: str, threshold: Threshold) -> str:
-    """`mean_response_time <= 100 ms`, which leaves room in a table."""
-    sign = "<=" if isinstance(threshold, AtMost) else ">="
-    return f"{index} {sign} {show_value(index, float(threshold.value))}"
+    """`<= 100 ms`, as tables have it."""
+    return abbreviated(show_threshold(index_named(index), threshold))
 
 
-def index_unit(name: str) -> str:
-    """The unit in which an index's values are given: `ms`."""
-    index = find_index(name)
-    return "" if index is None else UNIT_TEXT[index.unit]
+def abbreviated(threshold: str) -> str:
+    """`<= 100 ms` for `at most 100 ms`, which leaves room in a table."""
+    return threshold.replace("at most", "<=").replace("at least", ">=")
 
 
 def _outcome(result: ExperimentResult) -> tuple[str, str, str]:
@@ -162,7 +160,7 @@ def _only_extremes(result: ExperimentResult) -> bool:
         if setting.reserve == result.conclusion.reserve
         for index in measured_indexes(setting, result.experiment)
     ]
-    return bool(indexes) and all(index.estimate is not None and index.estimate.beyond is not None for index in indexes)
+    return bool(indexes) and all(index_named(index.index).is_extreme for index in indexes)
 
 
 def settings_text(result: ExperimentResult) -> "RenderableType":
@@ -177,17 +175,18 @@ def settings_text(result: ExperimentResult) -> "RenderableType":
 
 
 def show_band(index: MeasuredIndex) -> str:
-    """`97.7 ms (97.1 to 98.2)`; without an estimate, why."""
+    """`97.7 ms (97.1 to 98.2 ms)`; without an estimate, why."""
     return index.reason if index.estimate is None else show_estimate(index.index, index.estimate)
 
 
-def show_estimate(index: str, estimate: Estimate) -> str:
-    """A value with its interval: `97.7 ms (97.1 to 98.2)`; of an extreme, which has none, what was seen."""
-    value, lower, upper = (show_value(index, each) for each in (estimate.value, estimate.lower, estimate.upper))
-    bounded = isfinite(estimate.lower) and isfinite(estimate.upper) and lower != upper
-    if not bounded or estimate.beyond is not None:
-        return value
-    return f"{value} ({lower.rpartition(' ')[0]} to {upper.rpartition(' ')[0]})"
+def show_estimate(name: str, estimate: Estimate) -> str:
+    """A value with its interval: `97.7 ms (97.1 to 98.2 ms)`; of an extreme, which has none, what was seen."""
+    index = index_named(name)
+    value = show_value(index, estimate.value)
+    bounded = isfinite(estimate.lower) and isfinite(estimate.upper) and estimate.lower != estimate.upper
+    return (
+        f"{value} ({show_range(index, estimate.lower, estimate.upper)})" if bounded and not index.is_extreme else value
+    )
 
 
 def measure_json(
@@ -262,7 +261,7 @@ def _index(measured: MeasuredIndex) -> IndexOutput:
     estimate = measured.estimate
     return IndexOutput(
         component=measured.component,
-        unit=index_unit(measured.index),
+        unit=index_named(measured.index).symbol,
         index=measured.index,
         at_most=float(measured.threshold.value) if isinstance(measured.threshold, AtMost) else None,
         at_least=float(measured.threshold.value) if isinstance(measured.threshold, AtLeast) else None,
@@ -363,7 +362,7 @@ def samples_of(seen: Mapping[str, Series]) -> str:
 def brief(indexes: Sequence[MeasuredIndex], *, several: bool = False) -> str:
     """The values alone: `mean_response_time 94.1 ms`; of several components `vision 94.1 ms`."""
     values = [
-        f"{index.component if several else index.index} {show_value(index.index, index.estimate.value)}"
+        f"{index.component if several else index.index} {show_value(index_named(index.index), index.estimate.value)}"
         for index in indexes
         if index.estimate is not None
     ]

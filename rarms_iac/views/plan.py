@@ -22,7 +22,7 @@ from rarms_iac.model.quantities import (
 )
 from rarms_iac.model.state import Mark, Partition, StoppedBy
 from rarms_iac.model.wording import counted
-from rarms_iac.views.changes import Attribute, attributes_of, count, describe_disruption, symbol
+from rarms_iac.views.changes import Attribute, attributes_of, count, describe_disruption, members_of, symbol
 from rarms_iac.views.console import BAD, CHANGED, DIM, GOOD, NOTE, STRONG, paragraph, stack, styled, table, visible
 from rarms_iac.views.findings import findings_text
 
@@ -180,8 +180,7 @@ def _row(change: Create | Delete, part: HostPlan, classes: Mapping[str, Sequence
 
 def _name(change: Change, part: HostPlan) -> "Text":
     sign, address = symbol(change), str(change.address).removeprefix("partition/")
-    members = () if change.address.task else part.components.get(change.address.partition, ())
-    beside = f" [{', '.join(members)}]" if members and members != (change.address.partition,) else ""
+    beside = "" if change.address.task else members_of(change.address.partition, part.components)
     return styled((sign, STYLES[sign]), " ", (address, STRONG), beside)
 
 

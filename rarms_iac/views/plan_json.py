@@ -7,10 +7,9 @@ from typing import Literal, assert_never
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Resource, Update
 from rarms_iac.model.layout import Placement
 from rarms_iac.model.plan import HostPlan, Plan, Step, ThreadClass, Totals
-from rarms_iac.model.quantities import guaranteed
 from rarms_iac.model.state import Partition, Responsiveness, TaskClass
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.changes import count, forced_by, symbol
+from rarms_iac.views.changes import count, forced_by, reserved_after, symbol
 from rarms_iac.views.output.plan import (
     AttributeOutput,
     ChangeOutput,
@@ -117,7 +116,7 @@ def _totals(totals: Totals, part: HostPlan) -> TotalsOutput:
 def change_output(change: Change, part: HostPlan | None = None) -> ChangeOutput:
     """One change, with the attributes that it touches; `part` knows which components its partition holds."""
     before, after = _sides(change)
-    machine = None if isinstance(change, Delete) else change.after
+    reserved = reserved_after(change)
     return ChangeOutput(
         address=str(change.address),
         action=ACTIONS[symbol(change)],
@@ -125,11 +124,7 @@ def change_output(change: Change, part: HostPlan | None = None) -> ChangeOutput:
         reason=change.reason.says,
         place=change.reason.place,
         components=part.components.get(change.address.partition, ()) if part is not None else (),
-        reserved_processors=(
-            float(guaranteed(machine.settings.reserve, machine.settings.processors))
-            if isinstance(machine, Partition)
-            else None
-        ),
+        reserved_processors=None if reserved is None else float(reserved),
         attributes=tuple(
             AttributeOutput(name=name, before=before.get(name), after=after.get(name), forces=forced_by(change, name))
             for name in dict.fromkeys([*before, *after])

@@ -6,12 +6,12 @@ from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.prove import verdict_of
-from rarms_iac.measuring.findings import show_value
 from rarms_iac.measuring.prove import IndexVerdict, LayoutProof
 from rarms_iac.model.diagnostics import Diagnostic
+from rarms_iac.model.indexes import PerformanceIndex, index_named, show_value
 from rarms_iac.model.measurement import Series
 from rarms_iac.model.quantities import show_processors
-from rarms_iac.model.wording import counted
+from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.statistics.verdicts import show_error
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import paragraph, stack, table
@@ -26,23 +26,34 @@ def proof_text(proofs: Sequence[LayoutProof], interference: str | None) -> "Rend
     """A table, a row an index, and a sentence a host."""
     if not any(proof.verdicts for proof in proofs):
         return paragraph("No component that ran has a threshold: nothing is proven.")
-    rows = [_row(proof, tried) for proof in proofs for tried in proof.verdicts]
-    header, wrap = ["component", "index", "measured", "APT", "verdict"], (1, 3, 4)
-    if any(row[0] != row[1] for row in rows):
-        header.insert(0, "partition")
-        wrap = (2, 4, 5)
-    else:
-        rows = [row[1:] for row in rows]
+    rows = [_row(tried) for proof in proofs for tried in proof.verdicts]
     against = f" against {interference}" if interference else ""
-    return stack(table(rows, header=header, wrap=wrap), *(paragraph(_sentence(proof, against)) for proof in proofs))
+    sentences = [sentence for proof in proofs for sentence in (*_shared(proof), _sentence(proof, against))]
+    return stack(proven_table(rows), *map(paragraph, sentences))
 
 
-def _row(proof: LayoutProof, tried: IndexVerdict) -> tuple[str, ...]:
-    """The partition, the component, its index with its value, its threshold, and the verdict."""
-    index = tried.measured
-    value = "-" if index.estimate is None else show_value(index.index, index.estimate.value)
-    bound = show_bound(index.index, index.threshold).removeprefix(f"{index.index} ")
-    return _partitions(proof).get(index.component, "-"), index.component, index.index, value, bound, _in_words(tried)
+def proven_table(rows: Sequence[tuple[str, str, str, str]]) -> "RenderableType":
+    """Rows of component, threshold, what was measured, and the verdict on it."""
+    return table(rows, header=("component", "threshold", "measured", "verdict"), wrap=(1, 3))
+
+
+def _row(tried: IndexVerdict) -> tuple[str, str, str, str]:
+    measured, index = tried.measured, index_named(tried.measured.index)
+    value = "-" if measured.estimate is None else show_value(index, measured.estimate.value)
+    threshold = f"{index.name} {show_bound(index.name, measured.threshold)}"
+    return measured.component, threshold, value, describe_verdict(index, verdict_of(tried.verdict))
+
+
+def describe_verdict(index: PerformanceIndex, verdict: str) -> str:
+    """`met`; of a maximum or minimum `met so far`, since nobody can say what the next job does."""
+    return "met so far" if index.is_extreme and verdict == "met" else verdict
+
+
+def _shared(proof: LayoutProof) -> Iterator[str]:
+    """A sentence a partition of several components."""
+    for name, members in sorted(proof.layout.partitions.items()):
+        if len(members) > 1:
+            yield f"{in_a_row([member.name for member in members])} share partition {name}."
 
 
 def _partitions(proof: LayoutProof) -> Mapping[str, str]:
@@ -61,7 +72,11 @@ def _sentence(proof: LayoutProof, against: str) -> str:
     components = counted(len(layout.components), "component")
     amount = f"{show_processors(layout.reserved)} of {show_processors(layout.host_processors)}"
     together = f"{proof.host}: {components} together on {amount}{against}: {message}"
-    errors = [tried.error for tried in proof.verdicts if tried.error is not None and not _is_extreme(tried)]
+    errors = [
+        tried.error
+        for tried in proof.verdicts
+        if tried.error is not None and not index_named(tried.measured.index).is_extreme
+    ]
     return (
         f"{together}; a verdict is wrong in at most {show_error(max(errors))} of cases." if errors else f"{together}."
     )
@@ -95,16 +110,6 @@ def _host(proof: LayoutProof) -> ProvenHostOutput:
 def sampled(host: str, seen: Mapping[str, Series]) -> tuple[str, str]:
     """A row of progress: the host, and how many samples there are of each component."""
     return host, "samples of " + ", ".join(f"{name} {len(series.samples)}" for name, series in sorted(seen.items()))
-
-
-def _is_extreme(tried: IndexVerdict) -> bool:
-    return tried.measured.estimate is not None and tried.measured.estimate.beyond is not None
-
-
-def _in_words(tried: IndexVerdict) -> str:
-    """`met`; of a maximum or minimum `met so far`, since nobody can say what the next job does."""
-    verdict = verdict_of(tried.verdict)
-    return f"{verdict} so far" if tried.error is not None and _is_extreme(tried) else verdict
 
 
 def _outputs(proof: LayoutProof) -> Iterator[ProvenIndexOutput]:

@@ -3,21 +3,23 @@
 `RunProgress` is a `RunReporter` that shows a line a partition: updated in place on a terminal, else whole lines.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from rarms_iac.applying.refusals import UNDO_PARTIAL
-from rarms_iac.applying.run_report import HostReport, ReportedStep, RunEnding, RunReport
+from rarms_iac.applying.run_report import NO_COMPONENTS, HostReport, ReportedStep, RunEnding, RunReport
 from rarms_iac.applying.run_script import UndoneStep
 from rarms_iac.model.journal import RunKind, RunStarted, ScriptStarted, StepStatus
-from rarms_iac.model.plan import UndoLevel
+from rarms_iac.model.plan import HostPlan, UndoLevel
+from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.wording import counted
 from rarms_iac.views.as_json import as_json
-from rarms_iac.views.changes import count
+from rarms_iac.views.changes import count, members_of, reserved_after
 from rarms_iac.views.console import paragraph, show_seconds, stack, visible
-from rarms_iac.views.output.hosts import HostRunOutput, RunOutput
+from rarms_iac.views.output.hosts import HostRunOutput, PartitionRunOutput, RunOutput
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -48,6 +50,7 @@ class _PartitionProgress:
     """How far a run is with one partition, or with one thing of the host itself."""
 
     name: str
+    described: str  # with its components
     total: int  # steps; 0: nobody said how many
     since: float = 0.0
     took: float = 0.0  # seconds in its steps
@@ -71,6 +74,7 @@ class RunProgress:
         self._console = console
         self._live: Progress | None = None
         self._partitions: dict[str, _PartitionProgress] = {}
+        self._components: Mapping[str, Sequence[str]] = {}
 
     def __enter__(self) -> Self:
         """Nothing is shown before a run starts."""
@@ -82,9 +86,19 @@ class RunProgress:
         """Leave the lines as they are; show those of partitions that were not finished."""
         self._end_host()
 
-    def run_started(self, host: str, run: RunKind, plan: str, *, done: int, addresses: Sequence[str] = ()) -> None:
+    def run_started(
+        self,
+        host: str,
+        run: RunKind,
+        plan: str,
+        *,
+        done: int,
+        addresses: Sequence[str] = (),
+        components: Mapping[str, Sequence[str]] = NO_COMPONENTS,
+    ) -> None:
         """Say what begins or goes on."""
         self._end_host()
+        self._components = components
         kind = "Applying" if run is RunKind.APPLY else "Undoing"
         goes_on = f", going on after step {done}" if done else ""
         self._write(f"{kind} plan {plan} on {host}{goes_on}\n")
@@ -119,7 +133,7 @@ class RunProgress:
         partition.since = self._clock()
         if self._live is not None:
             if partition.row is None:
-                partition.row = self._live.add_task(visible(partition.name, keep=""), total=None, status="", steps="")
+                partition.row = self._live.add_task(partition.described, total=None, status="", steps="")
             steps = counted(partition.done, "step")
             self._live.update(partition.row, status=visible(step.title, keep=""), steps=steps, refresh=True)
 
@@ -151,7 +165,8 @@ class RunProgress:
 
     def _partition(self, address: str) -> _PartitionProgress:
         name = "/".join(address.split("/")[1:2] if address.startswith("partition/") else [address])
-        return self._partitions.setdefault(name, _PartitionProgress(name=name, total=0))
+        described = visible(name, keep="") + members_of(name, self._components)
+        return self._partitions.setdefault(name, _PartitionProgress(name=name, described=described, total=0))
 
     def _end(self, partition: _PartitionProgress) -> None:
         """Show the partition for the last time."""
@@ -163,7 +178,7 @@ class RunProgress:
             self._live.stop_task(partition.row)
             self._live.update(partition.row, status="done" if partition.changed else "as wanted already", refresh=True)
         else:
-            self._write(f"  {visible(partition.name, keep='')}: {status}\n")
+            self._write(f"  {partition.described}: {status}\n")
         del self._partitions[partition.name]
 
     def _end_host(self) -> None:
@@ -207,14 +222,22 @@ def _host(report: HostReport, *, partial: bool) -> str:
     if report.ending is not RunEnding.DONE:
         remaining = report.total - report.changed - report.unchanged
         return f"{begun} not complete: {steps}, {remaining} of {report.total} left."
-    if report.changes:
+    if report.host_plan is not None and report.host_plan.changes:
         unchanged = f", {report.unchanged} found all as wanted" if report.unchanged else ""
-        steps = f"{_resources(report)} ({counted(report.total, 'step')}{unchanged})"
-    return f"{begun} complete: {steps}."
+        steps = f"{_resources(report.host_plan)} ({counted(report.total, 'step')}{unchanged})"
+    return f"{begun} complete: {steps}.{_reserved(report.host_plan)}"
 
 
-def _resources(report: HostReport) -> str:
-    counts = count(iter(report.changes))
+def _reserved(part: HostPlan | None) -> str:
+    """As ` 1.92 LP of 2 LP are reserved.`; nothing where that is not known."""
+    if part is None or part.totals is None:
+        return ""
+    amount, whole = Fraction(part.totals.percent, 100), part.facts.logical_processors
+    return f" {show_processors(amount)} of {show_processors(whole)} are reserved."
+
+
+def _resources(part: HostPlan) -> str:
+    counts = count(part.changes)
     parts = [f"{counts['add']} added", f"{counts['change']} changed", f"{counts['remove']} removed"]
     parts += [
         f"{counts[name]} {word}" for name, word in (("adopt", "adopted"), ("release", "released")) if counts[name]
@@ -227,20 +250,35 @@ def run_json(report: RunReport) -> str:
     return as_json(
         RunOutput(
             ending=report.ending.value,
-            hosts=tuple(
-                HostRunOutput(
-                    host=host.host,
-                    plan=host.plan,
-                    run=host.run.value,
-                    ending=host.ending.value,
-                    changed=host.changed,
-                    unchanged=host.unchanged,
-                    total=host.total,
-                    resumed=host.resumed,
-                    addresses=tuple(str(change.address) for change in host.changes),
-                )
-                for host in report.hosts
-            ),
+            hosts=tuple(map(_host_output, report.hosts)),
             findings=report.diagnostics,
         )
     )
+
+
+def _host_output(host: HostReport) -> HostRunOutput:
+    part = host.host_plan
+    changes = () if part is None else part.changes
+    return HostRunOutput(
+        host=host.host,
+        plan=host.plan,
+        run=host.run.value,
+        ending=host.ending.value,
+        changed=host.changed,
+        unchanged=host.unchanged,
+        total=host.total,
+        resumed=host.resumed,
+        addresses=tuple(str(change.address) for change in changes),
+        partitions=() if part is None else tuple(_partition_outputs(part)),
+        host_processors=None if part is None else part.facts.logical_processors,
+        reserved_processors=None if part is None or part.totals is None else part.totals.percent / 100,
+    )
+
+
+def _partition_outputs(part: HostPlan) -> Iterator[PartitionRunOutput]:
+    for change in part.changes:
+        reserved, name = reserved_after(change), change.address.partition
+        if reserved is not None:
+            yield PartitionRunOutput(
+                name=name, components=part.components.get(name, ()), reserved_processors=float(reserved)
+            )

@@ -1,15 +1,13 @@
 """`rarms select`: a level, and the reservation that follows from it."""
 
 from collections.abc import Iterator
-from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.select import SelectedLevel, Selection
-from rarms_iac.model.indexes import PerformanceIndex, find_index, show_threshold, show_value
+from rarms_iac.model.indexes import PerformanceIndex, index_named, show_range, show_threshold, show_value
 from rarms_iac.model.quantities import guaranteed, show_processors
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import paragraph, stack
-from rarms_iac.views.measure import index_unit
 from rarms_iac.views.output.measuring import HeadroomOutput, LevelOutput, SelectionOutput
 
 if TYPE_CHECKING:
@@ -18,7 +16,7 @@ if TYPE_CHECKING:
 
 def selection_text(selection: Selection) -> "RenderableType":
     """The level, the reservation and the headroom."""
-    index = _index(selection)
+    index = index_named(selection.index)
     before = "none" if selection.before is None else show_threshold(index, selection.before)
     head = f"{selection.component}: {index.name} {before} -> {show_threshold(index, selection.after)}"
     return stack(paragraph(head), *(paragraph(line, indent=2) for line in _consequences(selection, index)))
@@ -30,7 +28,7 @@ def selection_json(selection: Selection, file: str, *, written: bool) -> str:
         SelectionOutput(
             component=selection.component,
             index=selection.index,
-            unit=index_unit(selection.index),
+            unit=index_named(selection.index).symbol,
             before=None if selection.before is None else float(selection.before.value),
             after=float(selection.after.value),
             file=file,
@@ -66,12 +64,6 @@ def _level_output(level: SelectedLevel) -> LevelOutput:
     )
 
 
-def _index(selection: Selection) -> PerformanceIndex:
-    found = find_index(selection.index)
-    assert found is not None, "a level is of an index that there is"
-    return found
-
-
 def _consequences(selection: Selection, index: PerformanceIndex) -> Iterator[str]:
     for level in selection.levels:
         amount = show_processors(guaranteed(level.reserve, level.processors))
@@ -80,9 +72,9 @@ def _consequences(selection: Selection, index: PerformanceIndex) -> Iterator[str
             f"processors, {amount} of {show_processors(level.host_processors)}"
         )
         if level.expected is not None:
-            value, lower, upper = (show_value(index, Fraction(each).limit_denominator(10)) for each in level.expected)
+            value, lower, upper = level.expected
             how = "looked up" if level.interpolated else "measured"
-            yield f"{how} there: {value} ({lower} to {upper})"
+            yield f"{how} there: {show_value(index, value)} ({show_range(index, lower, upper)})"
     if not selection.rests_on_a_log:
         yield "the manifest fixes its reserve: with `cpu: { reserve: measured }` it follows the APT"
     for headroom in selection.headrooms:

@@ -10,6 +10,7 @@ from rarms_iac.model.quantities import plain, show_processors
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.combining.oracle import Answer, Coi, Members, SilentReporter
 from rarms_iac.planner.prediction.belief import ASSUMED
+from rarms_iac.storage.datalog.tuning import TunedPartition
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import LiveTable, paragraph, stack, table
 from rarms_iac.views.output.combining import AskedOutput, CombinedOutput, TuneOutput
@@ -63,18 +64,22 @@ def tuned_text(tuned: TuningResult) -> "RenderableType":
     """The partitions, where there were some to tune, and what all of it came to."""
     if not tuned.partitions:
         return stack(*map(paragraph, _sentences(tuned)))
+    return stack(partitions_table(tuned.partitions), *map(paragraph, _sentences(tuned)))
+
+
+def partitions_table(partitions: Sequence[TunedPartition]) -> "RenderableType":
+    """A row a partition as tuning left it; of a compound that it made also what its parts reserved apart."""
     rows = [
         (
             partition.name,
             ", ".join(partition.components),
             f"{partition.reserve} %",
             _number(partition.reserved),
-            _number(partition.parts) if len(partition.components) > 1 else "",
+            "" if partition.parts is None else _number(partition.parts),
         )
-        for partition in tuned.partitions
+        for partition in partitions
     ]
-    header = ("partition", "components", "CR", "LP", "LP apart")
-    return stack(table(rows, header=header, wrap=(1,), right=(2, 3, 4)), *map(paragraph, _sentences(tuned)))
+    return table(rows, header=("partition", "components", "CR", "LP", "LP apart"), wrap=(1,), right=(2, 3, 4))
 
 
 def _sentences(tuned: TuningResult) -> Sequence[str]:

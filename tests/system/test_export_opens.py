@@ -11,7 +11,6 @@ import pytest
 
 from rarms_iac.app.report_measurements import report_of
 from rarms_iac.app.report_model import Report
-from rarms_iac.views.reports.scale import UNIT_TEXT
 from rarms_iac.views.reports.spreadsheet import workbook
 from tests.measured_robot import a_robot, the_logs
 
@@ -73,7 +72,7 @@ def test_libreoffice_keeps_each_chart_with_its_series(exported: tuple[Path, Repo
         assert all(element.get(f"{CHART}values-cell-range-address") for element in series)
     titles = ["".join(chart.find(f".//{CHART}title").itertext()) for chart in charts]  # type: ignore[union-attr]
     assert sorted(titles) == sorted(
-        f"{curve.index.name} of {curve.component} ({UNIT_TEXT[curve.index.unit]})" for curve in curves
+        f"{curve.index.name} of {curve.component} ({curve.index.symbol})" for curve in curves
     )
 
 

@@ -26,7 +26,7 @@ def command(session: Session, *, source: ManifestSource, host_selection: HostSel
     else:
         session.terminal.show(drift_text(report.hosts, report.unfinished))
     for host, plan in report.unfinished.items():
-        session.terminal.talk(
+        session.terminal.tell(
             f"{host}: a run of plan {plan} is unfinished; what it has yet to do is listed as changed."
         )
     if report.host_changed:

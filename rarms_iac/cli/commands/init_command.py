@@ -25,5 +25,5 @@ def command(session: Session, *, folder: str, name: str | None, as_json: bool) -
         session.terminal.data(to_json(WrittenOutput(files=(path,))))
     else:
         session.terminal.talk(f"Wrote {path}.")
-        session.terminal.talk("Edit it, then: rarms validate, rarms measure, rarms plan, rarms apply.")
+        session.terminal.tell("Edit it, then: rarms validate, rarms measure, rarms plan, rarms apply.")
     return ExitCode.DONE

@@ -48,7 +48,7 @@ def prove_and_show(session: Session, hosts: Hosts, request: ProveRequest, *, as_
             hosts, request, reporter=TerminalReporter(session), stop=session.interrupts, listener=progress
         )
     if outcome.stopped:
-        session.terminal.talk("Stopped: nothing is proven, and nothing was changed.")
+        session.terminal.tell("Stopped: nothing is proven, and nothing was changed.")
         return session.interrupts.asked or ExitCode.INTERRUPTED
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
     if as_json:
@@ -56,5 +56,5 @@ def prove_and_show(session: Session, hosts: Hosts, request: ProveRequest, *, as_
     else:
         session.terminal.show(proof_text(outcome.proofs, request.interference))
     if outcome.not_proven:
-        session.terminal.talk(f"Not proven, since they are on other hosts: {', '.join(outcome.not_proven)}.")
+        session.terminal.tell(f"Not proven, since they are on other hosts: {', '.join(outcome.not_proven)}.")
     return ExitCode.NO if outcome.findings else ExitCode.DONE

@@ -99,7 +99,7 @@ def command(
 def _tell_what_was_written(session: Session, outcome: TuneOutcome, trail: str | None) -> None:
     """Into the manifest; and the trail into the file that was asked for."""
     for name in outcome.removed:
-        session.terminal.talk(f"The entry of partition {name} is gone: its components are elsewhere now.")
+        session.terminal.tell(f"The entry of partition {name} is gone: its components are elsewhere now.")
     for file in outcome.files:
         session.terminal.talk(f"Written to {file}.")
     if trail is not None:

@@ -20,7 +20,7 @@ class TunedPartition:
     components: tuple[str, ...]  # the most critical first
     processors: int
     reserve: int  # whole per cent of each of them
-    parts: int  # what its parts reserved apart, in per cent of one logical processor
+    parts: int | None  # what its parts reserved apart, in per cent of one logical processor; None: it was there before
 
     @property
     def reserved(self) -> int:

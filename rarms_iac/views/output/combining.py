@@ -9,14 +9,17 @@ from rarms_iac.views.output.common import FORMAT_VERSION, Format
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CombinedOutput:
-    """A partition after tuning; `parts_reserved`: what its parts reserved apart, per cent of one logical processor."""
+    """A partition after tuning. Amounts are per cent of one logical processor.
+
+    `parts_reserved`: what its parts reserved apart; null: tuning did not combine it, it was there before.
+    """
 
     name: str
     components: tuple[str, ...]  # the most critical first
     processors: int
     reserve: int
     reserved: int
-    parts_reserved: int
+    parts_reserved: int | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,6 +15,8 @@ class DriftedOutput:
 
     host: str
     address: str
+    components: tuple[str, ...]  # of the partition, the most critical first; empty where the layout has no such one
+    wanted_processors: float | None  # LPs that the manifest wants for it; null: nothing of that would change
     drift: Literal["host_changed", "not_applied", "both", "missing", "removed", "unused"]
     says: str
     attributes: tuple[AttributeOutput, ...]
@@ -66,8 +68,17 @@ class DoctorOutput:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PartitionRunOutput:
+    """A partition that an apply made or changed, as it is planned to be."""
+
+    name: str
+    components: tuple[str, ...]  # the most critical first
+    reserved_processors: float  # LPs that it is guaranteed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class HostRunOutput:
-    """What a run did on one host."""
+    """What a run did on one host; what concerns its plan is empty or null for an undo."""
 
     host: str
     plan: str
@@ -77,7 +88,10 @@ class HostRunOutput:
     unchanged: int
     total: int
     resumed: bool
-    addresses: tuple[str, ...]  # of the resources that an apply changes; empty for an undo
+    addresses: tuple[str, ...]  # of the resources that an apply changes
+    partitions: tuple[PartitionRunOutput, ...]
+    host_processors: int | None  # LPs
+    reserved_processors: float | None  # LPs of these that are reserved once all is done
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

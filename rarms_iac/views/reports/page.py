@@ -10,9 +10,11 @@ from fractions import Fraction
 from math import isfinite
 
 from rarms_iac.app.report_model import CurveRow, IndexCurve, MeasuredPoint, Measurement, Report
+from rarms_iac.model.indexes import show_range, show_value
+from rarms_iac.model.quantities import plain, show_number
 from rarms_iac.model.system import AtLeast, AtMost, Threshold
 from rarms_iac.statistics.curves import least_reserve
-from rarms_iac.views.reports.scale import UNIT_TEXT, Scale, digits, scale_of, show_exactly, show_value
+from rarms_iac.views.reports.scale import Scale, scale_of
 from rarms_iac.views.reports.summary import error_text
 
 RESERVES = (0, 20, 40, 60, 80, 100)
@@ -111,12 +113,12 @@ def plot_of(curve: IndexCurve, measurement: Measurement, name: str) -> Plot:
         title=f"{curve.component}: {title}" if together else title[:1].upper() + title[1:],
         description=_description(curve),
         direction=curve.index.direction,
-        unit=UNIT_TEXT[curve.index.unit],
-        start=show_exactly(threshold.value, curve.index.unit).split()[0],
+        unit=curve.index.symbol,
+        start=plain(threshold.value),
         has_apt=curve.threshold is not None,
         line=_y(scale, float(threshold.value)),
         reserve=reserve,
-        ticks=tuple(Tick(at=_y(scale, float(tick)), text=digits(float(tick))) for tick in scale.ticks()),
+        ticks=tuple(Tick(at=_y(scale, float(tick)), text=show_number(float(tick))) for tick in scale.ticks()),
         band=_band(rows, scale),
         curve=_path([(row.reserve, scale.height(row.value)) for row in rows]),
         dots=tuple(_dots(curve, scale)),
@@ -140,10 +142,10 @@ def _description(curve: IndexCurve) -> str:
     name = f"{curve.index.name.replace('_', ' ')} of {curve.component}"
     if not curve.curve.points:
         return f"The {name} is not known."
-    first, last, unit = curve.curve.points[0], curve.curve.points[-1], curve.index.unit
+    first, last = curve.curve.points[0], curve.curve.points[-1]
     return (
-        f"The {name} goes from {show_value(first.value, unit)} at a reserve of {first.reserve:.0f} % "
-        f"to {show_value(last.value, unit)} at {last.reserve:.0f} %."
+        f"The {name} goes from {show_value(curve.index, first.value)} at a reserve of {first.reserve:.0f} % "
+        f"to {show_value(curve.index, last.value)} at {last.reserve:.0f} %."
     )
 
 
@@ -182,12 +184,11 @@ def _dots(curve: IndexCurve, scale: Scale) -> Iterator[Dot]:
 
 def _point_cells(point: MeasuredPoint, curve: IndexCurve) -> tuple[str, ...]:
     """Reserve, value, interval, samples, verdict with its error, remarks."""
-    unit = curve.index.unit
-    inside = "" if point.value is None else f"{digits(point.low)} to {show_value(point.high, unit)}"
+    inside = "" if point.value is None else show_range(curve.index, point.low, point.high)
     failed = f", {point.failed} failed" if point.failed else ""
     return (
         f"{point.reserve} %",
-        "no answer" if point.value is None else show_value(point.value, unit),
+        "no answer" if point.value is None else show_value(curve.index, point.value),
         inside,
         f"{point.samples} samples{failed}",
         f"{point.verdict}{error_text(point)}",

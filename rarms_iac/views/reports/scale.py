@@ -7,10 +7,10 @@ exactly the same in Python, in a browser and in a manifest.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from math import ceil, floor, inf, isfinite, log10
+from math import ceil, floor, isfinite, log10
 
 from rarms_iac.app.report_model import IndexCurve
-from rarms_iac.model.quantities import Unit, plain
+from rarms_iac.model.quantities import Unit
 
 WIDE = 5.0
 """From this ratio of largest to smallest on the axis is logarithmic: most thresholds lie at its low end."""
@@ -119,25 +119,3 @@ def _linear(curve: IndexCurve, smallest: float, largest: float) -> Scale:
     low, high = max(low - span * ROOM, 0.0), high + span * ROOM
     mantissa, exponent = round_down((high - low) / (2 * POSITIONS))
     return Scale(low=low, high=high, logarithmic=False, mantissa=mantissa, exponent=exponent)
-
-
-UNIT_TEXT = {Unit.TIME: "ms", Unit.SHARE: "%", Unit.RATE: "/s"}
-"""How an index's own unit is written."""
-
-
-def show_value(value: float, unit: Unit) -> str:
-    """A measured value with three digits that count, and its unit: `88.1 ms`, `95 %`, `1230 ms`."""
-    return f"{digits(value)} {UNIT_TEXT[unit]}"
-
-
-def digits(value: float) -> str:
-    """Three digits that count, never an exponent: `0.0123`, `88.1`, `1230`."""
-    if not isfinite(value):
-        return "unbounded" if value == inf else "-unbounded"
-    places = 2 - floor(log10(abs(value))) if value else 0
-    return plain(Fraction(str(round(value, max(places, 0))))) if places <= 3 else f"{value:.{places}f}"
-
-
-def show_exactly(value: Fraction, unit: Unit) -> str:
-    """A threshold as the manifest says it: `100 ms`, `95 %`, `24 /s`."""
-    return f"{plain(value)} {UNIT_TEXT[unit]}"

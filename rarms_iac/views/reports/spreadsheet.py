@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import IndexCurve, MeasuredPoint, Measurement, PlatformTuning, Report
 from rarms_iac.model.quantities import guaranteed
-from rarms_iac.views.reports.scale import UNIT_TEXT
 from rarms_iac.views.reports.summary import platform_fits, reserved_for, verdict_of
 
 if TYPE_CHECKING:
@@ -93,7 +92,7 @@ def _setting(measurement: Measurement, index: IndexCurve, point: MeasuredPoint) 
         point.reserve,
         measurement.processors,
         index.index.name,
-        UNIT_TEXT[index.index.unit],
+        index.index.symbol,
         None if point.value is None else finite(point.value),
         None if point.value is None else finite(point.low),
         None if point.value is None else finite(point.high),
@@ -278,7 +277,7 @@ def _level(measurement: Measurement, index: IndexCurve) -> Sequence[Cell]:
         index.index.name,
         index.index.direction,
         float(index.threshold.value),
-        UNIT_TEXT[index.index.unit],
+        index.index.symbol,
         None if point is None else finite(point.value),
         reserve,
         None if reserve is None else float(guaranteed(reserve, measurement.processors)),
@@ -292,7 +291,7 @@ def _measurement(book: "Workbook", name: str, measurement: Measurement) -> None:
     sheet = book.add_worksheet(name)
     top = 0
     for index in measurement.indexes:
-        unit = UNIT_TEXT[index.index.unit]
+        unit = index.index.symbol
         title = f"{index.index.name} of {index.component} ({unit})"
         sheet.write_string(top, 0, title, book.add_format({"bold": True}))
         measured = {point.reserve: finite(point.value) for point in index.points if point.value is not None}

@@ -14,12 +14,12 @@ from rarms_iac.app.report_model import (
     PlatformTuning,
     Report,
 )
-from rarms_iac.model.indexes import show_threshold
+from rarms_iac.model.indexes import show_range, show_threshold, show_value
 from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.planner.prediction.belief import ASSUMED
 from rarms_iac.statistics.verdicts import describe_error
-from rarms_iac.views.reports.scale import show_value
+from rarms_iac.views.prove import describe_verdict
 
 MOST_CANDIDATES = 24
 
@@ -79,7 +79,7 @@ def _level(measurement: Measurement, curve: IndexCurve) -> SummaryRow:
         component=curve.component,
         index=curve.index.name,
         level=show_threshold(curve.index, curve.threshold),
-        shows="" if point is None else show_value(point.value, curve.index.unit),
+        shows="" if point is None else show_value(curve.index, point.value),
         reserve="none is enough" if reserve is None else show_percent(reserve),
         bandwidth="" if reserve is None else show_processors(guaranteed(reserve, measurement.processors)),
         verdict=verdict_of(curve, reserve),
@@ -150,15 +150,16 @@ def proof_rows(report: Report) -> tuple[ProofRow, ...]:
 
 
 def _proven(proof: ComponentProof) -> ProofRow:
+    verdict = describe_verdict(proof.index, proof.verdict)
     return ProofRow(
         component=proof.component,
         index=proof.index.name,
         level=proof.threshold,
-        value="cannot be told" if proof.value is None else show_value(proof.value, proof.index.unit),
+        value="cannot be told" if proof.value is None else show_value(proof.index, proof.value),
         shows=_band(proof),
         met=proof.met,
-        verdict=proof.verdict + (" (outdated)" if proof.outdated else ""),
-        result=proof.verdict
+        verdict=verdict + (" (outdated)" if proof.outdated else ""),
+        result=verdict
         + ("" if proof.error is None else f" ({describe_error(proof.error)})")
         + (f": {proof.note}" if proof.note else "")
         + (f"; outdated: {'; '.join(proof.outdated)}" if proof.outdated else ""),
@@ -166,13 +167,13 @@ def _proven(proof: ComponentProof) -> ProofRow:
 
 
 def _band(proof: ComponentProof) -> str:
-    """`94.1 ms, 93.5 ms to 94.8 ms`, as far as the samples tell."""
+    """`94.1 ms, 93.5 to 94.8 ms`, as far as the samples tell."""
     if proof.value is None:
         return "cannot be told"
-    value = show_value(proof.value, proof.index.unit)
+    value = show_value(proof.index, proof.value)
     if proof.lower is None or proof.upper is None:
         return value
-    return f"{value}, {show_value(proof.lower, proof.index.unit)} to {show_value(proof.upper, proof.index.unit)}"
+    return f"{value}, {show_range(proof.index, proof.lower, proof.upper)}"
 
 
 def platform_fits(report: Report) -> tuple[PlatformFit, ...]:
@@ -245,14 +246,14 @@ def _outdated(tuning: PlatformTuning, components: Sequence[str]) -> str:
 
 
 def tuned_rows(tuning: PlatformTuning) -> tuple[tuple[str, str, str, str, str], ...]:
-    """A row a partition as it was left: name, components, CR, what it reserves, what its parts reserved apart."""
+    """A row a partition as it was left: name, components, CR, what it reserves, and what the parts of a new one did."""
     return tuple(
         (
             part.name,
             ", ".join(part.components) + _outdated(tuning, part.components),
             show_percent(part.reserve),
             _processors(part.reserved),
-            _processors(part.parts),
+            "" if part.parts is None else _processors(part.parts),
         )
         for part in tuning.run.partitions
     )

@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import IndexCurve, Measurement, Report
 from rarms_iac.model.indexes import show_threshold
+from rarms_iac.model.quantities import show_number
 from rarms_iac.views.console import paragraph, stack, table
-from rarms_iac.views.reports.scale import UNIT_TEXT, Scale, digits, scale_of
+from rarms_iac.views.measure import abbreviated
+from rarms_iac.views.prove import proven_table
+from rarms_iac.views.reports.scale import Scale, scale_of
 from rarms_iac.views.reports.summary import (
     fit_text,
     platform_fits,
@@ -89,24 +92,34 @@ def report_text(report: Report, *, ascii_only: bool = False) -> "RenderableType"
 
 def _parts(report: Report, *, ascii_only: bool) -> Iterator["RenderableType"]:
     rows = [
-        (level.component, level.index, level.level, level.reserve, level.bandwidth) for level in summary_rows(report)
+        (
+            level.component,
+            f"{level.index} {abbreviated(level.level)}" if level.index else level.verdict,
+            level.reserve,
+            level.bandwidth.removesuffix(" LP"),
+        )
+        for level in summary_rows(report)
     ]
-    yield table(rows, header=("component", "index", "threshold", "CR", "bandwidth"), wrap=(2, 3))
+    yield table(rows, header=("component", "threshold", "CR", "LP"), wrap=(1, 2), right=(2, 3))
     for fit in platform_fits(report):
         yield paragraph(f"{', '.join(fit.capacity.hosts)}: {fit_text(fit)}")
     for host in report.statuses:
         yield paragraph(f"{host.host}: {status_text(host)}")
     if report.proofs:
         yield ""
-        proven = [
-            (proof.component, proof.index, proof.level, proof.value, proof.verdict) for proof in proof_rows(report)
-        ]
-        yield table(proven, header=("all together", "index", "threshold", "observed", "verdict"), wrap=(2, 3, 4))
+        yield "All together, as `rarms prove` measured them last:"
+        yield proven_table(
+            [
+                (proof.component, f"{proof.index} {abbreviated(proof.level)}", proof.value, proof.verdict)
+                for proof in proof_rows(report)
+            ]
+        )
     for tuning in report.tunings:
         yield ""
         yield paragraph(f"Combining on {tuning.platform}: {tuning_text(tuning)}")
-        header = ("partition", "components", "CR", "bandwidth", "apart")
-        yield table(tuned_rows(tuning), header=header, wrap=(1,), right=(2, 3, 4))
+        tuned = [(*row[:3], *(amount.removesuffix(" LP") for amount in row[3:])) for row in tuned_rows(tuning)]
+        header = ("partition", "components", "CR", "LP", "LP apart")
+        yield table(tuned, header=header, wrap=(1,), right=(2, 3, 4))
     for measurement in report.measurements:
         for index in measurement.indexes:
             yield ""
@@ -132,7 +145,7 @@ class TerminalPlot:
 
     def __rich_console__(self, console: "Console", options: "ConsoleOptions") -> "RenderResult":
         scale = scale_of(self.curve)
-        unit = UNIT_TEXT[self.curve.index.unit] + (", log scale" if scale.logarithmic else "")
+        unit = self.curve.index.symbol + (", log scale" if scale.logarithmic else "")
         yield paragraph(f"{self.curve.component}: {self.curve.index.name} ({unit}) against CPU reservation (%)")
         if not self.curve.curve.points:
             yield paragraph("Nothing can be said yet.", indent=2)
@@ -204,7 +217,7 @@ def _braille(shown: IndexCurve, scale: Scale, field: int) -> Cells:
 def _field(scale: Scale, cells: Cells, field: int, signs: Signs) -> Iterator["Text"]:
     from rich.text import Text
 
-    labels = {_row(scale, float(tick)): digits(float(tick)) for tick in scale.ticks()}
+    labels = {_row(scale, float(tick)): show_number(float(tick)) for tick in scale.ticks()}
     for line in range(HEIGHT):
         axis = signs.tick if line in labels else signs.axis
         text = Text(f"{labels.get(line, ''):>{LABELS}} {axis}", no_wrap=True)

@@ -167,7 +167,7 @@ def test_a_changed_component_begins_its_log_anew(here: Path) -> None:
     ran = rarms("measure", "--from", "50%", "--to", "50%")
 
     assert ran.code == 0
-    assert "is stale and is begun anew: vision.simulation.work: 20 ms -> 22 ms." in ran.err
+    assert "is stale and is begun anew: vision.simulation.work: 20 ms -> 22 ms." in " ".join(ran.err.split())
     assert reserves(measured("--from", "50%", "--to", "50%")) == [50]
 
 

@@ -50,7 +50,7 @@ def test_samples_are_shown_and_what_they_come_to(tmp_path: Path) -> None:
     assert [line.split()[:2] for line in ran.lines[:3]] == [["vision", "1"], ["vision", "2"], ["vision", "3"]]
     assert ran.lines[0].endswith("response 2 ms")
     assert ran.lines[3].startswith("vision: 3 samples in ")
-    assert ran.lines[4] == "  mean_response_time  2 ms (0.58 to 3.42)  <= 5 ms  met here"
+    assert ran.lines[4] == "  mean_response_time  2 ms (0.585 to 3.42 ms)  <= 5 ms  met here"
 
 
 @same_everywhere

@@ -27,7 +27,7 @@ def test_a_level_is_written_with_its_comments_and_the_reservation_follows(here: 
     assert answer.lines == [
         "vision: mean_response_time at most 100 ms -> at most 110 ms",
         "  partition vision on onboard: 61 % of each of its 2 virtual processors, 1.22 LP of 2 LP",
-        "  measured there: 105 ms (104.9 ms to 105.1 ms)",
+        "  measured there: 105 ms (104.9 to 105.1 ms)",
         "  headroom of onboard: 0.78 LP of 2 LP",
     ]
     assert manifest(here) == before.replace("at_most: 100 ms", "at_most: 110 ms")

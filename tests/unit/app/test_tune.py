@@ -100,7 +100,9 @@ def test_it_does_not_fit_is_tuned_and_fits(here: Path) -> None:
     assert "No other layout is better" in tuned.out
     assert "?" not in tuned.err, "nothing that looks like a question is told where nobody is asked"
     assert "paths+video at " in declined.err
-    assert json.loads(again.out)["ending"] == "nothing_to_do"
+    second = json.loads(again.out)
+    assert second["ending"] == "nothing_to_do"
+    assert {part["parts_reserved"] for part in second["partitions"]} == {None}, "this run combined nothing"
     assert "by the default strategy, proved to be the best: CR " in explained
 
 

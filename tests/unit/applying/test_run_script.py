@@ -1,11 +1,11 @@
 """What a script says of itself, as the report of a run: with a host that says what the test has written down."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import pytest
 
-from rarms_iac.applying.run_report import ReportedStep, RunEnding, RunReport
+from rarms_iac.applying.run_report import NO_COMPONENTS, ReportedStep, RunEnding, RunReport
 from rarms_iac.applying.run_script import ScriptJob, finish_job, run_job
 from rarms_iac.model.journal import RunKind, ScriptRun, ScriptStarted, StepRecorded, StepStatus
 from rarms_iac.model.state import State
@@ -78,7 +78,16 @@ class Told:
     def __init__(self) -> None:
         self.lines: list[str] = []
 
-    def run_started(self, host: str, run: RunKind, plan: str, *, done: int, addresses: Sequence[str] = ()) -> None:
+    def run_started(
+        self,
+        host: str,
+        run: RunKind,
+        plan: str,
+        *,
+        done: int,
+        addresses: Sequence[str] = (),
+        components: Mapping[str, Sequence[str]] = NO_COMPONENTS,
+    ) -> None:
         self.lines.append(f"{run.value} on {host}, {done} done")
 
     def step_started(self, host: str, number: int, total: int, step: ReportedStep) -> None:

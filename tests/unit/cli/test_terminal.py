@@ -41,6 +41,14 @@ def test_nobody_looking_means_80_columns_and_a_terminal_its_own_within_reason() 
     assert NARROWEST <= width_of(FakeTerminal(), {}) <= WIDEST
 
 
+def test_sentences_keep_to_the_terminal_and_a_pipe_gets_them_whole() -> None:
+    err = io.StringIO()
+    Terminal(out=io.StringIO(), err=err, width=20).tell("one two three four five six")
+    Terminal(out=io.StringIO(), err=err, width=20, talk_piped=True).tell("one two three four five six")
+
+    assert err.getvalue().splitlines() == ["one two three four", "five six", "one two three four five six"]
+
+
 def test_talk_goes_behind_the_data_that_was_written_before_it() -> None:
     terminal = Terminal(out=io.StringIO(), err=io.StringIO())
     terminal.data("data\n")

@@ -30,3 +30,9 @@ def test_a_page_becomes_text_of_eighty_columns_with_its_code_as_written() -> Non
     assert "\n- one\n- two lines\n" in text
     assert "\n    # code\n" in text
     assert text.endswith("\nend\n")
+
+
+def test_an_example_on_a_page_keeps_its_lines_however_long() -> None:
+    example = "  face-detection 70 %, speech-recognition 30 % and path-planning 20 % need 120 % of the two processors."
+
+    assert f"    {example}\n" in render(page_text(f"# T\n\n```\nerror\n{example}\n```\n"))

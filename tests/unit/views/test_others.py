@@ -12,7 +12,7 @@ from rarms_iac.diff.drift import DriftKind, ResourceDrift
 from rarms_iac.model.changes import Address
 from rarms_iac.model.journal import RunKind, RunStarted, StepStatus
 from rarms_iac.model.layout import Layout
-from rarms_iac.model.plan import Step, UndoLevel
+from rarms_iac.model.plan import Step, Totals, UndoLevel
 from rarms_iac.views.console import live_console, render
 from rarms_iac.views.graph import GraphFormat, dot_quoted, graph_json, graph_nodes, graph_text, mermaid_quoted
 from rarms_iac.views.hosts import drift_json, drift_text
@@ -25,7 +25,14 @@ from tests.unit.views.test_json import check
 def a_drift(*kinds: DriftKind) -> list[HostDrift]:
     change = update(partition(settings(reserve=50)), partition(settings(reserve=40)))
     drifted = tuple(ResourceDrift(address=Address(partition="vision"), kind=kind, message="why") for kind in kinds)
-    return [HostDrift(facts=facts(), drifted=drifted, changes={change.address: change})]
+    return [
+        HostDrift(
+            facts=facts(),
+            drifted=drifted,
+            changes={change.address: change},
+            components={"vision": ("face-detection", "vision")},
+        )
+    ]
 
 
 def test_no_drift_is_one_line() -> None:
@@ -35,7 +42,9 @@ def test_no_drift_is_one_line() -> None:
 def test_drift_says_what_differs_and_who_moved() -> None:
     shown = render(drift_text(a_drift(DriftKind.HOST_CHANGED, DriftKind.NOT_APPLIED))).splitlines()
 
-    assert "  vision: changed on the host; reserve is 50 %, wanted 40 %" in shown
+    assert shown[0] == "Host onboard (2 LP)"
+    assert "  vision [face-detection, vision], 0.8 LP wanted: changed on the host;" in shown
+    assert "      reserve is 50 %, wanted 40 %" in shown
     assert shown[-1].startswith("Drift: 1 changed on the host, 1 not applied yet.")
 
 
@@ -43,7 +52,9 @@ def test_drift_for_programs() -> None:
     text = drift_json("robot", a_drift(DriftKind.BOTH))
 
     check(text)
-    assert json.loads(text)["drifted"][0]["attributes"][0]["before"] == 50
+    drifted = json.loads(text)["drifted"][0]
+    assert drifted["attributes"][0]["before"] == 50
+    assert (drifted["components"], drifted["wanted_processors"]) == (["face-detection", "vision"], 0.8)
 
 
 def a_report(ending: RunEnding, changed: int = 2) -> RunReport:
@@ -66,12 +77,22 @@ def test_a_run_says_how_it_ended_and_what_is_left() -> None:
 def test_an_apply_counts_the_resources_as_the_plan_did() -> None:
     report = a_report(RunEnding.DONE, changed=3)
     changes = (create(partition(settings("speech"))), update(partition(settings()), partition(settings(reserve=30))))
-    done = replace(report, hosts=tuple(replace(host, changes=changes) for host in report.hosts))
+    promised = host_plan(changes=changes, totals=Totals(percent=140, memory=0))
+    applied = replace(promised, components={"speech": ("recognition", "synthesis")})
+    done = replace(report, hosts=tuple(replace(host, host_plan=applied) for host in report.hosts))
 
-    assert render(run_text(done), 120) == (
+    assert render(run_text(done), 160) == (
         "onboard: Apply of plan 0123456789ab complete: 1 added, 1 changed, 0 removed "
-        "(4 steps, 1 found all as wanted).\n"
+        "(4 steps, 1 found all as wanted). 1.4 LP of 2 LP are reserved.\n"
     )
+    check(run_json(done))
+    (host,) = json.loads(run_json(done))["hosts"]
+    assert (host["reserved_processors"], host["host_processors"]) == (1.4, 2)
+    assert host["partitions"][0] == {
+        "name": "speech",
+        "components": ["recognition", "synthesis"],
+        "reserved_processors": 0.8,
+    }
 
 
 def test_an_undo_without_a_step_says_why() -> None:
@@ -102,7 +123,12 @@ def progress(console: Console | None, *steps: Step, ended: int) -> str:
     times = iter(number / 4 for number in range(100))
     with RunProgress(said.append, lambda: next(times), console) as reporter:
         reporter.run_started(
-            "onboard", RunKind.APPLY, plan().id, done=0, addresses=[str(step.address) for step in steps]
+            "onboard",
+            RunKind.APPLY,
+            plan().id,
+            done=0,
+            addresses=[str(step.address) for step in steps],
+            components={"vision": ("face-detection", "stream"), "speech": ("speech",)},
         )
         for number, shown in enumerate(steps[:ended], 1):
             reporter.step_started("onboard", number, len(steps), shown)
@@ -118,13 +144,15 @@ def test_a_run_is_a_line_a_partition_once_its_last_step_is_done() -> None:
     assert progress(None, *STEPS, ended=3).splitlines() == [
         "Applying plan 0123456789ab on onboard",
         "  speech: 1 step in 0.2 s",
-        "  vision: 2 steps in 0.5 s",
+        "  vision [face-detection, stream]: 2 steps in 0.5 s",
         "  onboard says: <U+001B>[2Jwarning",
     ]
 
 
 def test_a_run_that_ends_early_says_how_far_each_partition_is() -> None:
-    assert progress(None, *STEPS, ended=1).splitlines()[-1] == "  vision: 1 of 2 steps in 0.2 s"
+    assert (
+        progress(None, *STEPS, ended=1).splitlines()[-1] == "  vision [face-detection, stream]: 1 of 2 steps in 0.2 s"
+    )
 
 
 def test_a_terminal_updates_a_line_a_partition_in_place() -> None:
@@ -132,7 +160,7 @@ def test_a_terminal_updates_a_line_a_partition_in_place() -> None:
     progress(live_console(stream, 60, colour=False), *STEPS, ended=3)
 
     last = stream.getvalue().split("\x1b[2K")[-1].splitlines()
-    assert last[0].split()[:4] == ["vision", "2", "steps", "done"]
+    assert last[0].split()[:6] == ["vision", "[face-detection,", "stream]", "2", "steps", "done"]
     assert last[1].split()[:4] == ["speech", "1", "step", "done"]
     assert "\x1b[2J" not in stream.getvalue()
 

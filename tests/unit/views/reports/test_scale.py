@@ -1,6 +1,7 @@
 """The upright axis: everything is on it, its grid is decimal and exact, and its labels are few and round."""
 
 from fractions import Fraction
+from math import inf
 
 import pytest
 from hypothesis import given
@@ -8,9 +9,10 @@ from hypothesis import strategies as st
 
 from rarms_iac.app.report_model import IndexCurve
 from rarms_iac.model.indexes import find_index
+from rarms_iac.model.quantities import show_number
 from rarms_iac.model.system import AtMost
 from rarms_iac.statistics.curves import curve_of
-from rarms_iac.views.reports.scale import Scale, digits, round_down, scale_of
+from rarms_iac.views.reports.scale import Scale, round_down, scale_of
 from tests.builders import a_run
 from tests.builders_measured import a_series, a_setting
 
@@ -66,10 +68,10 @@ def test_a_success_rate_that_is_always_high_shows_its_upper_end_only() -> None:
 
 @pytest.mark.parametrize(
     ("value", "text"),
-    [(0.0, "0"), (0.01234, "0.0123"), (88.123, "88.1"), (100.0, "100"), (1234.6, "1235"), (float("inf"), "unbounded")],
+    [(0.0, "0"), (0.01234, "0.0123"), (88.123, "88.1"), (100.0, "100"), (1234.56, "1234.6"), (inf, "no bound")],
 )
-def test_three_digits_count_and_no_exponent_is_written(value: float, text: str) -> None:
-    assert digits(value) == text
+def test_three_digits_count_and_tenths_and_no_exponent_is_written(value: float, text: str) -> None:
+    assert show_number(value) == text
 
 
 @given(st.floats(min_value=1e-9, max_value=1e9))

@@ -88,5 +88,5 @@ def test_the_text_report_has_the_summary_the_total_and_every_plot() -> None:
     text = render(report_text(REPORT))
 
     assert "onboard: 86 % reserved of 100 %" in text
-    assert re.search(r"face-detection +mean_response_time +at most 100 ms +60 % +1\.2 LP", text)
+    assert re.search(r"face-detection +mean_response_time <= 100 ms +60 % +1\.2\n", text)
     assert text.count("against CPU reservation") == 4
