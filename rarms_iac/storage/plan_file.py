@@ -1,8 +1,8 @@
 """A plan's id and seal, and its file (DESIGN section 4).
 
-The id is a digest of what the plan says, without the scripts, which carry the id themselves. The seal covers the
-whole file, scripts included. Both are taken over the values, not over the bytes: line ends that git changes do no
-harm, while one changed character of a script does.
+The id is a digest of what the plan does, without the scripts, which carry the id themselves, and without the paths of
+files, which depend on where it is made. The seal covers the whole file. Both are taken over the values, not over the
+bytes: line ends that git changes do no harm, while one changed character of a script does.
 """
 
 import json
@@ -51,12 +51,29 @@ def identified(plan: Plan) -> Plan:
 
 
 def plan_id(plan: Plan) -> str:
-    """12 hex digits of what the plan says, scripts left out."""
-    bare = replace(plan, id="", hosts=tuple(replace(host, scripts={}) for host in plan.hosts))
-    document = cast("dict[str, Json]", encode(bare))
+    """12 hex digits of what the plan does: the same from wherever in the file system `rarms plan` is called.
+
+    Scripts are left out, which carry the id, and all that names files as they are seen from there: the manifest's path,
+    the files of places, and the findings, whose advice repeats the options of the command. The seal covers them.
+    """
+    hosts = tuple(replace(host, scripts={}) for host in plan.hosts)
+    bare = replace(plan, id="", manifest="", findings=(), accepted=(), hosts=hosts)
+    document = cast("dict[str, Json]", _without_files(encode(bare)))
     if bare.placement is None:  # a plan that chose nothing says nothing of it
         del document["placement"]
     return short(digest(document))
+
+
+def _without_files(value: Json) -> Json:
+    """The value, places in it without the names of their files."""
+    match value:
+        case dict():
+            is_place = "file" in value and "line" in value
+            return {name: _without_files(each) for name, each in value.items() if not (is_place and name == "file")}
+        case list():
+            return [_without_files(each) for each in value]
+        case _:
+            return value
 
 
 def write_plan(plan: Plan) -> bytes:

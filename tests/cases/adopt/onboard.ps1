@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         52059f92ef5e, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         86c272b8f0b7, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -576,12 +576,12 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '52059f92ef5e'
+        Plan = '86c272b8f0b7'
         Application = 'robot'
         Serial = 0
         Total = 1
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '9639b380d0dd9313ed30ca156b72d21917bb59dd6287197dc0682a49e7590503'
+        UndoDigest = 'b91d0500e188e75551d807567b97846f4e163d3add4682dd94c0f70f4866650f'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

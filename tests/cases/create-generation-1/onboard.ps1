@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         304768b99eea, manifest df17c0ec8df0, rarms 0.1.0
+# Plan         5211e3d40544, manifest df17c0ec8df0, rarms 0.1.0
 # Steps        8
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '304768b99eea'
+        Plan = '5211e3d40544'
         Application = 'robot'
         Serial = 0
         Total = 8
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '28aaf2b761f4c27f883a2c0a04622980832aef72d02ee999eb313cd7ad593926'
+        UndoDigest = '4a5129bc03c3ece7399edc69f525dd515648a4319552079b716e9c69003f0ab7'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -648,7 +648,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 1; 'memory' = 536870912 }
         Set = {
-            Hyper-V\New-VM -Name 'speech.rarms-304768b99eea' -Generation 1 -MemoryStartupBytes 536870912 -NoVHD -SwitchName 'lab'
+            Hyper-V\New-VM -Name 'speech.rarms-5211e3d40544' -Generation 1 -MemoryStartupBytes 536870912 -NoVHD -SwitchName 'lab'
         }
     }
 

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         5c81ece5ce57, manifest 4e5e6d808001, rarms 0.1.0
+# Plan         1eefdaed2135, manifest 4e5e6d808001, rarms 0.1.0
 # Steps        10
 # Parts        lock, journal, host, machines, capacity, disks: what the runtime and these steps call
 # Not undone   the disk made from D:\images\base.vhdx stays
@@ -673,12 +673,12 @@ function Clear-DiskFile {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '5c81ece5ce57'
+        Plan = '1eefdaed2135'
         Application = 'robot'
         Serial = 0
         Total = 10
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '0e9279139a396ee557aca7fa941951b5c1e31939c178494743db27032fed183e'
+        UndoDigest = '4350d460c0dc1b221425cdc784b26469c39e8225053cc335d33ea48c3660b7e5'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -702,7 +702,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-5c81ece5ce57' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
+            Hyper-V\New-VM -Name 'vision.rarms-1eefdaed2135' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD -SwitchName 'lab' -Path 'D:\machines'
         }
     }
 
@@ -733,11 +733,11 @@ try {
         Address = 'partition/vision/disk'
         Action = 'make a disk that grows out of D:\images\base.vhdx'
         Needs = @('partition/vision', 'partition/vision/disk')
-        Read = { Read-Disk -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-5c81ece5ce57.vhdx') -Parent 'D:\images\base.vhdx' }
+        Read = { Read-Disk -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-1eefdaed2135.vhdx') -Parent 'D:\images\base.vhdx' }
         Before = @{ 'exists' = $false }
         After = @{ 'child' = $true; 'exists' = $true }
         Set = {
-            Hyper-V\New-VHD -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-5c81ece5ce57.vhdx') -ParentPath 'D:\images\base.vhdx' -Differencing
+            Hyper-V\New-VHD -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-1eefdaed2135.vhdx') -ParentPath 'D:\images\base.vhdx' -Differencing
         }
     }
 
@@ -755,7 +755,7 @@ try {
         After = @{ 'disks' = 1; 'exists' = $true }
         Set = {
             $vm = Get-Machine -Name 'vision'
-            Hyper-V\Add-VMHardDiskDrive -VM $vm -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-5c81ece5ce57.vhdx')
+            Hyper-V\Add-VMHardDiskDrive -VM $vm -Path (Get-DiskPath -Folder 'D:\machines' -File 'vision-1eefdaed2135.vhdx')
         }
     }
 

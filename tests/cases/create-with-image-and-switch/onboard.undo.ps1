@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         5c81ece5ce57, manifest 4e5e6d808001, rarms 0.1.0
+# Plan         1eefdaed2135, manifest 4e5e6d808001, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines, stop: what the runtime and these steps call
 # Not undone   the disk made from D:\images\base.vhdx stays
@@ -594,7 +594,7 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '5c81ece5ce57'
+        Plan = '1eefdaed2135'
         Application = 'robot'
         Serial = 0
         Total = 2

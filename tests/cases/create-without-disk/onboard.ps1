@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         bd844efa04d2, manifest 3f7d02250fb2, rarms 0.1.0
+# Plan         a087aaca1274, manifest 3f7d02250fb2, rarms 0.1.0
 # Steps        9
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'bd844efa04d2'
+        Plan = 'a087aaca1274'
         Application = 'robot'
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '1149d783727651ab9689434e88feb830704f4e75fb6b6ada8d5c4383cfccb06e'
+        UndoDigest = '0afb2e51d48d349dbf21051ca397affea1a5a4b91634878af1edc201e81254ad'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -648,7 +648,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 536870912 }
         Set = {
-            Hyper-V\New-VM -Name 'speech.rarms-bd844efa04d2' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
+            Hyper-V\New-VM -Name 'speech.rarms-a087aaca1274' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
         }
     }
 

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         303d0922e849, manifest d692ce1616c2, rarms 0.1.0
+# Plan         77adfa9ba116, manifest d692ce1616c2, rarms 0.1.0
 # Steps        6
 # Parts        lock, journal, host, machines, stop, tasks: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -703,12 +703,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '303d0922e849'
+        Plan = '77adfa9ba116'
         Application = 'robot'
         Serial = 1
         Total = 6
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '59c18367e094d90224966bc20bbaff320d5f72ea05a14dc335f100651941f7dc'
+        UndoDigest = '737655fe6f288e3bf056d5a59745b03dcdcdd0ec4202ce62cf8edbfcdae4d8d8'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

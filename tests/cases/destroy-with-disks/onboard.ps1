@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         180a5304a514, manifest d692ce1616c2, rarms 0.1.0
+# Plan         0a940a2e29af, manifest d692ce1616c2, rarms 0.1.0
 # Steps        7
 # Parts        lock, journal, host, machines, stop, disks, tasks: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -757,12 +757,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '180a5304a514'
+        Plan = '0a940a2e29af'
         Application = 'robot'
         Serial = 1
         Total = 7
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'c6099bc1bcda7ad74ac525e1f8d1f2b0261a3baea5155ba52d9d0090a370399c'
+        UndoDigest = 'e8b1c2cbbbdf0fb2a5ee47ba2d2cb66a9a8e08983c46e26f101b5adeddb3394c'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         9f61410c25f2, manifest ecb1b47be5b8, rarms 0.1.0
+# Plan         8a96b5b421b3, manifest ecb1b47be5b8, rarms 0.1.0
 # Steps        6
 # Parts        lock, journal, host, machines, stop, tasks: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -703,12 +703,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '9f61410c25f2'
+        Plan = '8a96b5b421b3'
         Application = 'robot'
         Serial = 1
         Total = 6
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '523fdf8f867004d98aa7c59e16be0f5d81a74011aee273c9b0a42a777a7bcfaf'
+        UndoDigest = 'a78400e7b99421abc5dc8dde1ca1152460b4ff7e26eabff875cc749dd56df518'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

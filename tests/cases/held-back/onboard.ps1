@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         69d6d9e7a9dd, manifest 07e858a72e54, rarms 0.1.0
+# Plan         3c3fbd1c2a06, manifest 07e858a72e54, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -576,12 +576,12 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '69d6d9e7a9dd'
+        Plan = '3c3fbd1c2a06'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '548c8dbecfd893d34a08dfdef7ca1656b7aca846881d08d32d1fc5b6ce887071'
+        UndoDigest = 'a69029674349ddd69283909912b1c5b4338c43fa9d3281433e79c0ae96b2d633'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

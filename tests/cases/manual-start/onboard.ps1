@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         3a0877978502, manifest 33e57ee050a8, rarms 0.1.0
+# Plan         fc529db2c25f, manifest 33e57ee050a8, rarms 0.1.0
 # Steps        17
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '3a0877978502'
+        Plan = 'fc529db2c25f'
         Application = 'robot'
         Serial = 0
         Total = 17
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '9094657900a5fe79a234c4a4483ec306ca1a33d1e1edc41264e87ec7351e2b17'
+        UndoDigest = '0265c2e6c8d4d9917341df1b7ea9698ffe025e458d6ff3dd4413e62cf795c98d'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -648,7 +648,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 536870912 }
         Set = {
-            Hyper-V\New-VM -Name 'speech.rarms-3a0877978502' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
+            Hyper-V\New-VM -Name 'speech.rarms-fc529db2c25f' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
         }
     }
 
@@ -787,7 +787,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-3a0877978502' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-fc529db2c25f' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

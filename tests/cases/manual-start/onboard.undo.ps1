@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         3a0877978502, manifest 33e57ee050a8, rarms 0.1.0
+# Plan         fc529db2c25f, manifest 33e57ee050a8, rarms 0.1.0
 # Steps        3
 # Parts        lock, journal, host, machines, stop: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -593,7 +593,7 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '3a0877978502'
+        Plan = 'fc529db2c25f'
         Application = 'robot'
         Serial = 0
         Total = 3

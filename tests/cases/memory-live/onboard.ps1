@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         5e0995d1bb0f, manifest 67dca71b7024, rarms 0.1.0
+# Plan         098571c691ee, manifest 67dca71b7024, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, machines, capacity, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -638,12 +638,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '5e0995d1bb0f'
+        Plan = '098571c691ee'
         Application = 'robot'
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'c2588836ed33d8a26ec56563382d97811c420077b2b9749bf1fd06343239081b'
+        UndoDigest = '1e0232c882b1bdec34dca12ed06dd6cfaea1944aaf274212ed228af89875d619'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

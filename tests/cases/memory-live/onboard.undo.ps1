@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         5e0995d1bb0f, manifest 67dca71b7024, rarms 0.1.0
+# Plan         098571c691ee, manifest 67dca71b7024, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, machines, capacity, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -638,7 +638,7 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '5e0995d1bb0f'
+        Plan = '098571c691ee'
         Application = 'robot'
         Serial = 1
         Total = 4

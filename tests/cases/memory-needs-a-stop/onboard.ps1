@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         d4b4301432f4, manifest ebb8198705b8, rarms 0.1.0
+# Plan         d4a6815350d3, manifest ebb8198705b8, rarms 0.1.0
 # Steps        3
 # Parts        lock, journal, host, machines, capacity, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -638,12 +638,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'd4b4301432f4'
+        Plan = 'd4a6815350d3'
         Application = 'robot'
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '66583e1ea30cfd2948895bb34d425e7662bd038fc8b621ada72da0cd81ab6a57'
+        UndoDigest = 'd42e8647b7e279583e4c64d86f2e3c770cf6624cc03a69334dd06c7367904297'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

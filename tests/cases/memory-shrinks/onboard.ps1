@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         c7d88d3c92de, manifest 8730f6de8bc7, rarms 0.1.0
+# Plan         abf78916b9f4, manifest 8730f6de8bc7, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, machines, capacity, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -638,12 +638,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'c7d88d3c92de'
+        Plan = 'abf78916b9f4'
         Application = 'robot'
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'c1511d4adfd59dfb1ac2f1ae55594e38d3ae5023b28268e83a6c2c657cb15be3'
+        UndoDigest = '793259e0c00c1a7fbca8e3013a61e4243375c6c4338fadb3e7d606c2217eb641'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         47f9e5cb70d1, manifest e002180b1f5c, rarms 0.1.0
+# Plan         4cc1e7ca81f4, manifest e002180b1f5c, rarms 0.1.0
 # Steps        5
 # Parts        lock, journal, host, machines, capacity, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -638,12 +638,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '47f9e5cb70d1'
+        Plan = '4cc1e7ca81f4'
         Application = 'robot'
         Serial = 1
         Total = 5
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '5903cbb0a9e29905332a4768c5e2f0f6cdf1d80bb5cbd2e85402924025a9192c'
+        UndoDigest = 'f9df4e5dae1906dfad04ae0b9d160ed4263999e23a3fa770ba078cc07a76dbae'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

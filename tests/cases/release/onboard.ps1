@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         7d3579cbe44e, manifest bbb4806d4bbf, rarms 0.1.0
+# Plan         0849238045b1, manifest bbb4806d4bbf, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -576,12 +576,12 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '7d3579cbe44e'
+        Plan = '0849238045b1'
         Application = 'robot'
         Serial = 1
         Total = 1
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'f2edb5c2cd9399a1d19dbb98ac16bb50db40f0e75a42b7f62e8b5a2e8675e1bb'
+        UndoDigest = '02841cd2db272f1417151bf070ec165c9e54ae5bbec6ee932f560d35f05aa9b2'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         25117f70602d, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         db7f6e76bf39, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -595,12 +595,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '25117f70602d'
+        Plan = 'db7f6e76bf39'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '549afa4be74ff473d723c0abf6e0979d6637d6309722e0dcabbbe42d86de9218'
+        UndoDigest = 'f96c96a8080098827d3f6b3f095d61643d3400047c71192790505f154d083c44'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         a06b74a8dcf2, manifest 6c594f432f20, rarms 0.1.0
+# Plan         0ff051147763, manifest 6c594f432f20, rarms 0.1.0
 # Steps        3
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -576,12 +576,12 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'a06b74a8dcf2'
+        Plan = '0ff051147763'
         Application = 'robot'
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'f3e79f019a81b8f324371ca965e6bb6c5e8c341d68cf575f4ddaa7f3341b3e0e'
+        UndoDigest = '734c5e182077007e44e1891bec2e6a31b94d5e3a3785bcb55b61fedcef020831'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         1c2d8ba63d90, manifest 83441c1046fd, rarms 0.1.0
+# Plan         f0a8eaf6a986, manifest 83441c1046fd, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -576,12 +576,12 @@ function ConvertTo-Word {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '1c2d8ba63d90'
+        Plan = 'f0a8eaf6a986'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '9ed497f43554c307f7622c16af75e1990d96f1135a8055048bf8a2703de79823'
+        UndoDigest = '9a0d5169cb279657f67c1fc712f55e23b52b73cd0c1117ed000aa1b930139926'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

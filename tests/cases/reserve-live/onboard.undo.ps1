@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         1c2d8ba63d90, manifest 83441c1046fd, rarms 0.1.0
+# Plan         f0a8eaf6a986, manifest 83441c1046fd, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,7 +620,7 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '1c2d8ba63d90'
+        Plan = 'f0a8eaf6a986'
         Application = 'robot'
         Serial = 1
         Total = 2

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         a3844fcd23e8, manifest 964de3a17dd7, rarms 0.1.0
+# Plan         42d2a23e9af8, manifest 964de3a17dd7, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'a3844fcd23e8'
+        Plan = '42d2a23e9af8'
         Application = 'robot'
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '14350a9cf4d11ca16bc9c0ba4e1d40c56eb19fde18abca5c41d88a027646487a'
+        UndoDigest = '0d30fd2ef514e8d76180105a8cb6ec652d3c4e1e9501b39b515b58965cf4c25f'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

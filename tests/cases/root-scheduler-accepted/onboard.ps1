@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         c78271553ee2, manifest 263e743597f3, rarms 0.1.0
+# Plan         fbca37ef3d34, manifest 263e743597f3, rarms 0.1.0
 # Steps        9
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'c78271553ee2'
+        Plan = 'fbca37ef3d34'
         Application = 'robot'
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '5246979615486a75ec40774a269b381a12393d9fe3bd66a407b740355aefabde'
+        UndoDigest = 'da5763cacb75a4c54de28eaa30443227053af03eb6fa069047c80b5eea65c6ae'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -648,7 +648,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-c78271553ee2' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-fbca37ef3d34' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         c78271553ee2, manifest 263e743597f3, rarms 0.1.0
+# Plan         fbca37ef3d34, manifest 263e743597f3, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines, stop: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -593,7 +593,7 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = 'c78271553ee2'
+        Plan = 'fbca37ef3d34'
         Application = 'robot'
         Serial = 0
         Total = 2

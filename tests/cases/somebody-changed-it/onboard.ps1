@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         93741ad5d79f, manifest ebb8198705b8, rarms 0.1.0
+# Plan         bc5bab5eacc5, manifest ebb8198705b8, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '93741ad5d79f'
+        Plan = 'bc5bab5eacc5'
         Application = 'robot'
         Serial = 1
         Total = 1
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'ab31c78e061f255428bff44884849ee45c83840e9f94e971c1f81fbf4352340e'
+        UndoDigest = '4f0b376cd7c2f65cd7e7c2ef855c4af66cda4f57b04778f39fed85ecb9ad0e7d'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

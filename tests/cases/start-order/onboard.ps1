@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         fd5b87e49e60, manifest b1bd658d1c20, rarms 0.1.0
+# Plan         b6ee743247e0, manifest b1bd658d1c20, rarms 0.1.0
 # Steps        27
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'fd5b87e49e60'
+        Plan = 'b6ee743247e0'
         Application = 'robot'
         Serial = 0
         Total = 27
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '40b5e4630086d8296a0b3dc799e03c1d4ccc305d30871192421e5ce00a1229f5'
+        UndoDigest = '09d958168df8ae21d8e8aa30970540bcbe09352127f69349d14720ee7ed5d8f4'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -648,7 +648,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 268435456 }
         Set = {
-            Hyper-V\New-VM -Name 'door.rarms-fd5b87e49e60' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD
+            Hyper-V\New-VM -Name 'door.rarms-b6ee743247e0' -Generation 2 -MemoryStartupBytes 268435456 -NoVHD
         }
     }
 
@@ -787,7 +787,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 536870912 }
         Set = {
-            Hyper-V\New-VM -Name 'speech.rarms-fd5b87e49e60' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
+            Hyper-V\New-VM -Name 'speech.rarms-b6ee743247e0' -Generation 2 -MemoryStartupBytes 536870912 -NoVHD
         }
     }
 
@@ -926,7 +926,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-fd5b87e49e60' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-b6ee743247e0' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

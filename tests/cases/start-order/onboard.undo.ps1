@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         fd5b87e49e60, manifest b1bd658d1c20, rarms 0.1.0
+# Plan         b6ee743247e0, manifest b1bd658d1c20, rarms 0.1.0
 # Steps        6
 # Parts        lock, journal, host, machines, stop: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -593,7 +593,7 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = 'fd5b87e49e60'
+        Plan = 'b6ee743247e0'
         Application = 'robot'
         Serial = 0
         Total = 6

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         9c0d32ef9cff, manifest ebb8198705b8, rarms 0.1.0
+# Plan         b5b6e40e21e1, manifest ebb8198705b8, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '9c0d32ef9cff'
+        Plan = 'b5b6e40e21e1'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '4d685a72ff2711188b00e359deed9d6765226bb9025442578b7dc1b3dbdf30f2'
+        UndoDigest = '11bedb691cb941c7c8196da702fe5310d6de618394d1b021ed4f4ce9c7adfa2b'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

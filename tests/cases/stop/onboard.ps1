@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         8d94f87aa453, manifest ebb8198705b8, rarms 0.1.0
+# Plan         c6157057d63a, manifest ebb8198705b8, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, machines, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -594,12 +594,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '8d94f87aa453'
+        Plan = 'c6157057d63a'
         Application = 'robot'
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '7f974b229da8c0dd6cccc4a68951e97ce4e50d1945505d6f9be2b36177141527'
+        UndoDigest = '9f49f185f861cdd6ffecd8fbd7527eb00683852830522b49a451f893ff13fac5'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

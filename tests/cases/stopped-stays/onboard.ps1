@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         4f39d357d70d, manifest ebb8198705b8, rarms 0.1.0
+# Plan         f029c9a1537d, manifest ebb8198705b8, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '4f39d357d70d'
+        Plan = 'f029c9a1537d'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'a14737f0f26c8db43792dd197ec1ec6d15f461835772e28970419334b2cc93c0'
+        UndoDigest = '10d6cea1ea8438a635c54def2f133d12e788e9447b996baccde1e0bd19f8d1ff'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

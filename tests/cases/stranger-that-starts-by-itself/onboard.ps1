@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         d4fbd6d86c19, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         689b4a689df6, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        9
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'd4fbd6d86c19'
+        Plan = '689b4a689df6'
         Application = 'robot'
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '4f6e4081ec91df9f01ba77185879d354e1caf135ec7555de96cc9b83182428c8'
+        UndoDigest = 'b623f578f06b3e64f0ad5d7ae5353a3f13087e81a37ba28c3bdd3a7180007bd8'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -648,7 +648,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-d4fbd6d86c19' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-689b4a689df6' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

@@ -3,7 +3,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the guest of partition vision
-# Plan         318e0b4c2845, manifest 7785495c2f80, rarms 0.1.0
+# Plan         0b0b0fe8705d, manifest 7785495c2f80, rarms 0.1.0
 # Steps        1
 # Parts        lock, journal, guest, tasks, unseen: what the runtime and these steps call
 # Not undone   what an earlier plan of rarms wrote into the class: it goes back to what was there before rarms
@@ -581,12 +581,12 @@ function Restore-TaskClass {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '318e0b4c2845'
+        Plan = '0b0b0fe8705d'
         Application = 'robot'
         Serial = 0
         Total = 1
         Undo = 'onboard.guest.vision.undo.ps1'
-        UndoDigest = 'a858a9d4e5b0ffa7c4931dc675cef067f8c53609a23932e91236a6695bcaa65d'
+        UndoDigest = '641bbbc7dbca1b0e14e8bdb182a18b081da062ad1d8bb98842c0e5569ca8a82e'
         Guest = $true
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         318e0b4c2845, manifest 7785495c2f80, rarms 0.1.0
+# Plan         0b0b0fe8705d, manifest 7785495c2f80, rarms 0.1.0
 # Steps        9
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '318e0b4c2845'
+        Plan = '0b0b0fe8705d'
         Application = 'robot'
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '11511fb1f41e23fd7ff96ee1bd05d975f29c701f094de41ee770e9dc59963441'
+        UndoDigest = '625acb23ebac819cf72866bd0804fbff819ea455d64ac9cfd1a2d46a30db4117'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -648,7 +648,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-318e0b4c2845' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-0b0b0fe8705d' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

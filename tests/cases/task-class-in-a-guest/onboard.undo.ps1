@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         318e0b4c2845, manifest 7785495c2f80, rarms 0.1.0
+# Plan         0b0b0fe8705d, manifest 7785495c2f80, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, machines, stop: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -593,7 +593,7 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '318e0b4c2845'
+        Plan = '0b0b0fe8705d'
         Application = 'robot'
         Serial = 0
         Total = 2

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         f780adc48916, manifest 1dcdbb02daa5, rarms 0.1.0
+# Plan         1111d03edcef, manifest 1dcdbb02daa5, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -557,12 +557,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'f780adc48916'
+        Plan = '1111d03edcef'
         Application = 'robot'
         Serial = 1
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'e6cff73dcb420db76c192630d6c2262a1704c5b9d94ecb4bfedf751450e7df2d'
+        UndoDigest = 'ba820ca6c6dd275033d9a9bec20cfa620cc67f8309a0cf9a58ee6626ce3229d3'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

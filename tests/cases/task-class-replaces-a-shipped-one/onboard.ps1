@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         e662db642791, manifest a9326d298f28, rarms 0.1.0
+# Plan         16a43ecaf4d8, manifest a9326d298f28, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -557,12 +557,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = 'e662db642791'
+        Plan = '16a43ecaf4d8'
         Application = 'robot'
         Serial = 0
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = 'be4380ca631c884ffb3a2855a3baf464d61718e374c706a1d2b7b41181533352'
+        UndoDigest = 'b296c04460af1b6b89c41a65ed6d468fc93558aae8855cd6a7530ece393972a2'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

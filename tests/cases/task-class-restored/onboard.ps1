@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         1a95e4fdef39, manifest 3f7d02250fb2, rarms 0.1.0
+# Plan         bd4142ba3148, manifest 3f7d02250fb2, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -557,12 +557,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '1a95e4fdef39'
+        Plan = 'bd4142ba3148'
         Application = 'robot'
         Serial = 1
         Total = 2
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '83283d80105cf002e2c4ed8f8682d40b552fd62031bcfa7183a1f607bc955b66'
+        UndoDigest = 'e0b7f0abaa90bbd7331977301e07407ca29d7d92a5cc6d52100d30eabc799b40'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms undo script: it takes back what the apply script of the same plan did.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         1a95e4fdef39, manifest 3f7d02250fb2, rarms 0.1.0
+# Plan         bd4142ba3148, manifest 3f7d02250fb2, rarms 0.1.0
 # Steps        2
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -557,7 +557,7 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'undo'
-        Plan = '1a95e4fdef39'
+        Plan = 'bd4142ba3148'
         Application = 'robot'
         Serial = 1
         Total = 2

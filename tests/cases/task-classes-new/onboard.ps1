@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         0461c2885c94, manifest 1dcdbb02daa5, rarms 0.1.0
+# Plan         e51eb3095e84, manifest 1dcdbb02daa5, rarms 0.1.0
 # Steps        4
 # Parts        lock, journal, host, tasks: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -557,12 +557,12 @@ function Clear-Key {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '0461c2885c94'
+        Plan = 'e51eb3095e84'
         Application = 'robot'
         Serial = 0
         Total = 4
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '4d1296a4d7d3332ca5498cc2d5184bb992f2faddf8fc138e66c2fa37cb13592b'
+        UndoDigest = '9cf3f30bcb282eb0ced87fe6569fbd707e32aff9a8dd60fb996d0540db458256'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'

@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         6825b275ad9c, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         49f941b4fad5, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        9
 # Parts        lock, journal, host, machines, capacity: what the runtime and these steps call
 # --- runtime: the same bytes in every script --------------------------------------------------
@@ -620,12 +620,12 @@ function Test-Capacity {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '6825b275ad9c'
+        Plan = '49f941b4fad5'
         Application = 'robot'
         Serial = 0
         Total = 9
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '0cd9a36271956b4d4c18ea84909cb7d84bffe72a7cf069e3eded8d6d5fb14599'
+        UndoDigest = 'e137d4f95554b2942d37f41b3da8f01860407b4678ef5c4247791ebfdfeff190'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
@@ -648,7 +648,7 @@ try {
         Before = @{ 'exists' = $false; 'taken' = $false }
         After = @{ 'exists' = $true; 'generation' = 2; 'memory' = 1073741824 }
         Set = {
-            Hyper-V\New-VM -Name 'vision.rarms-6825b275ad9c' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
+            Hyper-V\New-VM -Name 'vision.rarms-49f941b4fad5' -Generation 2 -MemoryStartupBytes 1073741824 -NoVHD
         }
     }
 

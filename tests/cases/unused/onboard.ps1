@@ -4,7 +4,7 @@
 # rarms apply script.
 # Read the steps at its end. What lies between two dashed lines has the same bytes in every script that carries it.
 # Application  robot, host onboard: the host itself
-# Plan         73fbe15f882b, manifest 3ba68d2b3341, rarms 0.1.0
+# Plan         d1cccd612f2f, manifest 3ba68d2b3341, rarms 0.1.0
 # Steps        3
 # Parts        lock, journal, host, machines, stop: what the runtime and these steps call
 # Not undone   it starts anew: what its programs had in memory is lost
@@ -594,12 +594,12 @@ function Invoke-PartitionStop {
 try {
     Open-Run -Definition @{
         Run = 'apply'
-        Plan = '73fbe15f882b'
+        Plan = 'd1cccd612f2f'
         Application = 'robot'
         Serial = 1
         Total = 3
         Undo = 'onboard.undo.ps1'
-        UndoDigest = '8c000cb271f6ed3db67af814bcbde4d2197536ffa2658c792eb104e838d0c358'
+        UndoDigest = '22493854eac7674b6cbd88eb4044bbc9a0b3aebbef141ce1ea23e2afd8c5ba45'
         Guest = $false
         # The host, and what it has to give: per cent of its processors, bytes of its memory.
         Computer = 'ONBOARD'
