@@ -55,6 +55,9 @@ LESS_UNKNOWN = Finding(
 )
 
 
+LONG = 2000
+"""Samples of a series that is to show a steady state which a shorter one did not."""
+
 SHOWN_FAILURES = 3
 """How many of the reasons why samples failed a finding lists."""
 
@@ -123,10 +126,11 @@ def _not_resolved(
     first = experiment.members[0].name
     unsteady = _unsteady(settings[-1:])
     for reserve, component, why in unsteady:
+        longer = "" if _is_long(settings[-1]) else f", or give it more samples: `--again --samples {LONG}`"
         yield NO_STEADY_STATE.at(
             places.key("components", component),
             f"{component} at {reserve} %: {why}.",
-            "Look for what grows while it runs, or give it more samples: `--again --samples 2000`.",
+            f"Look for what grows while it runs{longer}.",
             address=f"component/{component}",
         )
     if not unsteady:
@@ -155,18 +159,28 @@ def _less_unknown(
     """Where a search would have had a fail close below, and has but settings that neither pass nor fail."""
     if not end.inconclusive or end.reserve - (end.failed or 0) <= WIDTH:
         return
-    highest = (setting for setting in settings if setting.reserve == end.inconclusive[-1])
+    highest = [setting for setting in settings if setting.reserve == end.inconclusive[-1]]
     reserve, component, reason = _unsteady(highest)[-1]
+    advice = (
+        f"To find out whether less is enough, measure longer: `rarms measure {_arguments(experiment)} --again "
+        f"--samples {LONG}`."
+    )
+    if _is_long(highest[-1]):
+        advice = f"A longer series changes as well, so look for what grows in {component} while it runs. Or leave it."
     pronoun = "it" if len(end.inconclusive) == 1 else "they"
     lowest = f"; {end.failed} % is not shown to be" if end.failed else ""
     yield LESS_UNKNOWN.at(
         places.value("components", experiment.members[0].name, "apt"),
         f"{experiment.name}: {end.reserve} % is enough{lowest}. Of {in_a_row(end.inconclusive)} % nothing is known: "
         f"{pronoun} reached no steady state ({component} at {reserve} %: {reason}).",
-        f"To find out whether less is enough, measure longer: `rarms measure {_arguments(experiment)} --again "
-        "--samples 2000`.",
+        advice,
         address=f"component/{experiment.members[0].name}",
     )
+
+
+def _is_long(setting: Setting) -> bool:
+    """Whether a longer series is no advice any more: it was followed."""
+    return max(len(series.samples) for series in setting.series) >= LONG
 
 
 def _arguments(experiment: Experiment) -> str:

@@ -6,7 +6,7 @@ from rarms_iac.manifest.text.positions import FirstLine
 from rarms_iac.measuring.findings import findings_of
 from rarms_iac.measuring.setup import experiment_of
 from rarms_iac.model.measurement import Setting
-from rarms_iac.model.outcomes import NotAchievable, Sufficient
+from rarms_iac.model.outcomes import NotAchievable, NotResolved, Sufficient
 from tests.builders import a_component, a_simulation, a_system, at_most
 from tests.builders_measured import a_series, a_setting
 
@@ -66,6 +66,22 @@ def test_less_that_may_be_enough_is_told_of_where_settings_between_say_nothing(
     assert [diagnostic.code for diagnostic in found] == (["RARMS267"] if message else [])
     assert all(message is not None and message in diagnostic.detail for diagnostic in found)
     assert all("(vision at 45 %: its response times still changed" in diagnostic.detail for diagnostic in found)
+
+
+@pytest.mark.parametrize(("samples", "advice"), [(100, "measure longer"), (2000, "look for what grows in vision")])
+def test_who_has_measured_longer_is_not_told_to_do_so_again(samples: int, advice: str) -> None:
+    component = a_component("vision", apt=APT, simulation=a_simulation(), reserve=None)
+    system = a_system(components=[component])
+    experiment = experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
+    setting = a_setting(45, a_series("vision", [40.0 + number for number in range(samples)]))
+    enough = Sufficient(reserve=46, failed=20, error=0.03, inconclusive=(45,))
+    nothing = NotResolved(reason="no steady state")
+
+    (less,) = findings_of(experiment, enough, (setting,), FirstLine(""))
+    (none,) = findings_of(experiment, nothing, (setting,), FirstLine(""))
+
+    assert advice in less.advice
+    assert ("--samples" in none.advice) == ("--samples" in less.advice) == (samples == 100)
 
 
 @pytest.mark.parametrize(("reserve", "codes"), [("30 %", ["RARMS266"]), ("measured", []), (None, [])])
