@@ -7,7 +7,7 @@ from rarms_iac.app.explanation import Explanation, HostExplanation
 from rarms_iac.storage.finding_pages import known_codes
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import STRONG, columns, indented, paragraph, stack, styled
-from rarms_iac.views.explanation_steps import steps_of
+from rarms_iac.views.explanation_steps import NO_LAYOUT, steps_of
 from rarms_iac.views.output.measuring import WalkOutput, WalkStepOutput
 
 if TYPE_CHECKING:
@@ -54,11 +54,18 @@ def _code(line: str) -> "RenderableType":
     return indented(text, 4) if line else ""
 
 
-def explanation_text(explanation: Explanation | HostExplanation) -> "RenderableType":
-    """Lay out the explanation: what a step is about, its sentence behind it, and its other sentences below."""
+def explanation_text(explanation: Explanation | HostExplanation, *, told: bool = False) -> "RenderableType":
+    """Lay out the explanation: what a step is about, its sentence behind it, and its other sentences below.
+
+    Args:
+        explanation: what is shown.
+        told: the findings that keep a layout from being were shown already, and are not said again.
+    """
     component = explanation.component
     parts: list[RenderableType] = [paragraph(f"{component.name} (criticality {component.criticality})")]
     for step in steps_of(explanation):
+        if told and step.topic == NO_LAYOUT:
+            continue
         first, *others = step.sentences
         parts.append(paragraph(styled((f"{step.topic}: ", STRONG), first), more=2))
         parts += [paragraph(sentence, indent=2) for sentence in others]

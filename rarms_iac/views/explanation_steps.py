@@ -14,6 +14,10 @@ from rarms_iac.statistics.verdicts import describe_error
 from rarms_iac.views.plan import describe_placement
 
 
+NO_LAYOUT = "no layout"
+"""The topic of the step that says why not everything fits."""
+
+
 def verdicts(explanation: Explanation) -> Iterator[str]:
     """What was measured at the reservation, or why nothing was."""
     if explanation.measured is None:
@@ -160,7 +164,7 @@ def _in_a_partition(explanation: Explanation) -> Iterator[tuple[str, Iterator[st
     yield "host", _host(explanation)
     yield "limit and weight", _limit_and_weight(explanation)
     yield "rejected", _rejected(explanation)
-    yield "no layout", iter(explanation.infeasibility)
+    yield NO_LAYOUT, iter(explanation.infeasibility)
 
 
 def _on_the_host(explanation: HostExplanation) -> Iterator[tuple[str, Iterator[str]]]:

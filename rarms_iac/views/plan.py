@@ -204,16 +204,19 @@ def _note(change: Change, part: HostPlan) -> str:
         )
         # the guest of a machine that is only being made starts with its task classes
         return "" if created and change.address.partition else describe_disruption(change)
-    if any(isinstance(step.operation, RemoveDisk) and is_part_of(step, change) for step in part.steps):
-        return "removed with a disk"
-    stops = [step.operation for step in part.steps if is_part_of(step, change)]
-    for operation in stops:
-        if isinstance(operation, StopPartition) and isinstance(change, Update):
-            again = any(isinstance(other, StartPartition) for other in stops)
-            start = ", then for its start" if again else ""
-            made_again = "made again; " if symbol(change) == "-/+" else ""
-            return f"{made_again}stopped for up to {show_milliseconds(operation.grace_ms)} to shut down{start}"
-    return describe_disruption(change) or _left_stopped(change)
+    operations = [step.operation for step in part.steps if is_part_of(step, change)]
+    note = describe_disruption(change)
+    if any(isinstance(operation, RemoveDisk) for operation in operations):
+        note = "removed with a disk"
+    stop = next((operation for operation in operations if isinstance(operation, StopPartition)), None)
+    if stop is None:
+        return note or _left_stopped(change)
+    grace = show_milliseconds(stop.grace_ms)
+    if not isinstance(change, Update):
+        return f"{note}; {grace} to shut down"
+    start = ", then for its start" if any(isinstance(each, StartPartition) for each in operations) else ""
+    made_again = "made again; " if symbol(change) == "-/+" else ""
+    return f"{made_again}stopped for up to {grace} to shut down{start}"
 
 
 def _left_stopped(change: Change) -> str:

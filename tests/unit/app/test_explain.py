@@ -161,6 +161,12 @@ def test_what_was_not_measured_is_walked_as_far_as_it_is_known(here: Path) -> No
     assert "RARMS100" in said["no layout"]
 
 
+def test_what_keeps_a_layout_from_being_is_said_once(here: Path) -> None:
+    ran = rarms("explain", "vision", "-f", str(here))
+
+    assert (ran.code, ran.err.count("RARMS100"), ran.out.count("RARMS100")) == (4, 1, 0)
+
+
 def test_an_apt_that_nothing_meets_is_shown_with_the_best_that_was_measured(here: Path) -> None:
     measure(here, {90: 180.0, 100: 150.0})
 

@@ -89,6 +89,15 @@ def test_a_stop_says_how_long_it_may_take() -> None:
     assert "~ vision processors 1 -> 2, reserve 20 % -> 10 %; stopped for up to 1 min to shut down, then for" in shown
 
 
+def test_a_removal_says_how_long_the_machine_has_to_shut_down() -> None:
+    change = delete(partition(settings()))
+    steps = [step(change.address, operation=StopPartition(partition="vision", grace_ms=60_000))]
+
+    shown = " ".join(" ".join(lines_of(plan(host_plan(changes=[change], steps=steps)))).split())
+
+    assert "removed, its disks stay; 1 min to shut down" in shown
+
+
 def test_what_forces_a_restart_stands_beside_its_attribute() -> None:
     before, after = partition(settings(processors=1, reserve=20)), partition(settings(processors=2, reserve=10))
 
