@@ -13,7 +13,6 @@ from rarms_iac.statistics.curves import Point, holds
 from rarms_iac.statistics.verdicts import describe_error
 from rarms_iac.views.plan import describe_placement
 
-
 NO_LAYOUT = "no layout"
 """The topic of the step that says why not everything fits."""
 
