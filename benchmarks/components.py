@@ -1,4 +1,4 @@
-"""Seeded components whose true curves are known: five named shapes, and five that the search was not tuned on.
+"""Seeded components whose true curves are known: named shapes, shapes not used for tuning, and two that mislead.
 
 A curve gives the level of a job's response time, in ms, at a whole CR; a job's response is that level times a lognormal
 factor of mean 1 (its coefficient of variation is the noise), each factor correlated with the one before. Each job
@@ -172,6 +172,20 @@ def queue(physics: _Physics) -> Level:
     return level
 
 
+def edge(physics: _Physics) -> Level:
+    """Flat down to an edge that nothing foretells, as of a maximum, and flat below it."""
+    good = physics.served(1) * physics.chance.uniform(1.0, 2.0)
+    bad, at = good * 10 ** physics.chance.uniform(0.3, 1.3), physics.chance.randint(2, 99)
+    return lambda reserve: good if reserve >= at else bad
+
+
+def stairs(physics: _Physics) -> Level:
+    """A few edges, each of another height: what two settings show says nothing of what lies between them."""
+    chance, base = physics.chance, physics.served(1)
+    falls = [(chance.randint(2, 99), 10 ** chance.uniform(0.01, 1.0)) for _ in range(chance.randint(2, 5))]
+    return lambda reserve: base * math.prod(fall for at, fall in falls if reserve < at)
+
+
 def _above_its_work(physics: _Physics, values: Sequence[float]) -> Level:
     """The values at such a scale that at every CR there is time for the work, at one of them hardly more."""
     room = physics.chance.uniform(1.0, 2.5)
@@ -195,11 +209,14 @@ UNSEEN: dict[str, Callable[[_Physics], Level]] = {
 }
 
 
+ADVERSARIAL: dict[str, Callable[[_Physics], Level]] = {"edge": edge, "stairs": stairs}
+
+
 def component(shape: str, seed: int, noise: float) -> Truth:
     """The component of this shape and seed: its least CR is uniform over those where its curve falls at all."""
     chance = random.Random(f"{shape}/{seed}/{noise}")
     physics = _Physics(chance, 10 ** chance.uniform(0.5, 2.5), chance.choice((1.0, 1.0, 2.0)))
-    curve = (NAMED | UNSEEN)[shape](physics)
+    curve = (NAMED | UNSEEN | ADVERSARIAL)[shape](physics)
     level = tuple(curve(reserve) for reserve in range(1, 101))
     falls = [reserve for reserve in range(2, 100) if level[reserve - 2] > 1.001 * level[reserve - 1]]
     if shape == "cliff":

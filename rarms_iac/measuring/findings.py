@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 from typing import assert_never
 
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, why_unsteady
-from rarms_iac.measuring.search.default import WIDTH
+from rarms_iac.measuring.search.bracketing import WIDTH
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Places, Severity
 from rarms_iac.model.indexes import index_named, show_range, show_threshold, show_value

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from rarms_iac.measuring.search.default import WIDTH
+from rarms_iac.measuring.search.bracketing import WIDTH
 from rarms_iac.measuring.search.trials import Goal, Member, NextStep, SearchTrial, not_sufficient, sufficient, trial_of
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.measurement import Setting

@@ -2,11 +2,11 @@
 
 A history of trials and a goal come in (`trials.py`, where to begin), the next step comes out (`model/outcomes.py`).
 Resuming is replaying the history out of the data log: the same history gives the same step. `stepwise.py` has
-bisection and the paper's walk; `default.py` needs fewer settings, by what `observations.py` reads from a setting beyond
-pass and fail, and by the probabilities of `posterior.py`.
+bisection and the paper's walk; `bracketing.py` needs fewer settings, by where `crossings.py` reads the threshold off
+the settings so far, and on no curve more than bisection and one.
 """
 
-from rarms_iac.measuring.search.default import search_with_few_settings
+from rarms_iac.measuring.search.bracketing import search_with_few_settings
 from rarms_iac.measuring.search.stepwise import bisect, walk_by_ten
 from rarms_iac.measuring.search.trials import NextStep
 

@@ -1,12 +1,10 @@
 """Strategies on components without noise: what they measure, and what they find."""
 
 from dataclasses import replace
-from math import log
 
 import pytest
 
 from rarms_iac.measuring.search import STRATEGIES
-from rarms_iac.measuring.search.observations import questions
 from rarms_iac.measuring.search.trials import (
     MOST_INCONCLUSIVE,
     Bracket,
@@ -17,11 +15,11 @@ from rarms_iac.measuring.search.trials import (
     settings_below,
     trial_of,
 )
-from rarms_iac.model.measurement import Sample, Series, Setting
+from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Measure, Missed, NotAchievable, NotResolved, SearchStep, Sufficient
 from rarms_iac.model.system import SampleCount
 from rarms_iac.statistics.verdicts import PASSING_ERROR
-from tests.builders import a_run, at_least, at_most
+from tests.builders import a_run, at_most
 from tests.effort import examples
 from tests.measured import a_series, noisy
 
@@ -88,18 +86,6 @@ def test_the_default_gives_up_only_after_all_of_the_platform() -> None:
 
 def test_the_same_history_gives_the_same_step() -> None:
     assert walk("default", 62) == walk("default", 62)
-
-
-def test_a_periodic_component_needs_the_cpu_time_of_all_of_its_time_for_its_throughput() -> None:
-    """2 ms of work every 33 ms are 6 % of a processor, however busy it is while a job runs."""
-    jobs = tuple(Sample(began_ms=33.0 * number, response_ms=4.0, successful=True) for number in range(100))
-    series = Series(component="coi", samples=jobs, elapsed_ms=3300.0, cpu_ms=200.0)
-    goal = Goal(members=(Member(name="coi", apt={"throughput": at_least(24)}, run=RUN),), processors=2)
-    (asked,) = questions([trial_of(Setting(reserve=50, series=(series,)), goal)], goal)
-    (seen,) = asked.observations
-
-    assert seen.served is not None
-    assert seen.served - seen.level == pytest.approx(log(200 / 33))
 
 
 def test_the_error_of_a_setting_is_shared_by_its_members() -> None:

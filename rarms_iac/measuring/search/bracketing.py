@@ -1,0 +1,54 @@
+"""The default strategy: bisection guided by where the curve probably crosses the threshold.
+
+Interpolate, truncate, project (ITP; Oliveira and Takahashi, 2020): a crossing is read off the settings so far, moved a
+little towards the middle, and kept where halving could still end in time, so that no curve takes more than `MOST`.
+"""
+
+from collections.abc import Sequence
+from math import ceil, floor
+
+from rarms_iac.measuring.search.crossings import crossings_of
+from rarms_iac.measuring.search.stepwise import bisect
+from rarms_iac.measuring.search.trials import Bracket, Goal, SearchTrial, bracket_of, sufficient
+from rarms_iac.model.outcomes import Measure, SearchStep
+
+MOST = 8
+"""Settings that any curve takes at most: one more than bisection, which tells 1..100 % and "none" apart by 7."""
+
+WIDTH = 3
+"""A passing setting is certified by a failing one at most so many points below it."""
+
+FIRST = 45
+"""The first setting: high enough to see what time no CPU shortens, and near the middle, should nothing be learnt."""
+
+PRECISION = 0.015
+"""How well the first setting's mean must be known, as a part of it: the second rests on it alone."""
+
+_TRUNCATION = 0.0003  # points towards the middle, for each squared point of the bracket
+
+
+def search_with_few_settings(history: Sequence[SearchTrial], goal: Goal) -> SearchStep:
+    """Find a passing setting and a failing one at most `WIDTH` points below, by at most `MOST` settings on any curve.
+
+    Settings without a steady state, and verdicts that noise turned so that `MOST` were not enough, are left to halving.
+    """
+    if not history:
+        return Measure(reserve=FIRST, until_clear=True, precision=PRECISION)
+    bracket = bracket_of(history, goal)
+    if not isinstance(bracket, Bracket):
+        return bracket
+    if bracket.inconclusive or len(history) >= MOST:
+        return bisect(history, goal)
+    failed, passed = bracket.failed, bracket.top
+    crossings = list(crossings_of(history, goal, failed, passed))
+    middle = (failed + passed) / 2
+    at = max((crossing.at for crossing in crossings), default=middle)  # all must be met
+    read_off = bool(crossings) and all(crossing.smooth for crossing in crossings) and at > passed - 2
+    apart = passed - failed
+    if bracket.passed is not None and (apart == 1 or (failed > 0 and apart <= (WIDTH if read_off else WIDTH - 1))):
+        return sufficient(history, goal, passed)
+    towards = _TRUNCATION * apart**2
+    chosen = ceil(min(at + towards, middle)) if at <= middle else floor(max(at - towards, middle))
+    reach = 2 ** (MOST - 1 - len(history))  # as wide may a bracket be that halving still ends in time
+    lowest, highest = max(failed + 1, passed - reach), min(passed - 1, failed + reach)
+    return Measure(reserve=max(lowest, min(chosen, highest)), until_clear=True)

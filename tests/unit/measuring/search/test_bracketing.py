@@ -1,0 +1,133 @@
+"""The default strategy on curves without noise: a bound for every curve, and what it reads off two settings."""
+
+from collections.abc import Sequence
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rarms_iac.measuring.search import STRATEGIES
+from rarms_iac.measuring.search.bracketing import MOST, WIDTH
+from rarms_iac.measuring.search.crossings import crossings_of
+from rarms_iac.measuring.search.trials import Goal, Member, trial_of
+from rarms_iac.measuring.strategies import Agreeing, Searching, Verifying
+from rarms_iac.model.measurement import Sample, Series, Setting
+from rarms_iac.model.outcomes import Conclusion, Measure, NotAchievable, NotResolved, Sufficient
+from rarms_iac.model.system import Threshold
+from tests.builders import a_run, at_least, at_most
+from tests.effort import examples
+
+JOBS = 60
+INDEXES: dict[str, Threshold] = {
+    "mean_response_time": at_most(100),
+    "p95_response_time": at_most(100),
+    "maximum_response_time": at_most(100),
+    "throughput": at_least(10),
+}
+
+
+def a_goal(index: str) -> Goal:
+    return Goal(members=(Member(name="coi", apt={index: INDEXES[index]}, run=a_run()),), processors=2)
+
+
+def a_setting(reserve: int, level: float, cpu_ms: float | None) -> Setting:
+    """Jobs one after another that take the level, and hardly differ."""
+    times = [level * (1.0 + 1e-6 * ((7 * number) % 5 - 2)) for number in range(JOBS)]
+    jobs = tuple(
+        Sample(began_ms=level * number, response_ms=time, successful=True) for number, time in enumerate(times)
+    )
+    cpu = None if cpu_ms is None else JOBS * cpu_ms
+    series = Series(component="coi", samples=jobs, elapsed_ms=level * JOBS, cpu_ms=cpu)
+    return Setting(reserve=reserve, series=(series,), seed=1)
+
+
+def measured(
+    strategy: str, goal: Goal, levels: Sequence[float], cpu_ms: float | None = None
+) -> tuple[list[int], Conclusion]:
+    """What `rarms measure --strategy` measures, where the level at CR 1, 2, ... is this, and how it ends."""
+    search = Searching(goal=goal, next_step=STRATEGIES[strategy], most=100)
+    agreeing = Agreeing(search=search, verifying=Verifying(goal=goal, most=100))
+    done: list[Setting] = []
+    while isinstance(step := agreeing.step(done), Measure):
+        assert len(done) <= 100
+        done.append(a_setting(step.reserve, levels[step.reserve - 1], cpu_ms))
+    return [setting.reserve for setting in done], step
+
+
+def agrees(goal: Goal, levels: Sequence[float], cpu_ms: float | None) -> None:
+    """At most one setting more than bisection at its worst, and its answer within the resolution."""
+    reserves, end = measured("default", goal, levels, cpu_ms)
+    _, halved = measured("bisection", goal, levels, cpu_ms)
+
+    assert len(reserves) == len(set(reserves)) <= MOST
+    match end, halved:
+        case Sufficient(reserve=reserve, failed=failed), Sufficient(reserve=least):
+            assert least <= reserve < least + WIDTH
+            assert reserve - (failed or 0) <= WIDTH
+        case _:
+            assert type(end) is type(halved) in (NotAchievable, NotResolved)
+
+
+falling_levels = st.lists(st.floats(1.0, 1e4), min_size=1, max_size=6).flatmap(
+    lambda values: st.lists(st.integers(1, 100), min_size=len(values) - 1, max_size=len(values) - 1).map(
+        lambda places: [
+            sorted(values, reverse=True)[sum(place <= reserve for place in places)] for reserve in range(1, 101)
+        ]
+    )
+)
+
+
+@settings(max_examples=examples(60), deadline=None)
+@given(index=st.sampled_from(["mean_response_time", "throughput"]), levels=falling_levels, cpu=st.floats(0.01, 1e3))
+def test_no_monotone_curve_takes_more_than_one_setting_more_than_bisection(
+    index: str, levels: list[float], cpu: float
+) -> None:
+    agrees(a_goal(index), levels, cpu)
+
+
+@pytest.mark.parametrize("index", ["mean_response_time", "maximum_response_time"])
+@pytest.mark.parametrize("edge", [1, 2, 3, 14, 22, 44, 46, 47, 62, 88, 99, 100, 101])
+@pytest.mark.parametrize("good", [99.0, 30.0])
+def test_a_flat_curve_with_a_cliff_takes_no_more_either(index: str, edge: int, good: float) -> None:
+    levels = [good if reserve >= edge else 2000.0 for reserve in range(1, 101)]
+
+    agrees(a_goal(index), levels, cpu_ms=2.0)
+
+
+@pytest.mark.parametrize("least", [3, 17, 30, 61, 80, 96])
+def test_work_that_the_cr_stretches_is_foretold_by_the_consumed_cpu_time(least: int) -> None:
+    fixed, wanted = 20.0, 100.0
+    work = (wanted - fixed) * (least - 0.5)
+
+    reserves, end = measured(
+        "default", a_goal("mean_response_time"), [fixed + work / reserve for reserve in range(1, 101)], work / 100
+    )
+
+    assert isinstance(end, Sufficient)
+    assert least <= end.reserve <= least + 1
+    assert len(reserves) <= 4
+
+
+def test_a_setting_foretells_where_the_threshold_is_met() -> None:
+    """15 ms of CPU time in 50 ms at 50 %: a + b / CR with b = 1500, so 40 ms are met at 75 %."""
+    goal = a_goal("mean_response_time")
+    slower = Goal(
+        members=(Member(name="coi", apt={"mean_response_time": at_most(40)}, run=a_run()),), processors=goal.processors
+    )
+
+    (crossing,) = crossings_of([trial_of(a_setting(50, 50.0, 15.0), slower)], slower, 50, 101)
+
+    assert crossing.at == pytest.approx(75, abs=0.1)
+    assert not crossing.smooth
+
+
+def test_a_periodic_component_needs_the_cpu_time_of_all_of_its_time_for_its_throughput() -> None:
+    """2 ms of work every 33 ms: the rate is 30 a second at 50 %, and 24 a second may be had for a fifth less."""
+    jobs = tuple(Sample(began_ms=33.0 * number, response_ms=4.0, successful=True) for number in range(100))
+    series = Series(component="coi", samples=jobs, elapsed_ms=3300.0, cpu_ms=200.0)
+    goal = Goal(members=(Member(name="coi", apt={"throughput": at_least(24)}, run=a_run()),), processors=2)
+
+    (crossing,) = crossings_of([trial_of(Setting(reserve=50, series=(series,)), goal)], goal, 0, 50)
+
+    # What is waited for, 33 ms less 2 ms at 50 %, no CPU shortens: 1000 / 24 = 29 + 200 / CR.
+    assert crossing.at == pytest.approx(200 / (1000 / 24 - 29), rel=0.05)
