@@ -15,7 +15,6 @@ from rarms_iac.app.manifest_edits import PartitionEdits, write_partitions
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.measure import hold_benches, record_reservations
 from rarms_iac.app.measurement_files import now
-from rarms_iac.app.report_model import PlatformTuning
 from rarms_iac.app.tuning_log import record_tuning
 from rarms_iac.app.tuning_subject import (
     Experiments,
@@ -101,7 +100,6 @@ class TuneOutcome:
 
     result: TuningResult
     findings: tuple[Diagnostic, ...]
-    tuning: PlatformTuning | None  # as it is written into the log of tuning; None: it was stopped, and goes on
     removed: tuple[str, ...] = ()  # entries of the manifest's partitions whose components are elsewhere now
     files: tuple[str, ...] = ()  # of the manifest, that were changed
 
@@ -182,10 +180,9 @@ def tune_components(
         record_reservations(hosts)
     findings = (*findings_of_end(end, hosts), *(_still_too_much(hosts, end) if edits.files else ()))
     result = _result_of(end, request.strategy, hosts.system, ", ".join(edits.files))
-    tuning = None if end.ending == "stopped" else PlatformTuning(platform=result.platform, run=run_of_result(result))
-    if tuning is not None:
-        record_tuning(hosts, tuning.platform, tuning.run)
-    return TuneOutcome(result=result, findings=findings, tuning=tuning, removed=edits.removed, files=edits.files)
+    if end.ending != "stopped":
+        record_tuning(hosts, result.platform, run_of_result(result))
+    return TuneOutcome(result=result, findings=findings, removed=edits.removed, files=edits.files)
 
 
 def _tune_held(

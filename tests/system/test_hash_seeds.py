@@ -38,7 +38,8 @@ MEASURE = "measure --json"
 TUNE = """\
 export before.xlsx
 explain path-following
-tune --json --trail trail.csv
+tune --json
+export trail.csv --trail
 validate --json
 plan --out first.plan --today 2026-11-21
 explain path-following

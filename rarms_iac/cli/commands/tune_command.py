@@ -4,7 +4,6 @@ from typing import Literal, cast
 
 import click
 
-from rarms_iac.app.files import write_file
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
@@ -15,7 +14,6 @@ from rarms_iac.cli.options import host_options, json_option, lock_timeout_option
 from rarms_iac.cli.prompts import TerminalConsent, refuse_standard_input, refuse_without_terminal
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import has_errors
-from rarms_iac.views.reports.spreadsheet import csv_text, trail_rows
 from rarms_iac.views.tune import TuningProgress, tuned_json, tuned_text
 
 STRATEGIES = ("default", "paper")
@@ -34,7 +32,6 @@ STRATEGIES = ("default", "paper")
 @click.option("--repeat", is_flag=True, help="With --strategy paper: go on with the compound until the total fits.")
 @click.option("--interactive/--yes", default=False, help="Ask before each combination is measured. [default: --yes]")
 @click.option("--dry-run", is_flag=True, help="Measure, but leave the manifest as it is.")
-@click.option("--trail", metavar="FILE", help="Write the settings that were asked for, in order, as CSV.")
 @click.option("--samples", type=click.IntRange(min=2), help="So many a setting. [default: as `run.until` says]")
 @click.option("--on-busy-host", is_flag=True, help="Measure although something else runs; the data logs say so.")
 @lock_timeout_option
@@ -48,7 +45,6 @@ def command(
     repeat: bool,
     interactive: bool,
     dry_run: bool,
-    trail: str | None,
     samples: int | None,
     on_busy_host: bool,
     lock_timeout: int,
@@ -85,7 +81,7 @@ def command(
         consent=TerminalConsent(session) if interactive else None,
     )
     progress.ended()
-    _tell_what_was_written(session, outcome, trail)
+    _tell_what_was_written(session, outcome)
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
     if as_json:
         session.terminal.data(tuned_json(outcome.result, outcome.findings))
@@ -96,13 +92,8 @@ def command(
     return ExitCode.NO if has_errors(outcome.findings) else ExitCode.DONE
 
 
-def _tell_what_was_written(session: Session, outcome: TuneOutcome, trail: str | None) -> None:
-    """Into the manifest; and the trail into the file that was asked for."""
+def _tell_what_was_written(session: Session, outcome: TuneOutcome) -> None:
     for name in outcome.removed:
         session.terminal.tell(f"The entry of partition {name} is gone: its components are elsewhere now.")
     for file in outcome.files:
         session.terminal.talk(f"Written to {file}.")
-    if trail is not None:
-        rows = trail_rows([] if outcome.tuning is None else [outcome.tuning])
-        write_file(trail, csv_text(rows).encode("utf-8"))
-        session.terminal.talk(f"Wrote {trail}.")
