@@ -16,6 +16,7 @@ from rarms_iac.running.samples import SamplingEnd
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import paragraph, stack, table, visible
 from rarms_iac.views.measure import show_bound, show_estimate
+from rarms_iac.views.output.common import output_of
 from rarms_iac.views.output.hosts import ComponentRunOutput, RanComponentOutput, RanIndexOutput, SampleOutput
 
 if TYPE_CHECKING:
@@ -100,16 +101,7 @@ def _output(ran: ComponentRunResult) -> RanComponentOutput:
         indexes=tuple(
             _index(index, estimate, ran.component.apt.get(index)) for index, estimate in ran.estimates.items()
         ),
-        samples=tuple(
-            SampleOutput(
-                began_ms=sample.began_ms,
-                response_ms=sample.response_ms,
-                successful=sample.successful,
-                count=sample.count,
-                failure=sample.failure,
-            )
-            for sample in series.samples
-        ),
+        samples=tuple(output_of(SampleOutput, sample) for sample in series.samples),
     )
 
 

@@ -11,6 +11,7 @@ from rarms_iac.model.system import System
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.output.combining import CandidateOutput, CandidatesOutput, GraphOutput, NodeOutput
+from rarms_iac.views.output.common import output_of
 
 
 class GraphFormat(StrEnum):
@@ -80,10 +81,7 @@ def graph_text(form: GraphFormat, title: str, nodes: Sequence[GraphNode]) -> str
 
 def graph_json(application: str, nodes: Sequence[GraphNode]) -> str:
     """The same for programs."""
-    shown = tuple(
-        NodeOutput(id=node.id, is_a=node.is_a, name=node.name, inside=node.inside, label="\n".join(node.label))
-        for node in nodes
-    )
+    shown = tuple(output_of(NodeOutput, node, label="\n".join(node.label)) for node in nodes)
     return as_json(GraphOutput(application=application, nodes=shown))
 
 
@@ -163,19 +161,7 @@ def candidates_text(form: GraphFormat, title: str, nodes: Sequence[Node]) -> str
 
 def candidates_json(application: str, nodes: Sequence[Node]) -> str:
     """The same for programs."""
-    shown = tuple(
-        CandidateOutput(
-            name=node.name,
-            members=node.members,
-            parts=node.parts,
-            low=node.low,
-            high=node.high,
-            predicted=node.predicted,
-            measured=node.measured,
-            is_gain=node.is_gain,
-        )
-        for node in nodes
-    )
+    shown = tuple(output_of(CandidateOutput, node) for node in nodes)
     return as_json(CandidatesOutput(application=application, candidates=shown))
 
 

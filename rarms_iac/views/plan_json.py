@@ -5,11 +5,11 @@ from dataclasses import fields
 from typing import Literal, assert_never
 
 from rarms_iac.model.changes import Adopt, Change, Create, Delete, Release, Resource, Update
-from rarms_iac.model.layout import Placement
-from rarms_iac.model.plan import HostPlan, Plan, Step, ThreadClass, Totals
+from rarms_iac.model.plan import HostPlan, Plan, Step, Totals
 from rarms_iac.model.state import Partition, Responsiveness, TaskClass
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.changes import count, forced_by, reserved_after, symbol
+from rarms_iac.views.output.common import output_of
 from rarms_iac.views.output.plan import (
     AttributeOutput,
     ChangeOutput,
@@ -56,17 +56,7 @@ def plan_output(plan: Plan) -> PlanOutput:
         hosts=tuple(map(_host, plan.hosts)),
         findings=plan.findings,
         accepted=plan.accepted,
-        placement=None if plan.placement is None else _placement(plan.placement),
-    )
-
-
-def _placement(placement: Placement) -> PlacementOutput:
-    return PlacementOutput(
-        verdict=placement.verdict,
-        reserved=placement.reserved,
-        reserved_bound=placement.reserved_bound,
-        moves=placement.moves,
-        moves_bound=placement.moves_bound,
+        placement=None if plan.placement is None else output_of(PlacementOutput, plan.placement),
     )
 
 
@@ -86,17 +76,7 @@ def _host(part: HostPlan) -> HostOutput:
         stopped=part.stopped,
         unchanged=part.unchanged,
         totals=None if part.totals is None else _totals(part.totals, part),
-        threads=tuple(map(_threads, part.threads)),
-    )
-
-
-def _threads(task_class: ThreadClass) -> ThreadsOutput:
-    return ThreadsOutput(
-        inside=task_class.inside,
-        task=task_class.task,
-        category=task_class.category,
-        thread_priority=task_class.thread_priority,
-        components=task_class.components,
+        threads=tuple(output_of(ThreadsOutput, thread) for thread in part.threads),
     )
 
 
@@ -170,11 +150,10 @@ def _plain(value: object) -> Value:
 
 
 def _step(step: Step) -> StepOutput:
-    return StepOutput(
+    return output_of(
+        StepOutput,
+        step,
         address=str(step.address),
-        title=step.title,
         operation=step.operation.kind,
-        comment=step.comment,
-        place=step.place,
         undo=UndoOutput(level=step.undo.level.value, says=step.undo.says),
     )

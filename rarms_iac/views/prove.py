@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.prove import verdict_of
@@ -16,6 +15,7 @@ from rarms_iac.statistics.verdicts import show_error
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import paragraph, stack, table
 from rarms_iac.views.measure import index_outputs, show_bound
+from rarms_iac.views.output.common import output_of
 from rarms_iac.views.output.measuring import ProvenHostOutput, ProvenIndexOutput, ProveOutput
 
 if TYPE_CHECKING:
@@ -115,9 +115,9 @@ def sampled(host: str, seen: Mapping[str, Series]) -> tuple[str, str]:
 def _outputs(proof: LayoutProof) -> Iterator[ProvenIndexOutput]:
     partitions = _partitions(proof)
     for tried, shown in zip(proof.verdicts, index_outputs([tried.measured for tried in proof.verdicts]), strict=True):
-        seen = {field.name: getattr(shown, field.name) for field in fields(shown)}
-        yield ProvenIndexOutput(
-            **seen,
+        yield output_of(
+            ProvenIndexOutput,
+            shown,
             host=proof.host,
             partition=partitions.get(tried.measured.component),
             verdict=verdict_of(tried.verdict),

@@ -19,6 +19,7 @@ from rarms_iac.model.wording import counted
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.changes import count, members_of, reserved_after
 from rarms_iac.views.console import paragraph, show_seconds, stack, visible
+from rarms_iac.views.output.common import output_of
 from rarms_iac.views.output.hosts import HostRunOutput, PartitionRunOutput, RunOutput
 
 if TYPE_CHECKING:
@@ -259,15 +260,11 @@ def run_json(report: RunReport) -> str:
 def _host_output(host: HostReport) -> HostRunOutput:
     part = host.host_plan
     changes = () if part is None else part.changes
-    return HostRunOutput(
-        host=host.host,
-        plan=host.plan,
+    return output_of(
+        HostRunOutput,
+        host,
         run=host.run.value,
         ending=host.ending.value,
-        changed=host.changed,
-        unchanged=host.unchanged,
-        total=host.total,
-        resumed=host.resumed,
         addresses=tuple(str(change.address) for change in changes),
         partitions=() if part is None else tuple(_partition_outputs(part)),
         host_processors=None if part is None else part.facts.logical_processors,

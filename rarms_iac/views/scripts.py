@@ -7,6 +7,7 @@ from rarms_iac.powershell.inspection.layout import part_digest, split_script
 from rarms_iac.powershell.tokens import NotTokens, Token, TokenKind, tokens
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import BAD, CHANGED, GOOD, STRONG, paragraph, stack, styled
+from rarms_iac.views.output.common import output_of
 from rarms_iac.views.output.plan import ScriptDetailOutput, ScriptDifferenceOutput, ScriptStepOutput
 
 if TYPE_CHECKING:
@@ -141,4 +142,4 @@ def _detail(detail: Detail) -> "RenderableType":
 
 
 def _detail_output(detail: Detail) -> ScriptDetailOutput:
-    return ScriptDetailOutput(name=detail.name, old=detail.old, new=detail.new)
+    return output_of(ScriptDetailOutput, detail)

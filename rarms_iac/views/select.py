@@ -8,6 +8,7 @@ from rarms_iac.model.indexes import PerformanceIndex, index_named, show_range, s
 from rarms_iac.model.quantities import guaranteed, show_processors
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import paragraph, stack
+from rarms_iac.views.output.common import output_of
 from rarms_iac.views.output.measuring import HeadroomOutput, LevelOutput, SelectionOutput
 
 if TYPE_CHECKING:
@@ -35,11 +36,7 @@ def selection_json(selection: Selection, file: str, *, written: bool) -> str:
             written=written,
             levels=tuple(map(_level_output, selection.levels)),
             headrooms=tuple(
-                HeadroomOutput(
-                    host=headroom.host,
-                    processors=float(headroom.processors),
-                    host_processors=headroom.host_processors,
-                )
+                output_of(HeadroomOutput, headroom, processors=float(headroom.processors))
                 for headroom in selection.headrooms
             ),
             fits=bool(selection.headrooms),
@@ -49,15 +46,10 @@ def selection_json(selection: Selection, file: str, *, written: bool) -> str:
 
 def _level_output(level: SelectedLevel) -> LevelOutput:
     value, lower, upper = level.expected or (None, None, None)
-    return LevelOutput(
-        platform=level.platform,
-        host=level.host,
-        host_processors=level.host_processors,
-        partition=level.partition,
-        reserve=level.reserve,
-        processors=level.processors,
+    return output_of(
+        LevelOutput,
+        level,
         reserved_processors=float(guaranteed(level.reserve, level.processors)),
-        interpolated=level.interpolated,
         value=value,
         lower=lower,
         upper=upper,

@@ -14,6 +14,7 @@ from rarms_iac.storage.datalog.tuning import TunedPartition
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import LiveTable, paragraph, stack, table
 from rarms_iac.views.output.combining import AskedOutput, CombinedOutput, TuneOutput
+from rarms_iac.views.output.common import output_of
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -111,40 +112,15 @@ def _lps(percent: int) -> str:
 def tuned_json(tuned: TuningResult, findings: Sequence[Diagnostic]) -> str:
     """The same for programs."""
     return as_json(
-        TuneOutput(
-            platform=tuned.platform,
-            hosts=tuned.hosts,
-            strategy=tuned.strategy,
-            ending=tuned.ending,
-            message=tuned.message,
-            capacity=tuned.capacity,
-            before=tuned.before,
-            after=tuned.after,
-            proved=tuned.proved,
-            claim=tuned.claim,
-            contradictions=tuned.contradictions,
+        output_of(
+            TuneOutput,
+            tuned,
             partitions=tuple(
-                CombinedOutput(
-                    name=partition.name,
-                    components=partition.components,
-                    processors=partition.processors,
-                    reserve=partition.reserve,
-                    reserved=partition.reserved,
-                    parts_reserved=partition.parts,
-                )
-                for partition in tuned.partitions
+                output_of(CombinedOutput, partition, parts_reserved=partition.parts) for partition in tuned.partitions
             ),
             trail=tuple(
-                AskedOutput(
-                    components=asked.members,
-                    reserve=asked.reserve,
-                    met=asked.passed,
-                    worse=asked.worse,
-                    predicted=asked.predicted,
-                )
-                for asked in tuned.trail
+                output_of(AskedOutput, asked, components=asked.members, met=asked.passed) for asked in tuned.trail
             ),
-            written=tuned.written,
             findings=tuple(findings),
         )
     )

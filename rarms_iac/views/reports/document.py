@@ -5,6 +5,7 @@ from math import isfinite
 from rarms_iac.app.report_model import IndexCurve, Measurement, Report
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.output.combining import AskedOutput
+from rarms_iac.views.output.common import output_of
 from rarms_iac.views.output.measuring import (
     ReportCapacityOutput,
     ReportDifferenceOutput,
@@ -36,25 +37,11 @@ def report_json(report: Report) -> str:
                 for fit in platform_fits(report)
             ),
             tunings=tuple(
-                ReportTuningOutput(
+                output_of(
+                    ReportTuningOutput,
+                    tuning.run,
                     platform=tuning.platform,
-                    when=tuning.run.when,
-                    strategy=tuning.run.strategy,
-                    ending=tuning.run.ending,
-                    proved=tuning.run.proved,
-                    claim=tuning.run.claim,
-                    before=tuning.run.before,
-                    after=tuning.run.after,
-                    trail=tuple(
-                        AskedOutput(
-                            components=asked.components,
-                            reserve=asked.reserve,
-                            met=not asked.worse,
-                            worse=asked.worse,
-                            predicted=asked.predicted,
-                        )
-                        for asked in tuning.run.trail
-                    ),
+                    trail=tuple(output_of(AskedOutput, asked, met=not asked.worse) for asked in tuning.run.trail),
                 )
                 for tuning in report.tunings
             ),
@@ -73,15 +60,10 @@ def report_json(report: Report) -> str:
 
 
 def _measurement(measurement: Measurement) -> ReportMeasurementOutput:
-    return ReportMeasurementOutput(
-        components=measurement.components,
-        platform=measurement.platform,
-        interference=measurement.interference,
+    return output_of(
+        ReportMeasurementOutput,
+        measurement,
         log=measurement.path,
-        processors=measurement.processors,
-        rests=measurement.rests,
-        stale=measurement.stale,
-        reserve=measurement.reserve,
         interpolated=measurement.least is not None and measurement.least.interpolated,
         indexes=tuple(_index(index) for index in measurement.indexes),
     )
@@ -95,16 +77,7 @@ def _index(shown: IndexCurve) -> ReportIndexOutput:
         threshold=None if shown.threshold is None else float(shown.threshold.value),
         reserve=None if shown.least is None else shown.least.reserve,
         points=tuple(
-            ReportPointOutput(
-                reserve=point.reserve,
-                value=point.value,
-                low=_finite(point.low),
-                high=_finite(point.high),
-                samples=point.samples,
-                failed=point.failed,
-                verdict=point.verdict,
-                error=point.error,
-            )
+            output_of(ReportPointOutput, point, low=_finite(point.low), high=_finite(point.high))
             for point in shown.points
         ),
         curve=tuple(
