@@ -28,7 +28,7 @@ UNLIMITED = 1_000_000
 """Columns of a pipe or a file: no line is broken there, so that `grep` and `diff` find it whole."""
 
 NARROWEST_COLUMN = 8
-LONGEST_WORD = 20
+LONGEST_WORD = 24
 """Columns of a word that stay together however narrow the terminal is; a longer one, such as a path, may break."""
 
 ERROR, WARNING, NOTE, DIM, STRONG = "bold red", "bold yellow", "bold cyan", "dim", "bold"
@@ -149,19 +149,23 @@ def table(
 
     cells = [[styled(cell) for cell in row] for row in rows]
     made = Table(box=None, show_header=bool(header), pad_edge=False, padding=(0, 2, 0, 0), header_style=STRONG)
+    widest: list[int] = []
+    least: list[int] = []
     for number in range(max(map(len, cells), default=len(header))):
         folds = number in wrap
         texts = [*header[number : number + 1], *(row[number].plain for row in cells)]
-        whole = [word[:LONGEST_WORD] for text in texts for word in text.split()] if folds else texts
+        widest.append(max((columns(line) for text in texts for line in text.split("\n")), default=0))
+        words = [word[:LONGEST_WORD] for text in texts for word in text.split()]
+        least.append(max(map(columns, words), default=0) if folds else widest[-1])
         made.add_column(
             styled(header[number]) if header else "",
             justify="right" if number in right else "left",
             no_wrap=not folds,
-            min_width=max(map(columns, whole), default=0),  # rather too wide a table than a broken word
+            overflow="fold",  # a word that is too long is broken, never cut
         )
     for row in cells:
         made.add_row(*row)
-    return indented(_Fitted(table=made), indent)
+    return indented(_Fitted(table=made, widest=widest, least=least), indent)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -194,26 +198,25 @@ class _Hung:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Fitted:
-    """A table within its width wherever its columns' least widths allow it.
+    """A table within its width wherever its columns' least widths allow it: the widest column gives first.
 
-    NOTE: rich takes the same from all wide columns and then gives back what a column cannot do without, so that a table
-    can be a little wider than asked: it is asked for a narrower one then.
+    NOTE: rich takes the same from all wide columns, and then some of them would break a word.
     """
 
     table: "Table"
+    widest: Sequence[int]  # of each column: where nothing is broken
+    least: Sequence[int]  # of each column: where no word is
 
     def __rich_console__(self, console: "Console", options: "ConsoleOptions") -> "RenderResult":
-        from rich.segment import Segment
-
-        columns = self.table.columns
-        # Below its columns' least widths rich leaves columns out: rather too wide a table than half of it.
-        least = sum(column.min_width or 0 for column in columns) + 2 * (len(columns) - 1)
-        widest = max(options.max_width, least)
-        for width in range(widest, least - 1, -1):
-            segments = list(console.render(self.table, options.update_width(width)))
-            if all(Segment.get_line_length(line) <= widest for line in Segment.split_lines(segments)):
-                return segments
-        return console.render(self.table, options.update_width(least))
+        widths, between = list(self.widest), 2 * (len(self.widest) - 1)
+        while sum(widths) + between > options.max_width:
+            shrinkable = [number for number, width in enumerate(widths) if width > self.least[number]]
+            if not shrinkable:
+                break  # rather too wide a table than a broken word
+            widths[max(shrinkable, key=widths.__getitem__)] -= 1
+        for column, width in zip(self.table.columns, widths, strict=True):
+            column.width = width
+        return console.render(self.table, options.update_width(max(sum(widths) + between, 1)))
 
 
 def render(content: "RenderableType", width: int = WIDTH, *, colour: bool = False) -> str:

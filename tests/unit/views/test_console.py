@@ -34,6 +34,22 @@ def test_an_item_s_further_lines_stand_below_its_first_word() -> None:
     ]
 
 
+@pytest.mark.parametrize("width", [40, 50, 60])
+def test_a_narrow_table_breaks_between_words_and_cuts_nothing(width: int) -> None:
+    cells = ("path-planning", "maximum_response_time <= 400 ms", "177.5 ms", "met so far")
+    shown = lines(table([cells], header=("component", "threshold", "measured", "verdict"), wrap=(1, 3)), width)
+
+    assert "maximum_response_time" in " ".join(shown)
+    assert width < 60 or max(map(len, shown)) <= width
+    assert sorted(" ".join(shown[1:]).split()) == sorted(" ".join(cells).split())
+
+
+def test_a_word_that_is_too_long_for_its_column_is_broken_and_not_cut() -> None:
+    shown = lines(table([("a", "x" * 60)], wrap=(1,)), 40)
+
+    assert "".join("".join(shown).split()) == "a" + "x" * 60
+
+
 def test_further_lines_hang_below_the_text() -> None:
     assert lines(paragraph("set this and that", start="  [1/2] "), 18) == ["  [1/2] set this", "        and that"]
     assert lines(paragraph("set this and that", indent=2, more=2), 12) == ["  set this", "    and that"]
