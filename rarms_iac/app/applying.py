@@ -2,8 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from rarms_iac.app.control import NEVER_STOP, SILENT, Reporter, StopSignal
+from rarms_iac.app.errors import Outcome, UseCaseError
 from rarms_iac.app.files import STANDARD_INPUT, folder_of
 from rarms_iac.app.hosts import hold_hosts, owner
 from rarms_iac.app.requests import ManifestSource
@@ -11,8 +13,12 @@ from rarms_iac.app.wiring import open_host, unfinished_beside
 from rarms_iac.applying.execute import apply_plan, finish_unfinished
 from rarms_iac.applying.run_report import RunEnding, RunReport
 from rarms_iac.applying.undo import abandon
+from rarms_iac.model.diagnostics import Finding, Severity
 from rarms_iac.model.plan import Plan
+from rarms_iac.model.system import ProviderKind
 from rarms_iac.providers.interface import NO_WAITING, LiveHost, WaitLimits
+
+ELSEWHERE = Finding(code="RARMS213", severity=Severity.ERROR, summary="The plan's simulated host is not in this folder")
 
 
 def apply(
@@ -38,12 +44,25 @@ def apply(
         How it ended, with the changes of each host. A refusal and a host's failure are reported here, not raised.
 
     Raises:
-        UseCaseError: a host is held (refused), or this version cannot reach it (failed).
+        UseCaseError: a host is held, or the simulated host of the plan is not here (refused); or this version cannot
+            reach a host (failed).
     """
+    if folder is None:
+        _refuse_elsewhere(plan)
     below = folder_of(plan.manifest) if folder is None else folder
     hosts = {part.host.name: open_host(part.host, below, part.state_path) for part in plan.hosts}
     with hold_hosts(tuple(hosts.values()), waits.lock_ms), stop.gently():
         return apply_plan(plan, hosts, owner(), reporter.steps, stop.should_stop, waits)
+
+
+def _refuse_elsewhere(plan: Plan) -> None:
+    """A simulated host lies beside its manifest: in a folder without it, a new and empty host would be changed."""
+    simulated = [part.host.name for part in plan.hosts if part.host.provider is ProviderKind.SIMULATED]
+    if simulated and plan.manifest != STANDARD_INPUT and not Path(plan.manifest).exists():
+        names = ", ".join(sorted(simulated))
+        message = f"The plan was made from {plan.manifest}, which is not here, and {names} is simulated beside it."
+        advice = "Apply the plan in the folder where it was made, or name the manifest: `rarms apply PLAN -f MANIFEST`."
+        raise UseCaseError(Outcome.REFUSED, [ELSEWHERE.at(None, message, advice)])
 
 
 def finish_runs(
