@@ -1,11 +1,11 @@
 """What `rarms measure` says of components that have no steady state where their search begins.
 
-On the simulated host a component of one thread has a processor for itself until the load beside it has been kept
-waiting for a whole window: at 45 % for about a second, and for ever longer up to 50 %. A component whose jobs are short
-is at its end of 200 samples before it is steady.
+At some reservations these components become slower from job to job, longer than the 200 samples that are taken. The
+scheduler model itself is steady after a few windows, so it is not asked here.
 """
 
-from collections.abc import Mapping
+from collections.abc import Container, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -27,12 +27,13 @@ from rarms_iac.measuring.strategies import Agreeing, Searching, Verifying, goal_
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Sufficient
 from rarms_iac.model.system import SampleCount
-from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
-from rarms_iac.providers.simulated.scheduling.simulation import simulate
+from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuringHost
+from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
 from rarms_iac.statistics.curves import LeastReserve, curves_of, least_reserve
 from rarms_iac.storage.datalog.identity import LogSubject, header_of, identity_of
 from rarms_iac.storage.datalog.log import Provenance
 from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most
+from tests.fluid import fluid
 
 TAKEN = Provenance(rarms_version="0", when="2027-01-31T12:00:00Z")
 
@@ -49,10 +50,29 @@ def an_experiment(work: str, varies: str, limit: int) -> Experiment:
     return experiment_of(system, system.hosts["onboard"], ("coi",), "busy-loop")
 
 
-def searched(experiment: Experiment, folder: Path, strategy: str = "default") -> LoopResult:
-    host = SimulatedMeasuringHost(a_host(), folder / "onboard.json", simulate)
+SETTLES_AFTER = 400  # jobs
+
+
+def slowing(drifts: Container[float]) -> Simulate:
+    """A fluid processor on which jobs take less at first, at reserves of P1 that are named."""
+
+    def simulate(machine: ModelMachine, seed: int) -> Iterator[JobDone]:
+        [p1] = [vm for vm in machine.machines if vm.components]
+        if p1.reserve not in drifts:
+            yield from fluid(machine, seed)
+        now = 0.0
+        for number, job in enumerate(fluid(machine, seed)):
+            response = job.response * (0.4 + 0.6 * min(1.0, number / SETTLES_AFTER))
+            yield replace(job, began=now, response=response)
+            now += response
+
+    return simulate
+
+
+def searched(experiment: Experiment, folder: Path, drifts: Container[float]) -> LoopResult:
+    host = SimulatedMeasuringHost(a_host(), folder / "onboard.json", slowing(drifts))
     goal = goal_of(experiment)
-    search = Searching(goal=goal, next_step=STRATEGIES[strategy], most=100)
+    search = Searching(goal=goal, next_step=STRATEGIES["default"], most=100)
     subject = LogSubject(
         platform="onboard", components=experiment.members, setup=experiment.setup, load=experiment.load, tasks={}
     )
@@ -86,7 +106,7 @@ FAR_BELOW: Mapping[str, tuple[str, str, int, int]] = {
 def test_a_first_setting_without_a_steady_state_costs_no_reservation(case: str, tmp_path: Path) -> None:
     work, varies, limit, needed = FAR_BELOW[case]
     experiment = an_experiment(work, varies, limit)
-    ended = searched(experiment, tmp_path)
+    ended = searched(experiment, tmp_path, drifts={45})
 
     assert unsteady(ended.settings) == {45}
     assert isinstance(ended.conclusion, Sufficient)
@@ -100,14 +120,14 @@ def test_a_first_setting_without_a_steady_state_costs_no_reservation(case: str, 
 
 
 def test_once_one_was_unsteady_no_setting_ends_early(tmp_path: Path) -> None:
-    ended = searched(an_experiment("15 ms", "10 %", 100), tmp_path)
+    ended = searched(an_experiment("15 ms", "10 %", 100), tmp_path, drifts={45})
 
     assert [len(setting.series[0].samples) for setting in ended.settings] == [200] * len(ended.settings)
 
 
 def test_where_nothing_close_below_is_steady_it_says_that_it_does_not_know(tmp_path: Path) -> None:
     experiment = an_experiment("15 ms", "10 %", 28)
-    ended = searched(experiment, tmp_path)
+    ended = searched(experiment, tmp_path, drifts=range(45, 57))
     end = ended.conclusion
 
     assert isinstance(end, Sufficient)
@@ -127,7 +147,7 @@ def test_where_nothing_close_below_is_steady_it_says_that_it_does_not_know(tmp_p
 @pytest.mark.parametrize("limit", [28, 100])
 def test_a_plan_reserves_what_the_search_found(limit: int, tmp_path: Path) -> None:
     experiment = an_experiment("15 ms", "10 %", limit)
-    ended = searched(experiment, tmp_path)
+    ended = searched(experiment, tmp_path, drifts=range(45, 57))
     apts = {"coi": experiment.members[0].apt}
 
     assert isinstance(ended.conclusion, Sufficient)

@@ -14,9 +14,13 @@ from rarms_iac.providers.simulated.scheduling.processors import (
     LogicalProcessor,
     VirtualProcessor,
 )
+from rarms_iac.providers.simulated.scheduling.shares import Entitlement, usable_weights
+
+SHORTEST_SAVED_MS = 20.0
+"""A waiting VP must have saved claim for this much time before it interrupts one without: VPs do not thrash."""
 
 SHORTEST_TURN_MS = 2.0
-"""A waiting VP must have saved claim for this much time before it interrupts one without: VPs do not thrash."""
+"""For how long a late VP runs before one that is later by this much interrupts it."""
 
 SHORTEST_WAIT_MS = 0.05
 """How often at most a waiting VP is looked at again, since interrupts delay the moment for which it waits."""
@@ -28,18 +32,40 @@ SLICE_MS = 10.0
 class HypervisorScheduler:
     """Places VPs on LPs; tells the guest (`finished`, `quantum_over`) when a thread's work or turn is over."""
 
-    __slots__ = ("_agenda", "_taken", "_trace", "_waiting", "_window", "changed", "lps", "vps")
+    __slots__ = (
+        "_agenda",
+        "_busy",
+        "_level",
+        "_limited",
+        "_read_at",
+        "_reserve_clock",
+        "_shares",
+        "_sharing",
+        "_taken",
+        "_trace",
+        "_waiting",
+        "_window",
+        "_woken",
+        "changed",
+        "lps",
+        "vps",
+    )
 
     def __init__(self, agenda: Agenda, lps: int, window_ms: float, trace: Callable[[TracePiece], None] | None) -> None:
         self._agenda = agenda
         self._window = window_ms
         self._trace = trace
-        self._taken = 0.0
+        self._taken = self._read_at = self._reserve_clock = 0.0
         self._waiting: list[VirtualProcessor] = []
+        self._busy = self._sharing = 0  # the VPs that have a thread, a bit each: now, and when weights were last made
+        self._shares: dict[int, list[tuple[VirtualProcessor, float]]] = {}  # by `_busy`
+        self._woken: list[VirtualProcessor] = []
+        self._level = 0.0  # what is left over has been shared up to here: ms by usable weight
         self.lps = [LogicalProcessor(number) for number in range(lps)]
         for lp in self.lps:
             lp.due = partial(self._lp_due, lp)
         self.vps: list[VirtualProcessor] = []
+        self._limited = False  # whether any VP has a limit
         self.changed = False
 
     def add(self, vp: VirtualProcessor) -> None:
@@ -47,12 +73,15 @@ class HypervisorScheduler:
         vp.home = self.lps[vp.number % len(self.lps)]
         vp.due = partial(self._look_again, vp)
         vp.refill(0, self._window)
+        vp.bit = 1 << len(self.vps)
         self.vps.append(vp)
+        self._limited |= vp.limit < 1.0
 
     def wake(self, vp: VirtualProcessor) -> None:
         """The VP has a thread again."""
         vp.accrue(self._clock(), self._window)
-        vp.used = max(vp.used, min((processor.used for processor in self._waiting), default=vp.used))
+        self._busy |= vp.bit
+        self._woken.append(vp)
         self._queue(vp)
 
     def rest(self, vp: VirtualProcessor) -> None:
@@ -64,6 +93,7 @@ class HypervisorScheduler:
             self.settle(vp.lp)
             vp.lp.vp = None
             vp.lp = None
+        self._busy &= ~vp.bit
         vp.turn += 1
         vp.waiting = False
         vp.claim = min(vp.claim, vp.reserve * self._window)
@@ -98,11 +128,13 @@ class HypervisorScheduler:
     def _clock(self) -> float:
         """The reserve clock: it stands still while interrupts take the LPs, so that reserves share what they leave."""
         now = self._agenda.now
-        taken = self._taken
-        for lp in self.lps:
-            if lp.taken:
-                taken += now - lp.since
-        return now - taken / len(self.lps)
+        if now != self._read_at:  # interrupts that begin or end now have taken nothing yet, or are in `_taken`
+            taken = self._taken
+            for lp in self.lps:
+                if lp.taken:
+                    taken += now - lp.since
+            self._read_at, self._reserve_clock = now, now - taken / len(self.lps)
+        return self._reserve_clock
 
     def settle_all(self) -> None:
         """Accounts for everything up to now."""
@@ -113,12 +145,33 @@ class HypervisorScheduler:
         """Gives every LP to the VP that should have it now, and asks to be called again when that may change."""
         self.changed = False
         self.settle_all()
-        self._throttle()
-        placed = bool(self._waiting)
-        while placed:
-            placed = any(self._place(vp) for vp in self._in_order())
+        if self._woken or self._busy != self._sharing:
+            self._share()
+        if self._limited:
+            self._throttle()
+        while (first := self._first_waiting()) is not None and self._place(*first):
+            pass
         for lp in self.lps:
             self._arm(lp)
+
+    def _share(self) -> None:
+        """Weighs anew all that demand; who comes begins where the least served is, with nothing owed from before."""
+        stayed = self._busy & self._sharing
+        for vp in self._woken:
+            stayed &= ~vp.bit
+        served = [vp.used for vp in self.vps if vp.bit & stayed and vp.limit > vp.reserve]
+        self._level = max(self._level, min(served) if served else max(vp.used for vp in self.vps))
+        for vp in self._woken:
+            vp.used = max(vp.used, self._level)
+        self._woken.clear()
+        self._sharing = self._busy
+        shares = self._shares.get(self._busy)
+        if shares is None:
+            busy = [vp for vp in self.vps if vp.bit & self._busy]
+            weights = usable_weights([Entitlement(vp.reserve, vp.limit, vp.weight) for vp in busy], len(self.lps))
+            shares = self._shares[self._busy] = list(zip(busy, weights, strict=True))
+        for vp, weight in shares:
+            vp.usable_weight = weight
 
     def _queue(self, vp: VirtualProcessor) -> None:
         vp.lp = None
@@ -139,31 +192,37 @@ class HypervisorScheduler:
         vp.refill(int((self._agenda.now + INSTANT) / self._window), self._window)
         return vp.limit_left
 
-    def _in_order(self) -> list[VirtualProcessor]:
+    def _first_waiting(self) -> tuple[VirtualProcessor, int] | None:
+        """Who runs next of those that may, with its standing: if it outranks nobody that runs, no other does."""
+        if not self._waiting:
+            return None
         clock = self._clock()
-        waiting = []
+        first, highest = None, (NOTHING, -inf)
         for vp in self._waiting:
             if vp.limit < 1.0 and self._left_of_limit(vp) <= INSTANT:
                 continue
             vp.accrue(clock, inf)
-            waiting.append((-self._standing(vp), -vp.saved(), vp.used, vp))
-        if len(waiting) > 1:
-            waiting.sort(key=lambda rank: rank[:3])
-        return [vp for *_, vp in waiting]
+            standing = self._standing(vp)
+            rank = (standing, vp.saved() if standing != NOTHING else -vp.used)
+            if rank > highest:
+                first, highest = vp, rank
+        return None if first is None else (first, highest[0])
 
     def _standing(self, vp: VirtualProcessor) -> int:
         """LATE: its reserve must be honoured now. CLAIM: it may use it. NOTHING: it lives on what is left over."""
-        saved = vp.saved()
+        if not vp.reserve:
+            return NOTHING
         if vp.waiting:
-            late, claim = self._window - INSTANT, SHORTEST_TURN_MS - INSTANT
+            late, least = self._window - INSTANT, SHORTEST_SAVED_MS * vp.reserve - INSTANT
         else:  # what runs keeps its standing for a turn
-            late, claim = self._window - SHORTEST_TURN_MS, INSTANT
-        if saved >= late:
+            late, least = self._window - SHORTEST_TURN_MS, INSTANT
+        if vp.claim >= late * vp.reserve:
             return LATE
-        return CLAIM if saved >= claim else NOTHING
+        return CLAIM if vp.claim >= least else NOTHING
 
-    def _place(self, vp: VirtualProcessor) -> bool:
-        lp = self._lp_for(vp)
+    def _place(self, vp: VirtualProcessor, standing: int) -> bool:
+        """Puts a waiting VP on an LP, a free one or the one of whom it outranks; tells whether there is one."""
+        lp = self._lp_for(vp, standing)
         if lp is None:
             return False
         other = lp.vp
@@ -172,38 +231,38 @@ class HypervisorScheduler:
             self._queue(other)
         self._waiting.remove(vp)
         # Who runs on its claim has no slice of what is left over: that is for the least served when the claim ends.
-        lp.slice_until = self._agenda.now + (SLICE_MS if self._standing(vp) == NOTHING else 0.0)
+        lp.slice_until = self._agenda.now + (SLICE_MS if standing == NOTHING else 0.0)
         vp.waiting = False
         vp.turn += 1
         vp.lp = vp.home = lp
         lp.vp = vp
         return True
 
-    def _lp_for(self, vp: VirtualProcessor) -> LogicalProcessor | None:
-        home = vp.home
+    def _lp_for(self, vp: VirtualProcessor, standing: int) -> LogicalProcessor | None:
         free = [lp for lp in self.lps if lp.vp is None]
         if free:
-            return min(free, key=lambda lp: (bool(lp.taken), lp is not home))
-        if self._outranks(vp, home):
-            return home
-        if self._standing(vp) == LATE:
-            weakest = min(self.lps, key=self._strength)
-            if self._outranks(vp, weakest):
-                return weakest
-        return None
+            return min(free, key=lambda lp: (bool(lp.taken), lp is not vp.home))
+        weakest, lowest = None, (LATE + 1, 0.0)
+        for lp in self.lps:
+            defence = self._defence(lp)
+            in_slice = standing == NOTHING and self._agenda.now < lp.slice_until - INSTANT
+            if defence < lowest and not in_slice:
+                weakest, lowest = lp, defence
+        its, strength = lowest
+        if standing != its:
+            return weakest if standing > its else None
+        if standing == LATE:
+            return weakest if vp.saved() > strength + SHORTEST_TURN_MS else None
+        return weakest if standing == NOTHING and -vp.used > strength else None
 
-    def _strength(self, lp: LogicalProcessor) -> tuple[int, float]:
-        return (self._standing(lp.vp), lp.vp.saved()) if lp.vp is not None else (NOTHING, 0.0)
-
-    def _outranks(self, vp: VirtualProcessor, lp: LogicalProcessor) -> bool:
-        other = lp.vp
-        assert other is not None
-        mine, its = self._standing(vp), self._standing(other)
-        if mine != its:
-            return mine > its
-        if mine == LATE:
-            return vp.saved() > other.saved() + SHORTEST_TURN_MS
-        return mine == NOTHING and self._agenda.now >= lp.slice_until - INSTANT and vp.used < other.used
+    def _defence(self, lp: LogicalProcessor) -> tuple[int, float]:
+        """How well an LP is defended: by the standing of its VP, then by what that saved, or how little it had."""
+        vp = lp.vp
+        assert vp is not None
+        standing = self._standing(vp)
+        if standing == NOTHING:
+            return standing, -vp.used
+        return standing, vp.saved() if standing == LATE else 0.0
 
     def _arm(self, lp: LogicalProcessor) -> None:
         """Asks for the next moment at which something may change on this LP by itself."""
@@ -258,8 +317,10 @@ class HypervisorScheduler:
             then()
 
     def _look_again(self, vp: VirtualProcessor) -> None:
-        self.changed = True
+        """NOTE: while all others run on their claims nothing changes; the end of a claim is looked at by itself."""
         self._look_later(vp)
+        if vp.limit < 1.0 or self._standing(vp) == LATE or any(lp.vp is None or not lp.vp.claim for lp in self.lps):
+            self.changed = True
 
     def _look_later(self, vp: VirtualProcessor) -> None:
         """A waiting VP gains standing as its claim grows, and by the next window if it is at its limit."""
@@ -268,7 +329,7 @@ class HypervisorScheduler:
         delay = inf
         if vp.reserve > 0.0:
             saved = vp.saved()
-            steps = (SHORTEST_TURN_MS - saved, self._window - saved, SHORTEST_TURN_MS)
+            steps = (SHORTEST_SAVED_MS - saved, self._window - saved, SHORTEST_TURN_MS)
             delay = max(SHORTEST_WAIT_MS, next(step for step in steps if step > INSTANT))
         if vp.limit < 1.0 and self._left_of_limit(vp) <= INSTANT:
             delay = min(delay, self._to_next_window())

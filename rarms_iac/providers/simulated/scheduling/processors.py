@@ -99,6 +99,7 @@ class VirtualProcessor(Owner):
     """A VP: shares are fractions of one LP, claim is milliseconds of reserved time not yet used."""
 
     __slots__ = (
+        "bit",
         "claim",
         "due",
         "guest",
@@ -112,6 +113,7 @@ class VirtualProcessor(Owner):
         "reserve",
         "since",
         "thread",
+        "usable_weight",
         "used",
         "waiting",
         "weight",
@@ -127,12 +129,14 @@ class VirtualProcessor(Owner):
         self.number = number
         self.reserve, self.limit = shares
         self.weight = weight
+        self.usable_weight = float(weight)  # of it, what it can use beside those that demand now
         self.thread: Thread | None = None
         self.lp: LogicalProcessor | None = None
         self.waiting = False
         self.claim = 0.0
         self.since = 0.0  # up to when claim is counted, on the reserve clock
-        self.used = 0.0  # ms of what is left over, by weight
+        self.used = 0.0  # ms of what is left over, by usable weight
+        self.bit = 0  # set by the hypervisor
         self.limit_left = 0.0
         self.limit_window = -1
 
@@ -163,11 +167,11 @@ class VirtualProcessor(Owner):
         self.limit_left -= elapsed
         net = self.gain(clock) - elapsed
         if self.claim <= 0.0:
-            self.used -= net / self.weight  # what its reserve gains meanwhile is used up at once
+            self.used -= net / self.usable_weight  # what its reserve gains meanwhile is used up at once
             return
         self.claim += net
         if self.claim <= -INSTANT:  # used up on the way: the rest was left over, and is no debt
-            self.used -= self.claim / self.weight
+            self.used -= self.claim / self.usable_weight
         if self.claim < INSTANT:
             self.claim = 0.0
 

@@ -52,7 +52,7 @@ class SchedulerSimulation:
         self._devices = Devices(self._hypervisor)
         self._done: deque[JobDone] = deque()
         self._components: dict[str, ComponentProgram] = {}
-        for system in machine.machines:
+        for system in sorted(machine.machines, key=lambda system: system.name):
             self._start(system)
         if machine.interrupts:
             for lp in self._hypervisor.lps:

@@ -19,12 +19,15 @@ def face_detection(varies: float = 0) -> JobDemand:
 
 
 def bench(demand: JobDemand, reserve: float, *, lps: int = 2) -> ModelMachine:
-    """The test partitions P1 with the component and P2 with a busy loop a VP."""
+    """The test partitions P1 with the component and P2 with a busy loop a VP.
+
+    P2's weight has all but a hundredth of what P1's idle VP leaves, so that P1 gets no more than it reserves.
+    """
     return ModelMachine(
         lps=lps,
         machines=(
             VirtualMachine(name="P1", vps=lps, reserve=reserve, components=(demand,)),
-            VirtualMachine(name="P2", vps=lps, reserve=100 - reserve, loads=(BusyLoops(),)),
+            VirtualMachine(name="P2", vps=lps, reserve=100 - reserve, weight=10_000, loads=(BusyLoops(),)),
         ),
     )
 
