@@ -10,6 +10,7 @@ from itertools import islice
 from statistics import mean
 
 from rarms_iac.manifest.load import load
+from rarms_iac.model.measurement import P2_WEIGHT
 from rarms_iac.model.system import System
 from rarms_iac.providers.simulated.measuring import demand_of
 from rarms_iac.providers.simulated.scheduling.machine import (
@@ -66,14 +67,20 @@ def demands() -> dict[str, JobDemand]:
 
 
 def bench(demand: JobDemand, reserves: tuple[float, float], load: ModelLoad | None) -> ModelMachine:
-    """P1 with the component, P2 with what interferes; P1's and P2's reserves in per cent."""
+    """P1 with the component, P2 with what interferes; P1's and P2's reserves in per cent.
+
+    P2 has the weight that it has in `rarms measure`: Table 1 has 100, with which P1 would get a third of what its own
+    second VP leaves idle.
+    """
     inside = () if load is None else (load,)
     return ModelMachine(
         lps=LPS,
         interrupts=QUIET_INTERRUPTS,
         machines=(
             VirtualMachine(name="P1", vps=LPS, reserve=reserves[0], memory_mib=MEMORY_MIB, components=(demand,)),
-            VirtualMachine(name="P2", vps=LPS, reserve=reserves[1], memory_mib=MEMORY_MIB, loads=inside),
+            VirtualMachine(
+                name="P2", vps=LPS, reserve=reserves[1], weight=P2_WEIGHT, memory_mib=MEMORY_MIB, loads=inside
+            ),
         ),
     )
 

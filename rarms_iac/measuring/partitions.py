@@ -6,12 +6,13 @@ operations that a step of a plan may hold, too; whoever calls holds the host's l
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fractions import Fraction
 from types import MappingProxyType
 
 from rarms_iac.model.capacity import Capacity, capacity_of, fits
 from rarms_iac.model.claims import WHOLE, Claim
-from rarms_iac.model.measurement import P1, P2, TEST_PARTITIONS, EnvironmentSetup
+from rarms_iac.model.measurement import P1, P2, P2_WEIGHT, TEST_PARTITIONS, EnvironmentSetup
 from rarms_iac.model.operations import (
     CreatePartition,
     RemovePartition,
@@ -25,6 +26,7 @@ from rarms_iac.model.operations import (
     WriteTaskClass,
 )
 from rarms_iac.model.plan import Scope
+from rarms_iac.model.quantities import LogicalProcessors
 from rarms_iac.model.state import Checkpoints, Partition, RegistryValue, RunState, StartAction, State, StopAction
 from rarms_iac.model.system import Host
 from rarms_iac.providers.interface import StepwiseHost
@@ -105,26 +107,35 @@ def free_memory(budget: MeasuringBudget, taken: int = 0) -> int:
 
 
 def reserve_for_load(budget: MeasuringBudget, setup: EnvironmentSetup, reserve: int) -> int | None:
-    """Say what P2 reserves while P1 reserves this: the most that the host can still give, 100 - CR on an empty one.
+    """Say what P2 reserves while P1 reserves this: all the rest, 100 - CR on an empty host.
 
-    Both are whole per cent of each of the partition's own processors. None: the host cannot give P1 so much.
+    What is kept for the host is part of the rest, because in service the host may use it: were it nobody's, P1 would
+    get a share of it here, and need more than was measured there.
+
+    Returns:
+        Whole per cent of each of P2's own processors; None: the host cannot give P1 so much.
     """
     p1 = Claim(processors=setup.processors, reserve=reserve, memory=setup.memory)
-    return _highest_reserve_of_p2(budget, (p1,), memory_for_load(budget, setup))
+    memory = memory_for_load(budget, setup)
+    p2 = Claim(processors=budget.capacity.logical_processors, reserve=0, memory=max(0, memory))
+    if not fits(budget.capacity, (*budget.claims, p1, p2)):
+        return None
+    return _highest_reserve_of_p2(budget, (p1,), memory)
 
 
 def free_reserve(budget: MeasuringBudget, memory: int) -> int:
-    """Say what a P2 alone can reserve beside what is promised already; 0 where nothing is left."""
-    return _highest_reserve_of_p2(budget, (), memory) or 0
+    """Say what a P2 alone can reserve beside what is promised already, what is kept for the host included."""
+    return _highest_reserve_of_p2(budget, (), memory)
 
 
-def _highest_reserve_of_p2(budget: MeasuringBudget, claims: tuple[Claim, ...], memory: int) -> int | None:
+def _highest_reserve_of_p2(budget: MeasuringBudget, claims: tuple[Claim, ...], memory: int) -> int:
     wide = budget.capacity.logical_processors
-    for reserve in range(WHOLE, -1, -1):
+    whole = replace(budget.capacity, processors=LogicalProcessors(Fraction(wide)))
+    for reserve in range(WHOLE, 0, -1):
         p2 = Claim(processors=wide, reserve=reserve, memory=max(0, memory))
-        if fits(budget.capacity, (*budget.claims, *claims, p2)):
+        if fits(whole, (*budget.claims, *claims, p2)):
             return reserve
-    return None
+    return 0
 
 
 def highest_reserve(budget: MeasuringBudget, setup: EnvironmentSetup) -> int:
@@ -165,8 +176,8 @@ def shapes_of_test_partitions(
 
 
 def load_shape(logical_processors: int, load_memory: int) -> PartitionShape:
-    """Shape P2 alone, for an interfering load that was asked for."""
-    return PartitionShape(name=P2, processors=logical_processors, memory=load_memory, limit=100, weight=100)
+    """Shape P2 alone, for an interfering load that was asked for: it gets what nobody else claims."""
+    return PartitionShape(name=P2, processors=logical_processors, memory=load_memory, limit=100, weight=P2_WEIGHT)
 
 
 Classes = Mapping[str, Mapping[str, RegistryValue]]

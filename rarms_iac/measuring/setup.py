@@ -18,6 +18,7 @@ from rarms_iac.model.system import (
 )
 
 USUAL_WEIGHT = 100
+"""P1's weight, and the most that it may be: a higher one would add to a reservation what nobody promised."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +65,10 @@ def experiment_of(
         processors=processors,
         memory=int(request.memory if request.memory is not None else sum(component.memory for component in components)),
         limit=_limit(request, components, host, processors),
-        weight=request.cpu.weight or max(component.cpu.weight or USUAL_WEIGHT for component in components),
+        weight=min(
+            USUAL_WEIGHT,
+            request.cpu.weight or max(component.cpu.weight or USUAL_WEIGHT for component in components),
+        ),
     )
     return Experiment(
         application=system.application.name,

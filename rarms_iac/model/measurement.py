@@ -24,6 +24,12 @@ P2 = "rarms-p2"
 
 TEST_PARTITIONS = (P1, P2)
 
+P2_WEIGHT = 10_000
+"""The highest weight that Hyper-V and control groups know: what P1's own processors leave idle goes to P2."""
+
+CONFINEMENT = f"P2 reserves all the rest, and has the weight {P2_WEIGHT}"
+"""How P1 is held to CR while it is measured, on every provider: a condition of a data log (docs/measuring.md)."""
+
 
 LARGEST_SAMPLE = 1e12
 """The largest time (in milliseconds: thirty years) or count of a sample; sums and squares of many stay finite."""

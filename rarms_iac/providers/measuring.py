@@ -64,7 +64,15 @@ class RunningWork(Protocol):
 
 @runtime_checkable
 class MeasuringHost(StepwiseHost, Protocol):
-    """A host on which components can be run and looked at."""
+    """A host on which components can be run and looked at.
+
+    What is measured must hold in service, where nothing but the reservation is promised. So P1 gets exactly CR as soon
+    as it asks for more: P2 reserves all that the host's processors have, less CR and less what machines of others
+    reserve, what is kept for the host included, and has the highest weight for what is claimed by nobody
+    (`model.measurement.CONFINEMENT`, a part of each log's identity). Both are set by ordinary operations. A provider
+    keeps to what they say: reserves first, then weights over the whole host. One that cannot must bring the same about
+    otherwise, and change that part for its logs.
+    """
 
     def bench(self) -> Bench:
         """Describe what of this machine can change what is measured on it, equal as long as that is equal.

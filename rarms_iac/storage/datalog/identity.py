@@ -1,8 +1,8 @@
 """The identity of a data log: what can change the PI, in named parts, so that a stale log can say what changed.
 
-In it: `run`, `memory`, `processors`, limit and weight, `task`, `simulation`, the interference, and the files that
-belong to them. Not in it: `apt`, `criticality`, the reserve, placement. What has its default is left out, so that a
-field that a later rarms adds makes no log stale.
+In it: `run`, `memory`, `processors`, limit and weight, how P1 was held to CR, `task`, `simulation`, the interference,
+and the files that belong to them. Not in it: `apt`, `criticality`, the reserve, placement. What has its default is left
+out, so that a field that a later rarms adds makes no log stale.
 """
 
 import hashlib
@@ -15,7 +15,7 @@ from glob import glob
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from rarms_iac.model.measurement import Bench, EnvironmentSetup
+from rarms_iac.model.measurement import CONFINEMENT, Bench, EnvironmentSetup
 from rarms_iac.model.quantities import Bytes, Milliseconds, Percent, show_bytes
 from rarms_iac.model.system import Call, Command, CommandLoad, Component, Interference, Run, TaskRequest
 from rarms_iac.storage.datalog.log import Header, Identity
@@ -71,6 +71,7 @@ def _setup_parts(subject: LogSubject) -> Iterator[tuple[str, str]]:
     yield "memory", show_bytes(setup.memory)
     yield "limit", f"{setup.limit} %"
     yield "weight", str(setup.weight)
+    yield "confinement", CONFINEMENT
     yield from parts_of(f"interference.{setup.interference}", subject.load)
 
 

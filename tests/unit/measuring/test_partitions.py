@@ -64,7 +64,12 @@ def test_test_partitions_stand_marked_and_running_while_the_context_lasts(tmp_pa
         ("robot", P2),
     ]
     assert (p1.settings.processors, p1.settings.limit, p1.settings.weight, p1.settings.memory) == (1, 80, 200, 2**29)
-    assert (p2.settings.processors, p2.settings.limit, p2.settings.weight, p2.settings.memory) == (2, 100, 100, 2**28)
+    assert (p2.settings.processors, p2.settings.limit, p2.settings.weight, p2.settings.memory) == (
+        2,
+        100,
+        10_000,
+        2**28,
+    )
     assert p1.settings.running
     assert p2.settings.running
     assert reserves == [40, 60]
@@ -141,10 +146,11 @@ def test_on_an_empty_host_p2_reserves_what_p1_does_not() -> None:
     assert highest_reserve(room, a_setup()) == 100
 
 
-def test_what_is_kept_for_the_host_is_given_to_neither() -> None:
+def test_what_is_kept_for_the_host_is_p2_s_as_it_may_be_the_host_s_in_service() -> None:
     room = the_room(keep_processor="10 %")
 
-    assert reserve_for_load(room, a_setup(), 10) == 80
+    assert reserve_for_load(room, a_setup(), 10) == 90
+    assert reserve_for_load(room, a_setup(), 90) == 10
     assert reserve_for_load(room, a_setup(), 91) is None
     assert highest_reserve(room, a_setup()) == 90
     assert not room.unreserved
