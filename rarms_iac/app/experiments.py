@@ -27,6 +27,7 @@ class MeasureRequest:
     together: bool = False
     strategy: str = "default"
     reserves: tuple[int, ...] = ()  # performance measurement mode; none: a search
+    coarse: bool = False  # a coarse curve, as far as the host can give it, in place of a search
     interference: str | None = None
     samples: int | None = None
     verify: bool = False
@@ -70,7 +71,8 @@ def experiments_of_request(hosts: Hosts, request: MeasureRequest) -> tuple[Exper
         if system.components[name].runs_on is RunsOn.HOST:
             message = f"{name} runs on the host itself: it has no partition, and no reservation that could be measured."
             raise RequestError(message)
-    if not request.components and not any(component.apt for component in system.components.values()):
+    is_named = bool(request.components) or request.coarse
+    if not is_named and not any(component.apt for component in system.components.values()):
         raise _nothing_to_measure(hosts)
     experiments: list[Experiment] = []
     for members in _members(hosts, request):
@@ -112,6 +114,15 @@ def reserves_between(first: int | None, last: int | None, step: int | None) -> t
     return tuple(dict.fromkeys((*range(begin, end + 1, step or USUAL_STEP), end)))
 
 
+def coarse_reserves(top: int) -> tuple[int, ...]:
+    """Return the settings of a coarse curve: 10, 20, ... as far as the host can give them, its highest included.
+
+    Args:
+        top: The highest CR that the host can give, in per cent; 0: none, and the first setting says so.
+    """
+    return tuple(dict.fromkeys((*range(USUAL_STEP, top + 1, USUAL_STEP), top or USUAL_STEP)))
+
+
 def _nothing_to_measure(hosts: Hosts) -> UseCaseError:
     advice = (
         "Say how well one must do: `apt: { mean_response_time: { at_most: 50 ms } }`; or name one with --from, --to."
@@ -127,9 +138,8 @@ def _members(hosts: Hosts, request: MeasureRequest) -> tuple[tuple[str, ...], ..
     if request.components:
         return tuple((name,) for name in dict.fromkeys(request.components))
     groups = sorted(groups_of(hosts.system), key=lambda group: (-group.criticality, group.name))
-    return tuple(
-        tuple(member.name for member in group.members) for group in groups if any(m.apt for m in group.members)
-    )
+    wanted = [group for group in groups if request.coarse or any(member.apt for member in group.members)]
+    return tuple(tuple(member.name for member in group.members) for group in wanted)
 
 
 def _benches(hosts: Hosts, members: tuple[str, ...]) -> Iterator[Host]:

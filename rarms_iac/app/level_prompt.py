@@ -1,6 +1,6 @@
-"""The use scenario of the paper: after each experiment, somebody picks a level of performance from the curves."""
+"""The use scenario of the paper: somebody picks a level of performance from a curve, sees what follows, refines it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Protocol
 
@@ -9,27 +9,43 @@ from rarms_iac.app.experiments import ExperimentResult
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.report import report_of_manifest
-from rarms_iac.app.report_model import Measurement
+from rarms_iac.app.report_model import Report
 from rarms_iac.app.select import SelectOutcome, SelectRequest, select_level
 from rarms_iac.measuring.strategies import apts_of
-from rarms_iac.model.outcomes import Swept
+from rarms_iac.model.indexes import find_index
+from rarms_iac.model.outcomes import Stopped, Swept
 from rarms_iac.statistics.curves import curves_of, least_reserve
 
 
-class LevelPrompt(Protocol):
-    """Asks somebody for the level of performance that is good enough; on a terminal, or on a page."""
+class SessionEnded(Exception):
+    """Somebody asked for an end at a question; what was measured and written stays."""
 
-    def show(self, result: ExperimentResult, measurements: Sequence[Measurement]) -> None:
+
+class LevelPrompt(Protocol):
+    """Asks somebody for the level of performance that is good enough; on a terminal, or on a page.
+
+    Every method that asks may raise `SessionEnded`.
+    """
+
+    def show(self, result: ExperimentResult, report: Report) -> None:
         """Show the user what was measured, before `ask`.
 
         Args:
             result: the experiment that was just measured.
-            measurements: the data logs with curves that a reservation rests on.
+            report: the data logs of its components, and what all reservations add up to on each platform.
         """
         ...
 
     def ask(self, component: str) -> str:
-        """Return the level for a component, as `100 ms` or `95 %`; empty: go on without one."""
+        """Return the level for a component, as `100 ms` or `p99_response_time 100 ms`; empty: go on without one."""
+        ...
+
+    def confirms(self, proposed: SelectOutcome) -> bool:
+        """Show what would follow from the level, and tell whether it is written into the manifest."""
+        ...
+
+    def refines(self, written: SelectOutcome) -> bool:
+        """Tell whether to measure the reservation that follows, as it lies between measured settings."""
         ...
 
     def refused(self, problem: RequestError | UseCaseError) -> None:
@@ -41,29 +57,61 @@ class LevelPrompt(Protocol):
         ...
 
 
-def ask_levels(hosts: Hosts, result: ExperimentResult, prompt: LevelPrompt) -> ExperimentResult:
+def ask_levels(
+    hosts: Hosts, result: ExperimentResult, prompt: LevelPrompt, refine: Callable[[], ExperimentResult]
+) -> ExperimentResult:
     """Ask for a level of each component of an experiment, and write the answers into the manifest.
 
     Args:
         hosts: Those of the manifest, which is read anew for each level.
         result: What was measured.
         prompt: Shows it, and asks.
+        refine: Measures what the manifest then asks for, where it is not measured yet.
+
+    Raises:
+        SessionEnded: Somebody asked for an end.
 
     Returns:
         The result beside the thresholds that the manifest has then; what was searched for others is left out.
     """
     source, names = hosts.manifest.source, result.experiment.setup.members
-    measurements = report_of_manifest(hosts.manifest, names).measurements
-    prompt.show(result, [measurement for measurement in measurements if measurement.rests])
+    prompt.show(result, report_of_manifest(hosts.manifest))
     for name in names:
         while level := prompt.ask(name):
             try:
-                prompt.written(select_level(load_manifest(source), SelectRequest(component=name, level=level)))
+                written = _selected(hosts, _request_of(name, level), prompt)
+                if written is None:
+                    continue
+                prompt.written(written)
+                if not _is_interpolated(written) or not prompt.refines(written):
+                    break
+                result = refine()
             except (RequestError, UseCaseError) as problem:
                 prompt.refused(problem)
-            else:
-                break
+                continue
+            if isinstance(result.conclusion, Stopped):
+                return result
+            prompt.show(result, report_of_manifest(load_manifest(source)))
     return _beside_new_thresholds(hosts, result)
+
+
+def _request_of(component: str, level: str) -> SelectRequest:
+    """`100 ms`, or with the index in front, where the level alone does not tell it."""
+    index, _, rest = level.partition(" ")
+    if find_index(index) is not None and rest:
+        return SelectRequest(component=component, level=rest.strip(), index=index)
+    return SelectRequest(component=component, level=level)
+
+
+def _selected(hosts: Hosts, request: SelectRequest, prompt: LevelPrompt) -> SelectOutcome | None:
+    """The level as it was written, once it was shown and confirmed; None: it was not wanted."""
+    manifest = load_manifest(hosts.manifest.source)
+    proposed = select_level(manifest, replace(request, dry_run=True))
+    return select_level(manifest, request) if prompt.confirms(proposed) else None
+
+
+def _is_interpolated(outcome: SelectOutcome) -> bool:
+    return any(level.interpolated for level in outcome.selection.levels)
 
 
 def _beside_new_thresholds(hosts: Hosts, result: ExperimentResult) -> ExperimentResult:

@@ -20,9 +20,9 @@ from rarms_iac.app.experiment_logs import (
     remeasurements_for,
     settings_log_of,
 )
-from rarms_iac.app.experiments import ExperimentResult, MeasureRequest, experiments_of_request
+from rarms_iac.app.experiments import ExperimentResult, MeasureRequest, coarse_reserves, experiments_of_request
 from rarms_iac.app.hosts import Hosts, host_errors, owner, refuse_unfinished
-from rarms_iac.app.level_prompt import LevelPrompt, ask_levels
+from rarms_iac.app.level_prompt import LevelPrompt, SessionEnded, ask_levels
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.measurement_files import hold_data_log, log_errors
 from rarms_iac.app.resting import (
@@ -48,7 +48,7 @@ from rarms_iac.measuring.partitions import (
     remove_test_partitions,
 )
 from rarms_iac.measuring.search import STRATEGIES
-from rarms_iac.measuring.setup import Experiment
+from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Agreeing, Searching, Sweeping, Verifying, apts_of, goal_of
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.outcomes import SettingFailed, Stopped
@@ -72,6 +72,7 @@ class MeasureOutcome:
     results: tuple[ExperimentResult, ...]
     findings: tuple[Diagnostic, ...]
     not_begun: tuple[Experiment, ...] = ()
+    ended: bool = False  # somebody asked for an end at a question
 
     @property
     def stopped(self) -> bool:
@@ -135,6 +136,7 @@ def _measure_all(
     results: list[ExperimentResult] = []
     findings: list[Diagnostic] = []
     complete: dict[Path, Remeasurement] = {}
+    ended = False
     names = [experiment.host.name for experiment in experiments]
     rest = PartitionRest(hosts=hosts, reporter=reporter, consents=consents)
     with (
@@ -152,13 +154,40 @@ def _measure_all(
             if remeasurement and not isinstance(result.conclusion, Stopped | SettingFailed):
                 complete[path] = remeasurement
             if prompt is not None and not is_stopped:
-                result = ask_levels(hosts, result, prompt)
+
+                def refine(bench: MeasuringHost = bench, experiment: Experiment = experiment) -> ExperimentResult:
+                    return _refined(hosts, experiment, bench, request, reporter, stop, rest)
+
+                try:
+                    result = ask_levels(hosts, result, prompt, refine)
+                except SessionEnded:
+                    ended = True
+                is_stopped = isinstance(result.conclusion, Stopped)
             findings += findings_of(experiment, result.conclusion, result.settings, hosts.manifest.places)
             results.append(result)
-            if is_stopped:
+            if is_stopped or ended:
                 break
     not_begun = experiments[len(results) :]
-    return MeasureOutcome(results=tuple(results), findings=tuple(findings), not_begun=not_begun), complete
+    outcome = MeasureOutcome(results=tuple(results), findings=tuple(findings), not_begun=not_begun, ended=ended)
+    return outcome, complete
+
+
+def _refined(
+    hosts: Hosts,
+    experiment: Experiment,
+    bench: MeasuringHost,
+    request: MeasureRequest,
+    reporter: Reporter,
+    stop: StopSignal,
+    rest: PartitionRest,
+) -> ExperimentResult:
+    """Search the least reservation for the thresholds that the manifest has now; what is recorded is not run again."""
+    fresh = replace(hosts, manifest=load_manifest(hosts.manifest.source))
+    setup = experiment.setup
+    again = experiment_of(fresh.system, experiment.host, setup.members, setup.interference, request.samples)
+    search = replace(request, reserves=(), coarse=False, again=False)
+    with stop.gently():
+        return run_experiment(fresh, again, bench, search, reporter=reporter, stop=stop, rest=rest)
 
 
 def _remeasurements(
@@ -321,6 +350,8 @@ def _strategy(hosts: Hosts, experiment: Experiment, request: MeasureRequest, see
     Raises:
         UseCaseError: a search, and no threshold (negative).
     """
+    if request.coarse:
+        return Sweeping(reserves=coarse_reserves(seen.top))
     if request.reserves:
         return Sweeping(reserves=request.reserves)
     for member in experiment.members:
@@ -424,7 +455,7 @@ def _describe_duration(experiment: Experiment, request: MeasureRequest, seen: _B
     bounds = expected_duration(
         experiment,
         book.settings(),
-        request.reserves,
+        coarse_reserves(seen.top) if request.coarse else request.reserves,
         top=seen.top,
         to_the_letter=request.strategy == PAPER,
         earlier=replace(book, seed=None).settings(),

@@ -1,7 +1,6 @@
 """What is asked at a terminal: which level of performance is good enough, and whether a combination is measured."""
 
 import sys
-from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
 
@@ -10,7 +9,8 @@ import click
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, declined
 from rarms_iac.app.experiments import ExperimentResult
 from rarms_iac.app.files import STANDARD_INPUT
-from rarms_iac.app.report_model import Measurement
+from rarms_iac.app.level_prompt import SessionEnded
+from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.select import SelectOutcome
 from rarms_iac.cli.interrupts import Interrupted
@@ -47,27 +47,47 @@ class TerminalLevelPrompt:
     """A `LevelPrompt` that shows tables and plots, and reads a line for each component."""
 
     def __init__(self, session: Session) -> None:
+        self._session = session
         self._terminal = session.terminal
 
-    def show(self, result: ExperimentResult, measurements: Sequence[Measurement]) -> None:
-        """Show the settings, and a plot an index."""
+    def show(self, result: ExperimentResult, report: Report) -> None:
+        """Show the settings, a plot an index, and what all reservations add up to."""
+        from rarms_iac.views.console import paragraph
         from rarms_iac.views.measure import settings_text
+        from rarms_iac.views.reports.summary import fit_text, platform_fits
         from rarms_iac.views.reports.terminal import TerminalPlot, legend
 
         ascii_only = self._terminal.ascii_only
         self._terminal.talk("")
         self._terminal.talk(settings_text(result))
-        for measurement in measurements:
+        members = result.experiment.setup.members
+        for measurement in report.measurements:
+            if not measurement.rests or measurement.components != members:
+                continue
             for index in measurement.indexes:
                 self._terminal.talk("")
                 self._terminal.talk(TerminalPlot(curve=index, ascii_only=ascii_only))
             self._terminal.talk(legend(ascii_only=ascii_only))
+        for fit in platform_fits(report):
+            self._terminal.talk(paragraph(f"{', '.join(fit.capacity.hosts)}: {fit_text(fit)}"))
 
     def ask(self, component: str) -> str:
         """Read a line; the input's end is an empty one."""
-        self._terminal.flush()
-        self._terminal.status(f"\nA level for {component}, as 100 ms or 95 %, or Enter to go on: ")
-        return sys.stdin.readline().strip()
+        question = f"\nA level for {component}, as 100 ms or 95 %, or Enter to go on [?, q]: "
+        return read_answer(self._session, question, LEVEL_HELP)
+
+    def confirms(self, proposed: SelectOutcome) -> bool:
+        """Show what would follow, and ask."""
+        from rarms_iac.views.select import selection_text
+
+        self._terminal.talk(selection_text(proposed.selection))
+        return ask_yes_or_no(self._session, "Write this level into the manifest?", WRITE_HELP)
+
+    def refines(self, written: SelectOutcome) -> bool:
+        """Ask, naming the reservations that were not measured themselves."""
+        reserves = sorted({level.reserve for level in written.selection.levels if level.interpolated})
+        named = in_a_row([f"{reserve} %" for reserve in reserves])
+        return ask_yes_or_no(self._session, f"{named} lies between measured settings. Measure there?", REFINE_HELP)
 
     def refused(self, problem: RequestError | UseCaseError) -> None:
         """Say why."""
@@ -77,10 +97,7 @@ class TerminalLevelPrompt:
             tell(self._terminal, problem.diagnostics, problem.sources)
 
     def written(self, outcome: SelectOutcome) -> None:
-        """Say what follows, and where it was written."""
-        from rarms_iac.views.select import selection_text
-
-        self._terminal.talk(selection_text(outcome.selection))
+        """Say where it was written."""
         self._terminal.talk(f"Written to {Path(outcome.file).as_posix()}.")
 
 
@@ -100,29 +117,59 @@ class TerminalStopConsent:
         if host not in self._answers:
             running = f"{in_a_row(partitions)} {'runs' if len(partitions) == 1 else 'run'}"
             question = f"On {host} {running}. Stop while it is measured, and start again afterwards?"
-            self._answers[host] = ask_yes_or_no(self._session, question)
+            try:
+                self._answers[host] = ask_yes_or_no(self._session, question, STOP_HELP)
+            except SessionEnded:
+                raise UseCaseError(Outcome.INTERRUPTED, [declined()]) from None
         return self._answers[host]
 
 
-def ask_yes_or_no(session: Session, question: str) -> bool:
+LEVEL_HELP = (
+    "A level is how well it must do, with its unit: 100 ms, 95 %, 24 /s. Where it may belong to several indexes, begin "
+    "with the index: p99_response_time 100 ms. What follows is shown before anything is written. Enter goes on, q ends."
+)
+WRITE_HELP = "y writes it as the component's `apt`, comments kept; n leaves the manifest as it is; q ends."
+STOP_HELP = "y stops them as `rarms stop` does, and starts them when all is measured; n measures nothing."
+TRY_HELP = "y measures them together, setting by setting, and keeps what is recorded; n tries another; q ends."
+REFINE_HELP = "y searches the least reservation there, setting by setting; n takes what the curve says; q ends."
+
+
+def read_answer(session: Session, question: str, help_text: str) -> str:
+    """Read a line at the terminal; `?` shows the help and asks anew, and the input's end is an empty line.
+
+    Raises:
+        SessionEnded: The answer was `q`, or a signal.
+    """
+    from rarms_iac.views.console import paragraph
+
+    while True:
+        try:
+            with session.interrupts.at_prompt():
+                session.terminal.flush()
+                session.terminal.status(question)
+                answer = sys.stdin.readline().strip()
+        except Interrupted:
+            session.terminal.talk("")
+            raise SessionEnded from None
+        if answer.lower() in {"q", "quit"}:
+            raise SessionEnded
+        if answer != "?":
+            return answer
+        session.terminal.talk(paragraph(help_text))
+
+
+def ask_yes_or_no(session: Session, question: str, help_text: str) -> bool:
     """Ask at the terminal; an empty answer, or the input's end, is no, and what is neither is asked anew.
 
     Raises:
-        UseCaseError: A signal came instead of an answer.
+        SessionEnded: The answer was `q`, or a signal.
     """
     from rarms_iac.views.console import paragraph, render
 
-    terminal = session.terminal
-    terminal.flush()
-    text = render(paragraph(f"{question} [y/N]"), terminal.width).removesuffix("\n") + " "
-    terminal.status(text)
-    try:
-        with session.interrupts.at_prompt():
-            while (answer := sys.stdin.readline().strip().lower()) not in {"", "y", "yes", "n", "no"}:
-                terminal.status(f"Say y or n: {text}")
-    except Interrupted:
-        terminal.talk("")
-        raise UseCaseError(Outcome.INTERRUPTED, [declined()]) from None
+    text = render(paragraph(f"{question} [y/N/?/q]"), session.terminal.width).removesuffix("\n") + " "
+    answer = read_answer(session, text, help_text).lower()
+    while answer not in {"", "y", "yes", "n", "no"}:
+        answer = read_answer(session, f"Say y or n: {text}", help_text).lower()
     return answer in {"y", "yes"}
 
 
@@ -142,4 +189,7 @@ class TerminalConsent:
     def _ask(self, members: Members, settings: int, gain: int) -> bool:
         saves = show_processors(Fraction(gain, 100))
         question = f"Try {in_a_row(members)}? About {counted(settings, 'setting')}, or fewer; saves at most {saves}."
-        return ask_yes_or_no(self._session, question)
+        try:
+            return ask_yes_or_no(self._session, question, TRY_HELP)
+        except SessionEnded:
+            raise UseCaseError(Outcome.INTERRUPTED, [declined()]) from None

@@ -1,5 +1,7 @@
 """`rarms measure`: the reservations that components need, by running them."""
 
+from dataclasses import replace
+
 import click
 
 from rarms_iac.app.experiments import MeasureRequest, reserves_between
@@ -43,7 +45,7 @@ STRATEGIES = ("default", "bisection", "paper")
     is_flag=True,
     help="Measure all of it once more, beside what is recorded.",
 )
-@click.option("--interactive", is_flag=True, help="After each component, ask for the level that is good enough.")
+@click.option("--interactive", is_flag=True, help="Measure a coarse curve, and ask for the level that is good enough.")
 @click.option("--on-busy-host", is_flag=True, help="Measure although something else runs; the data log says so.")
 @click.option(
     "--stop-partitions",
@@ -99,6 +101,7 @@ def command(
     )
     if interactive:
         refuse_without_terminal(session, source)
+        request = replace(request, coarse=not (request.reserves or verify or strategy != "default"))
     hosts = select_hosts(load_manifest(source), host_selection)
     outcome = measure_components(
         hosts,
@@ -115,6 +118,9 @@ def command(
         session.terminal.show(summary_text(outcome.results, outcome.not_begun))
     if outcome.stopped:
         return stopped(session)
+    if outcome.ended:
+        session.terminal.talk("Ended. What is measured and written stays: the same command goes on.")
+        return session.interrupts.asked or ExitCode.DONE
     return ExitCode.NO if has_errors(outcome.findings) else ExitCode.DONE
 
 

@@ -1,15 +1,14 @@
 """The use scenario without a terminal: whoever shows its steps gets values, and answers with words."""
 
-from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 
 from rarms_iac.app.errors import RequestError, UseCaseError
-from rarms_iac.app.experiments import ExperimentResult, MeasureRequest
+from rarms_iac.app.experiments import ExperimentResult, MeasureRequest, coarse_reserves
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.measure import measure_components
-from rarms_iac.app.report_model import Measurement
+from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.select import SelectOutcome
 from tests.unit.app.test_measure import MANIFEST, write
@@ -22,12 +21,21 @@ class Page:
         self._answers = list(answers)
         self.shown: list[str] = []
 
-    def show(self, result: ExperimentResult, measurements: Sequence[Measurement]) -> None:
-        self.shown += [f"{result.experiment.name}: {measurement.path}" for measurement in measurements]
+    def show(self, result: ExperimentResult, report: Report) -> None:
+        self.shown += [f"{result.experiment.name}: {measurement.path}" for measurement in report.measurements]
 
     def ask(self, component: str) -> str:
         self.shown.append(f"level of {component}?")
         return self._answers.pop(0)
+
+    def confirms(self, proposed: SelectOutcome) -> bool:
+        assert not proposed.file, "nothing is written yet"
+        self.shown.append(f"write {proposed.selection.after.value}?")
+        return self._answers.pop(0) == "y"
+
+    def refines(self, written: SelectOutcome) -> bool:
+        self.shown.append(f"measure {[level.reserve for level in written.selection.levels]}?")
+        return self._answers.pop(0) == "y"
 
     def refused(self, problem: RequestError | UseCaseError) -> None:
         self.shown.append(f"no: {type(problem).__name__}")
@@ -40,7 +48,7 @@ def test_a_page_can_show_the_steps_of_the_use_scenario(tmp_path: Path) -> None:
     write(tmp_path, MANIFEST)
     source = ManifestSource(manifest=str(tmp_path), today=date(2026, 1, 1))
     hosts = select_hosts(load_manifest(source), HostSelection())
-    page = Page("fast", "1 ms", "90 ms")
+    page = Page("fast", "1 ms", "80 ms", "n", "90 ms", "y", "n")
 
     outcome = measure_components(hosts, MeasureRequest(), prompt=page)
 
@@ -51,7 +59,35 @@ def test_a_page_can_show_the_steps_of_the_use_scenario(tmp_path: Path) -> None:
         "level of vision?",
         "no: UseCaseError",
         "level of vision?",
+        "write 80?",
+        "level of vision?",
+        "write 90?",
         "90 in rarms.yaml",
+        "measure [28]?",
     ]
     assert load_manifest(source).system.components["vision"].apt["mean_response_time"].value == 90
     assert not outcome.findings
+
+
+def test_from_a_coarse_curve_to_a_level_that_is_measured(tmp_path: Path) -> None:
+    write(tmp_path, MANIFEST)
+    source = ManifestSource(manifest=str(tmp_path), today=date(2026, 1, 1))
+    hosts = select_hosts(load_manifest(source), HostSelection())
+    page = Page("90 ms", "y", "y", "")
+
+    outcome = measure_components(hosts, MeasureRequest(coarse=True), prompt=page)
+
+    (result,) = outcome.results
+    reserves = [setting.reserve for setting in result.settings]
+    assert reserves[:10] == [10, 20, 30, 40, 50, 60, 70, 80, 90, 100]
+    assert page.shown[1:4] == ["level of vision?", "write 90?", "90 in rarms.yaml"]
+    assert page.shown[4].startswith("measure [2"), "between two settings of the coarse curve"
+    assert len(reserves) > 10
+    assert result.planned is not None
+    assert not result.planned.interpolated
+
+
+def test_a_coarse_curve_is_clipped_to_what_the_host_can_give() -> None:
+    assert coarse_reserves(100) == (10, 20, 30, 40, 50, 60, 70, 80, 90, 100)
+    assert coarse_reserves(47) == (10, 20, 30, 40, 47)
+    assert coarse_reserves(0) == (10,), "a setting that the host refuses, with its reason"

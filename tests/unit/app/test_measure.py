@@ -271,7 +271,7 @@ def test_a_killed_measurement_leaves_partitions_that_the_next_one_removes(here: 
 
 
 def test_a_level_that_is_picked_after_measuring_stands_in_the_summary(here: Path) -> None:
-    ran = rarms("measure", "--interactive", stdin="90 ms\n", at_a_terminal=True)
+    ran = rarms("measure", "--interactive", stdin="90 ms\ny\n", at_a_terminal=True)
     summary = rarms("measure", "--from", "45%", "--to", "45%").out
 
     assert ran.code == 0, ran.err
@@ -286,10 +286,11 @@ def test_a_level_that_is_picked_after_measuring_stands_in_the_summary(here: Path
 
 def test_a_threshold_that_nothing_meets_is_told_of_unless_another_level_is_picked(here: Path) -> None:
     write(here, MANIFEST.replace("at_most: 50 ms", "at_most: 15 ms"))
-    picked = rarms("measure", "--interactive", stdin="40 ms\n", at_a_terminal=True)
+    search = ("measure", "--interactive", "--strategy", "bisection")
+    picked = rarms(*search, stdin="40 ms\ny\n", at_a_terminal=True)
     assert (picked.code, "RARMS110" in picked.err) == (0, False), picked.err
     write(here, MANIFEST.replace("at_most: 50 ms", "at_most: 15 ms"))
-    left = rarms("measure", "--interactive", stdin="\n", at_a_terminal=True)
+    left = rarms(*search, stdin="\n", at_a_terminal=True)
     assert (left.code, "RARMS110" in left.err) == (4, True)
 
 

@@ -1,0 +1,155 @@
+"""`rarms measure --interactive` as a person does it: a whole session through a pseudo-terminal."""
+
+import os
+import re
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.needs import CHECKOUT
+
+pytestmark = pytest.mark.needs("posix")
+
+MANIFEST = """\
+schema: rarms/v1
+application: { name: robot }
+hosts:
+  onboard: { logical_processors: 2, memory: 4 GiB }
+components:
+  vision:
+    criticality: 30
+    run: { command: [vision], until: { samples: 60 }, samples: { from: per_run } }
+    apt: { mean_response_time: { at_most: 50 ms } }  # the line is not too late
+    cpu: { reserve: measured }
+    memory: 512 MiB
+    simulation: { work: 20 ms, varies: 2 % }
+  speech:
+    criticality: 10
+    run: { command: [speech], until: { samples: 60 }, samples: { from: per_run } }
+    apt: { mean_response_time: { at_most: 90 ms } }
+    cpu: { reserve: measured }
+    memory: 512 MiB
+    simulation: { work: 20 ms, varies: 2 % }
+"""
+LONGEST = 120
+"""Seconds to wait for words; a machine may be busy."""
+
+
+class Person:
+    """Sits at a terminal of 100 columns: waits for words, and types."""
+
+    def __init__(self, folder: Path, *words: str) -> None:
+        import pty
+
+        self.seen = ""
+        self._read = 0
+        self._screen, keyboard = pty.openpty()
+        environment = {**os.environ, "COLUMNS": "100", "TERM": "xterm", "NO_COLOR": "1"}
+        command = [sys.executable, "-m", "rarms_iac.cli.main", *words, "-f", str(folder)]
+        self.process = subprocess.Popen(
+            command, cwd=CHECKOUT, env=environment, stdin=keyboard, stdout=keyboard, stderr=keyboard, close_fds=True
+        )
+        os.close(keyboard)
+
+    def waits_for(self, words: str) -> None:
+        """Read until these words were shown after those that were waited for before."""
+        until = time.monotonic() + LONGEST
+        while (at := self._plain().find(words, self._read)) < 0:
+            assert self._more(until), f"no {words!r} in {self._plain()[self._read :]}"
+        self._read = at + len(words)
+
+    def types(self, line: str) -> None:
+        """Type a line."""
+        os.write(self._screen, f"{line}\n".encode())
+
+    def leaves(self) -> int:
+        """Read to the end; the exit code."""
+        while self._more(time.monotonic() + LONGEST):
+            pass
+        return self.process.wait(timeout=LONGEST)
+
+    def interrupts(self) -> None:
+        """Press Ctrl-C."""
+        self.process.send_signal(signal.SIGINT)
+
+    def close(self) -> None:
+        """Take the terminal away."""
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait(timeout=LONGEST)
+        os.close(self._screen)
+
+    def _more(self, until: float) -> bool:
+        ready, _, _ = select.select([self._screen], [], [], max(0.0, until - time.monotonic()))
+        try:
+            data = os.read(self._screen, 65536) if ready else b""
+        except OSError:  # the other side is closed
+            return False
+        self.seen += data.decode("utf-8", "replace")
+        return bool(data)
+
+    def _plain(self) -> str:
+        return " ".join(re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", self.seen).split())
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
+    return tmp_path
+
+
+@pytest.fixture
+def person(folder: Path) -> Iterator[Person]:
+    sitting = Person(folder, "measure", "--interactive")
+    yield sitting
+    sitting.close()
+
+
+def test_a_whole_session(person: Person, folder: Path) -> None:
+    manifest = folder / "rarms.yaml"
+    person.waits_for("vision on onboard: 10 settings")
+    person.waits_for("against CPU reservation (%)")
+    person.waits_for("onboard: ")
+    person.waits_for("A level for vision, as 100 ms or 95 %, or Enter to go on [?, q]:")
+    person.types("?")
+    person.waits_for("A level is how well it must do, with its unit")
+    person.types("150 ms")
+    person.waits_for("vision: mean_response_time at most 50 ms -> at most 150 ms")
+    person.waits_for("Write this level into the manifest? [y/N/?/q]")
+    person.types("n")
+    person.waits_for("A level for vision")
+    assert manifest.read_text(encoding="utf-8") == MANIFEST, "nothing is written without a yes"
+    person.types("150 ms")
+    person.waits_for("Write this level into the manifest? [y/N/?/q]")
+    person.types("y")
+    person.waits_for("Written to")
+    assert "at_most: 150 ms } }  # the line is not too late" in manifest.read_text(encoding="utf-8")
+    person.waits_for("lies between measured settings. Measure there? [y/N/?/q]")
+    person.types("y")
+    person.waits_for("vision on onboard: 1 to")
+    person.waits_for("A level for vision")
+    person.types("")
+    person.waits_for("speech on onboard: 10 settings")
+    person.waits_for("A level for speech")
+    person.types("q")
+    person.waits_for("Ended. What is measured and written stays: the same command goes on.")
+    assert person.leaves() == 0
+    assert (folder / "measurements" / "onboard" / "speech" / "busy-loop.jsonl").is_file()
+
+
+def test_ctrl_c_at_a_question_leaves_what_was_measured(person: Person, folder: Path) -> None:
+    person.waits_for("A level for vision")
+
+    person.interrupts()
+
+    person.waits_for("the same command goes on.")
+    assert person.leaves() == 130
+    log = folder / "measurements" / "onboard" / "vision" / "busy-loop.jsonl"
+    assert len(log.read_text(encoding="utf-8").splitlines()) == 11
+    assert (folder / "rarms.yaml").read_text(encoding="utf-8") == MANIFEST
