@@ -101,6 +101,11 @@ def figure_3(until_ms: float, seeds: Sequence[int], browsers: Sequence[int] = ra
     return [_loaded(number, until_ms, seeds) for number in browsers]
 
 
+def figure_3_together(until_ms: float, seeds: Sequence[int], browsers: Sequence[int]) -> dict[int, dict[str, float]]:
+    """Mean response times in ms, by component, of all four in one operating system, by browsers."""
+    return {number: _together(number, until_ms, seeds) for number in browsers}
+
+
 def figure_4(
     jobs: int, seeds: Sequence[int], browsers: Sequence[int] = BROWSERS
 ) -> dict[tuple[int, int], dict[int, float]]:
@@ -128,6 +133,14 @@ def _loaded(browsers: int, until_ms: float, seeds: Sequence[int]) -> Loaded:
         success_rate={name: 100.0 * mean(job.successful for job in done) for name, done in jobs.items()},
         throughput={name: sum(job.successful for job in done) / elapsed_s for name, done in jobs.items()},
     )
+
+
+def _together(browsers: int, until_ms: float, seeds: Sequence[int]) -> dict[str, float]:
+    machine, asked = _one_system(browsers), demands()
+    inside = replace(machine.machines[0], components=tuple(asked[name] for name in (FDP, SRP, VSP, PPP)))
+    filled = replace(machine, machines=(inside,))
+    jobs = [job for seed in seeds for job in simulate(filled, seed, until_ms=until_ms)]
+    return {name: mean(job.response for job in jobs if job.component == name) for name in (FDP, SRP, VSP, PPP)}
 
 
 def _jobs(demand: JobDemand, browsers: int, until_ms: float, seeds: Sequence[int]) -> list[JobDone]:

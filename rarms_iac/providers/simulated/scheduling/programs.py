@@ -45,8 +45,11 @@ SYSTEM_MIB = 150.0
 BROWSER_MIB = 130.0
 """What a browser that plays video works on."""
 
-PAGE_IN_MS = 4.0
-"""What a frame waits for the disk if nothing of what it touches is in memory; the screen is locked meanwhile."""
+DISK_READ_MS = 12.0
+"""A random read of a disk of the time, 8 ms of seek and 4 ms of rotation (7200 a minute); the screen is locked."""
+
+READS_A_FRAME = 1.0 / 3.0
+"""How many frames read a page back where no working set is in memory: most touch what the last one touched."""
 
 
 def absent_share(instances: int, memory_mib: float | None) -> float:
@@ -253,7 +256,8 @@ class BrowserProgram(Owner):
             self._screen.lock(self._draw)
 
     def _draw(self) -> None:
-        self._agenda.after(self._variation.of(PAGE_IN_MS * self._absent), self, self._paged_in)
+        reads = self._random.random() < READS_A_FRAME * self._absent
+        self._agenda.after(self._variation.of(DISK_READ_MS) if reads else 0.0, self, self._paged_in)
 
     def _paged_in(self) -> None:
         self._devices.interrupt(INTERCEPT_MS)
