@@ -1,6 +1,7 @@
 """The findings of measuring, each with its page in docs/findings, and how the end of an experiment becomes one."""
 
 from collections.abc import Iterable, Iterator
+from fractions import Fraction
 from typing import assert_never
 
 from rarms_iac.measuring.performance import MeasuredIndex, measured_indexes, why_unsteady
@@ -19,9 +20,10 @@ from rarms_iac.model.outcomes import (
     Swept,
     TooManyFailures,
 )
-from rarms_iac.model.quantities import show_amount
+from rarms_iac.model.quantities import show_amount, show_processors
 from rarms_iac.model.system import Measured
 from rarms_iac.model.wording import in_a_row
+from rarms_iac.statistics.parallelism import usable_processors
 
 NOT_ACHIEVABLE = Finding(
     code="RARMS110", severity=Severity.ERROR, summary="Threshold performance is not achievable on this platform."
@@ -53,6 +55,9 @@ FIXED_ANYWAY = Finding(
 LESS_UNKNOWN = Finding(
     code="RARMS267", severity=Severity.WARNING, summary="Less may be enough: settings below have no steady state"
 )
+UNUSABLE_PROCESSORS = Finding(
+    code="RARMS268", severity=Severity.NOTE, summary="A component reserves processors that it cannot use"
+)
 
 
 LONG = 2000
@@ -82,6 +87,7 @@ def findings_of(
         case Sufficient(reserve=reserve):
             yield from _less_unknown(experiment, conclusion, settings, places)
             yield from _fixed_anyway(experiment, reserve, places)
+            yield from _unusable_processors(experiment, reserve, settings, places)
         case Swept() | Stopped():
             return
         case _:
@@ -198,5 +204,24 @@ def _fixed_anyway(experiment: Experiment, reserve: int, places: Places) -> Itera
             f"{member.name} meets its thresholds at a CR of {reserve} %, and the manifest reserves "
             f"{show_amount(member.cpu.reserve)} for it, whatever is measured.",
             "For a plan to take what was measured, write `reserve: measured`.",
+            address=f"component/{member.name}",
+        )
+
+
+def _unusable_processors(
+    experiment: Experiment, reserve: int, settings: tuple[Setting, ...], places: Places
+) -> Iterator[Diagnostic]:
+    """Of a component measured alone: a CR is per cent of all its virtual processors, whether it uses them or not."""
+    processors = experiment.setup.processors
+    for member in experiment.members if len(experiment.members) == 1 else ():
+        usable = usable_processors(settings, member.name, processors)
+        if usable is None:
+            continue
+        now, then = (show_processors(Fraction(reserve * count, 100)) for count in (processors, usable))
+        yield UNUSABLE_PROCESSORS.at(
+            places.key("components", member.name),
+            f"{member.name} used {usable} of its {processors} virtual processors at most. A CR of {reserve} % is {now} "
+            f"with {processors} of them, and {then} with {usable}.",
+            f"Write `processors: {usable}` for {member.name}, and measure it again: `rarms measure {member.name}`.",
             address=f"component/{member.name}",
         )

@@ -7,6 +7,7 @@ not fail because others took its place.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import takewhile
 
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places
 from rarms_iac.model.layout import TOGETHER, Cause, Infeasible, Layout, Relaxation
@@ -102,7 +103,10 @@ def _advice(ways: Sequence[Relaxation]) -> str:
         lines = [f"{head}{together}."]
     elif sure:
         lines.insert(0, "Each of these alone would fit:")
-    return "\n".join([*lines, *(f"{way.says[0].upper()}{way.says[1:]}." for way in ways if way.may)])
+    first = list(takewhile(lambda way: way.may, ways))
+    last = [way for way in ways if way.may and way not in first]
+    before, after = ([f"{way.says[0].upper()}{way.says[1:]}." for way in perhaps] for perhaps in (first, last))
+    return "\n".join([*before, *lines, *after])
 
 
 def _place(cause: Cause, system: System, places: Places) -> Place:

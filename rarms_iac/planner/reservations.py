@@ -129,7 +129,7 @@ def fixed(members: Iterable[Component], host: Host) -> LogicalProcessors:
     return LogicalProcessors(total)
 
 
-def _not_told(_component: str) -> float | None:
+def _not_told(_component: str) -> None:
     return None
 
 
@@ -144,6 +144,7 @@ class MeasuredTogether:
     remarks: tuple[Cause, ...] = ()
     again: str = ""  # the command that measures it
     cpu_ms: Callable[[str], float | None] = _not_told  # processor time of a component's job, on average
+    usable: Callable[[str], int | None] = _not_told  # fewer processors than these that a component can use at most
 
 
 Logs = Mapping[tuple[Hashable, Names], MeasuredTogether | NotMeasured]

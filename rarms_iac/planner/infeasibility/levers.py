@@ -17,6 +17,7 @@ from rarms_iac.model.quantities import (
     show_amount,
     show_bytes,
     show_percent,
+    show_processors,
 )
 from rarms_iac.model.system import Component, CpuRequest, Host, Measured, PartitionRequest, Threshold
 from rarms_iac.model.wording import in_a_row
@@ -97,6 +98,37 @@ def _relaxed_apt(component: Component, name: str, threshold: Threshold) -> Chang
 
     before = show_value(index, component.apt[name].value)
     return Change(f"{component.name}: {name} {show_threshold(index, threshold)} instead of {before}", apply)
+
+
+def narrowing_levers(group: Group, problem: Problem) -> Iterator[Lever]:
+    """Fewer virtual processors for a component that was measured alone and does not use all that it has."""
+    source, claims = problem.reservations, problem.claims[group.name]
+    if (
+        not claims
+        or not isinstance(source, MeasuredReservations)
+        or not rests_on_a_log(group)
+        or len(group.members) > 1
+    ):
+        return
+    host = problem.system.hosts[next(iter(claims))]
+    log, least = source.log(group.members, host), source.least(group.members, host)
+    (member,) = group.members
+    usable = log.usable(member.name) if isinstance(log, MeasuredTogether) else None
+    if not isinstance(log, MeasuredTogether) or least is None or usable is None or group.request.processors is not None:
+        return
+    time = Fraction(least.reserve * usable, 100)
+
+    def changes_at(_level: int) -> Changes:
+        amount = ProcessorTime(LogicalProcessors(time))
+        after = replace(member, processors=usable, cpu=replace(member.cpu, reserve=amount))
+        before = show_processors(Fraction(least.reserve * log.processors, 100))
+        message = (
+            f"`processors: {usable}` for {member.name}, which uses no more of its {log.processors}: about "
+            f"{show_processors(time)} instead of {before}"
+        )
+        return (Change(message, lambda variant: variant.with_entries("components", {member.name: after})),)
+
+    yield Lever(partitions=(group.name,), levels=range(1), changes_at=changes_at, to_be_measured=True)
 
 
 def memory_levers(problem: Problem) -> Iterator[Lever]:

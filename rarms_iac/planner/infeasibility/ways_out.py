@@ -5,10 +5,12 @@ from dataclasses import replace
 from itertools import chain, islice, zip_longest
 
 from rarms_iac.model.layout import Relaxation
+from rarms_iac.planner.groups import Group
 from rarms_iac.planner.infeasibility.changes import Change, Changes, Lever, Trials, Variant, describe, smallest_changes
 from rarms_iac.planner.infeasibility.levers import (
     apt_levers,
     memory_levers,
+    narrowing_levers,
     pair_levers,
     processor_levers,
     reserve_levers,
@@ -32,7 +34,8 @@ def ways_out(problem: Problem, conflict: Sequence[str], start: Variant) -> tuple
 
     Returns:
         Up to `OFFERED` changes that are enough, one of each kind before a second of any: moving, a lower APT, more of a
-        host, a lower reserve. Then those that may be enough, and have to be measured.
+        host, a lower reserve. Before them fewer processors for components that cannot use theirs, which costs nothing;
+        after them what else may be enough, and has to be measured.
     """
     trials = Trials(start=start)
     groups = sorted(problem.groups, key=lambda group: (group.criticality, group.name))
@@ -48,7 +51,11 @@ def ways_out(problem: Problem, conflict: Sequence[str], start: Variant) -> tuple
     in_turns = (describe(changes) for turn in zip_longest(*kinds, fillvalue=()) for changes in turn if changes)
     sure = list(islice(dict.fromkeys(in_turns), OFFERED))
     perhaps = (*_combining(problem, conflict, trials), *_more_processors(processors, trials))
-    return (*(Relaxation(says=way) for way in sure), *(Relaxation(says=way, may=True) for way in perhaps))
+    return (
+        *(Relaxation(says=way, may=True) for way in _narrowing(groups, problem, conflict, trials)),
+        *(Relaxation(says=way) for way in sure),
+        *(Relaxation(says=way, may=True) for way in perhaps),
+    )
 
 
 def _moving(problem: Problem, trials: Trials) -> Iterator[Changes]:
@@ -72,6 +79,12 @@ def _of_kind(
         if ways:
             return ways
     return ()
+
+
+def _narrowing(groups: Sequence[Group], problem: Problem, conflict: Sequence[str], trials: Trials) -> Iterator[str]:
+    levers = chain.from_iterable(narrowing_levers(group, problem) for group in groups)
+    for changes in islice(_of_kind(levers, (), conflict, trials), 1):
+        yield f"fewer virtual processors may be enough, and `rarms measure` tells: {describe(changes)}"
 
 
 def _combining(problem: Problem, conflict: Sequence[str], trials: Trials) -> Iterator[str]:

@@ -1,5 +1,7 @@
 """What an end is told as: an end that is a no always has a finding that says so."""
 
+from dataclasses import replace
+
 import pytest
 
 from rarms_iac.manifest.text.positions import FirstLine
@@ -94,3 +96,20 @@ def test_a_reservation_that_is_fixed_and_measured_is_told_of(reserve: str | None
 
     assert [diagnostic.code for diagnostic in found] == codes
     assert all("21 %" in diagnostic.detail and "reserves 30 %" in diagnostic.detail for diagnostic in found)
+
+
+def test_a_component_of_one_thread_is_told_what_fewer_processors_would_save() -> None:
+    """At 54 % of each virtual processor it consumes 54 % of one logical processor, whatever the others reserve."""
+    component = a_component("vision", apt=APT, simulation=a_simulation(), reserve=None)
+    system = a_system(components=[component])
+    experiment = experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
+    processors = experiment.setup.processors
+    series = replace(a_series("vision", [40.0] * 60), cpu_ms=60 * 40.0 * 0.54)
+    end = Sufficient(reserve=54, failed=53, error=0.03)
+
+    found = list(findings_of(experiment, end, (a_setting(54, series),), FirstLine("")))
+
+    assert [diagnostic.code for diagnostic in found] == ["RARMS268"]
+    assert f"vision used 1 of its {processors} virtual processors at most" in found[0].detail
+    assert "0.54 LP with 1" in found[0].detail
+    assert "processors: 1" in found[0].advice
