@@ -5,7 +5,7 @@ partitions and the order in which a partition tries its hosts make the differenc
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import product
+from itertools import islice, product
 from random import Random
 
 from rarms_iac.model.capacity import packs_by_size
@@ -22,24 +22,30 @@ from rarms_iac.planner.packing.values import (
     objective_of,
 )
 
+FEW_WAYS = 12
+"""Ways (an order of the partitions, and one of each partition's hosts) that a quick question tries: all sizes once."""
+
 RANDOM_ORDERS = 12
 """Orders by a size that chance made a little larger or smaller."""
 
 
-def best_first_fit(items: Sequence[Item], bins: Sequence[Bin], bound: Objective | None = None) -> dict[str, str] | None:
+def best_first_fit(
+    items: Sequence[Item], bins: Sequence[Bin], bound: Objective | None = None, *, ways: int | None = None
+) -> dict[str, str] | None:
     """Find a host for each partition by first fit.
 
     Args:
         items: The partitions, by name.
         bins: The hosts, by name.
         bound: What no packing is below: the first packing that meets it is taken. None: the first packing of all is.
+        ways: How many ways are tried; None: all, about fifty, or twice as many where partitions run already.
 
     Returns:
         The host of each partition in the best packing of those that were tried; None: no order of partitions led to
         one, which does not say that there is none.
     """
     best: tuple[Objective, dict[str, str]] | None = None
-    for order, preference in product(_orders(items, bins), _PREFERENCES):
+    for order, preference in islice(product(_orders(items, bins), _PREFERENCES), ways):
         host_of = _first_fit(order, bins, preference, skips=False)
         if len(host_of) < len(items):
             continue

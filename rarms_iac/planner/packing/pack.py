@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from rarms_iac.model.capacity import holds
 from rarms_iac.planner.packing.assignment import Assignment
 from rarms_iac.planner.packing.bounds import exceeds_capacity, lower_bound
-from rarms_iac.planner.packing.first_fit import best_first_fit
+from rarms_iac.planner.packing.first_fit import FEW_WAYS, best_first_fit
 from rarms_iac.planner.packing.highs import is_installed, minimise
 from rarms_iac.planner.packing.names import first_by_name
 from rarms_iac.planner.packing.repair import find_by_repacking
@@ -87,7 +87,7 @@ def can_pack(items: Sequence[Item], bins: Sequence[Bin], *, by_first_fit: bool =
         return False
     if (forced := _forced_hosts(items)) is not None:
         return hosts_can_hold(items, bins, forced)
-    if best_first_fit(items, bins) is not None:
+    if best_first_fit(items, bins, ways=FEW_WAYS if by_first_fit else None) is not None:
         return True
     if by_first_fit or not is_installed():
         return None
