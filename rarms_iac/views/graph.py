@@ -1,9 +1,8 @@
-"""The system as a picture: hosts with their partitions with their components, in DOT or Mermaid."""
+"""The system as a picture: hosts with their partitions with their components, in Mermaid."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
-from typing import Literal, assert_never
+from typing import Literal
 
 from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.quantities import show_bytes, show_percent, show_processors
@@ -12,13 +11,6 @@ from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.output.combining import CandidateOutput, CandidatesOutput, GraphOutput, NodeOutput
 from rarms_iac.views.output.common import output_of
-
-
-class GraphFormat(StrEnum):
-    """Languages that graphs are written in."""
-
-    DOT = "dot"
-    MERMAID = "mermaid"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,16 +59,11 @@ def _component(system: System, name: str, inside: str) -> GraphNode:
     return GraphNode(id=f"component/{name}", is_a="component", name=name, inside=inside, label=label)
 
 
-def graph_text(form: GraphFormat, title: str, nodes: Sequence[GraphNode]) -> str:
-    """The graph in that language, ending with a line end."""
-    match form:
-        case GraphFormat.DOT:
-            lines = _system_dot(title, nodes)
-        case GraphFormat.MERMAID:
-            lines = _system_mermaid(title, nodes)
-        case _:
-            assert_never(form)
-    return "\n".join(lines) + "\n"
+def graph_text(title: str, nodes: Sequence[GraphNode]) -> str:
+    """Draw the hosts with what lies in them as a Mermaid flowchart, ending with a line end."""
+    numbers = {node.id: f"n{number}" for number, node in enumerate(nodes)}
+    lines = (line for host in children(nodes, "") for line in _group(nodes, host, numbers, "  "))
+    return _flowchart(title, lines)
 
 
 def graph_json(application: str, nodes: Sequence[GraphNode]) -> str:
@@ -85,57 +72,23 @@ def graph_json(application: str, nodes: Sequence[GraphNode]) -> str:
     return as_json(GraphOutput(application=application, nodes=shown))
 
 
-def inside(nodes: Sequence[GraphNode], parent: str) -> tuple[GraphNode, ...]:
-    """What lies directly in it."""
+def children(nodes: Sequence[GraphNode], parent: str) -> tuple[GraphNode, ...]:
+    """Return the nodes that lie directly in the node with this id; empty: the hosts."""
     return tuple(node for node in nodes if node.inside == parent)
 
 
-def _system_dot(title: str, nodes: Sequence[GraphNode]) -> Iterator[str]:
-    yield f"digraph {dot_quoted(title)} {{"
-    yield "  graph [rankdir=LR, compound=true];"
-    yield "  node [shape=box, style=rounded];"
-    for host in inside(nodes, ""):
-        yield from _dot_cluster(nodes, host, "  ")
-    yield "}"
+def _flowchart(title: str, lines: Iterable[str]) -> str:
+    return "\n".join(("---", f'title: "{title}"', "---", "flowchart LR", *lines)) + "\n"
 
 
-def _dot_cluster(nodes: Sequence[GraphNode], node: GraphNode, indent: str) -> Iterator[str]:
-    if node.is_a == "component":
-        yield f"{indent}{dot_quoted(node.id)} [label={dot_quoted(*node.label)}];"
-        return
-    yield f"{indent}subgraph {dot_quoted(f'cluster_{node.id}')} {{"
-    yield f"{indent}  label={dot_quoted(*node.label)};"
-    members = inside(nodes, node.id)
-    if not members:
-        yield f'{indent}  {dot_quoted(f"{node.id}/empty")} [label="", style=invis];'  # an empty cluster is not drawn
-    for member in members:
-        yield from _dot_cluster(nodes, member, indent + "  ")
-    yield f"{indent}}}"
-
-
-def dot_quoted(*lines: str) -> str:
-    """Lines of text as one DOT string."""
-    return '"' + "\\n".join(line.replace("\\", "\\\\").replace('"', '\\"') for line in lines) + '"'
-
-
-def _system_mermaid(title: str, nodes: Sequence[GraphNode]) -> Iterator[str]:
-    yield "---"
-    yield f'title: "{title}"'
-    yield "---"
-    yield "flowchart LR"
-    numbers = {node.id: f"n{number}" for number, node in enumerate(nodes)}
-    for host in inside(nodes, ""):
-        yield from _mermaid_group(nodes, host, numbers, "  ")
-
-
-def _mermaid_group(nodes: Sequence[GraphNode], node: GraphNode, numbers: dict[str, str], indent: str) -> Iterator[str]:
+def _group(nodes: Sequence[GraphNode], node: GraphNode, numbers: dict[str, str], indent: str) -> Iterator[str]:
     label = f'["{mermaid_quoted(*node.label)}"]'
     if node.is_a == "component":
         yield f"{indent}{numbers[node.id]}{label}"
         return
     yield f"{indent}subgraph {numbers[node.id]}{label}"
-    for member in inside(nodes, node.id):
-        yield from _mermaid_group(nodes, member, numbers, indent + "  ")
+    for member in children(nodes, node.id):
+        yield from _group(nodes, member, numbers, indent + "  ")
     yield f"{indent}end"
 
 
@@ -147,16 +100,9 @@ def mermaid_quoted(*lines: str) -> str:
 _MERMAID = {'"': "#quot;", "#": "#35;", "&": "#amp;", "<": "#lt;", ">": "#gt;", ";": "#59;", "`": "#96;"}
 
 
-def candidates_text(form: GraphFormat, title: str, nodes: Sequence[Node]) -> str:
-    """The graph in that language, ending with a line end."""
-    match form:
-        case GraphFormat.DOT:
-            lines = _candidates_dot(title, nodes)
-        case GraphFormat.MERMAID:
-            lines = _candidates_mermaid(title, nodes)
-        case _:
-            assert_never(form)
-    return "\n".join(lines) + "\n"
+def candidates_text(title: str, nodes: Sequence[Node]) -> str:
+    """Draw the candidate graph as a Mermaid flowchart, ending with a line end."""
+    return _flowchart(title, _candidate_lines(nodes))
 
 
 def candidates_json(application: str, nodes: Sequence[Node]) -> str:
@@ -165,24 +111,7 @@ def candidates_json(application: str, nodes: Sequence[Node]) -> str:
     return as_json(CandidatesOutput(application=application, candidates=shown))
 
 
-def _candidates_dot(title: str, nodes: Sequence[Node]) -> Iterator[str]:
-    yield f"digraph {dot_quoted(title)} {{"
-    yield "  graph [rankdir=LR];"
-    yield "  node [shape=box, style=rounded];"
-    for node in nodes:
-        style = "" if node.measured and node.is_gain else ', style="rounded,dashed"'
-        yield f"  {dot_quoted(node.name)} [label={dot_quoted(*node.label)}{style}];"
-    for node in nodes:
-        for part in node.parts:
-            yield f"  {dot_quoted(part)} -> {dot_quoted(node.name)};"
-    yield "}"
-
-
-def _candidates_mermaid(title: str, nodes: Sequence[Node]) -> Iterator[str]:
-    yield "---"
-    yield f'title: "{title}"'
-    yield "---"
-    yield "flowchart LR"
+def _candidate_lines(nodes: Sequence[Node]) -> Iterator[str]:
     numbers = {node.name: f"n{number}" for number, node in enumerate(nodes)}
     for node in nodes:
         yield f'  {numbers[node.name]}["{mermaid_quoted(*node.label)}"]'

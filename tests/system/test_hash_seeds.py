@@ -29,7 +29,7 @@ plan --out first.plan --today 2026-11-21
 plan --json --today 2026-11-21
 show first.plan
 apply first.plan --today 2026-11-21
-graph --format dot
+graph
 snapshot --out .
 drift --json
 destroy --out second.plan --today 2026-11-21
@@ -43,8 +43,7 @@ export trail.csv --trail
 validate --json
 plan --out first.plan --today 2026-11-21
 explain path-following
-graph --candidates --format dot
-graph --candidates --format mermaid
+graph --candidates
 report
 export after.csv
 """

@@ -14,7 +14,7 @@ from rarms_iac.model.journal import RunKind, RunStarted, StepStatus
 from rarms_iac.model.layout import Layout
 from rarms_iac.model.plan import Step, Totals, UndoLevel
 from rarms_iac.views.console import live_console, render
-from rarms_iac.views.graph import GraphFormat, dot_quoted, graph_json, graph_nodes, graph_text, mermaid_quoted
+from rarms_iac.views.graph import graph_json, graph_nodes, graph_text, mermaid_quoted
 from rarms_iac.views.hosts import drift_json, drift_text
 from rarms_iac.views.run import RunProgress, run_json, run_text, undo_text
 from tests.builders import the_delivery_robot
@@ -187,16 +187,12 @@ def a_layout() -> Layout:
 def test_a_graph_nests_hosts_partitions_and_components() -> None:
     nodes = graph_nodes(the_delivery_robot(), a_layout())
 
-    dot = graph_text(GraphFormat.DOT, "delivery-robot", nodes)
-    mermaid = graph_text(GraphFormat.MERMAID, "delivery-robot", nodes)
+    mermaid = graph_text("delivery-robot", nodes)
 
-    assert 'subgraph "cluster_partition/speech" {' in dot
-    assert dot.count("{") == dot.count("}")
     assert '    subgraph n3["speech<br/>0.8 LP reserved (40 % each VP)<br/>512 MiB"]' in mermaid
     assert mermaid.count("subgraph ") == mermaid.count("end\n")
     check(graph_json("delivery-robot", nodes))
 
 
 def test_a_graph_escapes_what_its_language_would_read() -> None:
-    assert dot_quoted('a"b\\', "c") == '"a\\"b\\\\\\nc"'
     assert mermaid_quoted('a"<b>', "#;") == "a#quot;#lt;b#gt;<br/>#35;#59;"
