@@ -19,7 +19,7 @@ from rarms_iac.model.capacity import capacity_of
 from rarms_iac.model.claims import load_of
 from rarms_iac.model.diagnostics import Diagnostic, has_errors
 from rarms_iac.model.layout import Cause, Layout, PlacedPartition
-from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime, in_processors, show_processors
+from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime, in_processors, show_lp_percent, show_processors
 from rarms_iac.model.state import State
 from rarms_iac.model.system import Component, Disruption, Host, Measured, System
 from rarms_iac.model.wording import suggestion
@@ -394,6 +394,6 @@ def _saving(
     together = expected_of(predictor, names_of((*group.members, *other.members)), processors, costs)
     if together is None or together * processors >= sum(costs):
         return None
-    apart, now = (show_processors(Fraction(percent, 100)) for percent in (sum(costs), together * processors))
+    apart, now = map(show_lp_percent, (sum(costs), together * processors))
     message = f"sharing with {other.name}: predicted {now} instead of {apart} apart; `rarms tune` measures it"
     return together * processors - sum(costs), message

@@ -2,14 +2,13 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from fractions import Fraction
 from pathlib import Path
 
 from rarms_iac.app.data_logs import Measurements, why_outdated
 from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.measurement_files import hold_configuration_logs, log_errors
 from rarms_iac.app.report_model import PlatformTuning
-from rarms_iac.model.quantities import show_processors
+from rarms_iac.model.quantities import show_lp_percent
 from rarms_iac.model.system import Host, System
 from rarms_iac.planner.groups import Group
 from rarms_iac.planner.reservations import Names, names_of
@@ -18,7 +17,7 @@ from rarms_iac.storage.datalog.tuning import TuningRun, append_run, read_runs, t
 
 
 def record_tuning(hosts: Hosts, platform: str, run: TuningRun) -> None:
-    """Write a run into the platform's log of tuning; a run that asked for nothing is left out.
+    """Write a run into the platform's log of tuning; a run that was stopped, or asked for nothing, is left out.
 
     Args:
         hosts: Those of the manifest, below whose folder the log lies.
@@ -29,7 +28,7 @@ def record_tuning(hosts: Hosts, platform: str, run: TuningRun) -> None:
         UseCaseError: The log is damaged (negative), or another run does not let go of it (refused).
         OSError: It cannot be written.
     """
-    if not run.trail:
+    if run.ending == "stopped" or not run.trail:
         return
     with hold_configuration_logs(Path(hosts.folder)), log_errors():
         append_run(tuning_path(Path(hosts.folder), platform), run)
@@ -79,8 +78,8 @@ class PreviousTuning:
                     claim = f", {run.claim} to be the best" if run.strategy == "default" else ""
                     return (
                         f"`rarms tune` combined them at {run.when}, by {STRATEGIES[run.strategy]}{claim}: CR "
-                        f"{partition.reserve} %, {_shown(partition.reserved)} instead of "
-                        f"{_shown(partition.parts)} apart"
+                        f"{partition.reserve} %, {show_lp_percent(partition.reserved)} instead of "
+                        f"{show_lp_percent(partition.parts)} apart"
                     )
         return ""
 
@@ -175,7 +174,3 @@ def _settings(settings: Mapping[int, Sequence[str]]) -> Iterator[str]:
         yield f"{enough} % is enough, and another layout was taken"
     if missed is not None:
         yield f"{missed} % is not enough for {' and '.join(settings[missed])} for sure"
-
-
-def _shown(percent: int) -> str:
-    return show_processors(Fraction(percent, 100))

@@ -1,7 +1,6 @@
 """What is asked at a terminal: which level of performance is good enough, and whether a combination is measured."""
 
 import sys
-from fractions import Fraction
 from pathlib import Path
 
 import click
@@ -16,7 +15,7 @@ from rarms_iac.app.select import SelectOutcome
 from rarms_iac.cli.interrupts import Interrupted
 from rarms_iac.cli.messages import tell
 from rarms_iac.cli.session import Session
-from rarms_iac.model.quantities import show_processors
+from rarms_iac.model.quantities import show_lp_percent
 from rarms_iac.model.wording import counted, in_a_row
 from rarms_iac.planner.combining.oracle import Members
 
@@ -187,7 +186,7 @@ class TerminalConsent:
         return self._answers[members]
 
     def _ask(self, members: Members, settings: int, gain: int) -> bool:
-        saves = show_processors(Fraction(gain, 100))
+        saves = show_lp_percent(gain)
         question = f"Try {in_a_row(members)}? About {counted(settings, 'setting')}, or fewer; saves at most {saves}."
         try:
             return ask_yes_or_no(self._session, question, TRY_HELP)

@@ -149,6 +149,11 @@ def show_processors(value: Fraction | int) -> str:
     return f"{plain(value)} LP"
 
 
+def show_lp_percent(percent: int) -> str:
+    """`1.4 LP` for 140 per cent of one logical processor, the unit of totals."""
+    return show_processors(Fraction(percent, 100))
+
+
 def show_bytes(value: int) -> str:
     """The largest unit that keeps the number whole: `512 MiB`, `4 GiB`, `1537 MiB`."""
     for unit, size in reversed(UNITS[Unit.MEMORY].items()):

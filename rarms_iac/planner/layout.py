@@ -11,7 +11,7 @@ from itertools import takewhile
 
 from rarms_iac.model.diagnostics import Diagnostic, Place, Places
 from rarms_iac.model.layout import TOGETHER, Cause, Infeasible, Layout, Relaxation
-from rarms_iac.model.quantities import show_bytes, show_processors
+from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_processors
 from rarms_iac.model.system import Disruption, Measured, System
 from rarms_iac.model.wording import counted
 from rarms_iac.planner import findings
@@ -166,7 +166,7 @@ def _placement(answer: Layout, places: Places) -> Iterator[Diagnostic]:
         return
     gap = show_processors(Fraction(placement.reserved - placement.reserved_bound, 100))
     detail = (
-        f"The layout reserves {show_processors(Fraction(placement.reserved, 100))}, at most {gap} more than needed, "
+        f"The layout reserves {show_lp_percent(placement.reserved)}, at most {gap} more than needed, "
         f"and moves {counted(placement.moves, 'partition')}, of which at least {placement.moves_bound} must move."
     )
     yield findings.NOT_PROVEN.at(places.key("application"), detail, "It fits and may be applied.")
@@ -182,7 +182,7 @@ def _moves(answer: Layout, problem: Problem, places: Places) -> Iterator[Diagnos
             yield findings.BETTER_ELSEWHERE.at(
                 places.key("partitions", partition.name),
                 f"{partition.name} stays on {partition.host}; on {host} it would reserve "
-                f"{show_processors(Fraction(best, 100))} instead of {show_processors(partition.reserved)}.",
+                f"{show_lp_percent(best)} instead of {show_processors(partition.reserved)}.",
                 "Allow `--max-disruption removal` if it may be made anew there.",
                 address=f"partition/{partition.name}",
             )

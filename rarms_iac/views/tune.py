@@ -5,8 +5,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.tune import TuningResult
-from rarms_iac.model.diagnostics import Diagnostic
-from rarms_iac.model.quantities import plain, show_processors
+from rarms_iac.model.quantities import plain, show_lp_percent
 from rarms_iac.model.wording import in_a_row
 from rarms_iac.planner.combining.oracle import Answer, Coi, Members, SilentReporter
 from rarms_iac.planner.prediction.belief import ASSUMED
@@ -48,7 +47,8 @@ class TuningProgress(SilentReporter):
     def combined(self, compound: Coi, before: int) -> None:
         """Say what it brought."""
         names = in_a_row(compound.members)
-        self._say(paragraph(f"Combined: {names}, {_lps(before)} apart and {_lps(compound.cost)} together."))
+        apart, together = show_lp_percent(before), show_lp_percent(compound.cost)
+        self._say(paragraph(f"Combined: {names}, {apart} apart and {together} together."))
 
     def ended(self) -> None:
         """Leave the table on the terminal."""
@@ -61,11 +61,11 @@ def answer_text(worse: Sequence[str]) -> str:
     return f"too little for {', '.join(worse)}" if worse else "all met"
 
 
-def tuned_text(tuned: TuningResult) -> "RenderableType":
+def tuned_text(result: TuningResult) -> "RenderableType":
     """The partitions, where there were some to tune, and what all of it came to."""
-    if not tuned.partitions:
-        return stack(*map(paragraph, _sentences(tuned)))
-    return stack(partitions_table(tuned.partitions), *map(paragraph, _sentences(tuned)))
+    sentences = map(paragraph, _sentences(result))
+    partitions = result.run.partitions
+    return stack(*([partitions_table(partitions)] if partitions else []), *sentences)
 
 
 def partitions_table(partitions: Sequence[TunedPartition]) -> "RenderableType":
@@ -83,44 +83,39 @@ def partitions_table(partitions: Sequence[TunedPartition]) -> "RenderableType":
     return table(rows, header=("partition", "components", "CR", "LP", "LP apart"), wrap=(1,), right=(2, 3, 4))
 
 
-def _sentences(tuned: TuningResult) -> Sequence[str]:
-    before, after, capacity = map(_lps, (tuned.before, tuned.after, tuned.capacity))
-    hosts = ", ".join(tuned.hosts)
-    match tuned.ending:
+def _sentences(result: TuningResult) -> Sequence[str]:
+    run, hosts = result.run, ", ".join(result.hosts)
+    before, after, capacity = map(show_lp_percent, (run.before, run.after, run.capacity))
+    match run.ending:
         case "nothing_to_do":
             return [f"{hosts}: nothing to do, {before} of {capacity} are reserved."]
         case "stopped":
             return [f"{hosts}: stopped, {before} are reserved, and there are {capacity}."]
         case "unable":
-            return [f"{hosts}: {before} are reserved, and there are {capacity}. {tuned.message}."]
+            return [f"{hosts}: {before} are reserved, and there are {capacity}. {run.message}."]
         case "successful":
-            return [f"{hosts}: {tuned.message}, {before} became {after} of {capacity}.", *_claims(tuned)]
-
-
-def _claims(tuned: TuningResult) -> Sequence[str]:
-    return [f"No other layout is better, if {ASSUMED}."] if tuned.proved else []
+            claim = [f"No other layout is better, if {ASSUMED}."] if run.proved else []
+            return [f"{hosts}: {run.message}, {before} became {after} of {capacity}.", *claim]
 
 
 def _number(percent: int) -> str:
     return plain(Fraction(percent, 100))
 
 
-def _lps(percent: int) -> str:
-    return show_processors(Fraction(percent, 100))
-
-
-def tuned_json(tuned: TuningResult, findings: Sequence[Diagnostic]) -> str:
+def tuned_json(result: TuningResult) -> str:
     """The same for programs."""
+    run = result.run
     return as_json(
         output_of(
             TuneOutput,
-            tuned,
+            run,
+            platform=result.platform,
+            hosts=result.hosts,
             partitions=tuple(
-                output_of(CombinedOutput, partition, parts_reserved=partition.parts) for partition in tuned.partitions
+                output_of(CombinedOutput, partition, parts_reserved=partition.parts) for partition in run.partitions
             ),
-            trail=tuple(
-                output_of(AskedOutput, asked, components=asked.members, met=asked.passed) for asked in tuned.trail
-            ),
-            findings=tuple(findings),
+            trail=tuple(output_of(AskedOutput, setting, met=not setting.worse) for setting in run.trail),
+            written=", ".join(result.files),
+            findings=result.findings,
         )
     )

@@ -1,22 +1,21 @@
 """`rarms tune`: combine components, so that less is reserved."""
 
-from typing import Literal, cast
+from typing import cast, get_args
 
 import click
 
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.app.tune import TuneOutcome, TuneRequest, tune_components
+from rarms_iac.app.tune import TuneRequest, TuningResult, tune_components
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, stopped, tell
 from rarms_iac.cli.options import host_options, json_option, lock_timeout_option, manifest_options
 from rarms_iac.cli.prompts import TerminalConsent, refuse_standard_input, refuse_without_terminal
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import has_errors
+from rarms_iac.storage.datalog.tuning import TuningStrategy
 from rarms_iac.views.tune import TuningProgress, tuned_json, tuned_text
-
-STRATEGIES = ("default", "paper")
 
 
 @rarms_command("tune")
@@ -24,7 +23,7 @@ STRATEGIES = ("default", "paper")
 @host_options
 @click.option(
     "--strategy",
-    type=click.Choice(STRATEGIES),
+    type=click.Choice(get_args(TuningStrategy)),
     default="default",
     help="default: the best layout, with a proof; paper: combine the two least critical that can be, to the letter. "
     "[default: default]",
@@ -64,7 +63,7 @@ def command(
         refuse_without_terminal(session, source)
     hosts = select_hosts(load_manifest(source), host_selection)
     request = TuneRequest(
-        strategy=cast(Literal["default", "paper"], strategy),
+        strategy=cast(TuningStrategy, strategy),
         repeat=repeat,
         dry_run=dry_run,
         samples=samples,
@@ -72,7 +71,7 @@ def command(
         lock_timeout_ms=lock_timeout,
     )
     progress = TuningProgress(session.terminal.talk, session.terminal.live_table())
-    outcome = tune_components(
+    result = tune_components(
         hosts,
         request,
         reporter=TerminalReporter(session),
@@ -81,19 +80,19 @@ def command(
         consent=TerminalConsent(session) if interactive else None,
     )
     progress.ended()
-    _tell_what_was_written(session, outcome)
-    tell(session.terminal, outcome.findings, hosts.manifest.sources)
+    _tell_what_was_written(session, result)
+    tell(session.terminal, result.findings, hosts.manifest.sources)
     if as_json:
-        session.terminal.data(tuned_json(outcome.result, outcome.findings))
-    elif outcome.result.partitions or outcome.result.ending != "unable":  # else a finding has said all
-        session.terminal.show(tuned_text(outcome.result))
-    if outcome.result.ending == "stopped":
+        session.terminal.data(tuned_json(result))
+    elif result.run.partitions or result.run.ending != "unable":  # else a finding has said all
+        session.terminal.show(tuned_text(result))
+    if result.run.ending == "stopped":
         return stopped(session)
-    return ExitCode.NO if has_errors(outcome.findings) else ExitCode.DONE
+    return ExitCode.NO if has_errors(result.findings) else ExitCode.DONE
 
 
-def _tell_what_was_written(session: Session, outcome: TuneOutcome) -> None:
-    for name in outcome.removed:
+def _tell_what_was_written(session: Session, result: TuningResult) -> None:
+    for name in result.removed:
         session.terminal.tell(f"The entry of partition {name} is gone: its components are elsewhere now.")
-    for file in outcome.files:
+    for file in result.files:
         session.terminal.talk(f"Written to {file}.")

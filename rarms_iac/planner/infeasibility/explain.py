@@ -5,7 +5,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 from rarms_iac.model.layout import Cause, Infeasible
-from rarms_iac.model.quantities import show_bytes, show_percent, show_processors
+from rarms_iac.model.quantities import show_bytes, show_lp_percent, show_percent
 from rarms_iac.model.wording import in_a_row, number
 from rarms_iac.planner import findings
 from rarms_iac.planner.infeasibility.changes import Variant
@@ -64,7 +64,7 @@ def _processors_exceed(conflict: Conflict) -> str:
     """As in: FDP 70 %, SRP 30 % and PPP 20 % need 120 % of the two logical processors."""
     if len(conflict.bins) > 1:
         free = sum(max(0, free_in(host).percent) for host in conflict.bins)
-        return f"{_needs(conflict, least_cost, _show_processors)}; {_have(conflict, _show_processors(free))}"
+        return f"{_needs(conflict, least_cost, show_lp_percent)}; {_have(conflict, show_lp_percent(free))}"
     host = conflict.bins[0]
     whole = host.capacity.logical_processors
 
@@ -102,10 +102,6 @@ def _needs(conflict: Conflict, need: Callable[[Item], int], show: Callable[[int]
 def _have(conflict: Conflict, free: str) -> str:
     verb = "has" if len(conflict.bins) == 1 else "have"
     return f"{_listed([host.name for host in conflict.bins])} {verb} {free} to promise."
-
-
-def _show_processors(percent: int) -> str:
-    return show_processors(Fraction(percent, 100))
 
 
 def _logical_processors(host: Bin) -> str:

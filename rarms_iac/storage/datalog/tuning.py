@@ -11,6 +11,9 @@ from typing import Literal
 from rarms_iac.storage.codec import Json, decode
 from rarms_iac.storage.datalog.files import FOLDER, append_to_log, decoded_records
 
+TuningStrategy = Literal["default", "paper"]
+TuningEnding = Literal["successful", "unable", "nothing_to_do", "stopped"]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TunedPartition:
@@ -40,13 +43,13 @@ class TrailSetting:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuningRun:
-    """One run to its end; amounts in per cent of one logical processor."""
+    """A run; amounts in per cent of one logical processor. One that was stopped goes on later, and is not recorded."""
 
     kind: Literal["tuning"] = "tuning"
     when: str  # UTC, as 2027-01-31T12:00:00Z
     rarms_version: str
-    strategy: Literal["default", "paper"]
-    ending: Literal["successful", "unable", "nothing_to_do"]
+    strategy: TuningStrategy
+    ending: TuningEnding
     message: str
     capacity: int
     before: int
@@ -59,13 +62,8 @@ class TuningRun:
 
     @property
     def claim(self) -> str:
-        """What is said of other layouts."""
-        return claim_of(proved=self.proved)
-
-
-def claim_of(*, proved: bool) -> str:
-    """`proved`, or `not proved`."""
-    return "proved" if proved else "not proved"
+        """What is known of other layouts: `proved` that none is better, or `not proved`."""
+        return "proved" if self.proved else "not proved"
 
 
 def tuning_path(folder: Path, platform: str) -> Path:

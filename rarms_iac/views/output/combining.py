@@ -51,7 +51,7 @@ class TuneOutput:
     before: int
     after: int
     proved: bool  # that no other layout is better, under the assumption of docs/combining.md
-    claim: str  # proved; not proved; not proved, at least 95 %
+    claim: Literal["proved", "not proved"]
     contradictions: tuple[str, ...]
     partitions: tuple[CombinedOutput, ...]
     trail: tuple[AskedOutput, ...]

@@ -15,7 +15,7 @@ from rarms_iac.app.report_model import (
     Report,
 )
 from rarms_iac.model.indexes import show_range, show_threshold, show_value
-from rarms_iac.model.quantities import guaranteed, show_percent, show_processors
+from rarms_iac.model.quantities import guaranteed, show_lp_percent, show_percent, show_processors
 from rarms_iac.planner.combining.candidates import Node
 from rarms_iac.planner.prediction.belief import ASSUMED
 from rarms_iac.statistics.verdicts import describe_error
@@ -218,7 +218,7 @@ def fit_text(fit: PlatformFit) -> str:
 def tuning_text(tuning: PlatformTuning) -> str:
     """What came of it, and whether it is the best there is."""
     run = tuning.run
-    before, after, capacity = (_processors(amount) for amount in (run.before, run.after, run.capacity))
+    before, after, capacity = (show_lp_percent(amount) for amount in (run.before, run.after, run.capacity))
     result = f"{before} became {after} of {capacity}" if run.before != run.after else f"{before} of {capacity}"
     proof = f" No other layout is better, if {ASSUMED}." if run.proved else ""
     broken = f" Nothing is proved: {'; '.join(run.contradictions)}." if run.contradictions else ""
@@ -252,8 +252,8 @@ def tuned_rows(tuning: PlatformTuning) -> tuple[tuple[str, str, str, str, str], 
             part.name,
             ", ".join(part.components) + _outdated(tuning, part.components),
             show_percent(part.reserve),
-            _processors(part.reserved),
-            "" if part.parts is None else _processors(part.parts),
+            show_lp_percent(part.reserved),
+            "" if part.parts is None else show_lp_percent(part.parts),
         )
         for part in tuning.run.partitions
     )
@@ -279,10 +279,6 @@ def candidates_left_out(report: Report) -> int:
 
 def _compounds(report: Report) -> list[Node]:
     return [node for node in report.candidates if node.parts and node.is_gain]
-
-
-def _processors(percent: int) -> str:
-    return show_processors(Fraction(percent, 100))
 
 
 def status_text(status: HostStatus) -> str:

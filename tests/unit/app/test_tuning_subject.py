@@ -10,7 +10,8 @@ import pytest
 from rarms_iac.app.hosts import observe_hosts, select_hosts
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
-from rarms_iac.app.tune import TuningEnd, findings_of_end
+from rarms_iac.app.tune import tuning_findings
+from rarms_iac.app.tuning_search import search_combinations
 from rarms_iac.app.tuning_subject import LayoutFit, TuningStopped, TuningSubject, bench_of, subject_of_tuning
 from rarms_iac.planner.combining.oracle import Coi, Members
 from rarms_iac.planner.combining.paper import Inquiry
@@ -95,7 +96,7 @@ def test_who_stops_it_is_told_what_was_asked_with_what_was_predicted(here: Path)
     subject = subject_of("onboard")
     oracle = Once()
 
-    end = TuningEnd.of(subject, Inquiry(oracle=oracle, may_share=subject.may_share), "default", repeat=False)
+    end = search_combinations(subject, Inquiry(oracle=oracle, may_share=subject.may_share), "default", repeat=False)
 
     assert end.ending == "stopped"
     assert [one.members for one in end.trail] == oracle.asked
@@ -127,12 +128,14 @@ def test_a_setting_that_contradicts_the_assumption_is_told_and_nothing_is_proved
         write(head.replace("logical_processors: 2", "logical_processors: 1") + lines + ballast)
         leave_logs(tmp_path, least)
         subject = subject_of("onboard")
-        end = TuningEnd.of(subject, Inquiry(oracle=AsIfBroken(), may_share=subject.may_share), "default", repeat=False)
-        told = [finding for finding in findings_of_end(end, subject.hosts) if finding.code == CONTRADICTION.code]
+        inquiry = Inquiry(oracle=AsIfBroken(), may_share=subject.may_share)
+        end = search_combinations(subject, inquiry, "default", repeat=False)
+        diagnostics = list(tuning_findings(end, subject.hosts.manifest.places))
+        contradictions = [finding for finding in diagnostics if finding.code == CONTRADICTION.code]
 
     assert [contradiction.message for contradiction in end.contradictions] == [
         "paths+speech+video meets its thresholds with less than paths+video needs"
     ]
     assert not end.proved
-    assert len(told) == 1
-    assert "So nothing is proved" in told[0].detail
+    assert len(contradictions) == 1
+    assert "So nothing is proved" in contradictions[0].detail

@@ -6,8 +6,9 @@ from io import StringIO
 import pytest
 
 from rarms_iac.app.report_model import PlatformTuning
-from rarms_iac.app.tune import TuningResult, run_of_result
+from rarms_iac.app.tune import TuningResult
 from rarms_iac.planner.combining.oracle import Answer
+from rarms_iac.storage.datalog.tuning import TrailSetting, TuningRun
 from rarms_iac.views.console import LiveTable, live_console, render
 from rarms_iac.views.reports.spreadsheet import trail_rows
 from rarms_iac.views.tune import TuningProgress, tuned_json, tuned_text
@@ -15,9 +16,9 @@ from tests.unit.views.test_json import check
 
 
 def tuned(*, proved: bool) -> TuningResult:
-    return TuningResult(
-        platform="two-core",
-        hosts=("onboard",),
+    run = TuningRun(
+        when="2027-01-31T12:00:00Z",
+        rarms_version="1",
         strategy="default",
         ending="successful",
         message="successful",
@@ -28,10 +29,12 @@ def tuned(*, proved: bool) -> TuningResult:
         contradictions=(),
         partitions=(),
         trail=(
-            Answer(members=("a", "b"), reserve=40, worse=("a",), predicted=44),
-            Answer(members=("a", "b"), reserve=45, worse=(), predicted=44),
+            TrailSetting(components=("a", "b"), reserve=40, worse=("a",), predicted=44),
+            TrailSetting(components=("a", "b"), reserve=45, worse=(), predicted=44),
         ),
+        written=False,
     )
+    return TuningResult(platform="two-core", hosts=("onboard",), run=run, findings=())
 
 
 @pytest.mark.parametrize(
@@ -40,11 +43,11 @@ def tuned(*, proved: bool) -> TuningResult:
 )
 def test_the_claim_is_the_same_everywhere(proved: bool, claim: str) -> None:
     ended = tuned(proved=proved)
-    told, run = tuned_json(ended, ()), run_of_result(ended)
-    check(told)
-    _, *rows = trail_rows([PlatformTuning(platform="two-core", run=run)])
+    answer = tuned_json(ended)
+    check(answer)
+    _, *rows = trail_rows([PlatformTuning(platform="two-core", run=ended.run)])
 
-    assert json.loads(told)["claim"] == claim
+    assert json.loads(answer)["claim"] == claim
     assert [row[-2:] for row in rows] == [(44, ""), (44, claim)]
     text = render(tuned_text(ended))
     assert ("No other layout is better, if" in text) is proved
@@ -58,8 +61,8 @@ def test_every_answer_is_a_line_in_a_pipe_and_a_row_of_the_table_on_a_terminal()
         TuningProgress(lambda text: pipe.append(render(text))),
         TuningProgress(lambda text: terminal.append(render(text)), live),
     ):
-        for answer in tuned(proved=True).trail:
-            progress.setting_answered(answer)
+        for worse, reserve in ((("a",), 40), ((), 45)):
+            progress.setting_answered(Answer(members=("a", "b"), reserve=reserve, worse=worse, predicted=44))
         progress.ended()
 
     assert pipe == [

@@ -1,0 +1,111 @@
+"""The search of `rarms tune`: a strategy asks for settings until it has an answer, or somebody stops it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from rarms_iac.app.data_logs import measurements_of
+from rarms_iac.app.graph import recorded_answers
+from rarms_iac.app.tuning_subject import LayoutFit, TuningStopped, TuningSubject
+from rarms_iac.planner.combining.candidates import Contradiction
+from rarms_iac.planner.combining.oracle import WHOLE, Answer, Coi, Members, PlannerReporter, Unanswered, total
+from rarms_iac.planner.combining.paper import Inquiry, ordered, tune_performance_to_use_less_resource
+from rarms_iac.planner.combining.questions import Best, search, tuning_of
+from rarms_iac.storage.datalog.tuning import TuningEnding, TuningStrategy
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TuningConclusion:
+    """How the search ended, and the CoIs that it leaves."""
+
+    subject: TuningSubject
+    ending: TuningEnding
+    cois: tuple[Coi, ...]  # most critical first
+    trail: tuple[Answer, ...] = ()
+    proved: bool = False
+    contradictions: tuple[Contradiction, ...] = ()
+    unanswered: str = ""  # why a compound could not be measured
+
+    @property
+    def compounds(self) -> tuple[Coi, ...]:
+        """The compounds that tuning made."""
+        return tuple(coi for coi in self.cois if coi not in self.subject.cois)
+
+    def parts_of(self, coi: Coi) -> Sequence[Coi]:
+        """Return the CoIs that were tuned and are in this compound; a CoI as it was is its own part."""
+        return [part for part in self.subject.cois if set(part.members) <= set(coi.members)]
+
+
+def search_combinations(
+    subject: TuningSubject, inquiry: Inquiry, strategy: TuningStrategy, *, repeat: bool
+) -> TuningConclusion:
+    """Ask for settings by this strategy, until there is an answer or somebody asks for an end.
+
+    Args:
+        subject: What is tuned.
+        inquiry: Who answers, who hears of the answers, and who may decline a combination.
+        strategy: `paper`, or else the candidate graph.
+        repeat: Whether the paper's procedure goes on after its first combination.
+
+    Returns:
+        How it ended. An oracle without an answer is an ending too, and raises nothing.
+    """
+    trail: list[Answer] = []
+    recorded = replace(inquiry, reporter=_TrailReporter(inquiry.reporter, trail))
+    start = TuningConclusion(subject=subject, ending="stopped", cois=ordered(subject.cois))
+    try:
+        end = _by_the_paper(start, recorded, repeat=repeat) if strategy == "paper" else _by_the_graph(start, recorded)
+    except TuningStopped:  # before Unanswered, of which it is a kind
+        end = start
+    except Unanswered as problem:
+        end = replace(start, ending="unable", unanswered=str(problem))
+    return replace(end, trail=tuple(trail))
+
+
+class _TrailReporter:
+    """A reporter that collects the answers, also when somebody asks for an end, and passes all on to another."""
+
+    def __init__(self, reporter: PlannerReporter, trail: list[Answer]) -> None:
+        self._reporter = reporter
+        self._trail = trail
+
+    def setting_answered(self, answer: Answer) -> None:
+        """Collect it, and pass it on."""
+        self._trail.append(answer)
+        self._reporter.setting_answered(answer)
+
+    def declined(self, members: Members) -> None:
+        """Pass the message on."""
+        self._reporter.declined(members)
+
+    def combined(self, compound: Coi, before: int) -> None:
+        """Pass the message on."""
+        self._reporter.combined(compound, before)
+
+
+def _by_the_paper(start: TuningConclusion, inquiry: Inquiry, *, repeat: bool) -> TuningConclusion:
+    subject = start.subject
+    done = tune_performance_to_use_less_resource(subject.cois, subject.capacity, inquiry, repeat=repeat)
+    ending: TuningEnding = "nothing_to_do"
+    if done.needed:
+        ending = "successful" if done.combinations else "unable"
+    return replace(start, ending=ending, cois=done.cois)
+
+
+def _by_the_graph(start: TuningConclusion, inquiry: Inquiry) -> TuningConclusion:
+    subject = start.subject
+    most = min((subject.highest(coi.members) for coi in subject.cois), default=WHOLE)
+    layout_fit = LayoutFit(subject=subject)
+    tuning = replace(
+        tuning_of(subject.cois, subject.objective(layout_fit), inquiry.may_share, most=most),
+        predictor=subject.predictor,
+    )
+    measurements = measurements_of(subject.hosts.manifest)
+    recorded = recorded_answers(measurements, subject.bench, tuning.candidates, {subject.bench.name: subject.state})
+    best, _ = search(tuning, inquiry, recorded=recorded)
+    proved = best.proved and not layout_fit.unsure
+    if not isinstance(best, Best):
+        return replace(start, ending="unable", proved=proved, contradictions=best.contradictions)
+    end = replace(start, cois=best.cois, proved=proved, contradictions=best.contradictions)
+    for compound in end.compounds:
+        inquiry.reporter.combined(compound, total(end.parts_of(compound)))
+    return replace(end, ending="successful" if end.compounds else "nothing_to_do")
