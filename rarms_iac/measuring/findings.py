@@ -222,6 +222,7 @@ def _unusable_processors(
             places.key("components", member.name),
             f"{member.name} used {usable} of its {processors} virtual processors at most. A CR of {reserve} % is {now} "
             f"with {processors} of them, and {then} with {usable}.",
-            f"Write `processors: {usable}` for {member.name}, and measure it again: `rarms measure {member.name}`.",
+            f"Write `processors: {usable}` for {member.name}, and measure it again; this does both: "
+            f"`rarms measure {member.name} --write-processors`.",
             address=f"component/{member.name}",
         )

@@ -7,7 +7,8 @@ import click
 from rarms_iac.app.experiments import MeasureRequest, reserves_between
 from rarms_iac.app.hosts import select_hosts
 from rarms_iac.app.manifests import load_manifest
-from rarms_iac.app.measure import measure_components
+from rarms_iac.app.measure import MeasureOutcome, measure_components
+from rarms_iac.app.narrowing import measure_narrowed, narrow
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.resting import StopConsent, always_consents, never_consents
 from rarms_iac.cli.codes import ExitCode
@@ -52,6 +53,11 @@ STRATEGIES = ("default", "bisection", "paper")
     is_flag=True,
     help="Stop the application's own partitions meanwhile, and start them again. [default: ask at a terminal]",
 )
+@click.option(
+    "--write-processors",
+    is_flag=True,
+    help="Write fewer `processors` for components that cannot use theirs, and measure these again.",
+)
 @lock_timeout_option
 @json_option
 def command(
@@ -73,6 +79,7 @@ def command(
     interactive: bool,
     on_busy_host: bool,
     stop_partitions: bool,
+    write_processors: bool,
     lock_timeout: int,
     as_json: bool,
 ) -> ExitCode:
@@ -103,14 +110,25 @@ def command(
         refuse_without_terminal(session, source)
         request = replace(request, coarse=not (request.reserves or verify or strategy != "default"))
     hosts = select_hosts(load_manifest(source), host_selection)
-    outcome = measure_components(
-        hosts,
-        request,
-        reporter=TerminalReporter(session),
-        stop=session.interrupts,
-        prompt=TerminalLevelPrompt(session) if interactive else None,
-        consents=_consents(session, stop_partitions=stop_partitions, as_json=as_json),
-    )
+
+    def measured(asked: MeasureRequest) -> MeasureOutcome:
+        return measure_components(
+            select_hosts(load_manifest(source), host_selection),
+            asked,
+            reporter=TerminalReporter(session),
+            stop=session.interrupts,
+            prompt=TerminalLevelPrompt(session) if interactive else None,
+            consents=_consents(session, stop_partitions=stop_partitions, as_json=as_json),
+        )
+
+    outcome = measured(request)
+    if write_processors and not outcome.stopped and (narrowed := narrow(hosts, outcome)):
+        for narrowing in narrowed:
+            session.terminal.talk(
+                f"Written to {narrowing.file}: `processors: {narrowing.after}` for {narrowing.component}, which uses "
+                f"no more of its {narrowing.before}. It is measured again."
+            )
+        outcome = measure_narrowed(narrowed, request, outcome, measured)
     tell(session.terminal, outcome.findings, hosts.manifest.sources)
     if as_json:
         session.terminal.data(measure_json(outcome.results, outcome.findings, outcome.not_begun))

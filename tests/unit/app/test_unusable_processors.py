@@ -34,10 +34,25 @@ def test_fewer_processors_are_proposed_offered_first_where_it_does_not_fit_and_t
         planned = rarms("plan")
 
     assert "RARMS268" in wide.err
-    assert "`processors: 1` for eyes, and measure it again" in " ".join(wide.err.split())
+    assert "`rarms measure eyes --write-processors`" in " ".join(wide.err.split())
     assert refused.code == 4
     ways = " ".join(refused.err.split())
     assert "`processors: 1` for eyes, which uses no more of its 4" in ways
     assert ways.index("Fewer virtual processors may be enough") < ways.index("mean_response_time at most")
     assert "RARMS268" not in narrow.err
     assert planned.code == 2
+
+
+def test_asked_to_it_writes_fewer_processors_and_measures_again(tmp_path: Path) -> None:
+    manifest = tmp_path / "rarms.yaml"
+    manifest.write_text(MANIFEST, encoding="utf-8", newline="\n")
+    with chdir(tmp_path):
+        rarms("measure")
+        ran = rarms("measure", "eyes", "--write-processors")
+        planned = rarms("plan")
+
+    assert ran.code == 0, ran.err
+    assert "`processors: 1` for eyes, which uses no more of its 4. It is measured again." in " ".join(ran.err.split())
+    assert "RARMS268" not in ran.err
+    assert manifest.read_text(encoding="utf-8").count("processors: 1\n") == 1
+    assert "stale" not in planned.err
