@@ -28,7 +28,7 @@ P2_WEIGHT = 10_000
 """The highest weight that Hyper-V and control groups know: what P1's own processors leave idle goes to P2."""
 
 CONFINEMENT = f"P2 reserves all the rest, and has the weight {P2_WEIGHT}"
-"""How P1 is held to CR while it is measured, on every provider: a condition of a data log (docs/measuring.md)."""
+"""How P1 is held to CR while it is measured, on every provider: a condition of a data log (docs/data-logs.md)."""
 
 
 LARGEST_SAMPLE = 1e12

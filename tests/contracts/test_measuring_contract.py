@@ -110,6 +110,18 @@ def test_more_reserve_is_never_slower(host: MeasuringHost) -> None:
     assert means[1] >= means[2]
 
 
+@pytest.mark.parametrize(("reserve", "threads"), [(10, 1), (10, 2), (60, 1), (60, 2)])
+def test_whoever_asks_for_more_in_p1_gets_exactly_cr_on_each_processor_that_it_uses(
+    host: MeasuringHost, reserve: int, threads: int
+) -> None:
+    greedy = a_component("eyes", simulation=a_simulation(work="4 ms", threads=threads))
+    with ready(host, reserve), host.run(some_work(greedy, eyes=Elapsed(time=milliseconds("10000 ms")))) as running:
+        assert list(running.samples())
+        shares = (running.cpu_ms("eyes") or 0.0) / running.elapsed_ms() / threads
+
+    assert shares == pytest.approx(reserve / 100, rel=0.04)
+
+
 def test_the_bench_says_what_it_is(host: MeasuringHost) -> None:
     bench = host.bench()
 
