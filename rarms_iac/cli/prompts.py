@@ -8,12 +8,14 @@ import click
 from rarms_iac.app.errors import Outcome, RequestError, UseCaseError, declined
 from rarms_iac.app.experiments import ExperimentResult
 from rarms_iac.app.files import STANDARD_INPUT
+from rarms_iac.app.hosts import Hosts
 from rarms_iac.app.level_prompt import SessionEnded
 from rarms_iac.app.report_model import Report
 from rarms_iac.app.requests import ManifestSource
 from rarms_iac.app.select import SelectOutcome
+from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.interrupts import Interrupted
-from rarms_iac.cli.messages import tell
+from rarms_iac.cli.messages import TerminalReporter, stopped, tell
 from rarms_iac.cli.session import Session
 from rarms_iac.model.quantities import show_lp_percent
 from rarms_iac.model.wording import counted, in_a_row
@@ -128,6 +130,10 @@ LEVEL_HELP = (
     "with the index: p99_response_time 100 ms. What follows is shown before anything is written. Enter goes on, q ends."
 )
 WRITE_HELP = "y writes it as the component's `apt`, comments kept; n leaves the manifest as it is; q ends."
+COMBINE_HELP = (
+    "y measures components together, each combination after a question, as `rarms tune --interactive` does; q ends."
+)
+PARTITIONS_HELP = "y writes them as `partitions`, comments kept; n leaves the manifest as it is; q ends."
 STOP_HELP = "y stops them as `rarms stop` does, and starts them when all is measured; n measures nothing."
 TRY_HELP = "y measures them together, setting by setting, and keeps what is recorded; n tries another; q ends."
 REFINE_HELP = "y searches the least reservation there, setting by setting; n takes what the curve says; q ends."
@@ -188,7 +194,43 @@ class TerminalConsent:
     def _ask(self, members: Members, settings: int, gain: int) -> bool:
         saves = show_lp_percent(gain)
         question = f"Try {in_a_row(members)}? About {counted(settings, 'setting')}, or fewer; saves at most {saves}."
-        try:
-            return ask_yes_or_no(self._session, question, TRY_HELP)
-        except SessionEnded:
-            raise UseCaseError(Outcome.INTERRUPTED, [declined()]) from None
+        return ask_yes_or_no(self._session, question, TRY_HELP)
+
+
+def combine_if_wanted(session: Session, hosts: Hosts) -> ExitCode:
+    """After levels were chosen: where they need more than there is, offer to combine components, and to write that."""
+    from rarms_iac.app.combining_offer import combining_offer
+    from rarms_iac.app.tune import TuneRequest, tune_components
+    from rarms_iac.views.tune import TuningProgress, tuned_text
+
+    offer = combining_offer(hosts)
+    if offer is None:
+        return ExitCode.DONE
+    need, have = (show_lp_percent(amount) for amount in (offer.need, offer.have))
+    then = "" if offer.predicted is None else f", predicted {show_lp_percent(offer.predicted)} combined"
+    try:
+        if not ask_yes_or_no(session, f"Need {need}, have {have}{then}. Combine components?", COMBINE_HELP):
+            return ExitCode.DONE
+        progress = TuningProgress(session.terminal.talk, session.terminal.live_table())
+        reporter, consent = TerminalReporter(session), TerminalConsent(session)
+        found = tune_components(
+            hosts,
+            TuneRequest(dry_run=True),
+            reporter=reporter,
+            stop=session.interrupts,
+            planner_reporter=progress,
+            consent=consent,
+        )
+        progress.ended()
+        tell(session.terminal, found.findings, hosts.manifest.sources)
+        session.terminal.talk(tuned_text(found))
+        if found.run.ending == "stopped":
+            return stopped(session)
+        if found.run.ending != "successful":
+            return ExitCode.NO
+        if ask_yes_or_no(session, "Write these partitions into the manifest?", PARTITIONS_HELP):
+            written = tune_components(hosts, TuneRequest(), reporter=reporter, stop=session.interrupts, consent=consent)
+            session.terminal.talk(f"Written to {', '.join(written.files)}.")
+    except SessionEnded:
+        session.terminal.talk("Ended. What is measured and written stays: `rarms tune` goes on with combining.")
+    return session.interrupts.asked or ExitCode.DONE

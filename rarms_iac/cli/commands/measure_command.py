@@ -14,7 +14,7 @@ from rarms_iac.app.resting import StopConsent, always_consents, never_consents
 from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.messages import TerminalReporter, stopped, tell
 from rarms_iac.cli.options import host_options, json_option, lock_timeout_option, manifest_options
-from rarms_iac.cli.prompts import TerminalLevelPrompt, TerminalStopConsent, refuse_without_terminal
+from rarms_iac.cli.prompts import TerminalLevelPrompt, TerminalStopConsent, combine_if_wanted, refuse_without_terminal
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
@@ -139,6 +139,8 @@ def command(
     if outcome.ended:
         session.terminal.talk("Ended. What is measured and written stays: the same command goes on.")
         return session.interrupts.asked or ExitCode.DONE
+    if interactive and not has_errors(outcome.findings):
+        return combine_if_wanted(session, select_hosts(load_manifest(source), host_selection))
     return ExitCode.NO if has_errors(outcome.findings) else ExitCode.DONE
 
 

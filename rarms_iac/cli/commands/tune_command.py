@@ -5,6 +5,7 @@ from typing import cast, get_args
 import click
 
 from rarms_iac.app.hosts import select_hosts
+from rarms_iac.app.level_prompt import SessionEnded
 from rarms_iac.app.manifests import load_manifest
 from rarms_iac.app.requests import HostSelection, ManifestSource
 from rarms_iac.app.tune import TuneRequest, TuningResult, tune_components
@@ -71,14 +72,18 @@ def command(
         lock_timeout_ms=lock_timeout,
     )
     progress = TuningProgress(session.terminal.talk, session.terminal.live_table())
-    result = tune_components(
-        hosts,
-        request,
-        reporter=TerminalReporter(session),
-        stop=session.interrupts,
-        planner_reporter=progress,
-        consent=TerminalConsent(session) if interactive else None,
-    )
+    try:
+        result = tune_components(
+            hosts,
+            request,
+            reporter=TerminalReporter(session),
+            stop=session.interrupts,
+            planner_reporter=progress,
+            consent=TerminalConsent(session) if interactive else None,
+        )
+    except SessionEnded:
+        progress.ended()
+        return stopped(session)
     progress.ended()
     _tell_what_was_written(session, result)
     tell(session.terminal, result.findings, hosts.manifest.sources)
