@@ -55,7 +55,10 @@ def proven(folder: Path, text: str) -> list[str]:
     (folder / "rarms.yaml").write_text(text, encoding="utf-8", newline="\n")
     with chdir(folder):
         measured = rarms("measure", "--samples", "300")
-        if measured.code or rarms("apply", "--auto-approve").code:
+        assert measured.code in (0, 4), measured.err
+        applied = rarms("apply", "--auto-approve")
+        assert applied.code in (0, 4), applied.err
+        if measured.code or applied.code:
             return []
         proof = rarms("prove", "--interference", "busy-loop", "--samples", "600", "--json")
     return [index["verdict"] for index in json.loads(proof.out)["indexes"]]
