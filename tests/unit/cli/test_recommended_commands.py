@@ -217,11 +217,11 @@ SITUATIONS = {
         says="RARMS014",
         recommends=("rarms tune",),
     ),
-    "a setting has no steady state": Situation(
+    "a component cannot use its processors": Situation(
         steps=(write(MEASURED.replace("samples: 60", "samples: 40").replace("varies: 2 %", "varies: 0 %")),),
         words=("measure", "vision"),
-        says="RARMS267",
-        recommends=("rarms measure vision --again --samples 2000",),
+        says="this does both",
+        recommends=("rarms measure vision --write-processors",),
     ),
     "there is no manifest": Situation(steps=(), words=("validate",), says="RARMS001", recommends=("rarms init",)),
     "the manifest is empty": Situation(
