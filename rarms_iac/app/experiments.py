@@ -11,7 +11,7 @@ from rarms_iac.measuring.setup import Experiment, experiment_of, interference_of
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Conclusion
 from rarms_iac.model.system import Host, RunsOn
-from rarms_iac.model.wording import suggestion
+from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.statistics.curves import LeastReserve
 
@@ -185,6 +185,6 @@ def refuse_unknown(names: Sequence[str], existing: Mapping[str, object], kind: s
     for name in names:
         if name not in existing:
             raise RequestError(
-                f"The manifest has no {kind} {name!r}.{suggestion(name, tuple(existing))} "
+                f"The manifest has no {kind} {quoted(name)}.{suggestion(name, tuple(existing))} "
                 f"It has: {', '.join(sorted(existing)) or 'none'}."
             )

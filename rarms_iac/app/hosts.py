@@ -18,7 +18,7 @@ from rarms_iac.applying.run_steps import hold
 from rarms_iac.model.journal import Journal, ScriptRun
 from rarms_iac.model.state import Rights, State
 from rarms_iac.model.system import System
-from rarms_iac.model.wording import suggestion
+from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.providers.interface import HostError, HostLocked, LiveHost, RecordableHost
 from rarms_iac.storage.snapshot_file import write_snapshot
 
@@ -90,7 +90,7 @@ def select_hosts(manifest: Manifest, selection: HostSelection) -> Hosts:
     for name in (*selection.hosts, *sorted(named)):
         if name not in system.hosts:
             raise RequestError(
-                f"The manifest has no host {name!r}.{suggestion(name, tuple(system.hosts))} "
+                f"The manifest has no host {quoted(name)}.{suggestion(name, tuple(system.hosts))} "
                 f"It has: {', '.join(sorted(system.hosts)) or 'none'}."
             )
     snapshots = read_snapshots(selection.snapshots, sorted(system.hosts), sorted(selection.hosts or system.hosts))

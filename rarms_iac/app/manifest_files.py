@@ -14,6 +14,7 @@ from rarms_iac.manifest.text.characters import BYTE_ORDER_MARK
 from rarms_iac.manifest.text.reading import ParsedText, read
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.names import is_name
+from rarms_iac.model.wording import quoted
 from rarms_iac.storage.reading import read_file
 
 _BLANK_BYTES = 4096
@@ -47,7 +48,9 @@ def write_first_manifest(folder: str, name: str | None = None) -> str:
         UseCaseError: there is a manifest already, or it cannot be written (failed).
     """
     if name is not None and not is_name(name):
-        raise RequestError(f"{name!r} cannot be an application's name: small letters, digits and hyphens, 63 at most.")
+        raise RequestError(
+            f"{quoted(name)} cannot be an application's name: small letters, digits and hyphens, 63 at most."
+        )
     path = Path(folder) / DEFAULT_NAME
     if (path.exists() or path.is_symlink()) and not _is_blank(path):
         raise UseCaseError(Outcome.FAILED, [in_the_way(path.as_posix())])

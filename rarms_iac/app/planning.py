@@ -18,7 +18,7 @@ from rarms_iac.manifest.checks import CODES
 from rarms_iac.model.diagnostics import Diagnostic, Severity, in_order
 from rarms_iac.model.plan import Plan, Purpose
 from rarms_iac.model.state import State
-from rarms_iac.model.wording import suggestion
+from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.planner.reservations import ReservationSource
 from rarms_iac.storage.finding_pages import known_codes
 
@@ -128,8 +128,8 @@ def refuse_unknown_partitions(hosts: Hosts, names: Sequence[str]) -> None:
     for name in names:
         if name not in present:
             raise RequestError(
-                f"{application} has no partition {name!r} on {', '.join(hosts.chosen)}.{suggestion(name, present)} "
-                f"It has: {', '.join(present) or 'none'}."
+                f"{application} has no partition {quoted(name)} on {', '.join(hosts.chosen)}."
+                f"{suggestion(name, present)} It has: {', '.join(present) or 'none'}."
             )
 
 

@@ -10,7 +10,7 @@ from rarms_iac.app.files import make_folder, read_file, refuse_plan_file, write_
 from rarms_iac.applying.scripts import scripts_of
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.plan import HostPlan, Plan
-from rarms_iac.model.wording import suggestion
+from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.powershell.difference import ScriptDifference, difference
 from rarms_iac.powershell.inspection.allowed import ScriptKind
 from rarms_iac.powershell.inspection.inspect import inspect
@@ -100,13 +100,15 @@ def select_scripts(scripts: Sequence[PlanScript], selection: ScriptSelection, pl
     names = [part.host.name for part in plan.hosts]
     for host in selection.hosts:
         if host not in names:
-            raise RequestError(f"The plan has no host {host!r}.{suggestion(host, names)} It has: {', '.join(names)}.")
+            raise RequestError(
+                f"The plan has no host {quoted(host)}.{suggestion(host, names)} It has: {', '.join(names)}."
+            )
     here = [script for script in scripts if script.host in (selection.hosts or names)]
     guests = sorted({script.guest for script in here if script.guest})
     guest = selection.guest
     if guest and guest not in guests:
         others = f"It has: {', '.join(guests)}." if guests else "It has none."
-        raise RequestError(f"The plan has no script for a guest {guest!r}.{suggestion(guest, guests)} {others}")
+        raise RequestError(f"The plan has no script for a guest {quoted(guest)}.{suggestion(guest, guests)} {others}")
     return tuple(script for script in here if script.guest == guest and script.undo is selection.undo)
 
 

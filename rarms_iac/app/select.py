@@ -16,7 +16,7 @@ from rarms_iac.model.indexes import PerformanceIndex, find_index, show_value, th
 from rarms_iac.model.layout import Layout, PlacedPartition
 from rarms_iac.model.quantities import UNITS, NotAQuantity, Unit, plain
 from rarms_iac.model.system import Component, Host, System, Threshold
-from rarms_iac.model.wording import suggestion
+from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.planner.findings import NOT_MET
 from rarms_iac.planner.groups import Group, groups_of
 from rarms_iac.planner.layout import Planning, plan_layout
@@ -177,11 +177,13 @@ def select_level(manifest: Manifest, request: SelectRequest) -> SelectOutcome:
 def _choice_of(system: System, name: str, at: str, index: str | None) -> _Choice:
     component = system.components.get(name)
     if component is None:
-        raise RequestError(f"The manifest has no component {name!r}.{suggestion(name, tuple(system.components))}")
+        raise RequestError(f"The manifest has no component {quoted(name)}.{suggestion(name, tuple(system.components))}")
     if index is not None:
         known_index = find_index(index)
         if known_index is None:
-            raise RequestError(f"There is no performance index {index!r}.{suggestion(index, tuple(component.apt))}")
+            raise RequestError(
+                f"There is no performance index {quoted(index)}.{suggestion(index, tuple(component.apt))}"
+            )
         return _choice(component, known_index, at)
     indexes = [known_index for key in component.apt if (known_index := find_index(key)) is not None]
     if not indexes:

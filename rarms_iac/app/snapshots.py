@@ -11,6 +11,7 @@ from rarms_iac.diff.readings import is_marked
 from rarms_iac.model.diagnostics import Diagnostic
 from rarms_iac.model.journal import ScriptRun
 from rarms_iac.model.state import State
+from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import NotDecodable
 from rarms_iac.storage.snapshot_file import MAX_BYTES, SnapshotUnreadable, read_snapshot
 
@@ -130,7 +131,7 @@ def _host_of(snapshot: Snapshot, seen: ScriptObservation | None, hosts: Sequence
         return taken_of
     if len(chosen) == 1:
         return chosen[0]
-    raise snapshot_error(snapshot.file, f"it was taken of {taken_of!r}, which the manifest does not have")
+    raise snapshot_error(snapshot.file, f"it was taken of {quoted(taken_of)}, which the manifest does not have")
 
 
 def snapshot_error(file: str, reason: str) -> UseCaseError:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from rarms_iac.model.changes import Address, Adopt, Reason, Release
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
 from rarms_iac.model.state import Mark, Partition, State
-from rarms_iac.model.wording import suggestion
+from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.storage.digest import set_of_settings
 
 NO_SUCH_MACHINE = Finding(code="RARMS195", severity=Severity.ERROR, summary="No machine on the host has this id")
@@ -33,14 +33,15 @@ def adoption(state: State, application: str, name: str, machine: str, place: Pla
     if before.mark is not None and (before.mark.application, before.mark.name) == (application, name):
         return None  # also where a run was killed after its last step, and its user gives the command again
     if before.mark is not None:
-        problem = f"Machine {machine} is partition {before.mark.name!r} of application {before.mark.application!r}."
+        mark = before.mark
+        problem = f"Machine {machine} is partition {quoted(mark.name)} of application {quoted(mark.application)}."
         return TAKEN.at(place, problem, "Release it there first: `rarms release`.", address=address)
     holder = next(
         (partition for partition in state.of(application).partitions if partition.mark and partition.mark.name == name),
         None,
     )
     if holder is not None:
-        problem = f"Partition {name!r} is machine {holder.id} already."
+        problem = f"Partition {quoted(name)} is machine {holder.id} already."
         return TAKEN.at(place, problem, f"Release that one first: `rarms release {name}`.", address=address)
     mark = Mark(application=application, name=name, machine=before.id[:8], set=set_of_settings(before.settings))
     return Adopt(
@@ -64,8 +65,8 @@ def releasing(state: State, application: str, name: str, place: Place | None) ->
         known = ", ".join(sorted(managed)) or "none"
         return NOT_OURS.at(
             place,
-            f"On {state.facts.name} no partition {name!r} carries a mark of {application!r}; these do: {known}."
-            f"{suggestion(name, managed)}",
+            f"On {state.facts.name} no partition {quoted(name)} carries a mark of {quoted(application)}; "
+            f"these do: {known}.{suggestion(name, managed)}",
             "Give one of these names.",
             address=f"partition/{name}",
         )

@@ -13,6 +13,7 @@ from rarms_iac.cli.session import Session
 from rarms_iac.model.names import is_name
 from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
 from rarms_iac.model.system import Disruption
+from rarms_iac.model.wording import quoted
 from rarms_iac.views.finding_forms import BadOutput, OutputFormat, parse_outputs
 
 SILENCE_MS = 600_000
@@ -225,7 +226,7 @@ def _tell_in_json(context: click.Context) -> None:
 def _hosts(_context: click.Context, _parameter: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
     for name in value:
         if not is_name(name):
-            raise click.BadParameter(f"{name!r} cannot be the name of a host.")
+            raise click.BadParameter(f"{quoted(name)} cannot be the name of a host.")
     return tuple(dict.fromkeys(value))
 
 
@@ -245,7 +246,7 @@ def _snapshot(text: str) -> SnapshotFile:
     name, _, guest = host.partition(".guest.")
     if equals and is_name(name) and (not guest or is_name(guest)):
         if not file:
-            raise click.BadParameter(f"{text!r} names no file: write {host}=FILE.")
+            raise click.BadParameter(f"{quoted(text)} names no file: write {host}=FILE.")
         return SnapshotFile(host=name, file=file, guest=guest)
     return SnapshotFile(host="", file=text)
 
@@ -256,7 +257,7 @@ def _day(_context: click.Context, _parameter: click.Parameter, value: str | None
     try:
         return date.fromisoformat(value)
     except ValueError as error:
-        raise click.BadParameter(f"{value!r} is not a day as 2026-01-31.") from error
+        raise click.BadParameter(f"{quoted(value)} is not a day as 2026-01-31.") from error
 
 
 def _time(_context: click.Context, _parameter: click.Parameter, value: str | None) -> int | None:
@@ -265,4 +266,4 @@ def _time(_context: click.Context, _parameter: click.Parameter, value: str | Non
     try:
         return int(parse_quantity(value, Unit.TIME)[1])
     except NotAQuantity as error:
-        raise click.BadParameter(f"{value!r} is not a time as 60s; units: {', '.join(error.units)}.") from error
+        raise click.BadParameter(f"{quoted(value)} is not a time as 60s; units: {', '.join(error.units)}.") from error

@@ -9,6 +9,7 @@ from rarms_iac.model.changes import Address, Create, Delete, Reason, Update
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
 from rarms_iac.model.state import Facet, Partition, RunState, State, StoppedBy
 from rarms_iac.model.system import Disruption
+from rarms_iac.model.wording import quoted
 
 FOREIGN_AT_NAME = Finding(
     code="RARMS150", severity=Severity.ERROR, summary="A machine that rarms did not make has a wanted name"
@@ -156,7 +157,7 @@ def foreign_marks(observed: State) -> Iterator[Diagnostic]:
         if partition.foreign_mark:
             yield FOREIGN_MARK.at(
                 None,
-                f"Machine {partition.settings.name!r} ({partition.id}) carries a line that looks "
+                f"Machine {quoted(partition.settings.name)} ({partition.id}) carries a line that looks "
                 "like a mark of rarms, but "
                 f"{partition.foreign_mark}. It counts as unmanaged.",
                 "Take the line out of its notes, or adopt the right machine with `rarms import`.",
@@ -191,10 +192,10 @@ def machine_in_the_way(machine: Partition, place: Place | None) -> Diagnostic:
         place: the manifest line that asks for the partition of its name.
     """
     name = machine.settings.name
-    owner = f"belongs to application {machine.mark.application!r}" if machine.mark else "carries no mark of rarms"
+    owner = f"belongs to application {quoted(machine.mark.application)}" if machine.mark else "carries no mark of rarms"
     return FOREIGN_AT_NAME.at(
         place,
-        f"The host has a machine {name!r} (id {machine.id}) that {owner}.",
+        f"The host has a machine {quoted(name)} (id {machine.id}) that {owner}.",
         f"Run `rarms import {name} --id {machine.id}` to take it over, or give the partition another name.",
         address=f"partition/{name}",
     )
@@ -203,7 +204,7 @@ def machine_in_the_way(machine: Partition, place: Place | None) -> Diagnostic:
 def _protected(name: str, why: str, place: Place | None) -> Diagnostic:
     return PROTECTED.at(
         place,
-        f"Partition {name!r} says `protect: true`, and {why}.",
+        f"Partition {quoted(name)} says `protect: true`, and {why}.",
         "Take `protect` out first, in a change of its own, or keep the partition.",
         address=f"partition/{name}",
     )
@@ -222,7 +223,5 @@ def not_at_rest(address: Address, state: RunState, place: Place | None) -> Diagn
         RunState.PAUSED: "Resume it or turn it off, and plan again.",
         RunState.CRITICAL: "Give it its storage back, or remove it in Hyper-V itself, and plan again.",
     }.get(state, "Wait until it is off or running, and plan again.")
-    return NOT_AT_REST.at(
-        place, f"Partition {address.partition!r} is {state.value}; what has to change needs it off or running.", advice,
-        address=str(address),
-    )  # fmt: skip
+    message = f"Partition {quoted(address.partition)} is {state.value}; what has to change needs it off or running."
+    return NOT_AT_REST.at(place, message, advice, address=str(address))

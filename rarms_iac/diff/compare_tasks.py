@@ -8,6 +8,7 @@ from rarms_iac.model.changes import RESPONSIVENESS, Address, Create, Delete, Rea
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
 from rarms_iac.model.names import is_shipped_task
 from rarms_iac.model.state import RegistryValue, Responsiveness, State, TaskClass
+from rarms_iac.model.wording import quoted
 
 FOREIGN_TASK = Finding(
     code="RARMS153", severity=Severity.ERROR, summary="A task class that rarms did not write has a wanted name"
@@ -112,7 +113,7 @@ def not_restorable(address: Address, before: TaskClass | Responsiveness, place: 
     }
     if not problems:
         return None
-    names = ", ".join(f"{name!r} ({why})" for name, why in sorted(problems.items()))
+    names = ", ".join(f"{quoted(name)} ({why})" for name, why in sorted(problems.items()))
     return NOT_RESTORABLE.at(
         place,
         f"{address} would be changed, and what it holds could not be brought back: {names}. MMCSS knows nothing such.",
@@ -145,13 +146,15 @@ def _guest_first(task: TaskClass, rules: ManifestRules) -> Diagnostic:
 
 def _foreign_task(address: Address, before: TaskClass, place: Place | None) -> Diagnostic:
     if before.record is not None:
-        owner, advice = f"application {before.record.application!r} wrote it", "Name another class in one of the two."
+        owner = f"application {quoted(before.record.application)} wrote it"
+        advice = "Name another class in one of the two."
     elif is_shipped_task(before.name):
         owner, advice = "Windows ships it", f"Say `tasks.{before.name}.replace_shipped: true` if that is meant."
     else:
         owner = "it was there before and carries no record of rarms"
         advice = "Name another class, or remove this one by hand if nothing else uses it."
-    return FOREIGN_TASK.at(place, f"Task class {before.name!r} is wanted, but {owner}.", advice, address=str(address))
+    message = f"Task class {quoted(before.name)} is wanted, but {owner}."
+    return FOREIGN_TASK.at(place, message, advice, address=str(address))
 
 
 def responsiveness_changes(
@@ -208,7 +211,7 @@ def _describe_restored(before: Responsiveness) -> str:
 
 def _undecided(application: str, place: Place | None) -> Diagnostic:
     if application:
-        why = f"application {application!r} set it"
+        why = f"application {quoted(application)} set it"
         advice = "Take `system_responsiveness` out of one of the two manifests."
     else:
         why = "what it is now could not be read, so it could not be brought back"

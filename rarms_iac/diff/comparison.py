@@ -7,6 +7,7 @@ from rarms_iac.model.changes import Address, Change
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
 from rarms_iac.model.moves import renaming
 from rarms_iac.model.state import Partition, State
+from rarms_iac.model.wording import quoted
 
 NOTHING_TO_MOVE = Finding(code="RARMS156", severity=Severity.WARNING, summary="Both names of a move exist on the host")
 
@@ -69,7 +70,8 @@ def managed_machines(
         findings=tuple(
             NOTHING_TO_MOVE.at(
                 rules.locate(Address(partition=old)),
-                f"`moved` calls {old!r} now {rules.moved[old]!r}, but the host has a partition of each name.",
+                f"`moved` calls {quoted(old)} now {quoted(rules.moved[old])}, "
+                "but the host has a partition of each name.",
                 f"Remove one of them (`rarms destroy --target partition/{old}`), or take the line out of `moved`.",
                 address=f"partition/{old}",
             )

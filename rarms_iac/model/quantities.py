@@ -11,6 +11,8 @@ from fractions import Fraction
 from math import ceil, floor, isfinite, log10
 from typing import NewType
 
+from rarms_iac.model.wording import quoted
+
 Milliseconds = NewType("Milliseconds", Fraction)
 Bytes = NewType("Bytes", int)
 Percent = NewType("Percent", Fraction)
@@ -58,7 +60,7 @@ class NotAQuantity(ValueError):
     """The text is not one number and one of the units that fit."""
 
     def __init__(self, text: str, units: tuple[str, ...]) -> None:
-        super().__init__(f"{text!r} is not a number with one of the units {', '.join(units)}")
+        super().__init__(f"{quoted(text)} is not a number with one of the units {', '.join(units)}")
         self.text = text
         self.units = units
 

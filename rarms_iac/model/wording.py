@@ -21,6 +21,19 @@ def counted(many: int, noun: str) -> str:
     return f"{many} {noun}" if many == 1 else f"{many} {noun}s"
 
 
+def quoted(text: object, most: int | None = None) -> str:
+    """Quote a name or text of somebody else's for a message: `"vision"`.
+
+    Args:
+        text: from anywhere. A sign that nobody would see, or that would break the line, is spelt out: `<U+000A>`.
+        most: signs that are kept of it, with `...` for the rest; None: all.
+    """
+    whole = str(text)
+    kept = whole[:most] + ("..." if most is not None and len(whole) > most else "")
+    signs = (sign if sign.isprintable() else f"<U+{ord(sign):04X}>" for sign in kept)
+    return f'"{"".join(signs)}"'
+
+
 MOST_CANDIDATES = 400
 """Names that are compared: more would make a file full of wrong names slow to refuse."""
 

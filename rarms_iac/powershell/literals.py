@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from itertools import groupby
 from struct import iter_unpack
 
+from rarms_iac.model.wording import quoted
 from rarms_iac.powershell.tokens import Token, TokenKind, tokens
 
 Scalar = bool | int | str
@@ -27,7 +28,7 @@ class NoLiteral(ValueError):
     """The value has no literal; the facts say which and why."""
 
     def __init__(self, value: object, why: str) -> None:
-        super().__init__(f"{_abbreviate(value)} cannot be written into a script: {why}")
+        super().__init__(f"{quoted(value, 60)} cannot be written into a script: {why}")
         self.value = value
         self.why = why
 
@@ -96,11 +97,6 @@ def _parts(plain: bool, units: list[int]) -> list[str]:
     return [_quoted("".join(map(chr, units)))] if plain else [f"[char]0x{unit:04X}" for unit in units]
 
 
-def _abbreviate(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
-
-
 _CHARACTER = re.compile(r"0x[0-9A-Fa-f]{4}")
 _BOOLEANS = {"$true": True, "$false": False}
 
@@ -109,7 +105,7 @@ class NotALiteral(ValueError):
     """The text is none of the four forms of a literal."""
 
     def __init__(self, text: str) -> None:
-        super().__init__(f"{text[:60]!r} is no literal that rarms writes")
+        super().__init__(f"{quoted(text, 60)} is no literal that rarms writes")
         self.text = text
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
+from rarms_iac.model.wording import quoted
 from rarms_iac.powershell.literals import NotALiteral, read_literal
 from rarms_iac.powershell.tokens import NotTokens, TokenKind, tokens
 
@@ -159,7 +160,9 @@ def sound(script: str) -> "Node":
     """
     root = parse(script)
     if wrong := errors(root):
-        message = f"PowerShell's grammar has no place for {text_of(wrong[0])[:40]!r}" if text_of(wrong[0]) else _LACKS
+        message = (
+            f"PowerShell's grammar has no place for {quoted(text_of(wrong[0]), 40)}" if text_of(wrong[0]) else _LACKS
+        )
         raise NotParsed(message, line_of(wrong[0]))
     if line := disagreement(script, root):
         raise NotParsed("a string or a comment ends elsewhere than it seems", line)

@@ -8,6 +8,7 @@ from typing import Any
 
 from rarms_iac.model.measurement import LARGEST_SAMPLE
 from rarms_iac.model.system import Call, Field, Run, Samples
+from rarms_iac.model.wording import quoted
 
 SHOWN = 60
 """Characters of an unreadable line that its message shows."""
@@ -54,9 +55,9 @@ def read_json(samples: Samples, line: str) -> Reading | Unreadable:
     try:
         values = json.loads(line, parse_constant=_refused)
     except (ValueError, RecursionError):
-        return Unreadable(message=f"not a JSON object: {quoted(line)}")
+        return Unreadable(message=f"not a JSON object: {quoted(line, SHOWN)}")
     if not isinstance(values, dict):
-        return Unreadable(message=f"not a JSON object: {quoted(line)}")
+        return Unreadable(message=f"not a JSON object: {quoted(line, SHOWN)}")
     return read_values(samples, values, line)
 
 
@@ -119,12 +120,6 @@ def truth(value: object) -> bool | None:
     return {"1": True, "1.0": True, "true": True, "0": False, "0.0": False, "false": False}.get(text)
 
 
-def quoted(line: str) -> str:
-    """The beginning of a line, with nothing in it that a terminal would obey."""
-    short = line[:SHOWN] + ("..." if len(line) > SHOWN else "")
-    return '"' + "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in short) + '"'
-
-
 def compile_pattern(pattern: str) -> Any:
     """Compile a pattern of `run.samples` with RE2, which matches in linear time.
 
@@ -156,8 +151,10 @@ def _refused(name: str) -> float:
 
 def _wrong(field: Field, wanted: str, value: object, line: str, *, there: bool) -> Unreadable:
     if not there:
-        return Unreadable(message=f'no field "{field.name}" in {quoted(line)}')
-    return Unreadable(message=f'the field "{field.name}" is {quoted(json.dumps(value, default=str))}, not {wanted}')
+        return Unreadable(message=f'no field "{field.name}" in {quoted(line, SHOWN)}')
+    return Unreadable(
+        message=f'the field "{field.name}" is {quoted(json.dumps(value, default=str), SHOWN)}, not {wanted}'
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,7 +198,7 @@ def _read_caller(run: Run, read: LineReader, line: str) -> JobAnswer | Unreadabl
             reading = _read_result(run, read, message.get("result"), response)
             return JobAnswer(reading=reading, began=due) if isinstance(reading, Reading) else reading
         case _:
-            return Unreadable(message=f"the runner's line {line[:60]!r}")
+            return Unreadable(message=f"the runner's line {quoted(line, SHOWN)}")
 
 
 def _read_result(run: Run, read: LineReader, result: object, response: float) -> Reading | Unreadable:

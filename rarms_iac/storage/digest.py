@@ -9,6 +9,7 @@ from math import isfinite
 from typing import Any
 
 from rarms_iac.model.state import PartitionSettings, RegistryValue, StartAction
+from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import Json, NotDecodable, encode
 
 _HUGE = re.compile(r"[eE]\+?[0-9]{3}|[0-9]{300}")
@@ -68,7 +69,9 @@ def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) != len(pairs):
         names = [name for name, _ in pairs]
-        raise NotDecodable("", f"the key {next(name for name in names if names.count(name) > 1)!r} is there twice")
+        raise NotDecodable(
+            "", f"the key {quoted(next(name for name in names if names.count(name) > 1))} is there twice"
+        )
     return found
 
 

@@ -11,6 +11,7 @@ from typing import ClassVar, cast
 
 from rarms_iac.model.diagnostics import Finding, Severity
 from rarms_iac.model.plan import Plan
+from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
 from rarms_iac.storage.digest import digest, parse_json, short
 
@@ -119,7 +120,7 @@ def _parsed(data: bytes) -> dict[str, Json]:
         raise PlanUnreadable("it is not a plan file", again)
     if document["format_version"] != FORMAT:
         raise PlanUnreadable(
-            f"it is of the format {document['format_version']!r}, and this rarms reads {FORMAT}",
+            f"it is of the format {quoted(document['format_version'])}, and this rarms reads {FORMAT}",
             "Make the plan again with this version of rarms",
         )
     return document

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 from rarms_iac.model.diagnostics import Finding, Severity
 from rarms_iac.model.state import State
+from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import NotDecodable, decode, encode
 from rarms_iac.storage.digest import parse_json
 
@@ -44,7 +45,9 @@ def read_snapshot(data: bytes) -> State:
     if not isinstance(document, dict) or "format_version" not in document:
         raise SnapshotUnreadable("it has no `format_version`")
     if document["format_version"] != FORMAT:
-        raise SnapshotUnreadable(f"it is of the format {document['format_version']!r}, and this rarms reads {FORMAT}")
+        raise SnapshotUnreadable(
+            f"it is of the format {quoted(document['format_version'])}, and this rarms reads {FORMAT}"
+        )
     try:
         return decode(State, document.get("state"))
     except NotDecodable as error:

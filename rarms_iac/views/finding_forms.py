@@ -16,7 +16,7 @@ from xml.etree import ElementTree as ET
 
 from rarms_iac import __version__
 from rarms_iac.model.diagnostics import Diagnostic, Place, Severity, Sources
-from rarms_iac.model.wording import suggestion
+from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import visible
 from rarms_iac.views.output.common import FindingsOutput
@@ -63,9 +63,11 @@ def _output(value: str) -> OutputTarget:
     name, equals, path = value.partition("=")
     formats = [form.value for form in OutputFormat]
     if name not in formats:
-        raise BadOutput(f"{name!r} is no form of output.{suggestion(name, formats)} There are {', '.join(formats)}.")
+        raise BadOutput(
+            f"{quoted(name)} is no form of output.{suggestion(name, formats)} There are {', '.join(formats)}."
+        )
     if equals and not path:
-        raise BadOutput(f"{value!r} names no file: write {name}=FILE, or {name} alone for standard output")
+        raise BadOutput(f"{quoted(value)} names no file: write {name}=FILE, or {name} alone for standard output")
     return OutputTarget(format=OutputFormat(name), path=None if path in {"", "-"} else path)
 
 

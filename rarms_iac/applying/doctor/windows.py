@@ -9,6 +9,7 @@ from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.mmcss import OFF, USUAL, taken_for
 from rarms_iac.model.state import RegistryValue, Rights, ValueKind
 from rarms_iac.model.system import ProviderKind, SchedulerType
+from rarms_iac.model.wording import quoted
 
 RESPONSIVENESS_VALUE = Finding(
     code="RARMS230",
@@ -65,7 +66,7 @@ def check_responsiveness(host: Examination) -> Iterator[Diagnostic]:
     if effective == OFF:
         problem = f"{value.data}, which switches the multimedia class scheduler off"
     elif value.kind is not ValueKind.DWORD:
-        problem = f"{value.data!r}, of the type {value.kind.value} and not dword"
+        problem = f"{quoted(value.data)}, of the type {value.kind.value} and not dword"
     elif value.data != effective:
         problem = f"{value.data}, which Windows takes for {effective}"
     else:

@@ -12,7 +12,7 @@ from rarms_iac.model.plan import Purpose, Step, UndoLevel
 from rarms_iac.model.quantities import show_bytes
 from rarms_iac.model.state import Partition
 from rarms_iac.model.system import Disruption
-from rarms_iac.model.wording import suggestion
+from rarms_iac.model.wording import quoted, suggestion
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.headroom import limit_in_manifest
 
@@ -58,7 +58,7 @@ def _review_switch(part: ReviewedPlan, step: Step, creation: CreatePartition) ->
     known = f"It has {', '.join(sorted(switches))}." if switches else "It has none."
     yield SWITCH.at(
         step.place,
-        f'"{creation.partition}" is to be connected to the virtual switch {creation.switch!r}, which '
+        f'"{creation.partition}" is to be connected to the virtual switch {quoted(creation.switch)}, which '
         f"{part.host} does not have.{suggestion(creation.switch, switches)} {known}",
         "Name a switch that is there (`hyperv.switch`), or make it on the host first (`New-VMSwitch`).",
         address=str(step.address),

@@ -13,6 +13,7 @@ from rarms_iac.cli.codes import ExitCode
 from rarms_iac.cli.options import manifest_options
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import Finding, Severity
+from rarms_iac.model.wording import quoted
 
 TOO_LONG = Finding(code="RARMS292", severity=Severity.ERROR, summary="A sheet cannot hold so many rows")
 
@@ -36,7 +37,7 @@ def command(
 
     ending = Path(file).suffix.lower()
     if ending not in {".csv", ".xlsx"}:
-        raise click.UsageError(f"{file!r} ends with neither .csv nor .xlsx.", click.get_current_context())
+        raise click.UsageError(f"{quoted(file)} ends with neither .csv nor .xlsx.", click.get_current_context())
     if trail and (samples or ending != ".csv"):
         raise click.UsageError("--trail goes into a .csv file, without --samples.", click.get_current_context())
     report = report_of_manifest(load_manifest(source), components)

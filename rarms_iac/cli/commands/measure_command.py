@@ -18,6 +18,7 @@ from rarms_iac.cli.prompts import TerminalLevelPrompt, TerminalStopConsent, comb
 from rarms_iac.cli.session import Session, rarms_command
 from rarms_iac.model.diagnostics import has_errors
 from rarms_iac.model.quantities import NotAQuantity, Unit, parse_quantity
+from rarms_iac.model.wording import quoted
 from rarms_iac.views.measure import measure_json, summary_text
 
 STRATEGIES = ("default", "bisection", "paper")
@@ -163,5 +164,5 @@ def percent(text: str | None) -> int | None:
     except NotAQuantity:
         value = None
     if value is None or value.denominator != 1 or not 1 <= value <= 100:
-        raise click.BadParameter(f"{text!r} is no whole per cent from 1 to 100, as 10%.")
+        raise click.BadParameter(f"{quoted(text)} is no whole per cent from 1 to 100, as 10%.")
     return int(value)

@@ -8,6 +8,7 @@ from rarms_iac.model.diagnostics import Finding, Severity
 from rarms_iac.model.mmcss import OFF, is_taken_as_is, taken_for
 from rarms_iac.model.quantities import in_processors, show_bytes
 from rarms_iac.model.system import Host, HypervHost, ProviderKind, RunsOn, System
+from rarms_iac.model.wording import quoted
 
 NOTHING_KEPT_FOR_HOST = Finding(
     code="RARMS058", severity=Severity.WARNING, summary="A host keeps too little for the components that run on it"
@@ -109,9 +110,9 @@ def _path_problem(path: str) -> str:
     if not _ABSOLUTE.match(path):
         return "does not begin with a drive or a share. It would depend on the folder where a script starts"
     if found := _NOT_IN_A_PATH.search(path):
-        return f"contains {found.group()!r}, which Windows allows in no path"
+        return f"contains {quoted(found.group())}, which Windows allows in no path"
     if found := _WILDCARD.search(path):
-        return f"contains {found.group()!r}, which PowerShell reads as a pattern"
+        return f"contains {quoted(found.group())}, which PowerShell reads as a pattern"
     return ""
 
 

@@ -13,6 +13,7 @@ from rarms_iac.manifest.text.events import SAME_KEY, DuplicateKey, read_events
 from rarms_iac.manifest.text.positions import ManifestPlaces, dotted
 from rarms_iac.manifest.text.tree import Node, build_positions
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Related, Severity
+from rarms_iac.model.wording import quoted
 from rarms_iac.storage.reading import NotRegular, TooLarge, read_file
 
 NOT_READABLE = Finding(code="RARMS001", severity=Severity.ERROR, summary="The file cannot be read")
@@ -152,9 +153,11 @@ def _not_readable(file: str, problem: OSError | ValueError, *, overlay: bool) ->
             advice = "Check the path, or create a manifest with `rarms init`."
             if overlay:
                 advice = "Check the path. An overlay is a file with the keys that differ from the manifest."
-            return NOT_READABLE.at(place, f"There is no file {file!r}.", advice)
+            return NOT_READABLE.at(place, f"There is no file {quoted(file)}.", advice)
         case PermissionError():
-            return NOT_READABLE.at(place, f"rarms has no permission to read {file!r}.", "Check the file's permissions.")
+            return NOT_READABLE.at(
+                place, f"rarms has no permission to read {quoted(file)}.", "Check the file's permissions."
+            )
         case OSError():
             reason = problem.strerror or type(problem).__name__
             return NOT_READABLE.at(place, f"The system reports: {reason}.", "Check the path.")

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Place, Severity
+from rarms_iac.model.wording import quoted
 from rarms_iac.powershell.templates import (
     PARTS,
     RUNTIME_BEGIN,
@@ -155,7 +156,7 @@ def _directive_problems(read_tokens: Iterable[Token]) -> Iterator[str]:
     for token in read_tokens:
         low = token.text.lower()
         if token.kind is TokenKind.COMMENT and (low.startswith(("<#", "# sig #")) or _is_requires(token)):
-            yield f"PowerShell may heed the comment {token.text[:40]!r}"
+            yield f"PowerShell may heed the comment {quoted(token.text, 40)}"
 
 
 def _is_requires(token: Token) -> bool:

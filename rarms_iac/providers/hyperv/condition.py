@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from rarms_iac.model.condition import HostCondition, MachineCondition, PolicyScope
 from rarms_iac.model.diagnostics import Diagnostic, Finding, Severity
 from rarms_iac.model.state import RegistryValue
+from rarms_iac.model.wording import quoted
 from rarms_iac.providers.hyperv.journal import JournalDamaged, JournalPlanted
 from rarms_iac.providers.hyperv.observation import (
     HostObservation,
@@ -122,7 +123,7 @@ def _not_whole(machine: ObservedMachine, reserve: int) -> Diagnostic:
     exact = f"{reserve / THOUSANDTHS:.3f}".rstrip("0")
     return NOT_WHOLE.at(
         None,
-        f"WMI has a reserve of {exact} % for machine {machine.name!r} ({machine.id}), the cmdlets show "
+        f"WMI has a reserve of {exact} % for machine {quoted(machine.name)} ({machine.id}), the cmdlets show "
         f"{machine.reserve} %: another tool wrote it, and no cmdlet can.",
         "Set a whole per cent with Set-VMProcessor -Reserve; until then plans count what the cmdlets show.",
         address=f"machine/{machine.id}",

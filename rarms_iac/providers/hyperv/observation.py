@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Generic, TypeVar, get_args, get_type_hints
 
+from rarms_iac.model.wording import quoted
 from rarms_iac.storage.codec import Json, NotDecodable, decode_union
 from rarms_iac.storage.digest import parse_json
 
@@ -249,7 +250,7 @@ def observation_of(document: Json) -> HostObservation:
     if not isinstance(document, dict) or "format" not in document:
         raise NotDecodable("", "it has no `format`: it is not what observe.ps1 prints")
     if document["format"] != FORMAT:
-        raise NotDecodable("format", f"this rarms reads {FORMAT}, not {document['format']!r}")
+        raise NotDecodable("format", f"this rarms reads {FORMAT}, not {quoted(document['format'])}")
     hints = _probes()
     if unknown := document.keys() - hints.keys() - {"format", "computer"}:
         raise NotDecodable(min(unknown), "this rarms does not know what was looked at there")
@@ -291,7 +292,9 @@ def _probe(document: Mapping[str, Json], name: str, hint: Any) -> Probe[Any]:
             answer = _decoded(_NoAnswer, rest, name)
             return UnreadProbe(denied=status == "denied", error=answer.error, message=answer.says)
         case other:
-            raise NotDecodable(f"{name}.status", f"{other!r} is none of value, absent, denied, with what belongs to it")
+            raise NotDecodable(
+                f"{name}.status", f"{quoted(other)} is none of value, absent, denied, with what belongs to it"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,6 +25,7 @@ from rarms_iac.model.state import (
     ValueKind,
 )
 from rarms_iac.model.system import ProviderKind, SchedulerType
+from rarms_iac.model.wording import quoted
 from rarms_iac.providers.hyperv.journal import LastRun, NoJournal, last_run
 from rarms_iac.providers.hyperv.observation import (
     HostObservation,
@@ -242,7 +243,7 @@ def _partition(machine: ObservedMachine, readings: MarkReading) -> Partition:
 
 def _named(names: Mapping[str, T], name: str, machine: ObservedMachine, field: str) -> T:
     if name not in names:
-        raise NotDecodable(f"machines[{machine.id}].{field}", f"{name!r} is none of {', '.join(names)}")
+        raise NotDecodable(f"machines[{machine.id}].{field}", f"{quoted(name)} is none of {', '.join(names)}")
     return names[name]
 
 

@@ -12,6 +12,7 @@ from functools import lru_cache
 
 from rarms_iac.model.state import Disk, HostFacts, Partition, Rights, RunState, State, TaskClass
 from rarms_iac.model.system import Host, SimulatedHost
+from rarms_iac.model.wording import quoted
 from rarms_iac.providers.marks import MarkReading, read_marks
 from rarms_iac.providers.simulated.content import FRESH, SHIPPED, Content, SimulatedMachine
 from rarms_iac.providers.simulated.rules import out_of_range
@@ -195,4 +196,4 @@ def _check_id(path: str, text: str) -> None:
     except ValueError:
         sound = False
     if not sound:
-        raise NotDecodable(path, f"{text!r} is no id")
+        raise NotDecodable(path, f"{quoted(text)} is no id")

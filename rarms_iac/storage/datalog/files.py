@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
+from rarms_iac.model.wording import quoted
 from rarms_iac.storage.append import Damaged, append, read_records
 from rarms_iac.storage.append import line_of as sealed_line
 from rarms_iac.storage.codec import Json, NotDecodable, decode, encode
@@ -135,7 +136,7 @@ def _remeasurement_in(record: Mapping[str, Json]) -> Remeasurement:
 def _header(path: Path, record: dict[str, Json]) -> Header:
     version = record.get("format_version")
     if version != FORMAT:
-        raise LogUnreadable(path, 1, f"it is of the format {version!r}, and this rarms reads {FORMAT}")
+        raise LogUnreadable(path, 1, f"it is of the format {quoted(version)}, and this rarms reads {FORMAT}")
     try:
         return decode(Header, record)
     except NotDecodable as problem:

@@ -142,7 +142,7 @@ def test_a_component_that_is_misspelt_is_asked_back(robot: Path, command: tuple[
     ran = rarms(*command, "visoin", "-f", str(robot))
 
     assert ran.code == 64
-    assert """The manifest has no component 'visoin'. Did you mean "vision"?""" in " ".join(ran.err.split())
+    assert """The manifest has no component "visoin". Did you mean "vision"?""" in " ".join(ran.err.split())
 
 
 def status(robot: Path) -> str:

@@ -120,8 +120,8 @@ def test_a_script_that_was_edited_is_checked(folder: Path, tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--script", "--host", "cel"), "The plan has no host 'cel'. Did you mean"),
-        (("--script", "--guest", "torch"), "no script for a guest 'torch'"),
+        (("--script", "--host", "cel"), 'The plan has no host "cel". Did you mean'),
+        (("--script", "--guest", "torch"), 'no script for a guest "torch"'),
         (("--undo",), "add --script"),
         (("--script", "--snapshot", "x.json"), "A PLAN takes no --snapshot"),
     ],

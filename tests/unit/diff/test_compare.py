@@ -300,7 +300,7 @@ def test_a_class_with_a_value_that_could_not_be_brought_back_is_left_alone(odd: 
     found = difference(wanting, state)
     assert [change for change in found.changes if change.address.task] == []
     assert codes(found.findings) == ["RARMS165"]
-    assert f"'Extra' ({odd.kind.value})" in found.findings[0].detail
+    assert f'"Extra" ({odd.kind.value})' in found.findings[0].detail
 
     if record:
         gone = difference(robot(), state)

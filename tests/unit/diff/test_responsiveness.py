@@ -85,7 +85,7 @@ def test_another_applications_value_and_an_unknown_one_are_refused() -> None:
     theirs = TaskRecord(application="kiosk", set="a" * 12, before=None)
 
     for there, message in (
-        (Responsiveness(value=dword(20), record=theirs), "application 'kiosk' set it"),
+        (Responsiveness(value=dword(20), record=theirs), 'application "kiosk" set it'),
         (None, "could not be read"),
     ):
         found = route(wanting(10), a_state(there))

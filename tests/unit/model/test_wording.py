@@ -1,8 +1,8 @@
-"""."""
+"""Words in a row, names that were misspelt, and text of somebody else's."""
 
 import pytest
 
-from rarms_iac.model.wording import did_you_mean, distance, in_a_row, number, suggestion
+from rarms_iac.model.wording import did_you_mean, distance, in_a_row, number, quoted, suggestion
 
 
 @pytest.mark.parametrize(
@@ -57,3 +57,10 @@ def test_distance_counts_slips(one: str, other: str, expected: int) -> None:
 
 def test_distance_stops_above_its_limit() -> None:
     assert distance("aaaaaaaa", "bbbbbbbb", 2) == 3
+
+
+def test_a_quoted_text_is_on_one_line_and_nothing_in_it_is_hidden() -> None:
+    assert quoted("vision") == '"vision"'
+    assert quoted("vid\x00eo\n\u202eexe\xa0") == '"vid<U+0000>eo<U+000A><U+202E>exe<U+00A0>"'
+    assert quoted("it's") == '"it\'s"'
+    assert quoted("abcdef", 3) == '"abc..."'

@@ -5,7 +5,7 @@ from fractions import Fraction
 import pytest
 
 from rarms_iac.model.system import Field, Samples
-from rarms_iac.running.reading import Reading, Unreadable, line_reader, quoted
+from rarms_iac.running.reading import Reading, Unreadable, line_reader
 
 JSON = Samples(source="json_lines", response_time=Field(name="ms"))
 WHOLE = Samples(
@@ -20,7 +20,7 @@ OPTIONAL = Samples(
 
 UNREADABLE = {
     "no object": ("[1]", 'not a JSON object: "[1]"'),
-    "no JSON": ("oops \x1b[2J", r'not a JSON object: "oops \x1b[2J"'),
+    "no JSON": ("oops \x1b[2J", 'not a JSON object: "oops <U+001B>[2J"'),
     "not finite": ('{"ms": NaN}', 'not a JSON object: "{"ms": NaN}"'),
     "too large": ('{"ms": 1e999}', 'the field "ms" is "Infinity", not a time'),
     "no field": ('{"s": 1}', 'no field "ms" in "{"s": 1}"'),
@@ -78,5 +78,7 @@ def test_a_group_that_took_no_part_is_a_job_without_an_answer() -> None:
     assert isinstance(read("job took ages"), Unreadable)
 
 
-def test_a_quoted_line_is_short_and_harmless() -> None:
-    assert quoted("\x1b]0;title\x07" + "x" * 100) == '"\\x1b]0;title\\x07' + "x" * 50 + '..."'
+def test_a_line_is_shown_short_and_harmless() -> None:
+    unreadable = line_reader(JSON)("\x1b]0;title\x07" + "x" * 100)
+
+    assert unreadable == Unreadable(message='not a JSON object: "<U+001B>]0;title<U+0007>' + "x" * 50 + '..."')

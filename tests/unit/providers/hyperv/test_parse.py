@@ -148,7 +148,7 @@ def test_an_enumeration_that_hyperv_does_not_have_is_refused() -> None:
     machines = document("server-2022-with-strangers")["machines"]["value"]
     machines[0]["start_action"] = "Perhaps"
 
-    with pytest.raises(NotDecodable, match="'Perhaps' is none of Nothing"):
+    with pytest.raises(NotDecodable, match='"Perhaps" is none of Nothing'):
         to_state(recorded("server-2022-with-strangers", machines=machines), "cell")
 
 

@@ -76,7 +76,7 @@ def test_settings_that_no_machine_can_have_are_damage(impossible: PartitionSetti
     [
         (replace(CONTENT, made=0), "a count is too small"),
         (replace(CONTENT, struck={"f": -1}), "a count is too small"),
-        (replace(CONTENT, id="x"), "'x' is no id"),
+        (replace(CONTENT, id="x"), '"x" is no id'),
         (CONTENT.with_registry("ghost", Registry()), "there is no such machine"),
         (replace(CONTENT, machines={ID.upper(): MACHINE}), "filed under another id"),
     ],
