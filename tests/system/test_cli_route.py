@@ -250,9 +250,9 @@ def test_drift_tells_a_changed_host_from_a_changed_manifest(robot: Robot) -> Non
     changed = robot.run("drift")
 
     assert (still.code, not_applied.code, changed.code) == (0, 5, 2)
-    assert "  control: not applied yet" in not_applied.out
+    assert "  control, 0.7 LP wanted: not applied yet" in not_applied.out
     assert "reserve is 30 %, wanted 35 %" in not_applied.out
-    assert "  display: changed on the host" in changed.out
+    assert "  display, 0.4 LP wanted: changed on the host" in changed.out
 
 
 def test_drift_tells_what_somebody_removed_from_what_rarms_took_away(robot: Robot) -> None:
@@ -271,8 +271,8 @@ def test_drift_tells_what_somebody_removed_from_what_rarms_took_away(robot: Robo
     undone = robot.run("drift")
 
     assert [one.code for one in (never, removed, destroyed, undone)] == [5, 2, 5, 5]
-    assert "control: removed from the host" in removed.out
-    assert "control: not there" in destroyed.out
+    assert "control, 0.6 LP wanted: removed from the host" in removed.out
+    assert "control, 0.6 LP wanted: not there" in destroyed.out
     assert "taken away again by rarms itself" in " ".join(undone.out.split())
 
 
@@ -290,7 +290,7 @@ def test_a_partition_that_the_last_apply_did_not_touch_is_known_all_the_same(rob
 
     assert robot.run("drift").code == 2
     assert robot.run("undo", "--auto-approve").code == 0
-    assert "control: removed from the host" in robot.run("drift").out
+    assert "control, 0.6 LP wanted: removed from the host" in robot.run("drift").out
 
 
 def test_drift_says_that_a_run_is_unfinished(robot: Robot) -> None:
