@@ -31,7 +31,6 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "explain": "Explain a finding, or how a component comes to what it gets.",
         "schema": "Print a JSON Schema.",
         "completion": "Print a completion script for a shell.",
-        "version": "Show the version of rarms and of what it stands on.",
     }
 )
 """In the order in which they are met. `cli/commands/<name>_command.py` holds each (`import` is a keyword)."""

@@ -79,15 +79,3 @@ class ExplanationOutput:
     kind: Literal["explanation"] = "explanation"
     subject: str
     page: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VersionOutput:
-    """`rarms version`."""
-
-    format_version: Format = FORMAT_VERSION
-    kind: Literal["version"] = "version"
-    rarms: str
-    python: str
-    system: str
-    libraries: Mapping[str, str]

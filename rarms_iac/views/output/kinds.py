@@ -5,7 +5,6 @@ from rarms_iac.views.output.common import (
     ExplanationOutput,
     FindingsOutput,
     FmtOutput,
-    VersionOutput,
     WrittenOutput,
 )
 from rarms_iac.views.output.hosts import ComponentRunOutput, DoctorOutput, DriftOutput, RunOutput
@@ -32,5 +31,4 @@ Output = (
     | ReportOutput
     | GraphOutput
     | CandidatesOutput
-    | VersionOutput
 )

@@ -127,7 +127,7 @@ def test_a_full_disk_is_a_finding() -> None:
     with open("/dev/full", "w", encoding="utf-8") as full:  # noqa: PTH123 - not a file
         sys.stdout = full
         try:
-            code = entry.run(["version"])
+            code = entry.run(["schema"])
         finally:
             sys.stdout = before
 

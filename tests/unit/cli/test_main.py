@@ -54,7 +54,7 @@ Terminal.flush = lambda self: signal.raise_signal(signal.SIGINT)
 @pytest.mark.parametrize("interrupt", [INTERRUPTED_IN_AN_IMPORT, INTERRUPTED_IN_THE_LAST_FLUSH])
 def test_an_interrupt_outside_the_command_is_one_line(interrupt: str) -> None:
     heard = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"  # also where a runner ignores it
-    script = f"{heard}\n{interrupt}\nimport sys; from rarms_iac.cli.main import main; sys.exit(main(['version']))"
+    script = f"{heard}\n{interrupt}\nimport sys; from rarms_iac.cli.main import main; sys.exit(main(['schema']))"
 
     ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
 
@@ -78,19 +78,19 @@ def test_help_has_a_short_form(words: tuple[str, ...]) -> None:
 
 
 def test_a_misspelt_command_is_wrong_usage_and_offers_the_nearest() -> None:
-    answer = rarms("versoin")
+    answer = rarms("drfit")
 
     assert answer.code == 64
     assert answer.out == ""
-    assert 'There is no command "versoin". Did you mean "version"?' in answer.err
+    assert 'There is no command "drfit". Did you mean "drift"?' in answer.err
 
 
 def test_a_misspelt_option_offers_the_nearest() -> None:
-    answer = rarms("version", "--jsn")
+    answer = rarms("drift", "--jsn")
 
     assert answer.code == 64
     assert "--json" in answer.err
-    assert "`rarms version --help` lists what it takes." in answer.err
+    assert "`rarms drift --help` lists what it takes." in answer.err
 
 
 def test_an_option_without_its_value_is_told_by_its_own_command() -> None:

@@ -243,7 +243,3 @@ def test_explain_of_a_finding_that_does_not_exist_guesses_no_number(code: str) -
     assert answer.code == 64
     assert "Did you mean" not in answer.err
     assert "docs/diagnostics.md" in answer.err
-
-
-def test_the_version_for_programs() -> None:
-    check(rarms("version", "--json").out)
