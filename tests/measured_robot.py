@@ -33,7 +33,7 @@ def path_planning(reserve: int) -> float:
     return 12.0 + 900 / reserve
 
 
-def a_measured_setting(name: str, reserve: int, shape: Shape, *, samples: int = 200, within: float = 400.0) -> Setting:
+def a_measured_setting(name: str, reserve: int, shape: Shape, *, samples: int = 2000, within: float = 400.0) -> Setting:
     """Jobs one after the other, 5 % of noise; a job succeeds within a time."""
     random = Random(f"seed {name} {reserve}")
     began, jobs = 0.0, []

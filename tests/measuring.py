@@ -19,7 +19,7 @@ from tests.builders_measured import a_bench, a_series, a_setting
 
 TAKEN = Provenance(rarms_version="0", when="2026-01-01T00:00:00Z")
 _AROUND = (1.0, -1.0, 0.5, -0.5, 0.0)
-_JOBS = 200
+_JOBS = 2000
 
 
 def steady(component: str, mean: float, jobs: int = _JOBS) -> Series:

@@ -48,6 +48,7 @@ from rarms_iac.measuring.partitions import (
     remove_test_partitions,
 )
 from rarms_iac.measuring.search import STRATEGIES
+from rarms_iac.measuring.settling import Settling
 from rarms_iac.measuring.setup import Experiment, experiment_of
 from rarms_iac.measuring.strategies import Agreeing, Searching, Sweeping, Verifying, apts_of, goal_of
 from rarms_iac.model.diagnostics import Diagnostic
@@ -332,6 +333,7 @@ class _BenchState:
     budget: MeasuringBudget
     running: tuple[Partition, ...]  # what is in the way and is not to be stopped
     top: int  # the highest CR that it can give
+    memory_ms: float  # its scheduler's
 
 
 def _look_at_bench(experiment: Experiment, bench: MeasuringHost, request: MeasureRequest) -> _BenchState:
@@ -340,7 +342,10 @@ def _look_at_bench(experiment: Experiment, bench: MeasuringHost, request: Measur
     state = seen if request.on_busy_host else at_rest(seen, experiment.application)
     budget = host_budget(experiment.host, state, experiment.application)
     return _BenchState(
-        budget=budget, running=other_running_partitions(state), top=highest_reserve(budget, experiment.setup)
+        budget=budget,
+        running=other_running_partitions(state),
+        top=highest_reserve(budget, experiment.setup),
+        memory_ms=bench.scheduler_memory_ms,
     )
 
 
@@ -459,6 +464,7 @@ def _describe_duration(experiment: Experiment, request: MeasureRequest, seen: _B
         top=seen.top,
         to_the_letter=request.strategy == PAPER,
         earlier=replace(book, seed=None).settings(),
+        settles_ms=Settling(memory_ms=seen.memory_ms).least_ms,
     )
     settings = counted(bounds.most_settings, "setting")
     if bounds.least_settings != bounds.most_settings:

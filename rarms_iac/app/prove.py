@@ -21,7 +21,7 @@ from rarms_iac.app.wiring import open_bench
 from rarms_iac.applying.prepare import prepare
 from rarms_iac.measuring import findings
 from rarms_iac.measuring.findings import show_index
-from rarms_iac.measuring.partitions import host_budget
+from rarms_iac.measuring.partitions import host_budget, partition_name
 from rarms_iac.measuring.prove import AppliedLayout, IndexVerdict, LayoutProof, has_memory_for_load, prove, with_samples
 from rarms_iac.model.diagnostics import Diagnostic, Finding
 from rarms_iac.model.indexes import index_named, show_threshold
@@ -208,16 +208,17 @@ def applied_layouts(
         partitions = {group.name: group.members for group in groups if running[group.name] == name}
         on_host = tuple(_on_host(hosts, name, tuple(sorted(states))))
         if partitions or on_host:
-            running_here = [
-                partition.settings
-                for partition in states[name].of(application).partitions
-                if partition.settings.running
-            ]
+            running_here = [here for here in states[name].of(application).partitions if here.settings.running]
+            reserves = {
+                partition_name(here): guaranteed(here.settings.reserve, here.settings.processors)
+                for here in running_here
+            }
             layouts[name] = AppliedLayout(
                 application=application,
                 host_processors=system.hosts[name].logical_processors,
-                reserved=sum((guaranteed(here.reserve, here.processors) for here in running_here), Fraction(0)),
+                reserved=sum(reserves.values(), Fraction(0)),
                 partitions=partitions,
+                reserves={name: float(processors) for name, processors in reserves.items()},
                 on_host=on_host,
             )
     return layouts

@@ -23,9 +23,9 @@ from rarms_iac.model.system import Component, Host, Measured, Run, System, Thres
 from rarms_iac.planner.groups import groups_of
 from rarms_iac.planner.reservations import fixed, names_of, rests_on_a_log, to_be_measured
 from rarms_iac.statistics.curves import curve_of
-from rarms_iac.statistics.estimates import SAFE_SIDE
+from rarms_iac.statistics.errors import ERROR, describe_extreme
 from rarms_iac.statistics.samples import failures
-from rarms_iac.statistics.verdicts import judge
+from rarms_iac.statistics.verdicts import judge_look
 from rarms_iac.storage.datalog.log import DataLog, Recorded
 
 WITHOUT_APT = "mean_response_time"
@@ -201,7 +201,7 @@ def points_of(
 
 def _point(setting: Setting, series: Series, index: str, apt: Mapping[str, Threshold], run: Run) -> MeasuredPoint:
     estimates = curve_of([setting], series.component, index, run).estimates
-    verdict = judge(series, apt, run, error=SAFE_SIDE)
+    verdict = judge_look(series, apt, run)
     words, error, remark = _in_words(verdict)
     if not estimates:
         return MeasuredPoint(
@@ -216,7 +216,7 @@ def _point(setting: Setting, series: Series, index: str, apt: Mapping[str, Thres
             remark=remark,
         )
     [estimate] = estimates
-    beyond = "" if estimate.beyond is None else f"up to {estimate.beyond:.2g} % of the jobs may lie beyond it"
+    beyond = "" if estimate.beyond is None else describe_extreme(estimate.beyond)
     return MeasuredPoint(
         reserve=setting.reserve,
         value=estimate.value,
@@ -234,12 +234,12 @@ def _point(setting: Setting, series: Series, index: str, apt: Mapping[str, Thres
 def _in_words(verdict: Verdict) -> tuple[str, float | None, str]:
     """A word, the probability that it is wrong, and what else is to be said."""
     match verdict:
-        case Met(error=error, warm_up=warm_up):
-            return "meets the APT", error, _warm_up(warm_up)
-        case Missed(error=error, warm_up=warm_up):
-            return "misses the APT", error, _warm_up(warm_up)
-        case WithinNoise(error=error, warm_up=warm_up):
-            return "within the noise", error, _warm_up(warm_up)
+        case Met(warm_up=warm_up):
+            return "meets the APT", ERROR, _warm_up(warm_up)
+        case Missed(warm_up=warm_up):
+            return "misses the APT", ERROR, _warm_up(warm_up)
+        case WithinNoise(warm_up=warm_up):
+            return "within the noise", None, _warm_up(warm_up)
         case Unsteady(reason=why):
             return "no steady state", None, why
         case TooManyFailures(failures=failed, allowed=allowed):

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, log2
 
+from rarms_iac.measuring.settling import PATIENCE
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.system import Elapsed, Periodic, Run
-from rarms_iac.statistics.verdicts import FIRST_LOOK
+from rarms_iac.statistics.errors import FIRST_LOOK
 
 STEPS_OF_PAPER = 10
 """Settings that CMCPUR asks for at most: 10, 20, ... 100 %."""
@@ -40,6 +41,7 @@ def expected_duration(
     top: int,
     to_the_letter: bool,
     earlier: Sequence[Setting] = (),
+    settles_ms: float = 0.0,
 ) -> DurationBounds:
     """Work out how long an experiment will take that is begun or goes on.
 
@@ -50,6 +52,7 @@ def expected_duration(
         top: The highest CR that the host can give, in per cent.
         to_the_letter: A search takes the paper's steps.
         earlier: All settings of its data log: how fast jobs were tells how fast they may be.
+        settles_ms: The least time in which the host settles, and that a setting then goes on (`Settling.least_ms`).
 
     Returns:
         Bounds of what is still to be run. At most, every job takes its `run.timeout`; at least, jobs are as fast as the
@@ -64,7 +67,10 @@ def expected_duration(
         least, most = 1, ceil(log2(max(1, top))) + ENDS_OF_SEARCH
     # Members run together: a setting ends when each has what it needs.
     shortest = max(_least_ms(run, name, earlier, early=not reserves) for name, run in experiment.runs.items())
+    shortest = settles_ms + max(shortest, settles_ms)
     longest = max(_most_ms(run) for run in experiment.runs.values())
+    if settles_ms:  # every component has another two jobs at least, and one that is under way
+        longest = max(longest, settles_ms) + PATIENCE * settles_ms + 3 * max(map(_job_ms, experiment.runs.values()))
     return DurationBounds(least_settings=least, most_settings=most, least_ms=least * shortest, most_ms=most * longest)
 
 
@@ -93,5 +99,9 @@ def _most_ms(run: Run) -> float:
     """A job that takes longer than its `timeout` is over; the last one may begin when the time is up."""
     if isinstance(run.until, Elapsed):
         return float(run.until.time + run.timeout)
-    between = run.arrival.period if isinstance(run.arrival, Periodic) else 0
-    return run.until.samples * float(max(run.timeout, between))
+    return run.until.samples * _job_ms(run)
+
+
+def _job_ms(run: Run) -> float:
+    """The longest from one job to the next."""
+    return float(max(run.timeout, run.arrival.period if isinstance(run.arrival, Periodic) else 0))

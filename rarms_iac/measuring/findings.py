@@ -23,6 +23,7 @@ from rarms_iac.model.outcomes import (
 from rarms_iac.model.quantities import show_amount, show_processors
 from rarms_iac.model.system import Measured
 from rarms_iac.model.wording import in_a_row
+from rarms_iac.statistics.errors import describe_extreme
 from rarms_iac.statistics.parallelism import usable_processors
 
 NOT_ACHIEVABLE = Finding(
@@ -101,7 +102,7 @@ def show_index(measured: MeasuredIndex) -> str:
     index = index_named(measured.index)
     value = show_value(index, measured.estimate.value)
     if measured.estimate.beyond is not None:
-        return f"{measured.index} {value}, beyond which up to {measured.estimate.beyond:.2g} % of the jobs may lie"
+        return f"{measured.index} {value} {describe_extreme(measured.estimate.beyond)}"
     return f"{measured.index} {value} ({show_range(index, measured.estimate.lower, measured.estimate.upper)})"
 
 

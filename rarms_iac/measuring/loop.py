@@ -6,7 +6,7 @@ that is recorded is never run a second time.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -22,6 +22,7 @@ from rarms_iac.measuring.partitions import (
     shapes_of_test_partitions,
 )
 from rarms_iac.measuring.search.trials import is_clear
+from rarms_iac.measuring.settling import Contender, Settling, contends_for_all
 from rarms_iac.measuring.setup import Experiment
 from rarms_iac.measuring.strategies import goal_of
 from rarms_iac.model.measurement import P1, P2, Sample, Series, Setting
@@ -29,7 +30,7 @@ from rarms_iac.model.outcomes import Conclusion, ExperimentStep, Measure, Settin
 from rarms_iac.model.system import Component
 from rarms_iac.planner.task_classes import classes_of, registry_values
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, RunningWork, Work
-from rarms_iac.statistics.verdicts import next_look
+from rarms_iac.statistics.errors import next_look
 from rarms_iac.storage.datalog.columns import as_recorded
 from rarms_iac.storage.datalog.files import append_setting, begin_log, read_log
 from rarms_iac.storage.datalog.log import Header, Provenance, Recorded
@@ -175,15 +176,18 @@ def measure(experiment: Experiment, strategy: Strategy, log: SettingsLog, contex
 def watch(
     running: RunningWork,
     components: Iterable[Component],
+    settling: Settling,
     is_enough: Callable[[Mapping[str, Series]], bool],
     should_stop: Callable[[], bool],
 ) -> Mapping[str, Series] | TooManyFailures | None:
-    """Read the samples of these components until there are enough, or no more.
+    """Read the samples of these components, from when their host has settled until there are enough, or no more.
 
     Args:
         running: Gives the samples of all that runs.
         components: Those to look at; whatever else runs is not.
-        is_enough: Asked when every component has as many samples as `next_look` says.
+        settling: Says when the host has settled; what ended before is no sample.
+        is_enough: Asked when every component has as many samples as `next_look` says, and the scheduler's memory has
+            passed as often as it must.
         should_stop: Asked after every sample.
 
     Returns:
@@ -193,29 +197,64 @@ def watch(
     samples: dict[str, list[Sample]] = {name: [] for name in sorted(allowed)}
     failures: dict[str, list[str]] = {name: [] for name in samples}
     looks_at = next_look(0)
+    start: _Start | None = None
     for name, sample in running.samples():
         if should_stop():
             return None
         if name not in samples:
             continue
-        samples[name].append(sample)
         if sample.failure:
             failures[name].append(sample.failure)
             if len(failures[name]) > allowed[name]:
                 return TooManyFailures(component=name, failures=tuple(failures[name]), allowed=allowed[name])
+        if start is None:
+            settling.saw(running, name)
+            running.count_from_now()
+            if settling.is_over(running.elapsed_ms()):
+                start = _start(running, samples, settling.excess())
+            continue
+        samples[name].append(sample)
         if (least := min(map(len, samples.values()))) >= looks_at:
             looks_at = next_look(least)
-            if is_enough(_series(running, samples)):
+            seen = _series(running, samples, start)
+            if running.elapsed_ms() - start.elapsed_ms >= settling.least_ms and is_enough(seen):
                 break
-    return None if should_stop() else _series(running, samples)
+    if should_stop():
+        return None
+    return _series(running, samples, start or _start(running, samples, "it ended before its host had settled"))
 
 
-def _series(running: RunningWork, samples: Mapping[str, list[Sample]]) -> Mapping[str, Series]:
-    elapsed = running.elapsed_ms()
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Start:
+    """Where samples begin to count."""
+
+    elapsed_ms: float
+    cpu_ms: Mapping[str, float | None]  # by component
+    unsettled: str  # why they count for no verdict
+
+
+def _start(running: RunningWork, names: Iterable[str], unsettled: str) -> _Start:
+    return _Start(
+        elapsed_ms=running.elapsed_ms(), cpu_ms={name: running.cpu_ms(name) for name in names}, unsettled=unsettled
+    )
+
+
+def _series(running: RunningWork, samples: Mapping[str, list[Sample]], start: _Start) -> Mapping[str, Series]:
+    elapsed = running.elapsed_ms() - start.elapsed_ms
     return {
-        name: Series(component=name, samples=tuple(seen), elapsed_ms=elapsed, cpu_ms=running.cpu_ms(name))
+        name: Series(
+            component=name,
+            samples=tuple(replace(sample, began_ms=sample.began_ms - start.elapsed_ms) for sample in seen),
+            elapsed_ms=elapsed,
+            cpu_ms=_consumed_since(running.cpu_ms(name), start.cpu_ms[name]),
+            unsettled=start.unsettled,
+        )
         for name, seen in samples.items()
     }
+
+
+def _consumed_since(now: float | None, before: float | None) -> float | None:
+    return None if now is None or before is None else now - before
 
 
 def highest_seed(settings: tuple[Setting, ...]) -> int:
@@ -263,13 +302,27 @@ def _run_setting(
         return is_clear(by_component, goal_of(experiment), precision=step.precision)
 
     set_reserves(context.host, experiment.application, bench.shapes, {P1: step.reserve, P2: beside})
-    with context.host.run(_work(experiment, context, step.reserve)) as running:
-        series = watch(running, experiment.members, is_enough, context.should_stop)
+    settling = Settling(
+        memory_ms=context.host.scheduler_memory_ms, contenders=_contenders(experiment, bench.budget, step.reserve)
+    )
+    work = replace(_work(experiment, context, step.reserve), least_ms=settling.least_ms)
+    with context.host.run(work) as running:
+        series = watch(running, experiment.members, settling, is_enough, context.should_stop)
     if series is None:
         return Stopped()
     if isinstance(series, TooManyFailures):
         return SettingFailed(reserve=step.reserve, verdict=series)
     return _setting(step.reserve, beside, context.seed, series)
+
+
+def _contenders(experiment: Experiment, budget: MeasuringBudget, reserve: int) -> tuple[Contender, ...]:
+    """P1, where P2 wants all that it does not reserve; what others reserve and leave idle is shared, and no excess."""
+    others = any(claim.reserve and claim.processors for claim in budget.claims)
+    if others or not contends_for_all(experiment.load, budget.capacity.logical_processors):
+        return ()
+    names = tuple(member.name for member in experiment.members)
+    processors = experiment.setup.processors * reserve / 100
+    return (Contender(components=names, processors=processors, must_come_down=True),)
 
 
 def _setting(reserve: int, beside: int, seed: int, seen: Mapping[str, Series]) -> Setting:

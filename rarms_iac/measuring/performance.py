@@ -9,9 +9,8 @@ from rarms_iac.model.measurement import Series, Setting, run_of
 from rarms_iac.model.outcomes import Estimate, Missed, NoEstimate, Unsteady
 from rarms_iac.model.system import AtLeast, AtMost, Component, Threshold
 from rarms_iac.statistics.estimates import estimate_steady
-from rarms_iac.statistics.samples import response_times
-from rarms_iac.statistics.steady_state import find_steady_part
-from rarms_iac.statistics.verdicts import VERDICT_ERROR, judge
+from rarms_iac.statistics.steady_state import find_steady_series
+from rarms_iac.statistics.verdicts import judge_look
 
 Shortfall = Literal["missed", "within the noise", "no steady state"]
 
@@ -59,7 +58,7 @@ def shortfall_at(reserve: int, settings: Iterable[Setting], experiment: Experime
     Strict, and with the error of a verdict, as a report judges a setting.
     """
     verdicts = [
-        judge(series, member.apt, experiment.runs[member.name], error=VERDICT_ERROR / len(experiment.members))
+        judge_look(series, member.apt, experiment.runs[member.name], members=len(experiment.members))
         for setting in settings
         if setting.reserve == reserve
         for member in experiment.members
@@ -73,7 +72,7 @@ def shortfall_at(reserve: int, settings: Iterable[Setting], experiment: Experime
 
 def why_unsteady(series: Series) -> str:
     """Say why the series has no steady state; empty where it has one."""
-    first = find_steady_part(response_times(series.samples))
+    first = find_steady_series(series)
     return first.reason if isinstance(first, Unsteady) else ""
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import assert_never
 
@@ -17,6 +17,7 @@ from rarms_iac.measuring.partitions import (
     set_reserves,
 )
 from rarms_iac.measuring.performance import MeasuredIndex
+from rarms_iac.measuring.settling import Contender, Settling, contends_for_all
 from rarms_iac.model.measurement import P2, Series, run_of
 from rarms_iac.model.outcomes import (
     Estimate,
@@ -30,6 +31,7 @@ from rarms_iac.model.outcomes import (
 )
 from rarms_iac.model.system import Component, Interference, SampleCount
 from rarms_iac.providers.measuring import MeasuringHost, PartitionWork, RunningWork, Work
+from rarms_iac.statistics.errors import ERROR, shared_error
 from rarms_iac.statistics.verdicts import judge_each
 
 
@@ -41,6 +43,7 @@ class AppliedLayout:
     host_processors: int  # LPs of the host
     reserved: Fraction  # LPs that the running partitions of the application reserve there
     partitions: Mapping[str, tuple[Component, ...]]  # by name
+    reserves: Mapping[str, float] = field(default_factory=dict)  # LPs of each that has a reserve, by name
     on_host: tuple[Component, ...] = ()  # in the host's own operating system
 
     @property
@@ -69,8 +72,8 @@ class IndexVerdict:
 
     @property
     def error(self) -> float | None:
-        """The probability that the verdict is wrong; None: there is no verdict."""
-        return self.verdict.error if isinstance(self.verdict, Met | Missed) else None
+        """The probability that any verdict on the layout is wrong; None: there is no verdict on this."""
+        return ERROR if isinstance(self.verdict, Met | Missed) else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,6 +138,7 @@ def prove(
         looked(seen)
         return False
 
+    settling = Settling(memory_ms=host.scheduler_memory_ms, contenders=_contenders(layout, load))
     with ExitStack() as ends:
         partitions = [
             PartitionWork(partition=name, components=members) for name, members in sorted(layout.partitions.items())
@@ -149,20 +153,40 @@ def prove(
             partitions=tuple(partitions),
             until={component.name: run_of(component).until for component in layout.judged},
             seed=seed,
+            least_ms=settling.least_ms,
         )
         running: RunningWork = ends.enter_context(host.run(work))
-        series = watch(running, layout.judged, is_enough, should_stop)
+        series = watch(running, layout.judged, settling, is_enough, should_stop)
     if series is None or isinstance(series, TooManyFailures):
         return series
     return LayoutProof(host=host.name, layout=layout, series=series, verdicts=judge_layout(layout.judged, series))
 
 
+def _contenders(layout: AppliedLayout, load: Interference | None) -> tuple[Contender, ...]:
+    """Partitions whose consumption shows what the scheduler does; what others leave idle is theirs to use for good."""
+    if not contends_for_all(load, layout.host_processors):
+        return ()
+    return tuple(
+        Contender(
+            components=tuple(member.name for member in members if member.apt),
+            processors=layout.reserves[name],
+            must_come_down=False,
+        )
+        for name, members in sorted(layout.partitions.items())
+        if name in layout.reserves
+    )
+
+
 def judge_layout(components: tuple[Component, ...], seen: Mapping[str, Series]) -> tuple[IndexVerdict, ...]:
-    """Judge every index of every component's APT; each series is looked at whole and once."""
+    """Judge every index of every component's APT; each series is looked at whole and once.
+
+    All verdicts together are wrong in `ERROR` of the runs at most: each has an equal part of it.
+    """
+    error = shared_error(sum(len(component.apt) for component in components))
     return tuple(
         _judge_index(component, index, verdict)
         for component in components
-        for index, verdict in judge_each(seen[component.name], component.apt, run_of(component)).items()
+        for index, verdict in judge_each(seen[component.name], component.apt, run_of(component), error=error).items()
     )
 
 

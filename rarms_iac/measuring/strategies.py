@@ -61,9 +61,9 @@ class Searching:
         if step.reserve > self.most:  # what the host can give decides
             known = [trial for trial in trials if trial.reserve == self.most]
             if known and known[-1].passed:
-                return sufficient(trials, self.goal, self.most)
+                return sufficient(trials, self.most)
             if known:
-                return not_sufficient(known[-1], self.goal)
+                return not_sufficient(known[-1])
         # Once a setting had no steady state, an early look may see but a part of what changes.
         to_its_end = any(trial.inconclusive for trial in trials)
         return replace(step, reserve=min(step.reserve, self.most), until_clear=step.until_clear and not to_its_end)
@@ -113,7 +113,7 @@ class Verifying:
         if least.interpolated:
             return Measure(reserve=least.reserve)
         lower = [trial_of(setting, self.goal) for setting in settings if setting.reserve < least.reserve]
-        return sufficient(lower, self.goal, least.reserve)
+        return sufficient(lower, least.reserve)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -54,6 +54,7 @@ class Series:
     samples: tuple[Sample, ...]
     elapsed_ms: float
     cpu_ms: float | None = None  # processor time that the component consumed; None: cannot be told here
+    unsettled: str = ""  # why it says nothing of the next hour: the host had not settled; empty: it had
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

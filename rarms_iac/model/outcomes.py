@@ -17,9 +17,8 @@ class Estimate:
     """
 
     value: float
-    lower: float  # the truth is below with at most half the error; -inf: samples say nothing about this side
-    upper: float  # the truth is above with at most half the error; inf: likewise
-    error: float  # 0..1
+    lower: float  # the truth is rarely below, by the error that was asked for; -inf: samples say nothing of this side
+    upper: float  # likewise above; inf: likewise
     samples: int  # those that the value is made of
     effective_samples: float  # how many independent samples they are worth; at most `samples`
     beyond: float | None = None  # of an extreme: the share of jobs, in per cent, that may yet lie beyond it
@@ -43,27 +42,24 @@ class JudgedIndex:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Met:
-    """Every index meets its threshold, but for this error; of a maximum: so far (`Estimate.beyond`)."""
+    """Every index meets its threshold; of a maximum: so far (`Estimate.beyond`)."""
 
-    error: float
     judged: tuple[JudgedIndex, ...]
     warm_up: int  # samples that were left out
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Missed:
-    """At least one index misses its threshold, but for this error."""
+    """At least one index misses its threshold."""
 
-    error: float
     judged: tuple[JudgedIndex, ...]
     warm_up: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WithinNoise:
-    """The samples cannot tell; the truth lies within the estimates' bounds, but for this error."""
+    """The samples cannot tell; the truth lies within the estimates' bounds."""
 
-    error: float
     judged: tuple[JudgedIndex, ...]
     warm_up: int
 
@@ -110,7 +106,6 @@ class Sufficient:
 
     reserve: int
     failed: int | None  # the highest lower CR at which one was not met; None: there is none, or nobody looked
-    error: float  # of the verdicts that this rests on
     inconclusive: tuple[int, ...] = ()  # lower CRs above `failed` that were measured and have no steady state
 
 
@@ -119,7 +114,6 @@ class NotAchievable:
     """Not every APT is met at the highest CR that the host can give, which is this one."""
 
     reserve: int
-    error: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -30,6 +30,7 @@ class Work:
     partitions: tuple[PartitionWork, ...]
     until: Mapping[str, SampleCount | Elapsed]  # by component: when there is enough of it; the others only run along
     seed: int  # of chance, where the host draws it: the same work with the same seed shows the same samples
+    least_ms: float = 0.0  # and how long all of it goes on at least, from `count_from_now`
 
 
 class RunningWork(Protocol):
@@ -38,12 +39,17 @@ class RunningWork(Protocol):
     def samples(self) -> Iterator[tuple[str, Sample]]:
         """Yield a component's name and the sample of a job of it, in the order in which the jobs ended.
 
-        It ends when every component had its `until`; a component that has enough goes on meanwhile, so that the
-        others see it. Whoever has seen enough before stops asking. Called once; each step waits for the next job.
+        It ends when every component had its `until`, and `least_ms` have passed; a component that has enough goes on
+        meanwhile, so that the others see it. Whoever has seen enough before stops asking. Called once; each step waits
+        for the next job.
 
         Raises:
             HostError: it cannot go on.
         """
+        ...
+
+    def count_from_now(self) -> None:
+        """Begin to count `until` and `least_ms`: what was before has settled. May be called between two samples."""
         ...
 
     def elapsed_ms(self) -> float:
@@ -79,6 +85,15 @@ class MeasuringHost(StepwiseHost, Protocol):
 
         Raises:
             HostError: the host cannot be reached or read.
+        """
+        ...
+
+    @property
+    def scheduler_memory_ms(self) -> float:
+        """How long, in ms, this host's scheduler lets what happened decide what happens: its longest window.
+
+        What is measured before that has passed many times over (`measuring/settling.py`) may show how the work began,
+        and not how it goes on.
         """
         ...
 

@@ -15,7 +15,8 @@ from rarms_iac.model.indexes import find_index
 from rarms_iac.model.measurement import Series, Setting
 from rarms_iac.model.outcomes import Estimate, NoEstimate
 from rarms_iac.model.system import AtLeast, AtMost, Run, Threshold
-from rarms_iac.statistics.estimates import USUAL_ERROR, estimate_steady
+from rarms_iac.statistics.errors import LOOK_ERROR
+from rarms_iac.statistics.estimates import estimate_steady
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +35,6 @@ class Curve:
 
     component: str
     index: str
-    error: float  # of the band, at each measured point
     points: tuple[Point, ...]
     estimates: tuple[Estimate, ...]  # as measured, before they were made monotone; one a point
     inconclusive: tuple[int, ...] = ()  # reserves that were measured and gave no estimate
@@ -73,7 +73,7 @@ class LeastReserve:
     interpolated: bool  # it was not itself measured
 
 
-def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run, *, error: float = USUAL_ERROR) -> Curve:
+def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run, *, error: float = LOOK_ERROR) -> Curve:
     """Draw the curve of a component's index.
 
     A setting without an estimate (no answer, no steady state) gives no point; several settings at one reservation are
@@ -84,7 +84,7 @@ def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run, 
         component: Its name.
         index: A name of `model/indexes`.
         run: The component's; says the deadline.
-        error: The probability, 0..1, that the truth lies outside the band at a measured point.
+        error: The probability, 0..1, that the truth is beyond the band, on each side, at a look at a measured point.
     """
     measured: dict[int, list[Estimate]] = {}
     inconclusive: set[int] = set()
@@ -102,7 +102,6 @@ def curve_of(settings: Iterable[Setting], component: str, index: str, run: Run, 
     return Curve(
         component=component,
         index=index,
-        error=error,
         points=_monotone(reserves, estimates, index),
         estimates=estimates,
         inconclusive=tuple(sorted(inconclusive - measured.keys())),
@@ -231,7 +230,6 @@ def _combine(estimates: Sequence[Estimate], index: str) -> Estimate:
         value=value,
         lower=value - below,
         upper=value + above,
-        error=estimates[0].error,
         samples=sum(estimate.samples for estimate in estimates),
         effective_samples=total,
     )

@@ -7,6 +7,7 @@ from math import sqrt
 
 from rarms_iac.model.measurement import Series
 from rarms_iac.model.outcomes import Unsteady
+from rarms_iac.statistics.samples import response_times
 
 FEWEST = 40
 """In a shorter series no change can be distinguished from noise: it is taken as steady."""
@@ -15,6 +16,18 @@ _MAXIMUM = "maximum_response_time"
 _BLOCKS = 40
 _SHORTEST_BLOCK = 5
 _MOST_WARM_UP = 0.25  # a warm-up that takes more of the series leaves no steady state
+
+
+def find_steady_series(series: Series) -> int | Unsteady:
+    """Find where a series begins to be steady, by its response times; unsteady where its host had not settled.
+
+    Args:
+        series: the samples of one component at one setting, in order.
+
+    Returns:
+        As of `find_steady_part`, among the jobs that answered.
+    """
+    return Unsteady(reason=series.unsettled) if series.unsettled else find_steady_part(response_times(series.samples))
 
 
 def find_steady_part(times: Sequence[float]) -> int | Unsteady:

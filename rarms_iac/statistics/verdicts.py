@@ -1,12 +1,13 @@
 """Verdicts on an APT: met, missed or neither, each with the probability that it is wrong."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from math import sqrt
+from statistics import NormalDist
 from typing import Final
 
 from rarms_iac.model.measurement import Series
 from rarms_iac.model.outcomes import (
+    Estimate,
     JudgedIndex,
     Met,
     Missed,
@@ -18,134 +19,111 @@ from rarms_iac.model.outcomes import (
     WithinNoise,
 )
 from rarms_iac.model.system import AtLeast, AtMost, Elapsed, Run, SampleCount, Threshold
-from rarms_iac.statistics.estimates import SAFE_SIDE, USUAL_ERROR, estimate
-from rarms_iac.statistics.samples import failures, response_times
-from rarms_iac.statistics.steady_state import find_steady_part, steady_series
+from rarms_iac.statistics.errors import ERROR, FIRST_LOOK, LOOK_ERROR, shared_error
+from rarms_iac.statistics.estimates import estimate
+from rarms_iac.statistics.samples import failures
+from rarms_iac.statistics.steady_state import find_steady_series, steady_series
 
-VERDICT_ERROR: Final = 0.01
-"""The probability with which a verdict may be wrong unless somebody asks for another."""
-
-FIRST_LOOK: Final = 40
-"""Samples before the first look: a luckier few have ended settings too early, with rare large errors."""
-
-LAST_EARLY_LOOK: Final = 0.75
-"""The part of a setting after which it goes on to its end, and of the error that early looks spend at most."""
-
-PASSING_ERROR: Final = SAFE_SIDE + LAST_EARLY_LOOK * VERDICT_ERROR
-"""Of "enough": at a setting's end by the safe side, or before by what early looks may spend."""
+HOPELESS: Final = 0.2
+"""A setting ends within the noise where its end would settle it with at most this probability (predictive power)."""
 
 _MAXIMUM, _MINIMUM = "maximum_response_time", "minimum_response_time"
-_NEXT_LOOK = sqrt(2.0)
+_NORMAL = NormalDist()
 
 
-def judge(series: Series, apt: Mapping[str, Threshold], run: Run, *, error: float = VERDICT_ERROR) -> Verdict:
+def judge(series: Series, apt: Mapping[str, Threshold], run: Run, *, error: float = ERROR) -> Verdict:
     """Judge a whole series that is looked at once.
+
+    That every index meets its threshold takes each of them to be shown; the claim is wrong only if one that misses was
+    shown to meet (intersection-union test), so that nothing needs to be shared. That one misses shares the error.
 
     Args:
         series: Of one component at one setting.
-        apt: Thresholds by index; the error is shared among them, so that it holds for all together.
+        apt: Thresholds by index.
         run: The component's; says how many samples may fail, and the deadline.
         error: The probability, 0..1, with which `Met`, and with which `Missed`, may be wrong.
     """
     failed = failures(series)
     if len(failed) > run.failures:
         return TooManyFailures(component=series.component, failures=failed, allowed=run.failures)
-    first = find_steady_part(response_times(series.samples))
+    first = find_steady_series(series)
     return first if isinstance(first, Unsteady) else _judge_steady(series, first, apt, run, error)
 
 
-def judge_each(
-    series: Series, apt: Mapping[str, Threshold], run: Run, *, error: float = VERDICT_ERROR
-) -> dict[str, Verdict]:
+def judge_each(series: Series, apt: Mapping[str, Threshold], run: Run, *, error: float = ERROR) -> dict[str, Verdict]:
     """Judge each index by itself.
 
     Args:
         series: the samples of one component at one setting, in order.
         apt: the thresholds by index.
         run: how the component is run, with its deadline.
-        error: the probability, 0..1, that any of the verdicts is wrong; each index gets an equal part.
+        error: the probability, 0..1, that the verdict on an index is wrong.
 
     Returns:
         A verdict for each index of the APT, in its order.
     """
-    part = error / max(1, len(apt))
-    return {index: judge(series, {index: threshold}, run, error=part) for index, threshold in apt.items()}
+    return {index: judge(series, {index: threshold}, run, error=error) for index, threshold in apt.items()}
 
 
-def judge_early(
-    series: Series, apt: Mapping[str, Threshold], run: Run, *, error: float = VERDICT_ERROR
-) -> Verdict | None:
-    """Judge the samples so far of a setting that is being measured.
+def judge_look(series: Series, apt: Mapping[str, Threshold], run: Run, *, members: int = 1) -> Verdict:
+    """Judge a setting that may have ended at any look: the error holds for all looks at it together.
 
-    To be asked at `next_look` counts of samples and at the setting's end. The error holds for all looks of a setting
-    together: each has spent no more of it than its share of the setting (an alpha spending function), so that early
-    looks need the clearest evidence. An extreme that one more sample may turn is not clear before the end.
+    Args:
+        series: of one component at one setting, whether it ended early or not.
+        apt: thresholds by index.
+        run: the component's.
+        members: components of the setting, which share the error of saying that one of them misses.
+    """
+    verdict = judge(series, apt, run, error=LOOK_ERROR)
+    if members > 1 and isinstance(verdict, Missed):
+        return judge(series, apt, run, error=shared_error(members, LOOK_ERROR))
+    return verdict
+
+
+def judge_early(series: Series, apt: Mapping[str, Threshold], run: Run, *, members: int = 1) -> Verdict | None:
+    """Say whether a setting that is being measured may end now; to be asked at `next_look` counts of samples.
+
+    Args:
+        series: what was seen of one component so far.
+        apt: thresholds by index.
+        run: the component's; says when the setting ends anyway.
+        members: as of `judge_look`.
 
     Returns:
-        The verdict; None: not clear yet, go on. At the setting's end it is never None.
+        What `judge_look` says, where it is clear or the rest of the setting will hardly make it so. None: go on. At
+        the setting's end it is never None. An extreme that one more sample may turn is not clear before.
     """
     done = _done_share(series, run)
-    if done >= 1.0:
-        last = judge(series, apt, run, error=error * (1.0 - LAST_EARLY_LOOK))
-        return replace(last, error=error) if isinstance(last, Met | Missed) else last
-    failed = failures(series)
-    if len(failed) > run.failures:
-        return TooManyFailures(component=series.component, failures=failed, allowed=run.failures)
-    if done > LAST_EARLY_LOOK or len(series.samples) < FIRST_LOOK:
+    if done < 1.0 and len(series.samples) < FIRST_LOOK:
         return None
-    spent = error * done * (1.0 - 1.0 / _NEXT_LOOK)
-    verdict = judge(series, apt, run, error=spent)
-    if isinstance(verdict, Met | Missed) and not _may_turn(verdict):
-        return replace(verdict, error=error)
-    return None
+    verdict = judge_look(series, apt, run, members=members)
+    if done >= 1.0 or isinstance(verdict, TooManyFailures):
+        return verdict
+    match verdict:
+        case Met() | Missed():
+            return None if _may_turn(verdict) else verdict
+        case WithinNoise(judged=judged):
+            return verdict if any(_is_hopeless(index, done) for index in judged) else None
+        case _:
+            return None
 
 
-def next_look(samples: int) -> int:
-    """Say at which count of samples to ask `judge_early` next.
+def _is_hopeless(judged: JudgedIndex, done: float) -> bool:
+    """Whether the end of the setting would probably settle nothing: its bounds shrink with the root of what is done.
 
-    Args:
-        samples: how many there are now.
-
-    Returns:
-        A larger count. The counts grow geometrically, so that the looks stay few.
+    Stopping for this can make no verdict wrong (Lan, Simon and Halperin 1982): it only gives one up.
     """
-    look = float(FIRST_LOOK)
-    while round(look) <= samples:
-        look *= _NEXT_LOOK
-    return round(look)
-
-
-def show_error(error: float) -> str:
-    """Write a probability as people read it.
-
-    Args:
-        error: 0..1.
-
-    Returns:
-        Per cent, with at most three digits: `2.5 %`.
-    """
-    return f"{100 * error:.3g} %"
-
-
-def describe_error(error: float) -> str:
-    """Write how sure a verdict is.
-
-    Args:
-        error: the probability, 0..1, that it is wrong.
-
-    Returns:
-        Words to append to a message: `wrong in at most 1 %`.
-    """
-    return f"wrong in at most {show_error(error)}"
-
-
-ERRORS_EXPLAINED = (
-    "Wrong in: how often such a verdict is wrong at most. A reserve is enough where the safe side of the interval "
-    f"meets the threshold: {show_error(SAFE_SIDE)}, or {show_error(PASSING_ERROR)} where the setting could end early. "
-    f"That a threshold is missed, and what is proven, is said with {show_error(VERDICT_ERROR)}. An interval (from to) "
-    f"leaves the truth out in at most {show_error(USUAL_ERROR)} of cases, half of that on each side."
-)
-"""The same words in the terminal, in the report and in the glossary."""
+    seen, limit = judged.estimate, float(judged.threshold.value)
+    if seen.beyond is not None or not seen.lower < seen.value < seen.upper:
+        return False
+    shrinks, goes = sqrt(done), sqrt(1.0 - done)
+    below, above = seen.value - seen.lower, seen.upper - seen.value
+    if below == float("inf") or above == float("inf"):
+        return False
+    deviations = -_NORMAL.inv_cdf(LOOK_ERROR)
+    under = _NORMAL.cdf((limit - above * shrinks - seen.value) * deviations / (above * goes))
+    over = _NORMAL.cdf((seen.value - below * shrinks - limit) * deviations / (below * goes))
+    return under + over <= HOPELESS
 
 
 def _may_turn(verdict: Met | Missed) -> bool:
@@ -167,18 +145,27 @@ def _done_share(series: Series, run: Run) -> float:
 
 
 def _judge_steady(series: Series, first: int, apt: Mapping[str, Threshold], run: Run, error: float) -> Verdict:
-    both_sides = min(1.0, 2 * error / max(1, len(apt)))  # an estimate's error is of two sides, a verdict's of one
     judged: list[JudgedIndex] = []
     for index, threshold in apt.items():
-        estimated = estimate(index, steady_series(index, series, first), run, error=both_sides)
+        estimated = estimate(index, steady_series(index, series, first), run, error=error)
         if isinstance(estimated, NoEstimate):
             return TooFewSamples(reason=estimated.reason)
         judged.append(JudgedIndex(index=index, threshold=threshold, estimate=estimated))
-    if any(map(_misses, judged)):
-        return Missed(error=error, judged=tuple(judged), warm_up=first)
     if all(map(_meets, judged)):
-        return Met(error=error, judged=tuple(judged), warm_up=first)
-    return WithinNoise(error=2 * error, judged=tuple(judged), warm_up=first)
+        return Met(judged=tuple(judged), warm_up=first)
+    if any(_misses_for(index, series, first, run, shared_error(len(apt), error)) for index in judged):
+        return Missed(judged=tuple(judged), warm_up=first)
+    return WithinNoise(judged=tuple(judged), warm_up=first)
+
+
+def _misses_for(judged: JudgedIndex, series: Series, first: int, run: Run, error: float) -> bool:
+    """Whether an index misses its threshold but for this error, its share of the error of all."""
+    if not _misses(judged):
+        return False
+    closer = estimate(judged.index, steady_series(judged.index, series, first), run, error=error)
+    return isinstance(closer, Estimate) and _misses(
+        JudgedIndex(index=judged.index, threshold=judged.threshold, estimate=closer)
+    )
 
 
 def _meets(judged: JudgedIndex) -> bool:

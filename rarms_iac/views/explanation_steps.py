@@ -10,7 +10,7 @@ from rarms_iac.model.quantities import guaranteed, in_processors, show_bytes, sh
 from rarms_iac.model.system import AtMost, Component
 from rarms_iac.model.wording import counted
 from rarms_iac.statistics.curves import Point, holds
-from rarms_iac.statistics.verdicts import describe_error
+from rarms_iac.statistics.errors import describe_error
 from rarms_iac.views.plan import describe_placement
 
 NO_LAYOUT = "no layout"
@@ -102,10 +102,10 @@ def _verdict(explanation: Explanation, apt: MemberCurve, point: Point, at: int) 
     seen = (
         f"at {at} %: {_name(explanation, apt)} {_value(apt, point.value)}, "
         f"between {_value(apt, point.lower)} and {_value(apt, point.upper)} "
-        f"(the truth lies outside in at most {_percent(apt.curve.error)} of cases{_samples(apt, point)})"
+        f"{_samples(apt, point)}"
     )
     if holds(apt.curve, apt.threshold, at):
-        return f"{seen}: met, as the safe side of that is {_bound(apt)}; {describe_error(apt.curve.error / 2)}"
+        return f"{seen}: met, as the safe side of that is {_bound(apt)}, {describe_error()}"
     return f"{seen}: not met for sure, as the safe side of that is not {_bound(apt)}"
 
 
@@ -123,7 +123,7 @@ def _samples(apt: MemberCurve, point: Point) -> str:
         for at, made in zip(apt.curve.points, apt.curve.estimates, strict=True)
         if at.reserve == point.reserve
     ]
-    return f", {found[0]} samples" if found else ""
+    return f" ({found[0]} samples)" if found else ""
 
 
 def _bound(apt: MemberCurve) -> str:

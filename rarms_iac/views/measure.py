@@ -25,7 +25,7 @@ from rarms_iac.model.outcomes import (
 from rarms_iac.model.quantities import guaranteed, plain, show_processors
 from rarms_iac.model.system import AtLeast, AtMost, Elapsed, SampleCount, Threshold
 from rarms_iac.model.wording import counted, in_a_row
-from rarms_iac.statistics.verdicts import show_error
+from rarms_iac.statistics.errors import ERROR, describe_error, describe_extreme
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import LiveTable, paragraph, show_seconds, stack, table
 from rarms_iac.views.output.measuring import ExperimentOutput, IndexOutput, MeasureOutput, SettingOutput
@@ -131,14 +131,10 @@ def _totals(results: Sequence[ExperimentResult]) -> Iterator[str]:
             f"by {settings}, {new} of them new."
         )
     footnotes = []
-    errors = [
-        result.conclusion.error
-        for result in results
-        if isinstance(result.conclusion, Sufficient | NotAchievable) and not _only_extremes(result)
-    ]
-    if errors:
-        footnotes.append(f"a verdict is wrong in at most {show_error(max(errors))} of cases (docs/measuring.md)")
-    if any(map(_only_extremes, results)):
+    concluded = [result for result in results if isinstance(result.conclusion, Sufficient | NotAchievable)]
+    if any(not _only_extremes(result) for result in concluded):
+        footnotes.append(f"each of these is {describe_error()} (docs/measuring.md)")
+    if any(map(_only_extremes, concluded)):
         footnotes.append("a maximum or minimum is met so far")
     if footnotes:
         yield f"{'; '.join(footnotes).capitalize()}."
@@ -180,13 +176,13 @@ def show_band(index: MeasuredIndex) -> str:
 
 
 def show_estimate(name: str, estimate: Estimate) -> str:
-    """A value with its interval: `97.7 ms (97.1 to 98.2 ms)`; of an extreme, which has none, what was seen."""
+    """A value with its interval: `97.7 ms (97.1 to 98.2 ms)`; of an extreme what was seen, and what may lie beyond."""
     index = index_named(name)
     value = show_value(index, estimate.value)
+    if estimate.beyond is not None:
+        return f"{value} {describe_extreme(estimate.beyond)}"
     bounded = isfinite(estimate.lower) and isfinite(estimate.upper) and estimate.lower != estimate.upper
-    return (
-        f"{value} ({show_range(index, estimate.lower, estimate.upper)})" if bounded and not index.is_extreme else value
-    )
+    return f"{value} ({show_range(index, estimate.lower, estimate.upper)})" if bounded else value
 
 
 def measure_json(
@@ -217,7 +213,7 @@ def _output(measured: ExperimentResult) -> ExperimentOutput:
         and conclusion.failed is not None
         and shortfall_at(conclusion.failed, measured.settings, experiment) != "missed",
         inconclusive=conclusion.inconclusive if isinstance(conclusion, Sufficient) else (),
-        error=conclusion.error if isinstance(conclusion, Sufficient | NotAchievable) else None,
+        error=ERROR if isinstance(conclusion, Sufficient | NotAchievable) else None,
         planned=measured.planned.reserve if measured.planned else None,
         interpolated=bool(measured.planned and measured.planned.interpolated),
         settings=tuple(_setting(each, experiment) for each in measured.settings),
@@ -268,7 +264,7 @@ def _index(measured: MeasuredIndex) -> IndexOutput:
         value=estimate.value if estimate else None,
         lower=estimate.lower if estimate and isfinite(estimate.lower) else None,
         upper=estimate.upper if estimate and isfinite(estimate.upper) else None,
-        error=estimate.error if estimate else None,
+        error=ERROR if estimate else None,
         samples=estimate.samples if estimate else 0,
     )
 

@@ -11,7 +11,7 @@ from rarms_iac.model.indexes import PerformanceIndex, index_named, show_value
 from rarms_iac.model.measurement import Series
 from rarms_iac.model.quantities import show_processors
 from rarms_iac.model.wording import counted, in_a_row
-from rarms_iac.statistics.verdicts import show_error
+from rarms_iac.statistics.errors import describe_error
 from rarms_iac.views.as_json import as_json
 from rarms_iac.views.console import paragraph, stack, table
 from rarms_iac.views.measure import index_outputs, show_bound
@@ -72,14 +72,12 @@ def _sentence(proof: LayoutProof, against: str) -> str:
     components = counted(len(layout.components), "component")
     amount = f"{show_processors(layout.reserved)} of {show_processors(layout.host_processors)}"
     together = f"{proof.host}: {components} together on {amount}{against}: {message}"
-    errors = [
-        tried.error
+    judged = [
+        tried
         for tried in proof.verdicts
         if tried.error is not None and not index_named(tried.measured.index).is_extreme
     ]
-    return (
-        f"{together}; a verdict is wrong in at most {show_error(max(errors))} of cases." if errors else f"{together}."
-    )
+    return f"{together}; {describe_error()}, all of it together." if judged else f"{together}."
 
 
 def prove_json(proofs: Sequence[LayoutProof], interference: str | None, findings: tuple[Diagnostic, ...]) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -85,6 +86,18 @@ def test_a_time_is_run_to_its_end_and_clock_and_consumption_only_grow(host: Meas
     assert clock[-1] >= 500
     assert consumed == sorted(consumed)
     assert 0 < consumed[-1] <= 2 * clock[-1]
+
+
+def test_what_counts_begins_when_it_is_said_and_lasts_as_long_as_it_must(host: MeasuringHost) -> None:
+    work = replace(some_work(EYES, eyes=SampleCount(samples=10)), least_ms=5 * host.scheduler_memory_ms)
+    began = 0.0
+    with ready(host), host.run(work) as running:
+        for number, _ in enumerate(running.samples(), start=1):
+            if number == 40:
+                began = running.elapsed_ms()
+                running.count_from_now()
+        assert number >= 50
+        assert running.elapsed_ms() >= began + 5 * host.scheduler_memory_ms > began > 0
 
 
 def test_whoever_has_seen_enough_stops_asking(host: MeasuringHost) -> None:

@@ -34,7 +34,7 @@ def search_with_few_settings(history: Sequence[SearchTrial], goal: Goal) -> Sear
     """
     if not history:
         return Measure(reserve=FIRST, until_clear=True, precision=PRECISION)
-    bracket = bracket_of(history, goal)
+    bracket = bracket_of(history)
     if not isinstance(bracket, Bracket):
         return bracket
     if bracket.inconclusive or len(history) >= MOST:
@@ -46,7 +46,7 @@ def search_with_few_settings(history: Sequence[SearchTrial], goal: Goal) -> Sear
     read_off = bool(crossings) and all(crossing.smooth for crossing in crossings) and at > passed - 2
     apart = passed - failed
     if bracket.passed is not None and (apart == 1 or (failed > 0 and apart <= (WIDTH if read_off else WIDTH - 1))):
-        return sufficient(history, goal, passed)
+        return sufficient(history, passed)
     towards = _TRUNCATION * apart**2
     chosen = ceil(min(at + towards, middle)) if at <= middle else floor(max(at - towards, middle))
     reach = 2 ** (MOST - 1 - len(history))  # as wide may a bracket be that halving still ends in time

@@ -8,9 +8,9 @@ from rarms_iac.model.outcomes import Measure, NotAchievable, NotResolved, Search
 WALK_STEP = 10
 
 
-def bisect(history: Sequence[SearchTrial], goal: Goal) -> SearchStep:
+def bisect(history: Sequence[SearchTrial], _goal: Goal) -> SearchStep:
     """Halve what is left down to one point: the least passing whole per cent."""
-    bracket = bracket_of(history, goal)
+    bracket = bracket_of(history)
     match bracket:
         case NotAchievable() | NotResolved():
             return bracket
@@ -19,18 +19,18 @@ def bisect(history: Sequence[SearchTrial], goal: Goal) -> SearchStep:
         case Bracket(passed=passed):
             low, high = bracket.widest
             if passed is not None and (high - low == 1):
-                return sufficient(history, goal, passed)
+                return sufficient(history, passed)
             return Measure(reserve=(low + high) // 2, until_clear=True)
 
 
-def walk_by_ten(history: Sequence[SearchTrial], goal: Goal) -> SearchStep:
+def walk_by_ten(history: Sequence[SearchTrial], _goal: Goal) -> SearchStep:
     """CMCPUR as PAPER.md has it: 10, 20, ... 100 %, until the APT is met or 100 % misses it."""
     if not history:
         return Measure(reserve=WALK_STEP, until_clear=True)
     last = history[-1]
     if last.passed:
-        return sufficient(history, goal, last.reserve)
+        return sufficient(history, last.reserve)
     if last.reserve == 100:
         # To the letter: what is not shown to meet the APT there has no reservation that does.
-        return NotAchievable(reserve=100, error=goal.error)
+        return NotAchievable(reserve=100)
     return Measure(reserve=last.reserve + WALK_STEP, until_clear=True)

@@ -20,11 +20,13 @@ from rarms_iac.model.outcomes import (
     WithinNoise,
 )
 from rarms_iac.model.system import Run, Threshold
-from rarms_iac.statistics.estimates import SAFE_SIDE, estimate
-from rarms_iac.statistics.verdicts import LAST_EARLY_LOOK, VERDICT_ERROR, judge, judge_early
+from rarms_iac.statistics.estimates import estimate
+from rarms_iac.statistics.verdicts import judge_early, judge_look
 
 NOTHING_PASSED = 101
 """As the upper end of a bracket: no setting has passed yet."""
+
+_PRECISE_BUT_FOR = 0.025  # the error of a bound by which a mean is called precise: a guess, and no verdict
 
 MOST_INCONCLUSIVE = 3
 """Settings without a steady state between a fail and a pass, after which nothing below them is looked for."""
@@ -45,17 +47,6 @@ class Goal:
 
     members: tuple[Member, ...]
     processors: int  # VPs of P1
-    error: float = VERDICT_ERROR  # of ending a setting early, and of saying that it misses: all members together
-
-    @property
-    def error_each(self) -> float:
-        """The same of one member: whichever of them is wrong, the setting is (union bound)."""
-        return self.error / max(1, len(self.members))
-
-    @property
-    def error_of_passing(self) -> float:
-        """The probability that a setting passes whose APTs are not all met: at its end, or at an early look."""
-        return SAFE_SIDE + LAST_EARLY_LOOK * self.error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,7 +109,7 @@ def is_clear(series: Mapping[str, Series], goal: Goal, *, precision: float | Non
 
     Args:
         series: By component, as they will be recorded.
-        goal: Says the error.
+        goal: What is searched.
         precision: As `Measure.precision`.
     """
     if precision is not None and not all(
@@ -126,24 +117,20 @@ def is_clear(series: Mapping[str, Series], goal: Goal, *, precision: float | Non
     ):
         return False
     verdicts = [
-        judge_early(series[member.name], member.apt, member.run, error=goal.error_each) for member in goal.members
+        judge_early(series[member.name], member.apt, member.run, members=len(goal.members)) for member in goal.members
     ]
     return any(isinstance(verdict, Missed) for verdict in verdicts) or None not in verdicts
 
 
 def _is_precise(series: Series, member: Member, precision: float) -> bool:
     """Whether its response times, whose mean says most to a search, are known that well; True if it shows none."""
-    mean = estimate("mean_response_time", series, member.run)
+    mean = estimate("mean_response_time", series, member.run, error=_PRECISE_BUT_FOR, unseen=False)
     return isinstance(mean, NoEstimate) or mean.upper - mean.value <= precision * mean.value
 
 
 def _verdict(setting: Setting, member: Member, goal: Goal) -> Verdict:
     series = next(series for series in setting.series if series.component == member.name)
-    safe = judge(series, member.apt, member.run, error=SAFE_SIDE * max(1, len(member.apt)))
-    if isinstance(safe, Met):
-        return safe
-    # That it misses is a claim of its own, which every member's share in the error goes into.
-    return judge(series, member.apt, member.run, error=goal.error_each)
+    return judge_look(series, member.apt, member.run, members=len(goal.members))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -181,7 +168,7 @@ class Bracket:
         return max(pairwise(ends), key=lambda pair: (pair[1] - pair[0], pair))
 
 
-def bracket_of(history: Sequence[SearchTrial], goal: Goal) -> Bracket | NotAchievable | NotResolved:
+def bracket_of(history: Sequence[SearchTrial]) -> Bracket | NotAchievable | NotResolved:
     """Find between which settings the least sufficient CR lies.
 
     A setting that fails above one that passed (noise, near the threshold) counts against the one below: the safe side.
@@ -191,7 +178,7 @@ def bracket_of(history: Sequence[SearchTrial], goal: Goal) -> Bracket | NotAchie
     passed = min((trial.reserve for trial in history if trial.passed and trial.reserve > failed), default=None)
     highest = [trial for trial in history if trial.reserve == 100 and not trial.passed]
     if highest and passed is None:
-        return not_sufficient(highest[-1], goal)
+        return not_sufficient(highest[-1])
     _, inconclusive = settings_below(history, NOTHING_PASSED if passed is None else passed)
     return Bracket(failed=failed, passed=passed, inconclusive=inconclusive)
 
@@ -205,16 +192,16 @@ def settings_below(history: Sequence[SearchTrial], reserve: int) -> tuple[int | 
     return failed or None, tuple(sorted(inconclusive))
 
 
-def sufficient(history: Sequence[SearchTrial], goal: Goal, reserve: int) -> Sufficient:
+def sufficient(history: Sequence[SearchTrial], reserve: int) -> Sufficient:
     """Conclude that this CR, which passed, is enough, with what is known of less."""
     failed, inconclusive = settings_below(history, reserve)
-    return Sufficient(reserve=reserve, failed=failed, error=goal.error_of_passing, inconclusive=inconclusive)
+    return Sufficient(reserve=reserve, failed=failed, inconclusive=inconclusive)
 
 
-def not_sufficient(highest: SearchTrial, goal: Goal) -> NotAchievable | NotResolved:
+def not_sufficient(highest: SearchTrial) -> NotAchievable | NotResolved:
     """Conclude from the highest CR there is, which did not pass."""
     if highest.missed:
-        return NotAchievable(reserve=highest.reserve, error=goal.error)
+        return NotAchievable(reserve=highest.reserve)
     members = sorted(highest.not_shown)
     described = "; ".join(f"{name} {_DESCRIPTIONS[type(highest.verdicts[name])]}" for name in members)
     return NotResolved(reason=f"at {highest.reserve} % {described}")

@@ -34,6 +34,7 @@ from rarms_iac.providers.simulated.run import SimulatedHostProvider
 from rarms_iac.providers.simulated.scheduling.machine import (
     ORDINARY,
     QUIET_INTERRUPTS,
+    WINDOW_MS,
     Arrival,
     Browsers,
     BusyLoops,
@@ -127,6 +128,11 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
             os_build=described.windows_build,
         )
 
+    @property
+    def scheduler_memory_ms(self) -> float:
+        """See the interface: a reserve is guaranteed over this window, and unused claim is kept for it."""
+        return WINDOW_MS
+
     @contextmanager
     def run(self, work: Work) -> Iterator["Simulated"]:
         """See the interface."""
@@ -143,7 +149,7 @@ class SimulatedMeasuringHost(SimulatedHostProvider):
             for component in partition_work.components
         }
         timeouts = {name: float(run.timeout) for name, run in runs.items()}
-        yield Simulated(jobs=jobs, until=work.until, timeouts=timeouts)
+        yield Simulated(jobs=jobs, until=work.until, timeouts=timeouts, least_ms=work.least_ms)
 
     def _machine(self, content: Content, partition_work: PartitionWork, application: str) -> VirtualMachine:
         """One operating system of the work, with what the host's file says of its partition."""
@@ -196,22 +202,31 @@ class Simulated:
     jobs: Iterator[JobDone]
     until: Mapping[str, SampleCount | Elapsed]
     timeouts: Mapping[str, float]  # ms, by component
+    least_ms: float = 0.0
     _now: float = 0.0
+    _began: float = 0.0  # counting
+    _missing: dict[str, int] = field(default_factory=dict)
     _consumed: dict[str, float] = field(default_factory=dict)
 
     def samples(self) -> Iterator[tuple[str, Sample]]:
         """See the interface."""
-        missing = {name: until.samples if isinstance(until, SampleCount) else 1 for name, until in self.until.items()}
-        ends = max(
-            (float(elapsed.time) for elapsed in self.until.values() if isinstance(elapsed, Elapsed)), default=0.0
-        )
-        while any(left > 0 for left in missing.values()) or self._now < ends:
+        self.count_from_now()
+        times = [float(elapsed.time) for elapsed in self.until.values() if isinstance(elapsed, Elapsed)]
+        least = max(self.least_ms, *times, 0.0)
+        while any(missing > 0 for missing in self._missing.values()) or self._now < self._began + least:
             job = next(self.jobs)
             self._now = max(self._now, job.began + job.response)
             self._consumed[job.component] = job.cpu
-            if job.component in missing:
-                missing[job.component] -= 1
+            if job.component in self._missing:
+                self._missing[job.component] -= 1
             yield job.component, _sample(job, self.timeouts[job.component])
+
+    def count_from_now(self) -> None:
+        """See the interface."""
+        self._began = self._now
+        self._missing = {
+            name: until.samples if isinstance(until, SampleCount) else 1 for name, until in self.until.items()
+        }
 
     def elapsed_ms(self) -> float:
         """See the interface."""

@@ -16,7 +16,7 @@ DIGITS = 4
 
 _SETTING = frozenset({"reserve", "beside", "seed", "series", "provenance"})
 _SERIES = frozenset(
-    {"component", "elapsed_ms", "cpu_ms", "began_ms", "response_ms", "unsuccessful", "count", "failures"}
+    {"component", "elapsed_ms", "cpu_ms", "began_ms", "response_ms", "unsuccessful", "count", "failures", "unsettled"}
 )
 _NUMBER: frozenset[type] = frozenset({int, float})
 _ANSWER: frozenset[type] = frozenset({int, float, type(None)})
@@ -95,22 +95,28 @@ def _columns(series: Series) -> dict[str, Json]:
         columns["count"] = [each.count for each in samples]
     if failures:
         columns["failures"] = failures
+    if series.unsettled:
+        columns["unsettled"] = series.unsettled
     return columns
 
 
 def _series(data: Json, path: str) -> Series:
     if not isinstance(data, dict):
         raise NotDecodable(path, "it is no object")
-    _fields(data, _SERIES - {"unsuccessful", "count", "failures"}, _SERIES, path)
-    began, response = _column(data, "began_ms", _NUMBER, path), _column(data, "response_ms", _ANSWER, path)
+    _fields(data, _SERIES - {"unsuccessful", "count", "failures", "unsettled"}, _SERIES, path)
+    # A job may have begun, or been due, before its host had settled and samples counted.
+    began = _column(data, "began_ms", _NUMBER, path, least=-LARGEST_SAMPLE)
+    response = _column(data, "response_ms", _ANSWER, path)
     count = _column(data, "count", _NUMBER, path) if "count" in data else [1.0] * len(began)
     if not len(began) == len(response) == len(count):
         raise NotDecodable(path, "its columns are of different lengths")
     missed = set(_indexes(data.get("unsuccessful", []), len(began), f"{path}.unsuccessful"))
     failures = _failures(data.get("failures", {}), len(began), f"{path}.failures")
     name, elapsed, cpu = data["component"], data["elapsed_ms"], data["cpu_ms"]
-    if type(name) is not str:
-        raise NotDecodable(f"{path}.component", "it is no text")
+    unsettled = data.get("unsettled", "")
+    for field_name, text in (("component", name), ("unsettled", unsettled)):
+        if type(text) is not str:
+            raise NotDecodable(f"{path}.{field_name}", "it is no text")
     _check_numbers([elapsed], _NUMBER, f"{path}.elapsed_ms")
     _check_numbers([cpu], _ANSWER, f"{path}.cpu_ms")
     samples = tuple(
@@ -123,7 +129,13 @@ def _series(data: Json, path: str) -> Series:
         )
         for at, (start, answer, much) in enumerate(zip(began, response, count, strict=True))
     )
-    return Series(component=name, samples=samples, elapsed_ms=cast("float", elapsed), cpu_ms=cast("float | None", cpu))
+    return Series(
+        component=cast("str", name),
+        samples=samples,
+        elapsed_ms=cast("float", elapsed),
+        cpu_ms=cast("float | None", cpu),
+        unsettled=cast("str", unsettled),
+    )
 
 
 def _fields(data: Mapping[str, Json], needed: frozenset[str], known: frozenset[str], path: str) -> None:
@@ -141,21 +153,23 @@ def _whole(data: Mapping[str, Json], name: str) -> int:
     return in_64_bits(value, name)
 
 
-def _column(data: Mapping[str, Json], name: str, types: frozenset[type], path: str) -> Sequence[float]:
+def _column(
+    data: Mapping[str, Json], name: str, types: frozenset[type], path: str, least: float = 0.0
+) -> Sequence[float]:
     column = data[name]
     if not isinstance(column, list):
         raise NotDecodable(f"{path}.{name}", "it is no array")
-    _check_numbers(column, types, f"{path}.{name}")
+    _check_numbers(column, types, f"{path}.{name}", least)
     return cast("Sequence[float]", column)
 
 
-def _check_numbers(values: Sequence[Json], types: frozenset[type], path: str) -> None:
+def _check_numbers(values: Sequence[Json], types: frozenset[type], path: str, least: float = 0.0) -> None:
     """NOTE: checked as a whole, because a log holds many thousand numbers."""
     if not set(map(type, values)) <= types:
         raise NotDecodable(path, "it is or holds what is no number")
     numbers = cast("Sequence[float]", [value for value in values if value is not None])
-    if numbers and not (min(numbers) >= 0 and max(numbers) <= LARGEST_SAMPLE):
-        raise NotDecodable(path, f"a number is below 0 or above {LARGEST_SAMPLE:.0e}")
+    if numbers and not (min(numbers) >= least and max(numbers) <= LARGEST_SAMPLE):
+        raise NotDecodable(path, f"a number is below {least:g} or above {LARGEST_SAMPLE:.0e}")
 
 
 def _indexes(data: Json, length: int, path: str) -> Sequence[int]:

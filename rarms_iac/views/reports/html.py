@@ -12,7 +12,7 @@ from hashlib import sha256
 from typing import TYPE_CHECKING
 
 from rarms_iac.app.report_model import Report
-from rarms_iac.statistics.verdicts import ERRORS_EXPLAINED
+from rarms_iac.statistics.errors import ERRORS_EXPLAINED
 from rarms_iac.storage.shipped import shipped, shipped_text
 from rarms_iac.views.console import visible
 from rarms_iac.views.reports.page import RESERVES, Card, cards_of, data_of

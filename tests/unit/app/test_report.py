@@ -58,7 +58,7 @@ def robot(tmp_path: Path) -> Path:
     path = path_of(tmp_path, subject)
     begin_log(path, header_of(subject, identity_of(subject, Files(tmp_path).of(subject), {}), a_bench()))
     for reserve in (20, 40, 60, 80):
-        setting = a_measured_setting("vision", reserve, face_detection, samples=60)
+        setting = a_measured_setting("vision", reserve, face_detection, samples=2000)
         append_setting(path, Recorded(setting=setting, provenance=replace(TAKEN)))
     return manifest
 

@@ -40,8 +40,8 @@ def test_members_of_a_partition_are_shown_with_what_their_partition_gets() -> No
     slow, quick = measured("slow", 100), measured("quick", 400)
     system = a_system(components=[slow, quick], partitions=[a_partition("slow", components=["quick", "slow"])])
     settings = [
-        a_setting(reserve, a_series("quick", [each] * 60), a_series("slow", [each] * 60))
-        for reserve, each in ((20, 300.0), (60, 90.0))
+        a_setting(reserve, a_series("quick", [each] * 300), a_series("slow", [each] * 600))
+        for reserve, each in ((20, 300.0), (59, 110.0), (60, 90.0))
     ]
     logged = LogBesideManifest(path="x", log=a_log(settings, a_subject(quick, slow)))
 
@@ -119,7 +119,7 @@ def test_of_a_partition_that_was_measured_as_one_the_members_own_logs_do_not_cou
     both = [measured("vision", criticality=20), measured("planning")]
     system = a_system(components=both, partitions=[a_partition("vision", components=["vision", "planning"])])
     together = a_log(
-        [a_setting(50, a_series("planning", [50.0] * 10), a_series("vision", [60.0] * 10))],
+        [a_setting(50, a_series("planning", [50.0] * 600), a_series("vision", [60.0] * 600))],
         a_subject(both[1], both[0]),
     )
 

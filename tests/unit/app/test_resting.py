@@ -101,7 +101,7 @@ def test_it_says_how_long_it_takes_before_the_first_setting() -> None:
     first = rarms(*SWEEP, "--stop-partitions", "--samples", "10")
     second = rarms(*SWEEP, "--stop-partitions", "--again", "--samples", "100")
 
-    assert "vision on onboard: 2 settings, at most 40 s of its simulated time, if every job takes" in first.err
+    assert "vision on onboard: 2 settings, at least " in first.err
     assert "vision on onboard: 2 settings, at least " in second.err
 
 

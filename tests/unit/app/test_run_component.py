@@ -21,11 +21,12 @@ application: { name: robot }
 hosts: { onboard: { logical_processors: 2, memory: 4 GiB } }
 components:
 """
+SAMPLES = 60
 QUICK = """
 import json, time
 while True:
     print(json.dumps({"ms": 2}), flush=True)
-    time.sleep(0.01)
+    time.sleep(0.001)
 """
 
 
@@ -36,7 +37,7 @@ def manifest(folder: Path, apt: str = "{ mean_response_time: { at_most: 5 ms } }
         (folder / f"{name}.py").write_text(program, encoding="utf-8")
         text += (
             f"  {name}:\n    criticality: 10\n    memory: 64 MiB\n    cpu: {{ reserve: 10 % }}\n    apt: {apt}\n"
-            f"    run:\n      command: [python3, {name}.py]\n      until: {{ samples: 3 }}\n"
+            f"    run:\n      command: [python3, {name}.py]\n      until: {{ samples: {SAMPLES} }}\n"
             "      samples: { from: json_lines, response_time: { field: ms, unit: ms } }\n"
         )
     (folder / "rarms.yaml").write_text(text, encoding="utf-8")
@@ -49,8 +50,8 @@ def test_samples_are_shown_and_what_they_come_to(tmp_path: Path) -> None:
     assert ran.code == 0, ran.err
     assert [line.split()[:2] for line in ran.lines[:3]] == [["vision", "1"], ["vision", "2"], ["vision", "3"]]
     assert ran.lines[0].endswith("response 2 ms")
-    assert ran.lines[3].startswith("vision: 3 samples in ")
-    assert ran.lines[4] == "  mean_response_time  2 ms (0.585 to 3.42 ms)  <= 5 ms  met here"
+    assert ran.lines[SAMPLES].startswith("vision: 60 samples in ")
+    assert ran.lines[SAMPLES + 1] == "  mean_response_time  2 ms (1.73 to 2.27 ms)  <= 5 ms  met here"
 
 
 @same_everywhere

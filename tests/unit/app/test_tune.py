@@ -61,7 +61,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("robot")
     (folder / "rarms.yaml").write_text(MANIFEST, encoding="utf-8", newline="\n")
     with chdir(folder):
-        ran = rarms("measure", "--samples", "60")
+        ran = rarms("measure", "--samples", "400")
     assert ran.code == 0, ran.err
     return folder
 
@@ -150,8 +150,8 @@ def test_what_tuning_finds_is_what_a_plan_reserves(tmp_path: Path) -> None:
     manifest = manifest.replace("work: 20 ms, varies: 2 %", "work: 60 ms, blocked: 10 ms, varies: 25 %")
     (tmp_path / "rarms.yaml").write_text(manifest, encoding="utf-8", newline="\n")
     with chdir(tmp_path):
-        assert rarms("measure", "--samples", "60").code == 0
-        found = json.loads(rarms("tune", "--samples", "60", "--json").out)
+        assert rarms("measure", "--samples", "400").code == 0
+        found = json.loads(rarms("tune", "--samples", "400", "--json").out)
 
     assert found["ending"] == "successful"
     (compound,) = [one for one in found["partitions"] if len(one["components"]) > 1]

@@ -19,7 +19,7 @@ EXPERIMENT = experiment_of(SYSTEM, SYSTEM.hosts["onboard"], ("vision",), "busy-l
 
 def told(times: list[float]) -> list[str]:
     settings = (a_setting(100, a_series("vision", times)),)
-    found = list(findings_of(EXPERIMENT, NotAchievable(reserve=100, error=0.01), settings, FirstLine("")))
+    found = list(findings_of(EXPERIMENT, NotAchievable(reserve=100), settings, FirstLine("")))
     assert {diagnostic.code for diagnostic in found} == {"RARMS110"}
     return [diagnostic.detail for diagnostic in found]
 
@@ -58,7 +58,7 @@ def drifting(reserve: int) -> Setting:
 def test_less_that_may_be_enough_is_told_of_where_settings_between_say_nothing(
     failed: int | None, inconclusive: tuple[int, ...], message: str | None
 ) -> None:
-    end = Sufficient(reserve=46, failed=failed, error=0.03, inconclusive=inconclusive)
+    end = Sufficient(reserve=46, failed=failed, inconclusive=inconclusive)
     component = a_component("vision", apt=APT, simulation=a_simulation(), reserve=None)
     system = a_system(components=[component])
     experiment = experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
@@ -76,7 +76,7 @@ def test_who_has_measured_longer_is_not_told_to_do_so_again(samples: int, advice
     system = a_system(components=[component])
     experiment = experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
     setting = a_setting(45, a_series("vision", [40.0 + number for number in range(samples)]))
-    enough = Sufficient(reserve=46, failed=20, error=0.03, inconclusive=(45,))
+    enough = Sufficient(reserve=46, failed=20, inconclusive=(45,))
     nothing = NotResolved(reason="no steady state")
 
     (less,) = findings_of(experiment, enough, (setting,), FirstLine(""))
@@ -92,7 +92,7 @@ def test_a_reservation_that_is_fixed_and_measured_is_told_of(reserve: str | None
     system = a_system(components=[component])
     experiment = experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
 
-    found = list(findings_of(experiment, Sufficient(reserve=21, failed=20, error=0.03), (), FirstLine("")))
+    found = list(findings_of(experiment, Sufficient(reserve=21, failed=20), (), FirstLine("")))
 
     assert [diagnostic.code for diagnostic in found] == codes
     assert all("21 %" in diagnostic.detail and "reserves 30 %" in diagnostic.detail for diagnostic in found)
@@ -105,7 +105,7 @@ def test_a_component_of_one_thread_is_told_what_fewer_processors_would_save() ->
     experiment = experiment_of(system, system.hosts["onboard"], ("vision",), "busy-loop")
     processors = experiment.setup.processors
     series = replace(a_series("vision", [40.0] * 60), cpu_ms=60 * 40.0 * 0.54)
-    end = Sufficient(reserve=54, failed=53, error=0.03)
+    end = Sufficient(reserve=54, failed=53)
 
     found = list(findings_of(experiment, end, (a_setting(54, series),), FirstLine("")))
 

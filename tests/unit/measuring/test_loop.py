@@ -40,13 +40,13 @@ SYSTEM = a_system(
         a_component(
             "vision",
             apt={"mean_response_time": at_most(84)},
-            run=a_run(until=SampleCount(samples=60)),
+            run=a_run(until=SampleCount(samples=400)),
             simulation=a_simulation(work="40 ms", varies="2 %"),
         ),
         a_component(
             "speech",
             apt={"mean_response_time": at_most(200)},
-            run=a_run(until=SampleCount(samples=60)),
+            run=a_run(until=SampleCount(samples=400)),
             simulation=a_simulation(work="40 ms", varies="2 %"),
         ),
     ]
@@ -120,7 +120,7 @@ def bench(tmp_path: Path) -> Bench:
 def test_the_papers_walk_ends_at_the_first_ten_that_is_not_worse(bench: Bench) -> None:
     ended = bench.measure(bench.search("paper"))
 
-    assert ended.conclusion == Sufficient(reserve=50, failed=40, error=0.0325)
+    assert ended.conclusion == Sufficient(reserve=50, failed=40)
     assert bench.recorded == [10, 20, 30, 40, 50]
     assert [setting.beside for setting in ended.settings] == [90, 80, 70, 60, 50]
     assert bench.ran == [10, 20, 30, 40, 50]
@@ -152,7 +152,7 @@ def test_the_papers_walk_is_its_own_whatever_else_was_measured(bench: Bench) -> 
     bench.ran.clear()
     ended = bench.measure(bench.search("paper"))
 
-    assert ended.conclusion == Sufficient(reserve=50, failed=40, error=0.0325)
+    assert ended.conclusion == Sufficient(reserve=50, failed=40)
     assert bench.ran == [10, 30, 40, 50]
 
 
@@ -163,12 +163,12 @@ def test_a_threshold_that_nothing_meets_is_not_achievable(tmp_path: Path) -> Non
         members=(replace(bench.experiment.members[0], apt={"mean_response_time": at_most(30)}),),
     )
 
-    assert bench.measure(bench.search("paper")).conclusion == NotAchievable(reserve=100, error=0.01)
+    assert bench.measure(bench.search("paper")).conclusion == NotAchievable(reserve=100)
     assert bench.recorded == [*range(10, 101, 10)]
 
 
 def test_a_search_stays_within_what_the_host_can_give(bench: Bench) -> None:
-    assert bench.measure(bench.search(most=45)).conclusion == NotAchievable(reserve=45, error=0.01)
+    assert bench.measure(bench.search(most=45)).conclusion == NotAchievable(reserve=45)
     assert max(bench.ran) == 45
 
 
@@ -176,7 +176,7 @@ def test_several_components_in_one_partition_must_all_meet_their_thresholds(tmp_
     bench = Bench(tmp_path, "speech", "vision")
     ended = bench.measure(bench.search("paper"))
 
-    assert ended.conclusion == Sufficient(reserve=50, failed=40, error=0.0325)
+    assert ended.conclusion == Sufficient(reserve=50, failed=40)
     assert [series.component for series in ended.settings[0].series] == ["speech", "vision"]
 
 
@@ -207,7 +207,7 @@ def test_a_sweep_runs_every_setting_to_its_end(bench: Bench) -> None:
     ended = bench.measure(Sweeping(reserves=(10, 55, 100)))
 
     assert ended.conclusion == Swept()
-    assert [len(setting.series[0].samples) for setting in ended.settings] == [60, 60, 60]
+    assert [len(setting.series[0].samples) for setting in ended.settings] == [400, 400, 400]
 
 
 def test_another_seed_measures_all_of_it_again_beside_the_first(bench: Bench) -> None:
@@ -294,14 +294,14 @@ def test_more_failed_samples_than_are_allowed_end_without_a_verdict(bench: Bench
 
 def test_who_is_asked_to_stop_drops_the_running_setting_and_goes_on_later(bench: Bench) -> None:
     looks = iter(range(1_000_000))
-    stopped = bench.measure(bench.search("paper"), should_stop=lambda: next(looks) > 100)
+    stopped = bench.measure(bench.search("paper"), should_stop=lambda: next(looks) > 150)
 
     assert stopped.conclusion == Stopped()
     assert bench.recorded == [10, 20][: len(bench.recorded)]
     assert bench.machines == []
     before = list(bench.recorded)
     bench.ran.clear()
-    assert bench.measure(bench.search("paper")).conclusion == Sufficient(reserve=50, failed=40, error=0.0325)
+    assert bench.measure(bench.search("paper")).conclusion == Sufficient(reserve=50, failed=40)
     assert bench.ran == [one for one in (10, 20, 30, 40, 50) if one not in before]
 
 
@@ -378,12 +378,13 @@ def test_a_maximum_that_is_met_so_far_is_watched_to_the_end_and_one_that_is_miss
 
     counts = {setting.reserve: len(setting.series[0].samples) for setting in ended.settings}
     assert isinstance(ended.conclusion, Sufficient)
-    assert counts[ended.conclusion.reserve] == 60
-    assert min(counts.values()) < 60
+    assert counts[ended.conclusion.reserve] == 400
+    assert min(counts.values()) < 400
 
 
 def test_the_first_setting_goes_on_until_its_level_is_known_as_precisely_as_the_search_asks(bench: Bench) -> None:
-    bench.experiment = with_samples(bench.experiment, 400)
+    vision = replace(bench.experiment.members[0], apt={"mean_response_time": at_most(200)})
+    bench.experiment = replace(bench.experiment, members=(vision,))
     asked = bench.search("default").step(())
     jobs = [76.0 if number % 2 else 84.0 for number in range(200)]
     few, many = ({"vision": a_series("vision", jobs[:count])} for count in (40, 160))

@@ -1,10 +1,10 @@
 """What `rarms measure` says of components that have no steady state where their search begins.
 
-At some reservations these components become slower from job to job, longer than the 200 samples that are taken. The
-scheduler model itself is steady after a few windows, so it is not asked here.
+At some reservations jobs take half of their time until 4.5 s, when the host has long settled by all that it shows: a
+component whose jobs are short is at its end of 200 samples before it is steady.
 """
 
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,12 +29,15 @@ from rarms_iac.model.outcomes import Sufficient
 from rarms_iac.model.system import SampleCount
 from rarms_iac.providers.simulated.measuring import Simulate, SimulatedMeasuringHost
 from rarms_iac.providers.simulated.scheduling.machine import JobDone, ModelMachine
+from rarms_iac.providers.simulated.scheduling.simulation import simulate as scheduled
 from rarms_iac.statistics.curves import LeastReserve, curves_of, least_reserve
 from rarms_iac.storage.datalog.identity import LogSubject, header_of, identity_of
 from rarms_iac.storage.datalog.log import Provenance
 from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most
 from tests.fluid import fluid
 
+CHANGES_AT_MS = 4_500.0
+FIRST, NEAR = range(41, 50), range(47, 56)
 TAKEN = Provenance(rarms_version="0", when="2027-01-31T12:00:00Z")
 
 
@@ -50,27 +53,24 @@ def an_experiment(work: str, varies: str, limit: int) -> Experiment:
     return experiment_of(system, system.hosts["onboard"], ("coi",), "busy-loop")
 
 
-SETTLES_AFTER = 400  # jobs
-
-
-def slowing(drifts: Container[float]) -> Simulate:
-    """A fluid processor on which jobs take less at first, at reserves of P1 that are named."""
+def half_at_first(reserves: range) -> Simulate:
+    """The fluid model, but for what is said above of these reservations of P1."""
 
     def simulate(machine: ModelMachine, seed: int) -> Iterator[JobDone]:
-        [p1] = [vm for vm in machine.machines if vm.components]
-        if p1.reserve not in drifts:
-            yield from fluid(machine, seed)
-        now = 0.0
-        for number, job in enumerate(fluid(machine, seed)):
-            response = job.response * (0.4 + 0.6 * min(1.0, number / SETTLES_AFTER))
-            yield replace(job, began=now, response=response)
-            now += response
+        [reserve] = [each.reserve for each in machine.machines if each.components]
+        gained = 0.0
+        for job in fluid(machine, seed):
+            half = reserve in reserves and job.began - gained < CHANGES_AT_MS
+            yield replace(job, began=job.began - gained, response=job.response / 2 if half else job.response)
+            gained += job.response / 2 if half else 0.0
 
     return simulate
 
 
-def searched(experiment: Experiment, folder: Path, drifts: Container[float]) -> LoopResult:
-    host = SimulatedMeasuringHost(a_host(), folder / "onboard.json", slowing(drifts))
+def searched(
+    experiment: Experiment, folder: Path, silent: range = FIRST, scheduler: Simulate | None = None
+) -> LoopResult:
+    host = SimulatedMeasuringHost(a_host(), folder / "onboard.json", scheduler or half_at_first(silent))
     goal = goal_of(experiment)
     search = Searching(goal=goal, next_step=STRATEGIES["default"], most=100)
     subject = LogSubject(
@@ -106,7 +106,7 @@ FAR_BELOW: Mapping[str, tuple[str, str, int, int]] = {
 def test_a_first_setting_without_a_steady_state_costs_no_reservation(case: str, tmp_path: Path) -> None:
     work, varies, limit, needed = FAR_BELOW[case]
     experiment = an_experiment(work, varies, limit)
-    ended = searched(experiment, tmp_path, drifts={45})
+    ended = searched(experiment, tmp_path)
 
     assert unsteady(ended.settings) == {45}
     assert isinstance(ended.conclusion, Sufficient)
@@ -120,14 +120,15 @@ def test_a_first_setting_without_a_steady_state_costs_no_reservation(case: str, 
 
 
 def test_once_one_was_unsteady_no_setting_ends_early(tmp_path: Path) -> None:
-    ended = searched(an_experiment("15 ms", "10 %", 100), tmp_path, drifts={45})
+    ended = searched(an_experiment("15 ms", "10 %", 100), tmp_path)
 
-    assert [len(setting.series[0].samples) for setting in ended.settings] == [200] * len(ended.settings)
+    assert unsteady(ended.settings) == {45}
+    assert min(len(setting.series[0].samples) for setting in ended.settings) == 200
 
 
 def test_where_nothing_close_below_is_steady_it_says_that_it_does_not_know(tmp_path: Path) -> None:
     experiment = an_experiment("15 ms", "10 %", 28)
-    ended = searched(experiment, tmp_path, drifts=range(45, 57))
+    ended = searched(experiment, tmp_path, NEAR)
     end = ended.conclusion
 
     assert isinstance(end, Sufficient)
@@ -138,16 +139,29 @@ def test_where_nothing_close_below_is_steady_it_says_that_it_does_not_know(tmp_p
     (told,) = findings_of(experiment, end, ended.settings, FirstLine(""))
     assert told.code == "RARMS267"
     assert f"coi: {end.reserve} % is enough" in told.detail
-    assert f"coi at {end.inconclusive[-1]} %: its response times still changed within 200 samples" in told.detail
+    assert f"coi at {end.inconclusive[-1]} %: its response times still changed within" in told.detail
     assert told.advice == (
         "To find out whether less is enough, measure longer: `rarms measure coi --again --samples 2000`."
     )
 
 
+def test_quick_jobs_that_have_a_processor_for_themselves_at_first_are_not_believed(tmp_path: Path) -> None:
+    """40 samples of 3 ms are over before the load beside them has missed anything: 1 % seemed enough, for 303 ms."""
+    experiment = an_experiment("3 ms", "0 %", 4)
+    log = tmp_path / "settled"
+    log.mkdir()
+    ended = searched(experiment, log, scheduler=scheduled)
+
+    assert isinstance(ended.conclusion, Sufficient)
+    assert ended.conclusion.reserve >= 35
+    lower = [setting for setting in ended.settings if setting.reserve < 30]
+    assert all(shortfall_at(setting.reserve, ended.settings, experiment) == "missed" for setting in lower)
+
+
 @pytest.mark.parametrize("limit", [28, 100])
 def test_a_plan_reserves_what_the_search_found(limit: int, tmp_path: Path) -> None:
     experiment = an_experiment("15 ms", "10 %", limit)
-    ended = searched(experiment, tmp_path, drifts=range(45, 57))
+    ended = searched(experiment, tmp_path, NEAR if limit == 28 else FIRST)
     apts = {"coi": experiment.members[0].apt}
 
     assert isinstance(ended.conclusion, Sufficient)

@@ -7,7 +7,8 @@ import pytest
 from rarms_iac.model.measurement import Sample
 from rarms_iac.model.outcomes import Met, Missed, TooFewSamples, TooManyFailures, Unsteady, WithinNoise
 from rarms_iac.model.system import SampleCount, Threshold
-from rarms_iac.statistics.verdicts import FIRST_LOOK, judge, judge_early, next_look
+from rarms_iac.statistics.errors import FIRST_LOOK, next_look
+from rarms_iac.statistics.verdicts import judge, judge_early
 from tests.builders import a_run, at_least, at_most
 from tests.measured import a_series, noisy
 
@@ -63,6 +64,15 @@ def test_a_clear_setting_stops_at_the_first_look_and_a_close_one_goes_on() -> No
     assert isinstance(judge_early(early, {"mean_response_time": at_most(200)}, RUN), Met)
     assert isinstance(judge_early(early, {"mean_response_time": at_most(50)}, RUN), Missed)
     assert judge_early(early, {"mean_response_time": at_most(101)}, RUN) is None
+    assert judge_early(early, {"mean_response_time": at_most(110)}, RUN) is None, "slow jobs may not have been seen"
+
+
+def test_a_setting_that_its_end_would_not_settle_ends_within_the_noise() -> None:
+    half = a_series(noisy(1, 100.0, count=226))
+    at_the_mean = {"mean_response_time": at_most(str(sum(noisy(1, 100.0, count=226)) / 226))}
+
+    assert isinstance(judge_early(half, at_the_mean, RUN), WithinNoise)
+    assert judge_early(half, {"mean_response_time": at_most(103)}, RUN) is None
 
 
 def test_an_extreme_that_one_more_sample_may_turn_is_not_settled_early() -> None:
@@ -79,13 +89,20 @@ def test_a_setting_that_is_over_has_a_verdict() -> None:
     assert judge_early(SERIES, {"mean_response_time": at_most(100)}, RUN) is not None
 
 
-def test_a_verdict_declares_the_error_of_all_looks_together_whichever_gave_it() -> None:
-    early = a_series(noisy(1, 100.0, count=FIRST_LOOK))
+def test_a_series_of_a_host_that_had_not_settled_gets_no_verdict() -> None:
+    unsettled = replace(SERIES, unsettled="it still consumed 1 LP")
 
-    for series in (early, SERIES):
-        verdict = judge_early(series, {"mean_response_time": at_most(200)}, RUN, error=0.04)
-        assert isinstance(verdict, Met)
-        assert verdict.error == 0.04
+    assert judge(unsettled, {"mean_response_time": at_most(200)}, RUN) == Unsteady(reason="it still consumed 1 LP")
+
+
+def test_that_one_of_several_misses_needs_more_evidence_than_that_all_meet() -> None:
+    times = noisy(1, 100.0, count=400)
+    alone = {"mean_response_time": at_most("99")}
+    while not isinstance(judge(a_series(times), alone, RUN), Missed):
+        times = [time + 0.05 for time in times]
+    beside: dict[str, Threshold] = {**alone, "success_rate": at_least(1), "p50_response_time": at_most(1000)}
+
+    assert isinstance(judge(a_series(times), beside, RUN), WithinNoise)
 
 
 def test_looks_grow_apart() -> None:

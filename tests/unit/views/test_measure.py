@@ -38,7 +38,7 @@ def found(mean_below: float) -> ExperimentResult:
     """Enough at 60 %, with this mean at 59 %, where the APT is 100 ms."""
     return ExperimentResult(
         experiment=an_experiment("vision"),
-        conclusion=Sufficient(reserve=60, failed=59, error=0.01),
+        conclusion=Sufficient(reserve=60, failed=59),
         settings=(at(59, mean_below), at(60, 95.0)),
         new=2,
         planned=None,
@@ -73,10 +73,10 @@ def test_settings_between_that_have_no_steady_state_are_told_beside_the_one_that
     drifting = a_setting(57, a_series("vision", [80.0 + at / 4 for at in range(200)]))
     one = replace(
         found(105.0),
-        conclusion=Sufficient(reserve=60, failed=55, error=0.01, inconclusive=(56, 57)),
+        conclusion=Sufficient(reserve=60, failed=55, inconclusive=(56, 57)),
         settings=(at(55, 105.0), replace(drifting, reserve=56), drifting, at(60, 95.0)),
     )
-    alone = replace(one, conclusion=Sufficient(reserve=60, failed=None, error=0.01, inconclusive=(57,)))
+    alone = replace(one, conclusion=Sufficient(reserve=60, failed=None, inconclusive=(57,)))
 
     assert "55 % too little, 56 and 57 % unsteady" in text([one])
     assert "60 %  1.2  57 % unsteady" in text([alone])
@@ -89,7 +89,7 @@ def test_what_the_errors_mean_stands_below_a_verdict_and_nowhere_else() -> None:
         experiment=an_experiment("vision"), conclusion=Stopped(), settings=(), new=0, planned=None, log="x"
     )
 
-    assert "A verdict is wrong in at most 1 % of cases" in text([found(105.0)])
+    assert "Each of these is wrong in at most 1 of 100 runs" in text([found(105.0)])
     assert "wrong in" not in text([stopped])
 
 
@@ -153,7 +153,7 @@ def written(
 def test_a_pipe_is_told_of_a_setting_where_the_last_line_is_long_ago() -> None:
     assert written(seconds_since_start=1.0) == []
     assert written(seconds_since_start=32.0) == [
-        "vision at 62 %: 100 samples, mean_response_time 98 ms (97.8 to 98.2 ms), in 32 s\n"
+        "vision at 62 %: 100 samples, mean_response_time 98 ms (90.2 to 105.8 ms), in 32 s\n"
     ]
 
 
@@ -185,7 +185,7 @@ def test_of_several_components_each_value_says_whose_it_is() -> None:
 
     [line] = written(seconds_since_start=60, experiment=both, setting=Setting(reserve=62, series=series, beside=38))
 
-    assert "speech mean_response_time 98 ms (97.8 to 98.2 ms); vision mean_response_time 98 ms" in line
+    assert "speech mean_response_time 98 ms (90.2 to 105.8 ms); vision mean_response_time 98 ms" in line
 
 
 def test_what_is_done_is_told_by_the_component_that_takes_longest() -> None:

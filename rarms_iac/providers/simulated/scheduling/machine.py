@@ -8,6 +8,9 @@ ORDINARY = 8
 """The thread priority of a program that asks for none (Windows' normal class)."""
 
 
+WINDOW_MS = 100.0
+"""A reserve is guaranteed over it, and unused claim is kept for it: the longest that the scheduler remembers."""
+
 QUIET_INTERRUPTS = 1.0
 """Per cent of every LP that a machine's clock, network and disks take even when nobody asks anything of them."""
 
@@ -88,7 +91,7 @@ class ModelMachine:
     lps: int
     machines: tuple[VirtualMachine, ...]
     interrupts: float = 0.0  # per cent of every LP that ISRs and DPCs take from everyone
-    window_ms: float = 100.0  # a reserve is guaranteed over it, and unused claim is kept for it
+    window_ms: float = WINDOW_MS
 
     def __post_init__(self) -> None:
         """Refuses what no host would be asked: more reserved than there is, or two of one name."""

@@ -17,7 +17,7 @@ from rarms_iac.model.system import Threshold
 from tests.builders import a_run, at_least, at_most
 from tests.effort import examples
 
-JOBS = 60
+JOBS = 2400
 INDEXES: dict[str, Threshold] = {
     "mean_response_time": at_most(100),
     "p95_response_time": at_most(100),

@@ -18,7 +18,7 @@ from rarms_iac.measuring.search.trials import (
 from rarms_iac.model.measurement import Setting
 from rarms_iac.model.outcomes import Measure, Missed, NotAchievable, NotResolved, SearchStep, Sufficient
 from rarms_iac.model.system import SampleCount
-from rarms_iac.statistics.verdicts import PASSING_ERROR
+from rarms_iac.statistics.errors import ERROR
 from tests.builders import a_run, at_most
 from tests.effort import examples
 from tests.measured import a_series, noisy
@@ -40,22 +40,22 @@ def walk(strategy: str, least: int) -> tuple[list[int], SearchStep]:
 
 
 def test_the_paper_walks_by_ten_and_stops_at_the_first_that_passes() -> None:
-    assert walk("paper", 62) == ([10, 20, 30, 40, 50, 60, 70], Sufficient(reserve=70, failed=60, error=PASSING_ERROR))
-    assert walk("paper", 3) == ([10], Sufficient(reserve=10, failed=None, error=PASSING_ERROR))
+    assert walk("paper", 62) == ([10, 20, 30, 40, 50, 60, 70], Sufficient(reserve=70, failed=60))
+    assert walk("paper", 3) == ([10], Sufficient(reserve=10, failed=None))
 
 
 def test_the_paper_ends_where_all_of_the_platform_misses() -> None:
     settings, step = walk("paper", 101)
 
     assert settings == [10, 20, 30, 40, 50, 60, 70, 80, 90, 100]
-    assert step == NotAchievable(reserve=100, error=GOAL.error)
+    assert step == NotAchievable(reserve=100)
 
 
 @pytest.mark.parametrize("least", [1, 2, 37, 99, 100])
 def test_halving_finds_the_least_whole_per_cent(least: int) -> None:
     settings, step = walk("bisection", least)
 
-    assert step == Sufficient(reserve=least, failed=least - 1 or None, error=PASSING_ERROR)
+    assert step == Sufficient(reserve=least, failed=least - 1 or None)
     assert len(settings) <= 8
     assert len(set(settings)) == len(settings)
 
@@ -96,7 +96,6 @@ def test_the_error_of_a_setting_is_shared_by_its_members() -> None:
             Member(name=f"coi-{one}", apt={"mean_response_time": at_most(100)}, run=LONG_RUN) for one in range(count)
         ),
         processors=2,
-        error=0.05,
     )
     wrong = 0
     for seed in range(tries):
@@ -106,7 +105,7 @@ def test_the_error_of_a_setting_is_shared_by_its_members() -> None:
         verdicts = trial_of(Setting(reserve=50, series=series), goal).verdicts.values()
         wrong += any(isinstance(verdict, Missed) for verdict in verdicts)
 
-    assert wrong <= goal.error * tries + 2.4 * (goal.error * (1 - goal.error) * tries) ** 0.5
+    assert wrong <= ERROR * tries + 2.4 * (ERROR * (1 - ERROR) * tries) ** 0.5
 
 
 def unsteady(strategy: str, least: int, silent: range, level: float = 80.0) -> tuple[list[int], SearchStep]:
@@ -173,8 +172,8 @@ def test_a_lower_setting_that_passes_stands_below_one_without_a_steady_state() -
 
     assert silent.inconclusive
     assert not silent.failed
-    assert bracket_of([passing, silent], GOAL) == Bracket(failed=0, passed=20)
-    assert bracket_of([silent], GOAL) == Bracket(failed=0, passed=None, inconclusive=(45,))
+    assert bracket_of([passing, silent]) == Bracket(failed=0, passed=20)
+    assert bracket_of([silent]) == Bracket(failed=0, passed=None, inconclusive=(45,))
     assert settings_below([passing, silent], 60) == (None, (45,))
 
 

@@ -139,7 +139,7 @@ def test_proofs_are_a_table_of_their_own() -> None:
     page = as_html(replace(REPORT, proofs=(proof,))).decode()
 
     assert "All together, in the applied layout" in page
-    assert re.search(r"113\.4 ms, 112 to 114\.8 ms.*missed \(wrong in at most 1 %\)", page, re.DOTALL)
+    assert re.search(r"113\.4 ms, 112 to 114\.8 ms.*missed \(wrong in at most 1 of 100 runs\)", page, re.DOTALL)
     assert "All together" not in PAGE
 
 

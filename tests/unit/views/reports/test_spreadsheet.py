@@ -56,13 +56,13 @@ def test_csv_has_a_row_a_setting_and_index_with_six_digits_that_count() -> None:
         texts = [row[header.index(column)] for row in rows]
         assert [float(text) for text in texts] == pytest.approx(values, rel=1e-5), column
         assert all(len(text.replace(".", "").strip("0")) <= 6 for text in texts), column
-    assert [int(row[header.index("samples")]) for row in rows] == [200] * len(rows)
+    assert [int(row[header.index("samples")]) for row in rows] == [2000] * len(rows)
 
 
 def test_csv_of_samples_has_a_row_each() -> None:
     header, *rows = read(csv_text(sample_rows(REPORT)))
 
-    assert len(rows) == 20 * 200
+    assert len(rows) == 20 * 2000
     times = [row[header.index(name)] for row in rows for name in ("began (ms)", "response time (ms)")]
     assert all(float(time) >= 0 and len(time.partition(".")[2]) <= 4 for time in times)
 
@@ -120,6 +120,6 @@ def test_names_of_sheets_are_short_and_differ() -> None:
 
 def test_more_samples_than_a_sheet_holds_are_refused() -> None:
     with pytest.raises(TooManyRows) as refused:
-        workbook(SMALL, samples=True, most_rows=200)
+        workbook(SMALL, samples=True, most_rows=2000)
 
-    assert (refused.value.rows, refused.value.limit) == (201, 200)
+    assert (refused.value.rows, refused.value.limit) == (2001, 2000)

@@ -1,0 +1,219 @@
+"""Whether what `rarms measure` finds enough is enough: random components on the simulated host, against long runs.
+
+`python -m benchmarks.measuring [COMPONENTS]` measures so many components (2,000 unless said), of 0.5 to 500 ms, closed
+and periodic, by every strategy. The same settings are measured once. What is found is run again from another seed, for
+as long as it takes to know its index closely. An answer is wrong where that run shows a threshold to be missed.
+"""
+
+import math
+import random
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from multiprocessing import Pool
+from pathlib import Path
+from statistics import fmean
+
+from benchmarks.components import walk
+from benchmarks.timing import Figure, report
+from rarms_iac.measuring.loop import MeasuringContext, SilentMeasuringReporter, measure
+from rarms_iac.measuring.partitions import host_budget
+from rarms_iac.measuring.search import STRATEGIES
+from rarms_iac.measuring.setup import Experiment, experiment_of
+from rarms_iac.measuring.strategies import Agreeing, Searching, Verifying, goal_of
+from rarms_iac.model.measurement import Setting, run_of
+from rarms_iac.model.outcomes import ExperimentStep, Measure, Missed, NotAchievable, Sufficient, Swept
+from rarms_iac.model.system import AtMost, Component, Elapsed, Threshold
+from rarms_iac.providers.simulated.measuring import SimulatedMeasuringHost
+from rarms_iac.providers.simulated.scheduling.simulation import simulate
+from rarms_iac.statistics.distributions import share_interval
+from rarms_iac.statistics.errors import ERROR
+from rarms_iac.statistics.verdicts import judge
+from tests.builders import a_component, a_host, a_run, a_simulation, a_system, at_most, milliseconds
+
+COMPONENTS = 2000
+MOST_UNRESOLVED = 5.0  # per cent
+LONG_RUN = 40.0  # times as long as what is found took, and 20 s at least
+SUREST = 1e-4  # a long run says that a threshold is missed with this error
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """What a strategy found of a component, and whether that is so."""
+
+    strategy: str
+    component: str
+    ending: str  # enough, not achievable, nothing
+    wrong: bool
+    settings: int
+    seconds: float  # on the host's clock
+
+
+def random_component(seed: int) -> Component:
+    """Draw a component with a threshold that some CR meets, more or less closely."""
+    chance = random.Random(f"component/{seed}")
+    work = math.exp(chance.uniform(math.log(0.5), math.log(500.0)))
+    threads = chance.choice((1, 1, 2))
+    enough = chance.uniform(3.0, 97.0) / 100.0  # of its processors, to answer in time
+    alone = work / threads
+    response = alone * chance.uniform(1.0, 1.3) / enough
+    index = chance.choice(("mean_response_time", "mean_response_time", "p90_response_time"))
+    apt: dict[str, Threshold] = {index: at_most(f"{response:.4f}")}
+    blocked = alone * chance.choice((0.0, 0.0, chance.uniform(0.0, 1.0)))
+    every = None
+    if chance.random() < 0.5:
+        every = f"{(alone / enough + blocked) * chance.uniform(1.1, 3.0):.4f} ms"
+    return a_component(
+        f"c{seed}",
+        apt=apt,
+        run=a_run(every=every, timeout="60 min"),
+        simulation=a_simulation(
+            work=f"{work:.4f} ms",
+            blocked=f"{blocked:.4f} ms",
+            varies=f"{chance.choice((0.0, 2.0, 10.0, 30.0)):g} %",
+            threads=threads,
+        ),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Once:
+    """A strategy that asks for a single setting."""
+
+    asked: Measure
+
+    def step(self, settings: Sequence[Setting]) -> ExperimentStep:
+        """See `loop.Strategy`."""
+        return Swept() if settings else self.asked
+
+
+class Recorded:
+    """A log in memory."""
+
+    def __init__(self) -> None:
+        self.all: tuple[Setting, ...] = ()
+
+    def settings(self) -> tuple[Setting, ...]:
+        """All of them."""
+        return self.all
+
+    def add(self, setting: Setting) -> None:
+        """Take one more."""
+        self.all = (*self.all, setting)
+
+
+class Bench:
+    """Measures settings of a component as `rarms measure` does; each of them once for all strategies."""
+
+    def __init__(self, component: Component, folder: str) -> None:
+        self.system = a_system(components=[component])
+        self.host = SimulatedMeasuringHost(a_host(), Path(folder) / "host.json", simulate)
+        self.experiment = self.of(component)
+        self.done: dict[Measure, Setting] = {}
+
+    def of(self, component: Component) -> Experiment:
+        """The experiment with this component."""
+        system = a_system(components=[component])
+        return experiment_of(system, system.hosts["onboard"], (component.name,), "busy-loop")
+
+    def measure(self, step: Measure) -> Setting:
+        """The setting that a strategy asks for."""
+        if step not in self.done:
+            self.done[step] = self.run(self.experiment, step, seed=1)
+        return self.done[step]
+
+    def run(self, experiment: Experiment, step: Measure, seed: int) -> Setting:
+        """Run it now."""
+        log = Recorded()
+        with self.host.lock("benchmark"):
+            context = MeasuringContext(
+                host=self.host,
+                budget=lambda: host_budget(a_host(), self.host.observe(), "robot"),
+                seed=seed,
+                reporter=SilentMeasuringReporter(),
+                should_stop=lambda: False,
+            )
+            measure(experiment, Once(step), log, context)
+        return log.all[0]
+
+
+def answers(seed: int) -> list[Answer]:
+    """What every strategy finds of a component."""
+    component = random_component(seed)
+    with tempfile.TemporaryDirectory() as folder:
+        bench = Bench(component, folder)
+        return [_answer(component, bench, strategy) for strategy in STRATEGIES]
+
+
+def _answer(component: Component, bench: Bench, strategy: str) -> Answer:
+    goal = goal_of(bench.experiment)
+    search = Searching(goal=goal, next_step=STRATEGIES[strategy], most=100, own_settings_only=strategy == "paper")
+    done = walk(
+        search if strategy == "paper" else Agreeing(search=search, verifying=Verifying(goal=goal, most=100)), bench
+    )
+    wrong, ending = False, "nothing"
+    match done.end:
+        case Sufficient(reserve=reserve):
+            ending, wrong = "enough", _misses(component, bench, reserve)
+        case NotAchievable():
+            ending = "not achievable"
+    return Answer(
+        strategy=strategy,
+        component=component.name,
+        ending=ending,
+        wrong=wrong,
+        settings=len(done.settings),
+        seconds=sum(setting.series[0].elapsed_ms for setting in done.settings) / 1000,
+    )
+
+
+def _misses(component: Component, bench: Bench, reserve: int) -> bool:
+    """Whether a long run at this CR shows that a threshold is missed."""
+    [threshold] = component.apt.values()
+    assert isinstance(threshold, AtMost)
+    time = max(20_000.0, LONG_RUN * float(threshold.value))
+    longer = replace(run_of(component), until=Elapsed(time=milliseconds(f"{time:.0f} ms")))
+    setting = bench.run(bench.of(replace(component, run=longer)), Measure(reserve=reserve), seed=2)
+    [series] = setting.series
+    return isinstance(judge(series, component.apt, longer, error=SUREST), Missed)
+
+
+def figures(found: Sequence[Answer]) -> list[Figure]:
+    """Of each strategy: answers, wrong ones with their lower limit, components without an answer, settings, time."""
+    rows: list[Figure] = []
+    for strategy in STRATEGIES:
+        own = [answer for answer in found if answer.strategy == strategy]
+        enough = [answer for answer in own if answer.ending == "enough"]
+        wrong = sum(answer.wrong for answer in enough)
+        lowest, _ = share_interval(wrong, len(enough), error=0.1)
+        unresolved = 100 * sum(answer.ending == "nothing" for answer in own) / len(own)
+        rows += [
+            Figure(
+                name=f"{strategy}: {len(enough)} found enough, of these wrong",
+                value=100 * wrong / len(enough),
+                unit="%",
+            ),
+            Figure(name="  at least, by 95 %", value=100 * lowest, unit="%", at_most=100 * ERROR),
+            Figure(name="  no answer", value=unresolved, unit="%", at_most=MOST_UNRESOLVED),
+            Figure(name="  settings", value=fmean(answer.settings for answer in own), unit=""),
+            Figure(name="  time on the host", value=fmean(answer.seconds for answer in own), unit="s"),
+        ]
+    return rows
+
+
+def main() -> int:
+    """Print the table; 1 where answers are wrong more often than declared, or too many components have none."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else COMPONENTS
+    with Pool(2) as pool:
+        found = [answer for many in pool.imap_unordered(answers, range(count)) for answer in many]
+    print("wrong:", *sorted(f"{answer.component} ({answer.strategy})" for answer in found if answer.wrong))
+    print(
+        "no answer:",
+        *sorted(f"{answer.component} ({answer.strategy})" for answer in found if answer.ending == "nothing"),
+    )
+    return report(figures(found))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
