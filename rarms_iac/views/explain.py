@@ -54,17 +54,17 @@ def _code(line: str) -> "RenderableType":
     return indented(text, 4) if line else ""
 
 
-def explanation_text(explanation: Explanation | HostExplanation, *, told: bool = False) -> "RenderableType":
+def explanation_text(explanation: Explanation | HostExplanation, *, without_errors: bool = False) -> "RenderableType":
     """Lay out the explanation: what a step is about, its sentence behind it, and its other sentences below.
 
     Args:
-        explanation: what is shown.
-        told: the findings that keep a layout from being were shown already, and are not said again.
+        explanation: of a component.
+        without_errors: leave out why there is no layout, since the findings beside the text say it.
     """
     component = explanation.component
     parts: list[RenderableType] = [paragraph(f"{component.name} (criticality {component.criticality})")]
     for step in steps_of(explanation):
-        if told and step.topic == NO_LAYOUT:
+        if without_errors and step.topic == NO_LAYOUT:
             continue
         first, *others = step.sentences
         parts.append(paragraph(styled((f"{step.topic}: ", STRONG), first), more=2))
@@ -74,49 +74,26 @@ def explanation_text(explanation: Explanation | HostExplanation, *, told: bool =
 
 def explanation_json(explanation: Explanation | HostExplanation) -> str:
     """The same for programs."""
+    component = explanation.component.name
+    steps = tuple(WalkStepOutput(topic=step.topic, says=step.sentences) for step in steps_of(explanation))
+    if isinstance(explanation, HostExplanation):
+        return as_json(WalkOutput(component=component, steps=steps))
+    placed, has_host, least = explanation.placed, not explanation.no_host_because, explanation.least
     return as_json(
-        _on_the_host(explanation) if isinstance(explanation, HostExplanation) else _in_a_partition(explanation)
+        WalkOutput(
+            component=component,
+            partition=placed.name,
+            host=placed.host,
+            fits=not explanation.infeasibility,
+            data_log=None if explanation.measured is None else explanation.measured.path,
+            cr=None if least is None else least.reserve,
+            interpolated=least is not None and least.interpolated,
+            wanted_processors=None if explanation.wanted is None else float(explanation.wanted),
+            reserved_processors=float(placed.reserved) if has_host else None,
+            reserve=placed.reserve if has_host else None,
+            processors=placed.processors,
+            limit=placed.limit,
+            weight=placed.weight,
+            steps=steps,
+        )
     )
-
-
-def _in_a_partition(explanation: Explanation) -> WalkOutput:
-    placed, known = explanation.placed, not explanation.no_host_because
-    return WalkOutput(
-        component=explanation.component.name,
-        partition=placed.name,
-        host=placed.host,
-        fits=not explanation.infeasibility,
-        data_log=None if explanation.measured is None else explanation.measured.path,
-        cr=None if explanation.least is None else explanation.least.reserve,
-        interpolated=explanation.least is not None and explanation.least.interpolated,
-        wanted_processors=None if explanation.wanted is None else float(explanation.wanted),
-        reserved_processors=float(placed.reserved) if known else None,
-        reserve=placed.reserve if known else None,
-        processors=placed.processors,
-        limit=placed.limit,
-        weight=placed.weight,
-        steps=_steps(explanation),
-    )
-
-
-def _on_the_host(explanation: HostExplanation) -> WalkOutput:
-    return WalkOutput(
-        component=explanation.component.name,
-        partition=None,
-        host=None,
-        fits=True,
-        data_log=None,
-        cr=None,
-        interpolated=False,
-        wanted_processors=None,
-        reserved_processors=None,
-        reserve=None,
-        processors=None,
-        limit=None,
-        weight=None,
-        steps=_steps(explanation),
-    )
-
-
-def _steps(explanation: Explanation | HostExplanation) -> tuple[WalkStepOutput, ...]:
-    return tuple(WalkStepOutput(topic=step.topic, says=step.sentences) for step in steps_of(explanation))

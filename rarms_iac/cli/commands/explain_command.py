@@ -47,7 +47,7 @@ def _component(session: Session, source: ManifestSource, name: str, *, as_json: 
     if as_json:
         session.terminal.data(explanation_json(explained.explanation))
     else:
-        session.terminal.show(explanation_text(explained.explanation, told=bool(explained.errors)))
+        session.terminal.show(explanation_text(explained.explanation, without_errors=bool(explained.errors)))
     return ExitCode.DONE if explained.fits else ExitCode.NO
 
 

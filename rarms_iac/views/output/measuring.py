@@ -135,18 +135,18 @@ class WalkOutput:
     format_version: Format = FORMAT_VERSION
     kind: Literal["walk"] = "walk"
     component: str
-    partition: str | None
-    host: str | None
-    fits: bool  # false: there is no layout, and the host is where it runs, or the first by name that could have it
-    data_log: str | None
-    cr: int | None
-    interpolated: bool
-    wanted_processors: float | None  # LPs before rounding to the provider's grain
-    reserved_processors: float | None  # LPs after it
-    reserve: int | None  # whole per cent of each virtual processor
-    processors: int | None
-    limit: int | None
-    weight: int | None
+    partition: str | None = None
+    host: str | None = None
+    fits: bool = True  # false: there is no layout; the host is where it runs, or the first by name that could have it
+    data_log: str | None = None
+    cr: int | None = None
+    interpolated: bool = False
+    wanted_processors: float | None = None  # LPs before rounding to the provider's grain
+    reserved_processors: float | None = None  # LPs after it
+    reserve: int | None = None  # whole per cent of each virtual processor
+    processors: int | None = None
+    limit: int | None = None
+    weight: int | None = None
     steps: tuple[WalkStepOutput, ...]
 
 
@@ -283,7 +283,7 @@ class ReportTuningOutput:
     strategy: Literal["default", "paper"]
     ending: Literal["successful", "unable", "nothing_to_do"]
     proved: bool
-    claim: str  # proved; not proved; not proved, at least 95 %
+    claim: Literal["proved", "not proved"]
     before: int
     after: int
     trail: tuple[AskedOutput, ...]

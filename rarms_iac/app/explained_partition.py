@@ -1,0 +1,120 @@
+"""The partition that an explanation is about: what is known of it, and where a plan puts it, or would."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+from rarms_iac.app.data_logs import Measurements, measured_reservations
+from rarms_iac.app.errors import Outcome, UseCaseError
+from rarms_iac.app.hosts import Hosts
+from rarms_iac.model.layout import Cause, Layout, PlacedPartition
+from rarms_iac.model.quantities import LogicalProcessors, ProcessorTime
+from rarms_iac.model.state import State
+from rarms_iac.model.system import Disruption, Host, System
+from rarms_iac.planner.groups import Group
+from rarms_iac.planner.layout import Planning, plan_layout
+from rarms_iac.planner.problem import HostView, host_view
+from rarms_iac.planner.reservations import FixedReservations, MeasuredReservations
+from rarms_iac.planner.sizes import size
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExplainedPartition:
+    """What is known of a partition when it is explained."""
+
+    group: Group
+    hosts: Hosts
+    measurements: Measurements
+    reservations: MeasuredReservations
+    states: Mapping[str, State]  # of the hosts that could be looked at
+    views: Mapping[str, HostView]  # the same hosts as the planner sees them
+    planning: Planning
+
+    @property
+    def system(self) -> System:
+        """What the manifest says."""
+        return self.hosts.system
+
+    @property
+    def layout(self) -> Layout | None:
+        """The layout that a plan would have; None: there is none."""
+        return self.planning.answer if isinstance(self.planning.answer, Layout) else None
+
+    @property
+    def current_host(self) -> str:
+        """The host that the partition is on now, the first by name; empty: none that was looked at."""
+        return next((name for name, view in sorted(self.views.items()) if self.group.name in view.present), "")
+
+    @property
+    def why_bound(self) -> str:
+        """Why it may only be where it is; empty: it may be elsewhere."""
+        if not self.current_host or self.system.policy.max_disruption is Disruption.REMOVAL:
+            return ""
+        return (
+            f"it stays on {self.current_host}, where it is: a move is a removal, and policy.max_disruption forbids that"
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExplainedPlace:
+    """Where the partition is, or would be if there were room, or if it were known how much it needs."""
+
+    host: Host
+    placed: PlacedPartition
+    no_host_because: str = ""  # why no host can have it
+
+
+def partition_to_explain(
+    hosts: Hosts, measurements: Measurements, group: Group, states: Mapping[str, State]
+) -> ExplainedPartition:
+    """Plan the layout, and gather what is known of one of its partitions.
+
+    Args:
+        hosts: All hosts of the manifest.
+        measurements: Those beside the manifest.
+        group: The members of the partition.
+        states: Of the hosts that could be looked at, by name.
+    """
+    reservations = measured_reservations(measurements, states)
+    views = {name: host_view(state, hosts.system.application.name) for name, state in states.items()}
+    return ExplainedPartition(
+        group=group,
+        hosts=hosts,
+        measurements=measurements,
+        reservations=reservations,
+        states=states,
+        views=views,
+        planning=plan_layout(hosts.system, reservations, views, hosts.manifest.places),
+    )
+
+
+def place_of(partition: ExplainedPartition) -> ExplainedPlace:
+    """Return its place in the layout; else where it is, or the first host by name that could have it.
+
+    Raises:
+        UseCaseError: It may run on no host at all (negative).
+    """
+    system, group = partition.system, partition.group
+    if partition.layout is not None:
+        placed = next(each for each in partition.layout.partitions if each.name == group.name)
+        return ExplainedPlace(host=system.hosts[placed.host], placed=placed)
+    allowed = [
+        host
+        for host in sorted(system.hosts.values(), key=lambda host: (host.name != partition.current_host, host.name))
+        if all(member.hosts is None or host.name in member.hosts for member in group.members)
+    ]
+    answers = [(host, size(group, host, partition.reservations)) for host in allowed]
+    for host, answer in answers:
+        if isinstance(answer, PlacedPartition):
+            return ExplainedPlace(host=host, placed=answer)
+    for host, answer in answers:
+        shape = size(_without_reserve(group), host, FixedReservations())
+        if isinstance(shape, PlacedPartition) and isinstance(answer, Cause):
+            return ExplainedPlace(host=host, placed=shape, no_host_because=answer.says.rstrip("."))
+    raise UseCaseError(Outcome.NEGATIVE, partition.planning.findings, partition.hosts.manifest.sources)
+
+
+def _without_reserve(group: Group) -> Group:
+    """Return the partition with no reservation: what else it gets can be told before that is measured."""
+    nothing = ProcessorTime(LogicalProcessors(Fraction(0)))
+    return replace(group, request=replace(group.request, cpu=replace(group.request.cpu, reserve=nothing)))
