@@ -74,7 +74,10 @@ def _series() -> Schema:
             "component": {"type": "string"},
             "elapsed_ms": {"type": "number"},
             "cpu_ms": {"type": ["number", "null"], "description": "Processor time that it consumed."},
-            "began_ms": {**_NUMBERS, "description": "When each job began; of a periodic job, its scheduled start."},
+            "began_ms": {
+                **_NUMBERS,
+                "description": "When each job began; of a periodic job, its scheduled start; below 0: before samples counted.",
+            },
             "response_ms": {
                 "type": "array",
                 "items": {"type": ["number", "null"]},
@@ -87,6 +90,7 @@ def _series() -> Schema:
                 "additionalProperties": {"type": "string"},
                 "description": "Why a sample failed, by its number from 0; absent: none.",
             },
+            "unsettled": {"type": "string", "description": "Why it gives no verdict: its host had not settled."},
         },
         "required": ["component", "elapsed_ms", "cpu_ms", "began_ms", "response_ms"],
         "additionalProperties": False,
