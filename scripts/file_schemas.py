@@ -76,7 +76,7 @@ def _series() -> Schema:
             "cpu_ms": {"type": ["number", "null"], "description": "Processor time that it consumed."},
             "began_ms": {
                 **_NUMBERS,
-                "description": "When each job began; of a periodic job, its scheduled start; below 0: before samples counted.",
+                "description": "When each job began; of a periodic job, when it was due; may be below 0.",
             },
             "response_ms": {
                 "type": "array",
