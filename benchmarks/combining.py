@@ -1,11 +1,10 @@
 """Combining: how many settings the default strategy asks for, beside measuring all pairs, and how often it is right.
 
 `python -m benchmarks.combining [INSTANCES] [MODEL ...]` takes so many instances a model (36 unless said; the goals are
-stated for 400 and more), spread evenly over n = 4 to 12 components. Seeds are fixed. Pairs only, beside two simple
-ways: all pairs by the paper's walk (10, 20, ... %), and all pairs by halving 1 to 100 %. What each component needs
-alone is known to all of them. Models: `combining_cases`. Each instance is gone about in all of
-`WAYS`, then half as many, of 4 to 8 components, with compounds of three, then each with the reservation first. What is
-done is told as it goes.
+stated for 400 and more), spread evenly over n = 4 to 12 components. Seeds are fixed. Pairs only, beside all pairs by
+the paper's walk (10, 20, ... %). What each component needs alone is known to both. Models: `combining_cases`. Each
+instance is combined in all of `WAYS`, then half as many, of 4 to 8 components, with compounds of three, then each with
+the reservation first. What is done is printed as it goes.
 
 Where a model makes a pair need less than the proof assumes, its instances are counted apart, with those of them in
 which an answer showed it.
@@ -14,28 +13,22 @@ which an answer showed it.
 import os
 import random
 import sys
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from itertools import groupby
-from math import ceil
-from statistics import NormalDist, median, quantiles
+from statistics import NormalDist, median
 
-from benchmarks.combining_cases import MODELS, NEVER, Instance, Value, best_value, halved, instance, value_of, walked
+from benchmarks.combining_cases import MODELS, NEVER, Instance, Value, best_value, instance, value_of, walked
 from benchmarks.timing import Figure, report, table
 from rarms_iac.model.system import Minimise
-from rarms_iac.planner.combining.candidates import informed
-from rarms_iac.planner.combining.guiding import needs_less, outlook_of
-from rarms_iac.planner.combining.oracle import Answer, Coi, Members, PerformanceOracle, total
-from rarms_iac.planner.combining.paper import Inquiry, tune_performance_to_use_less_resource
+from rarms_iac.planner.combining.oracle import Members, PerformanceOracle
+from rarms_iac.planner.combining.paper import Inquiry
 from rarms_iac.planner.combining.questions import Best, Tuning, search, tuning_of
-from rarms_iac.planner.prediction.belief import Outlook, belief_of
 from rarms_iac.planner.prediction.members import NOTHING
 
 REPEATS = 3
 NOISE = 0.5  # per cent of CR: the spread of the reservation at which a repeat just meets all thresholds
-TRIED = 4  # compounds an instance whose prediction is compared with the truth
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,23 +41,12 @@ class Way:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Miss:
-    """A prediction of a compound that it was not fitted to, beside the truth; CRs."""
-
-    predicted: int
-    low: int  # it was expected to need more with 90 %, and less than `high` with 90 %
-    high: int
-    need: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Result:
     """How it went."""
 
     components: int
     asked: int  # settings, all repeats counted
     walked: int
-    halved: int
     fits: bool
     optimal: bool
     told: bool  # an answer contradicted the assumption
@@ -73,15 +55,10 @@ class Result:
     near_the_truth: bool = True  # the same without any noise
     held: int = 0  # reservations of compounds that were said to hold
     wrong: int = 0  # of these, that do not
-    misses: tuple[Miss, ...] = ()
 
     @property
     def of_the_walk(self) -> float:
         return self.asked / self.walked
-
-    @property
-    def of_halving(self) -> float:
-        return self.asked / self.halved
 
 
 @dataclass(slots=True, kw_only=True)
@@ -136,7 +113,6 @@ def run(case: Instance, way: Way) -> Result:
         components=len(case.cois),
         asked=len(trail) if oracle is None else oracle.runs,
         walked=sum(_walked(case, names, oracle) for names in (case.needs if case.largest == 2 else possible)),
-        halved=sum(halved(case.needs[names]) for names in (case.needs if case.largest == 2 else possible)),
         fits=best is not None,
         optimal=reached == best,
         told=bool(found.contradictions),
@@ -145,7 +121,6 @@ def run(case: Instance, way: Way) -> Result:
         near_the_truth=_near(reached, truly, len(compounds) * case.processors),
         held=len(compounds),
         wrong=sum(compound.reserve < case.needs[compound.members] for compound in compounds),
-        misses=tuple(_misses(tuning, trail, case)) if way.predicts else (),
     )
 
 
@@ -169,58 +144,6 @@ def _near(reached: Value | None, best: Value | None, points: int) -> bool:
     if reached is None or best is None:
         return reached == best
     return reached.shared == best.shared and abs(reached.total - best.total) <= points
-
-
-def _misses(tuning: Tuning, trail: Sequence[Answer], case: Instance) -> list[Miss]:
-    """Compounds as they would be predicted had they not been asked about, but all others."""
-    known, predictor = informed(tuning.candidates, trail), tuning.predictor
-    less = needs_less(known)
-    outlooks = {mask: outlook_of(candidate, predictor, less) for mask, candidate in known.by_mask.items()}
-    seen = {mask: one for mask, one in outlooks.items() if known.by_mask[mask].was_asked}
-    most = {mask: int(one.together) for mask, one in outlooks.items()}  # beyond it is no gain, however far
-    some = random.Random(f"misses/{case.seed}").sample(sorted(outlooks), min(TRIED, len(outlooks)))
-    misses = []
-    for mask in some:
-        others = [one for each, one in seen.items() if each != mask]
-        bare = replace(outlooks[mask], low=_least(outlooks[mask]), passed=None, failed=None)
-        expected = belief_of(len(predictor.ways), others).of(bare)
-        misses.append(
-            Miss(
-                predicted=min(most[mask], expected.quantile(0.5)),
-                low=min(most[mask], expected.quantile(0.1)),
-                high=min(most[mask], expected.quantile(0.9)),
-                need=min(most[mask], case.needs[known.by_mask[mask].coi.members]),
-            )
-        )
-    return misses
-
-
-def _least(outlook: Outlook) -> int:
-    return max(1, ceil(outlook.neediest) - outlook.slack)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Greedy:
-    """The paper's procedure, repeated over pairs until it fits."""
-
-    asked: int
-    ends: str  # optimal, fits, or fails
-
-
-def greedy(case: Instance) -> Greedy:
-    """What is combined is not combined again, as only pairs are known."""
-    cois: tuple[Coi, ...] = case.cois
-    asked = 0
-    while total(cois) > case.capacity:
-        free = tuple(coi for coi in cois if len(coi.members) == 1)
-        rest = total(cois) - total(free)
-        done = tune_performance_to_use_less_resource(free, max(0, case.capacity - rest), Inquiry(oracle=case))
-        asked += len(done.trail)
-        if not done.combinations:
-            return Greedy(asked=asked, ends="fails")
-        cois = (*done.cois, *(coi for coi in cois if len(coi.members) > 1))
-    best = best_value(case, case.needs, Minimise.COMBINING)
-    return Greedy(asked=asked, ends="optimal" if value_of(case, cois) == best else "fits")
 
 
 INSTANCES = 36
@@ -253,7 +176,6 @@ class Done:
 
     model: str
     results: dict[str, Result]
-    greedy: Greedy
 
 
 WAYS = {"proof": PROVED, "prediction": GUIDED, "noise": NOISY}
@@ -278,7 +200,7 @@ PARTS = (
 
 def done(part: Part, model: str, components: int, seed: int) -> Done:
     case = instance(model, components, seed, part.largest)
-    return Done(model=model, results={name: run(case, way) for name, way in part.ways.items()}, greedy=greedy(case))
+    return Done(model=model, results={name: run(case, way) for name, way in part.ways.items()})
 
 
 def main(words: Sequence[str]) -> int:
@@ -309,9 +231,6 @@ def _figures(part: Part, model: str, instances: Sequence[Done]) -> Iterable[Figu
     by_way = {way: [instance.results[way] for instance in instances] for way in part.ways}
     for way, results in by_way.items():
         _print_settings(way, results)
-    if part.largest == 2:
-        _print_misses(by_way["prediction"])
-        _print_greedy([instance.greedy for instance in instances])
     for way, goals in part.goals.items():
         walked = median(result.of_the_walk for result in by_way[way])
         yield Figure(name=f"{name}, {way}: median of the walk", value=walked, at_most=goals.get(model))
@@ -323,33 +242,10 @@ def _figures(part: Part, model: str, instances: Sequence[Done]) -> Iterable[Figu
 def _print_settings(way: str, results: Sequence[Result]) -> None:
     ratios = [result.of_the_walk for result in results]
     few = [result.of_the_walk for result in results if result.components == min(SIZES)]
-    asked, walked, halved = (
-        sum(getattr(result, field) for result in results) for field in ("asked", "walked", "halved")
-    )
+    asked, walked = (sum(getattr(result, field) for result in results) for field in ("asked", "walked"))
     print(
-        f"  {way}: {asked} settings (walk {walked}, halving {halved}); of the walk: median {median(ratios):.2f}, worst "
-        f"{max(ratios):.2f}, with 4 components {median(few):.2f}; of halving: median "
-        f"{median(result.of_halving for result in results):.2f}"
-    )
-
-
-def _print_misses(results: Sequence[Result]) -> None:
-    misses = [miss for result in results for miss in result.misses]
-    errors = [abs(miss.predicted - miss.need) for miss in misses]
-    inside = sum(miss.low <= miss.need <= miss.high for miss in misses)
-    bias = sum(miss.predicted - miss.need for miss in misses) / len(misses)
-    print(
-        f"    predictions of {len(misses)} compounds that they were not fitted to are off by {median(errors):.1f} % CR "
-        f"in the median, {quantiles(errors, n=10)[-1]:.1f} % in one of ten or more ({bias:+.1f} % on average); "
-        f"{100 * inside / len(misses):.0f} % lie in the 80 % that they expected"
-    )
-
-
-def _print_greedy(results: Sequence[Greedy]) -> None:
-    ends = Counter(result.ends for result in results)
-    print(
-        f"    the paper's greedy: {ends['optimal']} optimal, {ends['fits']} fit otherwise, {ends['fails']} do not fit, "
-        f"in {sum(result.asked for result in results)} settings"
+        f"  {way}: {asked} settings (walk {walked}); of the walk: median {median(ratios):.2f}, worst "
+        f"{max(ratios):.2f}, with 4 components {median(few):.2f}"
     )
 
 

@@ -275,16 +275,6 @@ def walked(least: int) -> int:
     return min(10, ceil(least / 10))
 
 
-def halved(least: int) -> int:
-    """Settings of halving 1 to 100 %, and the answer that there is none."""
-    low, high, settings = 1, NEVER, 0
-    while low < high:
-        middle = (low + high) // 2
-        low, high = (low, middle) if least <= middle else (middle + 1, high)
-        settings += 1
-    return settings
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Value:
     """What layouts are compared on."""
